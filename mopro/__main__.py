@@ -1,0 +1,5 @@
+"""`python -m mopro`."""
+
+from mopro.cli import main
+
+main()

@@ -1,0 +1,22 @@
+"""The way from text to a program in one call."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mopro.language import load, parse
+from mopro.program import Program, lower
+from mopro.source import Source
+
+
+def compile(text: str, name: str = "<text>", grammar: str = "attested") -> Program:  # noqa: A001
+    """The program that `text` is; SourceError with all findings if it is none.
+
+    `name` stands for the file in messages; `grammar` is `attested` or `extended`.
+    """
+    return lower(parse(Source(name, text), grammar))
+
+
+def compile_file(path: str | Path, grammar: str = "attested") -> Program:
+    """The program in file `path`, as DOS or an editor of today wrote it."""
+    return lower(parse(load(path), grammar))

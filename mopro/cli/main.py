@@ -1,0 +1,74 @@
+"""The command group, and what every command shares.
+
+Exit codes: 0 done, 1 findings or a failed run, 2 wrong use or unreadable input.
+"""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
+
+import click
+
+from mopro.errors import MoproError
+
+EXIT_FAILED = 1
+EXIT_BAD_INPUT = 2
+EXIT_SIGNAL = 128
+
+# command -> the module that defines it as `command`; loaded when the command is used.
+COMMANDS = {
+    "compile": "mopro.cli.compile",
+    "run": "mopro.cli.run",
+}
+
+
+class _Lazy(click.Group):
+    """Loads a command's module only when it is asked for, so that each starts fast."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(COMMANDS[cmd_name]).command
+        return command
+
+
+@click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="mopro")
+def group() -> None:
+    """Compile, run and check programs of the MoPro motion-control language.
+
+    Example: mopro run programs/LVDT3.CMD --emulate
+    """
+
+
+def main() -> NoReturn:
+    """Run the command line and exit."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        code = group(standalone_mode=False)
+        sys.exit(code if isinstance(code, int) else 0)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except click.Abort:
+        click.echo("mopro: interrupted", err=True)
+        sys.exit(EXIT_SIGNAL + signal.SIGINT)
+    except MoproError as error:
+        click.echo(error.render(), err=True)
+        sys.exit(EXIT_BAD_INPUT)
+    except BrokenPipeError:
+        # Whoever read our output has gone; say nothing more, not even at exit.
+        sys.stdout = None
+        sys.exit(EXIT_FAILED)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    """Unwind as for Ctrl-C, so that files are left whole."""
+    raise KeyboardInterrupt

@@ -1,0 +1,66 @@
+"""Arguments that several commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mopro.language.parse import GRAMMARS
+from mopro.units import parse_quantity
+
+
+class Quantity(click.ParamType[float]):
+    """A number with a unit of one dimension, such as `5lb`; at least 0."""
+
+    def __init__(self, dimension: str, default_unit: str, positive: bool = False) -> None:
+        self.name = dimension
+        self._dimension = dimension
+        self._default_unit = default_unit
+        self._positive = positive
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        if isinstance(value, float):
+            return value
+        try:
+            quantity = parse_quantity(value, self._dimension, self._default_unit)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        if quantity < 0 or (self._positive and quantity == 0):
+            bound = "greater than" if self._positive else "at least"
+            self.fail(f"'{value}' must be {bound} 0", param, ctx)
+        return quantity
+
+
+class OutputFile(click.ParamType[Path]):
+    """A path to write to, with one of some suffixes."""
+
+    name = "file"
+
+    def __init__(self, *suffixes: str) -> None:
+        self._suffixes = suffixes
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = Path(value)
+        if path.suffix.lower() not in self._suffixes:
+            known = ", ".join(self._suffixes)
+            self.fail(f"'{value}' must end in one of {known}", param, ctx)
+        return path
+
+
+def program_argument() -> Callable[[Any], Any]:
+    return click.argument("file", type=click.Path())
+
+
+def grammar_option() -> Callable[[Any], Any]:
+    return click.option(
+        "--grammar",
+        type=click.Choice(list(GRAMMARS)),
+        default="attested",
+        show_default=True,
+        help="Which statements exist; `extended` adds assumed ones (absolute move, seek, ...).",
+    )

@@ -1,0 +1,25 @@
+"""Tables on the terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+
+_PIPED_WIDTH = 160
+
+
+def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], most: int) -> None:
+    """Print `rows` under `columns`, at most `most` of them: the first and the last ones."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    rows = list(rows)
+    table = Table(*columns, box=box.SIMPLE, pad_edge=False)
+    left_out = len(rows) - most
+    for index, row in enumerate(rows):
+        if left_out > 0 and index == most // 2:
+            table.add_row(*[f"... {left_out} more", *[""] * (len(columns) - 1)])
+        if left_out <= 0 or index < most // 2 or index >= len(rows) - most // 2:
+            table.add_row(*row)
+    Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)

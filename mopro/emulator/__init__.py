@@ -1,0 +1,5 @@
+"""The machine in software: a program in, a recording out, no clock touched."""
+
+from mopro.emulator.emulate import Emulator, emulate
+
+__all__ = ["Emulator", "emulate"]

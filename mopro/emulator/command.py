@@ -1,0 +1,67 @@
+"""A schedule's track as arrays: what the integrator and the recorded columns read."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.motion import Segment
+from mopro.motion.track import Track
+
+Floats = NDArray[np.float64]
+
+
+class CommandTable:
+    """One axis' segments in rows, the rests between them filled in, from time 0 on.
+
+    Columns of `coefficients`: anchor time (s), x, v, a, j in microsteps; `starts_s` are
+    the rows' first times.
+    """
+
+    def __init__(self, track: Track) -> None:
+        rows = np.array([astuple(segment) for segment in _with_rests(track)])
+        self.starts_s: Floats = rows[:, 0]
+        self.coefficients: Floats = np.ascontiguousarray(rows[:, 2:].T)
+
+    def rows_at(self, time_s: Floats) -> NDArray[np.intp]:
+        """The row that holds at each time, and just after it."""
+        return np.searchsorted(self.starts_s, time_s, side="right") - 1
+
+    def corners_s(self, start_s: float, end_s: float) -> Floats:
+        """The row changes strictly between two times."""
+        first = np.searchsorted(self.starts_s, start_s, side="right")
+        return self.starts_s[first : np.searchsorted(self.starts_s, end_s, side="left")]
+
+    def at_rest(self, time_s: float) -> bool:
+        """Whether the command stands still from `time_s` on."""
+        row = int(self.rows_at(np.array([time_s]))[0])
+        return row == len(self.starts_s) - 1 and not self.coefficients[2:, row].any()
+
+    def position_u(self, time_s: Floats) -> Floats:
+        """The commanded position in microsteps, before it is rounded to whole ones."""
+        anchor, x, v, a, j = self.coefficients[:, self.rows_at(time_s)]
+        tau = time_s - anchor
+        position: Floats = x + tau * (v + tau * (a / 2 + tau * j / 6))
+        return position
+
+
+def _with_rests(track: Track) -> list[Segment]:
+    """The segments of `track` and a rest wherever it has none, the last one without end."""
+    filled: list[Segment] = []
+    now_s, position = 0.0, 0.0
+    for segment in track.segments:
+        if segment.start_s > now_s:
+            filled.append(_rest(now_s, segment.start_s, position))
+        filled.append(segment)
+        now_s = segment.end_s
+        position = segment.state(now_s).position if math.isfinite(now_s) else position
+    if math.isfinite(now_s):
+        filled.append(_rest(now_s, math.inf, position))
+    return filled
+
+
+def _rest(start_s: float, end_s: float, position: float) -> Segment:
+    return Segment(start_s, end_s, start_s, position, 0.0, 0.0, 0.0)

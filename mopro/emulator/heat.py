@@ -1,0 +1,127 @@
+"""The forcer's temperature over a run: chapter 3.1 with its errata.
+
+    m c_p dT/dt = P - hA (T - T_air)
+
+Between the starts and ends of moves P and hA are constant, and the solution is exact.
+P counts the four coil pairs (two forcers on each axis) at rest current and the extra of
+each moving axis (eq. 3.12; eq. 3.22 misprints it); its ripple at the step frequency is
+far too fast for the forcer's heat capacity and is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.machine import Machine
+from mopro.motion import PlannedMove
+
+_COIL_PAIRS = 4
+
+
+@dataclass(frozen=True)
+class HeatBalance:
+    """Constant heating: `power_W` in, `conductance_W_K` (hA) out to the air."""
+
+    power_W: float
+    conductance_W_K: float
+
+    @property
+    def rise_K(self) -> float:
+        """Final temperature above the air (eq. 3.26)."""
+        return self.power_W / self.conductance_W_K
+
+
+def heat_balance(
+    machine: Machine, moving_axes: int, speed_m_s: float, length_m: float
+) -> HeatBalance:
+    """The balance of steady motion back and forth.
+
+    The Reynolds number's length (eq. 3.17) is the travelled one, and the forcer's side
+    at rest: the reading that reproduces Table 3.2.
+    """
+    heat, drive = machine.heat, machine.drive
+    power = (
+        _COIL_PAIRS * drive.phase_current_A**2 + moving_axes * heat.moving_current_A**2
+    ) * drive.coil_resistance_ohm
+    length = length_m if moving_axes else heat.forcer_side_m
+    bearing_m_s = heat.bearing_flow_m3_s / heat.bearing_area_m2
+    sides = _film_W_m2_K(machine, speed_m_s, length) * heat.side_area_m2
+    top = _film_W_m2_K(machine, speed_m_s + bearing_m_s, length) * heat.top_area_m2
+    return HeatBalance(power, sides + top)
+
+
+def _film_W_m2_K(machine: Machine, air_m_s: float, length_m: float) -> float:
+    """h of a flat plate in laminar flow (eq. 3.16, 3.17)."""
+    heat = machine.heat
+    reynolds = air_m_s * length_m / heat.air_viscosity_m2_s
+    nusselt = 0.664 * math.sqrt(reynolds) * math.cbrt(heat.prandtl_number)
+    return nusselt * heat.air_conductivity_W_m_K / heat.forcer_side_m
+
+
+class HeatHistory:
+    """Temperature over a schedule's moves, from the ambient one at time 0."""
+
+    def __init__(self, machine: Machine, moves: Iterable[PlannedMove]) -> None:
+        self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
+        starts, balances = _pieces(machine, moves)
+        self._starts_s = np.array(starts)
+        self._final_C = np.array([machine.heat.ambient_C + b.rise_K for b in balances])
+        self._rate_1_s = np.array([b.conductance_W_K for b in balances]) / self._capacity_J_K
+        self._initial_C = np.empty(len(starts))
+        temperature = machine.heat.ambient_C
+        for i in range(len(starts)):
+            self._initial_C[i] = temperature
+            if i + 1 < len(starts):
+                temperature = float(self._solution(i, self._starts_s[i + 1]))
+
+    def temperature_C(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        piece = np.searchsorted(self._starts_s, time_s, side="right") - 1
+        return self._solution(piece, time_s)
+
+    def _solution(
+        self, piece: NDArray[np.intp] | int, time_s: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        final = self._final_C[piece]
+        decay = np.exp(-(time_s - self._starts_s[piece]) * self._rate_1_s[piece])
+        solution: NDArray[np.float64] = final + (self._initial_C[piece] - final) * decay
+        return solution
+
+
+def _pieces(
+    machine: Machine, moves: Iterable[PlannedMove]
+) -> tuple[list[float], list[HeatBalance]]:
+    """The times at which the heating changes, and the balance from each on."""
+    changes: list[tuple[float, int, PlannedMove]] = []
+    for number, move in enumerate(moves):
+        if move.profile.distance:
+            changes += [(move.start_s, number, move), (move.end_s, number, move)]
+    changes.sort(key=lambda change: change[:2])
+    starts, balances = [0.0], [heat_balance(machine, 0, 0.0, 0.0)]
+    under_way: dict[int, PlannedMove] = {}
+    for time_s, number, move in changes:
+        if under_way.pop(number, None) is None:
+            under_way[number] = move
+        if time_s > starts[-1]:
+            starts.append(time_s)
+            balances.append(balances[-1])
+        balances[-1] = _balance_of(machine, list(under_way.values()))
+    return starts, balances
+
+
+def _balance_of(machine: Machine, moves: list[PlannedMove]) -> HeatBalance:
+    """Moves at their peak velocity along their path (eq. 3.18 ignores the ramps)."""
+    scale = machine.microstep_m
+    lengths = [
+        stroke.length_u * scale for move in moves for stroke in move.strokes if stroke.length_u
+    ]
+    speeds = [
+        move.profile.peak_velocity * abs(stroke.length_u) / move.profile.distance * scale
+        for move in moves
+        for stroke in move.strokes
+    ]
+    return heat_balance(machine, len(lengths), math.hypot(*speeds), math.hypot(*lengths))

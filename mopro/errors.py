@@ -1,0 +1,96 @@
+"""Every error that mopro raises for a person to read.
+
+A fault in a program is a `Diagnostic`: data with a place, so that a file's faults are
+reported together. The exceptions carry them to whoever asked for the work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from mopro.source import Source, Span
+
+_MOST_SHOWN = 50
+
+
+class Severity(StrEnum):
+    ERROR = "error"
+    WARNING = "warning"
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One finding: which rule, where, what is wrong, and what to do about it."""
+
+    rule: str
+    message: str
+    span: Span
+    severity: Severity = Severity.ERROR
+    hint: str | None = None
+
+    def render(self, source: Source) -> str:
+        """`file:line:col: message [rule]`, the line, a caret and the hint."""
+        kind = "" if self.severity is Severity.ERROR else f"{self.severity}: "
+        text = f"{source.name}:{self.span}: {kind}{self.message} [{self.rule}]"
+        if source.line(self.span.line):
+            text += "\n" + source.excerpt(self.span)
+        if self.hint:
+            text += f"\n  {self.hint}"
+        return text
+
+
+def render_all(diagnostics: Sequence[Diagnostic], source: Source) -> str:
+    """The findings in order of place, at most fifty of them in full."""
+    ordered = sorted(diagnostics, key=lambda d: d.span)
+    shown = [d.render(source) for d in ordered[:_MOST_SHOWN]]
+    if len(ordered) > _MOST_SHOWN:
+        shown.append(f"{source.name}: and {len(ordered) - _MOST_SHOWN} more")
+    return "\n".join(shown)
+
+
+class MoproError(Exception):
+    """Base of all errors meant for the person at the machine.
+
+    `rule` is a stable name for scripts to match.
+    """
+
+    rule = "failed"
+
+    def __init__(self, message: str, rule: str | None = None) -> None:
+        super().__init__(message)
+        self.rule = rule or self.rule
+
+    def render(self) -> str:
+        return f"{self} [{self.rule}]"
+
+
+class LocatedError(MoproError):
+    """Findings at places of one text, all of them."""
+
+    def __init__(self, source: Source, diagnostics: Iterable[Diagnostic]) -> None:
+        self.source = source
+        self.diagnostics = tuple(diagnostics)
+        super().__init__(render_all(self.diagnostics, source))
+
+    def render(self) -> str:
+        return str(self)
+
+
+class SourceError(LocatedError):
+    """The text is not a program of the language."""
+
+
+class MotionError(LocatedError):
+    """The program is well formed but asks for motion that must be refused."""
+
+
+class ModelError(LocatedError):
+    """A machine file that cannot be used."""
+
+
+class DataError(MoproError):
+    """A recording or data file that cannot be read or written."""
+
+    rule = "bad-data"

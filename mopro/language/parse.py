@@ -1,0 +1,279 @@
+"""Text to tree; the only importer of lark.
+
+Each line is parsed by itself and each distinct line only once. A fault ends its line,
+not the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from fractions import Fraction
+from functools import cache, lru_cache
+from pathlib import Path
+
+from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+
+from mopro.errors import Diagnostic, SourceError
+from mopro.language import ast
+from mopro.source import Source, Span
+
+GRAMMARS = {"attested": "mopro.lark", "extended": "mopro_extended.lark"}
+
+MOST_DIGITS = 30
+
+_ATTESTED: dict[str, type[ast.Statement]] = {
+    "units": ast.Units,
+    "velocity": ast.Velocity,
+    "acceleration": ast.Acceleration,
+    "profile": ast.Profile,
+    "move": ast.Move,
+    "target": ast.Target,
+    "go": ast.Go,
+    "wait_axis": ast.WaitAxis,
+    "dwell": ast.Dwell,
+    "label": ast.Label,
+    "jump": ast.Jump,
+}
+_ASSUMED: dict[str, type[ast.Statement]] = {
+    "move_absolute": ast.MoveAbsolute,
+    "target_absolute": ast.TargetAbsolute,
+    "continuous": ast.Continuous,
+    "seek": ast.Seek,
+    "stop": ast.Stop,
+    "home": ast.Home,
+}
+_KINDS = _ATTESTED | _ASSUMED
+
+# How messages call what may stand at a place, in the order in which they name it.
+_WORDS = {
+    "AXIS": "an axis digit (0 for all axes)",
+    "NUMBER": "a plain decimal number",
+    "WHOLE": "a whole number",
+    "_SLASH": "a slash",
+    "SWITCH": "+ or -",
+    "NAME": "a label name",
+}
+_END_OF_LINE = "the end of the line"
+_WORD = re.compile(r"[^\s;]+")
+_LETTERS = re.compile(r"[A-Za-z]*")
+_AXIS_LEFT_OUT = re.compile(r"\s*[A-Za-z]+\s+[+-]?([0-9]{2}|[0-9]?\.)")
+
+
+def parse(source: Source, grammar: str = "attested") -> ast.Tree:
+    """The tree of `source`; SourceError with the findings of all lines.
+
+    `grammar` is a key of `GRAMMARS`.
+    """
+    read = _line_reader(grammar)
+    statements: list[ast.Statement] = []
+    comments: list[ast.Comment] = []
+    faults: list[Diagnostic] = []
+    for number, text in enumerate(source.lines, start=1):
+        line = read(text)
+        if line.fault is not None:
+            faults.append(line.fault.at(number))
+        if line.statement is not None:
+            statements.append(line.statement.at(number))
+        if line.comment is not None:
+            span = line.comment.span(number)
+            comments.append(ast.Comment(span, text[span.column - 1 :]))
+    if not statements and not faults:
+        faults.append(Diagnostic("empty-program", "the program has no statement", Span(1, 1, 1)))
+    if faults:
+        raise SourceError(source, faults)
+    return ast.Tree(source, tuple(statements), tuple(comments))
+
+
+def grammar_path(file: str) -> Path:
+    """The grammar file, in the installed package or in the checkout beside it."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "grammars" / file
+    return installed if installed.is_file() else package.parent / "grammars" / file
+
+
+@dataclass(frozen=True, slots=True)
+class _StatementShape:
+    """A statement but for its line number."""
+
+    kind: type[ast.Statement]
+    columns: ast.Operand
+    operands: tuple[ast.Operand, ...]
+
+    def at(self, line: int) -> ast.Statement:
+        return self.kind(self.columns.span(line), *self.operands)
+
+
+@dataclass(frozen=True, slots=True)
+class _FaultShape:
+    """A finding but for its line number."""
+
+    rule: str
+    message: str
+    columns: ast.Operand
+    hint: str | None = None
+
+    def at(self, line: int) -> Diagnostic:
+        return Diagnostic(self.rule, self.message, self.columns.span(line), hint=self.hint)
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    statement: _StatementShape | None = None
+    comment: ast.Operand | None = None
+    fault: _FaultShape | None = None
+
+
+@cache
+def _line_reader(grammar: str) -> Callable[[str], _Line]:
+    """A function from the text of a line to what it holds, which remembers past lines."""
+    lark = Lark(
+        grammar_path(GRAMMARS[grammar]).read_text("ascii"),
+        parser="lalr",
+        start="line",
+        propagate_positions=True,
+        maybe_placeholders=False,
+        import_paths=[str(grammar_path(GRAMMARS[grammar]).parent)],
+    )
+    known = _KINDS if grammar == "extended" else _ATTESTED
+
+    @lru_cache(maxsize=4096)
+    def read(text: str) -> _Line:
+        try:
+            tree = lark.parse(text)
+        except UnexpectedInput as unexpected:
+            return _Line(fault=_explain(text, unexpected, known))
+        return _shape_of(tree)
+
+    return read
+
+
+def _shape_of(tree: Tree[Token]) -> _Line:
+    """What lark's tree of one line says: a statement, a comment, both or neither."""
+    statement = comment = fault = None
+    for child in tree.children:
+        if isinstance(child, Token):
+            comment = _columns(child)
+            continue
+        tokens = [token for token in child.children if isinstance(token, Token)]
+        fault = fault or next((f for f in map(_overlong, tokens) if f), None)
+        if fault is None:
+            columns = ast.Operand(child.meta.column, child.meta.end_column)
+            statement = _StatementShape(_KINDS[child.data], columns, tuple(map(_operand, tokens)))
+    return _Line(statement, comment, fault)
+
+
+def _columns(token: Token) -> ast.Operand:
+    column = token.column or 1
+    return ast.Operand(column, column + len(token))
+
+
+def _overlong(token: Token) -> _FaultShape | None:
+    if len(token) <= MOST_DIGITS:
+        return None
+    message = f"`{token[:8]}...` has {len(token)} characters: expected at most {MOST_DIGITS}"
+    return _FaultShape("too-long", message, _columns(token))
+
+
+def _operand(token: Token) -> ast.Operand:
+    columns = _columns(token)
+    place = (columns.column, columns.end_column)
+    match token.type:
+        case "AXIS":
+            letter = token in ("O", "o")
+            return ast.Axis(*place, 0 if letter else int(token), letter)
+        case "NUMBER":
+            return ast.Number(*place, Fraction(str(token)))
+        case "WHOLE":
+            return ast.Whole(*place, int(token))
+        case "SWITCH":
+            return ast.Switch(*place, token == "+")
+        case _:
+            return ast.Name(*place, str(token))
+
+
+def _explain(
+    text: str, unexpected: UnexpectedInput, known: dict[str, type[ast.Statement]]
+) -> _FaultShape:
+    """Lark's complaint about a line in the words of the language."""
+    first = _WORD.search(text)
+    assert first is not None, "a line without a word parses"
+    mnemonics = {_mnemonic(kind): kind for kind in known.values() if kind is not ast.Label}
+    letters = _mnemonic_letters(first[0])
+    stem = letters if letters in mnemonics else letters.removesuffix("O")
+    if first[0].startswith(":"):
+        kind: type[ast.Statement] = ast.Label
+    elif stem in mnemonics:
+        kind = mnemonics[stem]
+    else:
+        return _unknown_mnemonic(first, list(mnemonics))
+    form = f"such a statement is written `{kind.form}`"
+    if _AXIS_LEFT_OUT.match(text) and " " in kind.form:
+        columns = ast.Operand(first.start() + 1, first.end() + 1)
+        message = f"expected {_WORDS['AXIS']} right after {stem}"
+        return _FaultShape("missing-axis", message, columns, form)
+    place = _place_of(text, unexpected)
+    expected = _expected_words(unexpected)
+    found = _WORD.match(text, place)
+    if found is None:
+        columns = ast.Operand(place + 1, place + 1)
+        message = f"expected {expected}, found {_END_OF_LINE}"
+        return _FaultShape("incomplete-statement", message, columns, form)
+    columns = ast.Operand(place + 1, found.end() + 1)
+    number = _number_spoilt_at(text, place, found.end())
+    if number is not None:
+        columns = ast.Operand(number.start() + 1, number.end() + 1)
+        message = f"expected {_WORDS['NUMBER']}, found `{number[0]}`"
+        return _FaultShape("bad-number", message, columns, form)
+    rule = "bad-number" if _WORDS["NUMBER"] in expected else "unexpected-text"
+    return _FaultShape(rule, f"expected {expected}, found `{found[0]}`", columns, form)
+
+
+def _unknown_mnemonic(first: re.Match[str], mnemonics: list[str]) -> _FaultShape:
+    letters = _mnemonic_letters(first[0])
+    columns = ast.Operand(first.start() + 1, first.end() + 1)
+    near = get_close_matches(letters, mnemonics, n=1, cutoff=0.5)
+    hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(mnemonics))}"
+    if letters in map(_mnemonic, _ASSUMED.values()):
+        hint = f"{letters} is an assumed statement: it needs --grammar extended"
+    message = f"`{first[0]}` begins no statement of the language"
+    return _FaultShape("unknown-mnemonic", message, columns, hint)
+
+
+def _mnemonic(kind: type[ast.Statement]) -> str:
+    return _mnemonic_letters(kind.form)
+
+
+def _mnemonic_letters(text: str) -> str:
+    """The letters that `text` begins with, in capitals."""
+    match = _LETTERS.match(text)
+    return match[0].upper() if match else ""
+
+
+def _place_of(text: str, unexpected: UnexpectedInput) -> int:
+    """The index in `text` where the parser stopped; lark gives none at the end of input."""
+    if isinstance(unexpected, UnexpectedToken) and unexpected.token.type == "$END":
+        return len(text.rstrip())
+    return int(unexpected.pos_in_stream or 0)
+
+
+def _expected_words(unexpected: UnexpectedInput) -> str:
+    terminals: set[str] = set()
+    if isinstance(unexpected, UnexpectedToken):
+        terminals = unexpected.expected
+    elif isinstance(unexpected, UnexpectedCharacters):
+        terminals = unexpected.allowed
+    words = [words for terminal, words in _WORDS.items() if terminal in terminals]
+    if words:
+        return " or ".join(words)
+    return _END_OF_LINE if "COMMENT" in terminals else "a space and a value"
+
+
+def _number_spoilt_at(text: str, place: int, end: int) -> re.Match[str] | None:
+    """The word around `place` if it starts like a number and goes wrong at `place`."""
+    for word in _WORD.finditer(text, 0, end):
+        if word.start() < place < word.end() and re.match(r"[+-]?[0-9.]", word[0]):
+            return word
+    return None

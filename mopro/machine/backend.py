@@ -1,0 +1,16 @@
+"""What runs a program: the emulator, or a controller at the end of a line."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from mopro.program import Program
+from mopro.recording import Run, Sink
+
+
+class Backend(Protocol):
+    """Runs programs on one machine; only the command line knows which back end it chose."""
+
+    def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
+        """Run `program`, at most `for_s` seconds of it, and write what happens to `sink`."""
+        ...

@@ -1,0 +1,103 @@
+"""A machine's numbers in SI, as a machine file states them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+FULL_STEPS_PER_PITCH = 4
+
+
+def _quantity(key: str, dimension: str, at_least: float = 0.0, above: bool = True) -> Any:
+    """A field that a machine file states under `key`, within a bound."""
+    metadata = {"key": key, "dimension": dimension, "at_least": at_least, "above": above}
+    return field(metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a value comes from: thesis, derived, assumed or measured, and the place."""
+
+    origin: str
+    place: str
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis; both are alike.
+
+    `pull_out_force_N` is the peak static force F0; `damping_ratio` is that of the
+    drive's electrical damping with the bare motor.
+    """
+
+    pitch_m: float = _quantity("pitch", "length")
+    moving_mass_kg: float = _quantity("moving_mass", "mass")
+    pull_out_force_N: float = _quantity("pull_out_force", "force")
+    damping_ratio: float = _quantity("damping_ratio", "ratio", above=False)
+
+    @property
+    def wave_number_1_m(self) -> float:
+        """k = 2π/p."""
+        return 2 * math.pi / self.pitch_m
+
+    @property
+    def stiffness_N_m(self) -> float:
+        """K = k F0, of a small swing about a tooth."""
+        return self.wave_number_1_m * self.pull_out_force_N
+
+    @property
+    def drive_damping_N_s_m(self) -> float:
+        """c_s = 2 ζ √(K m) with the bare mass: a payload does not change the drive."""
+        return 2 * self.damping_ratio * math.sqrt(self.stiffness_N_m * self.moving_mass_kg)
+
+
+@dataclass(frozen=True)
+class Drive:
+    microsteps_per_full_step: float = _quantity("microsteps_per_full_step", "ratio", 1, False)
+    phase_current_A: float = _quantity("phase_current", "current")
+    coil_resistance_ohm: float = _quantity("coil_resistance", "resistance")
+    coil_inductance_H: float = _quantity("coil_inductance", "inductance")
+    supply_V: float = _quantity("supply", "voltage")
+
+
+@dataclass(frozen=True)
+class Platen:
+    length_m: float = _quantity("length", "length")
+    width_m: float = _quantity("width", "length")
+
+
+@dataclass(frozen=True)
+class Heat:
+    """What chapter 3.1 needs to know the forcer's temperature."""
+
+    forcer_side_m: float = _quantity("forcer_side", "length")
+    specific_heat_J_kg_K: float = _quantity("specific_heat", "specific heat")
+    moving_current_A: float = _quantity("moving_current", "current", above=False)
+    side_area_m2: float = _quantity("side_area", "area")
+    top_area_m2: float = _quantity("top_area", "area")
+    air_conductivity_W_m_K: float = _quantity("air_conductivity", "thermal conductivity")
+    air_viscosity_m2_s: float = _quantity("air_viscosity", "kinematic viscosity")
+    bearing_flow_m3_s: float = _quantity("bearing_flow", "flow")
+    bearing_area_m2: float = _quantity("bearing_area", "area")
+    prandtl_number: float = _quantity("prandtl_number", "ratio")
+    ambient_C: float = _quantity("ambient", "temperature", -273.15)
+    rated_C: float = _quantity("rated", "temperature", -273.15)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine file's content; `provenance` is keyed by `section.key`."""
+
+    name: str
+    axis: Axis
+    drive: Drive
+    platen: Platen
+    heat: Heat
+    provenance: Mapping[str, Provenance] = field(compare=False, repr=False)
+
+    @property
+    def microstep_m(self) -> float:
+        steps = FULL_STEPS_PER_PITCH * self.drive.microsteps_per_full_step
+        return self.axis.pitch_m / steps

@@ -1,0 +1,76 @@
+"""A recording as a figure."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mopro.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_UM_PER_M = 1e6
+_MM_PER_M = 1e3
+_AXIS_COLORS = {1: "tab:blue", 2: "tab:orange"}
+_MOST_LINE_MARKS = 40
+
+
+def plot_recording(recording: Recording) -> Figure:
+    """Position, velocity, following error, force and temperature over time.
+
+    Axes that never move are left out. The top edge names the source lines.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 10), layout="constrained")
+    panels = figure.subplots(5, 1, sharex=True)
+    time = recording["time_s"]
+    for n in _moving_axes(recording):
+        style = {"color": _AXIS_COLORS[n], "label": f"axis {n}", "linewidth": 1.0}
+        lag = recording[f"command_{n}_m"] - recording[f"position_{n}_m"]
+        panels[0].plot(time, recording[f"position_{n}_m"] * _MM_PER_M, **style)
+        panels[1].plot(time, recording[f"velocity_{n}_m_s"], **style)
+        panels[2].plot(time, lag * _UM_PER_M, **style)
+        panels[3].plot(time, recording[f"force_{n}_N"], **style)
+    panels[4].plot(time, recording["temperature_C"], color="tab:red", linewidth=1.0)
+    labels = (
+        "position (mm)",
+        "velocity (m/s)",
+        "following error (µm)",
+        "force (N)",
+        "temperature (°C)",
+    )
+    for panel, label in zip(panels, labels, strict=True):
+        panel.set_ylabel(label)
+        panel.grid(alpha=0.3)
+    panels[0].legend(loc="upper right")
+    panels[-1].set_xlabel("time (s)")
+    _mark_lines(panels[0], recording)
+    header = recording.header
+    figure.suptitle(f"{header.program} on {header.machine}")
+    return figure
+
+
+def _moving_axes(recording: Recording) -> list[int]:
+    moving = [n for n in recording.axes if np.ptp(recording[f"command_{n}_m"]) > 0]
+    return moving or recording.axes
+
+
+def _mark_lines(panel: Axes, recording: Recording) -> None:
+    """The running source line above the panel wherever it changes, if there is room."""
+    lines = recording["line"]
+    starts = [0]
+    for _, group in groupby(lines.tolist()):
+        starts.append(starts[-1] + sum(1 for _ in group))
+    if len(starts) > _MOST_LINE_MARKS:
+        return
+    for start in starts[:-1]:
+        t = float(recording["time_s"][start])
+        panel.axvline(t, color="0.8", linewidth=0.8, zorder=0)
+        panel.annotate(
+            f"line {lines[start]}", (t, 1.01), xycoords=("data", "axes fraction"), fontsize=7
+        )

@@ -1,0 +1,171 @@
+"""The motion IR: one small frozen operation per statement.
+
+Numbers are exact. `_uu` is a program's own user unit. Two programs are equal when they
+ask for the same, wherever the statements stood: spans do not take part in equality.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+
+from mopro.errors import Diagnostic
+from mopro.source import Source, Span
+
+AXES = (1, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Op:
+    """Base of all operations."""
+
+    span: Span = field(compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisOp(Op):
+    """An operation on `axes`, in ascending order."""
+
+    axes: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SetUnits(AxisOp):
+    """Microsteps per user unit, as the ratio that the program states."""
+
+    numerator: int
+    denominator: int
+
+    @property
+    def microsteps_per_uu(self) -> Fraction:
+        return Fraction(self.numerator, self.denominator)
+
+
+@dataclass(frozen=True, slots=True)
+class SetVelocity(AxisOp):
+    """Peak velocity in user units per second."""
+
+    velocity_uu_s: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class SetAcceleration(AxisOp):
+    """Acceleration in user units per second squared (the text has 1/1000 of it)."""
+
+    acceleration_uu_s2: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class SetProfile(AxisOp):
+    """Parabolic velocity profiles on or off."""
+
+    parabolic: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Move(AxisOp):
+    """Start moving now, by `distance_uu`, or to that position where `absolute`."""
+
+    distance_uu: Fraction
+    absolute: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SetTarget(AxisOp):
+    """Where the next `Go` takes these axes; as for `Move`."""
+
+    distance_uu: Fraction
+    absolute: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Go(Op):
+    """Start all axes that have a target, together."""
+
+
+@dataclass(frozen=True, slots=True)
+class WaitAxis(AxisOp):
+    """Wait until the axes have finished their motion."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell(Op):
+    milliseconds: int
+
+
+@dataclass(frozen=True, slots=True)
+class Label(Op):
+    """A place to jump to; `name` is in capitals."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Jump(Op):
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Continuous(AxisOp):
+    """Change to this velocity in user units per second and keep it (assumed)."""
+
+    velocity_uu_s: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Seek(AxisOp):
+    """Move at this velocity until a limit switch, then stop (assumed)."""
+
+    velocity_uu_s: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Stop(AxisOp):
+    """Slow down to rest at the set acceleration (assumed)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Home(AxisOp):
+    """Seek the switch at the negative end at the set velocity; it becomes position 0 (assumed)."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program ready to be run, linted or sent; `warnings` are what compiling found."""
+
+    ops: tuple[Op, ...]
+    source: Source = field(compare=False, repr=False)
+    warnings: tuple[Diagnostic, ...] = field(default=(), compare=False, repr=False)
+
+    @property
+    def name(self) -> str:
+        """The file's name without its folders."""
+        return self.source.name.replace("\\", "/").rsplit("/", 1)[-1]
+
+    @cached_property
+    def labels(self) -> dict[str, int]:
+        """Label name to the index of its operation."""
+        return {op.name: i for i, op in enumerate(self.ops) if isinstance(op, Label)}
+
+    @cached_property
+    def _path(self) -> tuple[tuple[int, ...], bool]:
+        """The indices that a run meets, once each, and whether it then begins them anew.
+
+        The language has no condition, so a run is a beginning and at most one loop.
+        """
+        index, met = 0, dict[int, None]()
+        while index < len(self.ops) and index not in met:
+            met[index] = None
+            op = self.ops[index]
+            index = self.labels[op.name] if isinstance(op, Jump) else index + 1
+        return tuple(met), index in met
+
+    @property
+    def loops_forever(self) -> bool:
+        return self._path[1]
+
+    def reachable(self) -> Iterator[Op]:
+        """The operations that a run meets, once each, in the order of meeting them."""
+        return (self.ops[index] for index in self._path[0])

@@ -1,0 +1,18 @@
+"""What a run leaves behind: columns with units, a header, and a row for each move."""
+
+from mopro.recording.formats import FORMATS, open_sink, read
+from mopro.recording.record import Header, MemorySink, Recording, Sink, column_names
+from mopro.recording.run import MoveReport, Run
+
+__all__ = [
+    "FORMATS",
+    "Header",
+    "MemorySink",
+    "MoveReport",
+    "Recording",
+    "Run",
+    "Sink",
+    "column_names",
+    "open_sink",
+    "read",
+]

@@ -1,0 +1,174 @@
+"""Recordings on disk: Parquet, CSV and NPZ. Reading one back is exact."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.errors import DataError
+from mopro.recording.atomic import written_beside
+from mopro.recording.record import Columns, Header, Recording, Sink
+
+_KEY = "mopro"
+_CSV_MARK = "# mopro "
+_INTEGER_COLUMNS = {"line"}
+
+
+def open_sink(path: Path, header: Header) -> AbstractContextManager[Sink]:
+    """A sink that writes `path` in the format of its suffix; the file appears when it closes."""
+    opener = FORMATS.get(path.suffix.lower())
+    if opener is None:
+        known = ", ".join(FORMATS)
+        message = f"{path}: '{path.suffix}' is not a recording's suffix: expected one of {known}"
+        raise DataError(message, "unknown-format")
+    return opener[0](path, header)
+
+
+def read(path: str | Path) -> Recording:
+    """The recording in file `path`; DataError if it is none."""
+    path = Path(path)
+    form = FORMATS.get(path.suffix.lower())
+    if form is None:
+        raise DataError(f"{path}: expected one of {', '.join(FORMATS)}", "unknown-format")
+    try:
+        header, columns = form[1](path)
+        return Recording(Header(**json.loads(header)), columns)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DataError(f"{path}: cannot be read: {reason}", "unreadable") from error
+    except (ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise DataError(f"{path}: is no recording: {error}") from error
+
+
+@contextmanager
+def _parquet_sink(path: Path, header: Header) -> Iterator[Sink]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    class ParquetSink:
+        writer: Any = None
+
+        def write(self, columns: Columns) -> None:
+            table = pa.table(columns).replace_schema_metadata({_KEY: _header_text(header)})
+            if self.writer is None:
+                self.writer = pq.ParquetWriter(draft, table.schema)
+            self.writer.write_table(table)
+
+    with written_beside(path) as draft:
+        sink = ParquetSink()
+        try:
+            yield sink
+        finally:
+            if sink.writer is not None:
+                sink.writer.close()
+
+
+def _read_parquet(path: Path) -> tuple[str, Columns]:
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(path)
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    return (table.schema.metadata or {})[_KEY.encode()].decode(), columns
+
+
+class _CsvSink:
+    """Numbers with as many digits as it takes to read them back exactly."""
+
+    def __init__(self, file: TextIO, header: Header) -> None:
+        file.write(f"{_CSV_MARK}{_header_text(header)}\n")
+        self._rows = csv.writer(file, lineterminator="\n")
+        self._named = False
+
+    def write(self, columns: Columns) -> None:
+        if not self._named:
+            self._rows.writerow(columns)
+            self._named = True
+        self._rows.writerows(zip(*(v.tolist() for v in columns.values()), strict=True))
+
+
+@contextmanager
+def _csv_sink(path: Path, header: Header) -> Iterator[Sink]:
+    with written_beside(path) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
+        yield _CsvSink(file, header)
+
+
+def _read_csv(path: Path) -> tuple[str, Columns]:
+    with open(path, encoding="utf-8", newline="") as file:
+        first = file.readline()
+        if not first.startswith(_CSV_MARK):
+            raise ValueError(f"the first line does not begin with '{_CSV_MARK.strip()}'")
+        rows = csv.reader(file)
+        names = next(rows)
+        values = list(zip(*rows, strict=True))
+    columns = {
+        name: np.array(list(map(_number_type(name), column)), dtype=_dtype(name))
+        for name, column in zip(names, values, strict=True)
+    }
+    return first.removeprefix(_CSV_MARK), columns
+
+
+def _number_type(name: str) -> Callable[[str], float]:
+    return int if name in _INTEGER_COLUMNS else float
+
+
+def _dtype(name: str) -> type[np.generic]:
+    return np.int32 if name in _INTEGER_COLUMNS else np.float64
+
+
+@contextmanager
+def _npz_sink(path: Path, header: Header) -> Iterator[Sink]:
+    """Columns grow in files of their own, as an array's length stands before its data."""
+
+    class NpzSink:
+        def __init__(self, folder: Path) -> None:
+            self.folder = folder
+            self.dtypes: dict[str, np.dtype[Any]] = {}
+
+        def write(self, columns: Columns) -> None:
+            for name, values in columns.items():
+                self.dtypes.setdefault(name, values.dtype)
+                with open(self.folder / name, "ab") as file:
+                    values.tofile(file)
+
+        def columns(self) -> dict[str, NDArray[Any]]:
+            return {n: np.memmap(self.folder / n, d, "r") for n, d in self.dtypes.items()}
+
+    with written_beside(path) as draft, tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        sink = NpzSink(Path(folder))
+        yield sink
+        with open(draft, "wb") as file:
+            text = np.frombuffer(_header_text(header).encode(), np.uint8)
+            np.savez(file, allow_pickle=False, **sink.columns(), **{_KEY: text})
+
+
+def _read_npz(path: Path) -> tuple[str, Columns]:
+    with np.load(path, allow_pickle=False) as archive:
+        columns = {name: archive[name] for name in archive.files if name != _KEY}
+        return archive[_KEY].tobytes().decode(), columns
+
+
+def _header_text(header: Header) -> str:
+    return json.dumps(header.as_json())
+
+
+# suffix -> how to write it, how to read it
+FORMATS: dict[
+    str,
+    tuple[
+        Callable[[Path, Header], AbstractContextManager[Sink]],
+        Callable[[Path], tuple[str, Columns]],
+    ],
+] = {
+    ".parquet": (_parquet_sink, _read_parquet),
+    ".csv": (_csv_sink, _read_csv),
+    ".npz": (_npz_sink, _read_npz),
+}

@@ -1,0 +1,118 @@
+"""A recording in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.recording.run import Run
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Columns = dict[str, NDArray[Any]]
+
+_AXIS_COLUMNS = (
+    "command_{}_m",
+    "position_{}_m",
+    "velocity_{}_m_s",
+    "phase_a_{}_A",
+    "phase_b_{}_A",
+    "force_{}_N",
+)
+
+
+def column_names(axes: Sequence[int]) -> list[str]:
+    """All columns of a recording of `axes`, in order."""
+    return ["time_s", *(c.format(n) for n in axes for c in _AXIS_COLUMNS), "temperature_C", "line"]
+
+
+@dataclass(frozen=True)
+class Header:
+    """How a recording came to be; enough to make it again.
+
+    `program_sha256` is the digest of the program file's bytes, `back_end` what ran it.
+    """
+
+    program: str
+    program_sha256: str
+    machine: str
+    back_end: str
+    rate_hz: float
+    payload_kg: float
+    seed: int
+    versions: Mapping[str, str]
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+class Sink(Protocol):
+    """Takes a recording piece by piece; each piece has all columns, of equal length."""
+
+    def write(self, columns: Columns) -> None: ...
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Columns of equal length under a header; `run` is there unless it came from a file."""
+
+    header: Header
+    columns: Columns
+    run: Run | None = field(default=None, compare=False)
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        return self.columns[column]
+
+    def __len__(self) -> int:
+        return len(self.columns["time_s"])
+
+    @property
+    def axes(self) -> list[int]:
+        return [int(c.split("_")[1]) for c in self.columns if c.startswith("position_")]
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The columns as a data frame (needs the extra `mopro[pandas]`)."""
+        import pandas as pd
+
+        return pd.DataFrame(self.columns)
+
+    def plot(self) -> Figure:
+        """Position, velocity, following error and phase currents over time."""
+        from mopro.plot import plot_recording
+
+        return plot_recording(self)
+
+
+class MemorySink:
+    """Keeps samples in memory; past `most` of them, only every second, fourth, ... one."""
+
+    def __init__(self, most: int | None = None) -> None:
+        self._most = most
+        self._stride = 1
+        self._seen = 0
+        self._pieces: list[Columns] = []
+
+    def write(self, columns: Columns) -> None:
+        first = -self._seen % self._stride
+        self._seen += len(columns["time_s"])
+        self._pieces.append(_thinned(columns, first, self._stride))
+        while self._most is not None and self._seen / self._stride > self._most:
+            self._stride *= 2
+            self._pieces = [_thinned(self._columns(), 0, 2)]
+
+    def recording(self, header: Header, run: Run | None = None) -> Recording:
+        return Recording(header, self._columns(), run)
+
+    def _columns(self) -> Columns:
+        names = self._pieces[0].keys()
+        return {name: np.concatenate([piece[name] for piece in self._pieces]) for name in names}
+
+
+def _thinned(columns: Columns, first: int, stride: int) -> Columns:
+    return {name: values[first::stride] for name, values in columns.items()}

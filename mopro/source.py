@@ -1,0 +1,68 @@
+"""Program text and places in it.
+
+Lines and columns count from 1, as editors show them; an end column is the column
+after the last character.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from functools import cached_property
+
+_LINE_END = re.compile(r"\r\n|\n|\r")
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Span:
+    """A stretch of one source line."""
+
+    line: int
+    column: int
+    end_column: int
+
+    def __str__(self) -> str:
+        return f"{self.line}:{self.column}"
+
+
+@dataclass(frozen=True)
+class Source:
+    """One program text with the name that messages give it.
+
+    `encoding` is the one that turns `text` back into the bytes it came from;
+    `sha256` is the digest of those bytes.
+    """
+
+    name: str
+    text: str
+    encoding: str = "utf-8"
+
+    @cached_property
+    def lines(self) -> tuple[str, ...]:
+        """The lines without their ends; a final line end opens no further line."""
+        lines = _LINE_END.split(self.text)
+        if lines[-1] == "":
+            lines.pop()
+        return tuple(lines)
+
+    @cached_property
+    def sha256(self) -> str:
+        return hashlib.sha256(self.text.encode(self.encoding)).hexdigest()
+
+    def line(self, number: int) -> str:
+        """The text of line `number`; empty beyond the last line."""
+        return self.lines[number - 1] if 1 <= number <= len(self.lines) else ""
+
+    def excerpt(self, span: Span, width: int = 100) -> str:
+        """The span's line and a caret line below it, cut to `width` around the span.
+
+        Tabs and other controls are shown as single spaces so that the caret stays
+        under its column.
+        """
+        shown = "".join(c if c.isprintable() else " " for c in self.line(span.line))
+        start = span.column - 1
+        left = max(0, start - width // 2) if len(shown) > width else 0
+        cut = shown[left : left + width]
+        marked = max(1, min(span.end_column - span.column, len(cut) - (start - left)))
+        return f"  {cut}\n  {' ' * (start - left)}{'^' + '~' * (marked - 1)}"

@@ -1,0 +1,83 @@
+"""The only conversions between units.
+
+Every quantity inside mopro is in SI (temperatures in °C) except where a name says
+otherwise: `_u` for microsteps, `_uu` for a program's user units.
+"""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+INCH_M = Fraction(254, 10000)
+POUND_KG = Fraction(45359237, 100000000)
+STANDARD_GRAVITY = Fraction(980665, 100000)
+MS_PER_S = 1000
+
+# unit -> (dimension, factor to the SI unit of that dimension)
+UNITS: dict[str, tuple[str, Fraction]] = {
+    "1": ("ratio", Fraction(1)),
+    "%": ("ratio", Fraction(1, 100)),
+    "s": ("time", Fraction(1)),
+    "ms": ("time", Fraction(1, 1000)),
+    "us": ("time", Fraction(1, 10**6)),
+    "min": ("time", Fraction(60)),
+    "h": ("time", Fraction(3600)),
+    "Hz": ("frequency", Fraction(1)),
+    "kHz": ("frequency", Fraction(1000)),
+    "m": ("length", Fraction(1)),
+    "cm": ("length", Fraction(1, 100)),
+    "mm": ("length", Fraction(1, 1000)),
+    "um": ("length", Fraction(1, 10**6)),
+    "in": ("length", INCH_M),
+    "kg": ("mass", Fraction(1)),
+    "g": ("mass", Fraction(1, 1000)),
+    "lb": ("mass", POUND_KG),
+    "N": ("force", Fraction(1)),
+    "lbf": ("force", POUND_KG * STANDARD_GRAVITY),
+    "A": ("current", Fraction(1)),
+    "V": ("voltage", Fraction(1)),
+    "mV": ("voltage", Fraction(1, 1000)),
+    "ohm": ("resistance", Fraction(1)),
+    "H": ("inductance", Fraction(1)),
+    "mH": ("inductance", Fraction(1, 1000)),
+    "C": ("temperature", Fraction(1)),
+    "m2": ("area", Fraction(1)),
+    "m3/s": ("flow", Fraction(1)),
+    "m2/s": ("kinematic viscosity", Fraction(1)),
+    "J/(kg K)": ("specific heat", Fraction(1)),
+    "W/(m K)": ("thermal conductivity", Fraction(1)),
+    "1/K": ("expansion", Fraction(1)),
+}
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*([A-Za-z%]\S*)?\s*", re.ASCII)
+
+
+def units_of(dimension: str) -> list[str]:
+    """The units that measure `dimension`."""
+    return [unit for unit, (kind, _) in UNITS.items() if kind == dimension]
+
+
+def to_si(value: float, unit: str, dimension: str) -> float:
+    """`value` in `unit` as the SI number; ValueError if the unit does not measure it."""
+    kind, factor = UNITS.get(unit, ("", Fraction(0)))
+    if kind != dimension:
+        known = ", ".join(units_of(dimension))
+        raise ValueError(f"'{unit}' is not a unit of {dimension}: expected one of {known}")
+    return value * factor.numerator / factor.denominator
+
+
+def parse_quantity(text: str, dimension: str, default_unit: str) -> float:
+    """A quantity as typed (`5lb`, `2 min`, `0.5`) in SI; a bare number has `default_unit`."""
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise ValueError(f"'{text}' is not a number with a unit, such as 1.5{default_unit}")
+    return to_si(float(match[1]), match[2] or default_unit, dimension)
+
+
+def length_unit_name(metres: Fraction) -> str:
+    """The name of the unit that is exactly `metres` long, or `uu` (user unit)."""
+    for unit in ("in", "mm", "cm", "m", "um"):
+        if UNITS[unit][1] == metres:
+            return unit
+    return "uu"
