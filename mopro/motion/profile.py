@@ -104,12 +104,11 @@ class Profile:
 
     def state(self, t: float) -> State:
         """Position, velocity and acceleration `t` seconds after the start of the move."""
-        if t < 0:
-            return State(0.0, 0.0, 0.0)
-        for segment in self.segments():
-            if t <= segment.end_s:
-                return segment.state(t)
-        return State(self.distance, 0.0, 0.0)
+        if t <= 0:
+            return State(0.0, 0.0, self.acceleration if t == 0 else 0.0)
+        if t >= self.duration_s:
+            return State(self.distance, 0.0, -self.acceleration if t == self.duration_s else 0.0)
+        return next(s for s in reversed(self.segments()) if s.start_s <= t).state(t)
 
 
 def plan_profile(
