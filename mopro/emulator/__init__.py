@@ -1,5 +1,5 @@
 """The machine in software: a program in, a recording out, no clock touched."""
 
-from mopro.emulator.emulate import Emulator, emulate
+from mopro.emulator.backend import Emulator, emulate
 
 __all__ = ["Emulator", "emulate"]

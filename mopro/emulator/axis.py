@@ -14,9 +14,9 @@ from mopro.machine import Machine
 from mopro.motion import PlannedMove
 from mopro.motion.track import Track
 
-# An axis this close to its tooth, and as slow, is at rest: a thousandth of what the
-# finest sensor of the field resolves.
-REST_M = 1e-9
+# An axis this close to its tooth, and as slow, is taken to rest where it is. What it would
+# still have rung stays within a nanometre of that.
+REST_M = 4e-10
 _SETTLING_S = 0.05
 _MOST_SETTLING_S = 10.0
 

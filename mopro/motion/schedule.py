@@ -40,12 +40,17 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True)
 class PlannedMove:
-    """One started motion; the first stroke is the major axis, whose profile governs."""
+    """One started motion; the first stroke is the major axis, whose profile governs.
+
+    `distance_uu` is how far the program sends the major axis; its stroke is that rounded
+    to whole microsteps.
+    """
 
     span: Span
     strokes: tuple[Stroke, ...]
     profile: Profile
     start_s: float
+    distance_uu: float
     microsteps_per_uu: Fraction
 
     @property
@@ -327,14 +332,17 @@ class _Planner:
             major.acceleration_u_s2(),
             major.parabolic,
         )
-        self._record(strokes, profile, span)
+        self._record(strokes, profile, span, targets_u[0] - major.position_u)
         for axis, target_u in zip(axes, targets_u, strict=True):
             axis.position_u = target_u
 
-    def _record(self, strokes: list[Stroke], profile: Profile, span: Span) -> None:
+    def _record(
+        self, strokes: list[Stroke], profile: Profile, span: Span, distance_u: Fraction
+    ) -> None:
         start_s = self._now_s
         units = self._axes[strokes[0].axis].units
-        self._moves.append(PlannedMove(span, tuple(strokes), profile, start_s, units))
+        distance_uu = float(distance_u / units)
+        self._moves.append(PlannedMove(span, tuple(strokes), profile, start_s, distance_uu, units))
         for stroke in strokes:
             axis = self._axes[stroke.axis]
             axis.track.add(profile.segments(start_s, float(stroke.start_u), float(stroke.length_u)))
@@ -422,7 +430,14 @@ class _Planner:
             Shape.TRAPEZOID, float(abs(stroke.length_u)), peak, rate, peak, 0.0, duration_s
         )
         self._moves.append(
-            PlannedMove(axis.started_by, (stroke,), profile, axis.started_s, axis.units)
+            PlannedMove(
+                axis.started_by,
+                (stroke,),
+                profile,
+                axis.started_s,
+                float(stroke.length_u / axis.units),
+                axis.units,
+            )
         )
         axis.position_u = Fraction(target_u)
         axis.endless_from_u = None
@@ -458,7 +473,8 @@ class _Planner:
         ramp_u = velocity_u_s**2 / (2 * rate)
         length_u = round(way_u + min(way_u, ramp_u))
         stroke = Stroke(axis.number, start_u, start_u + int(math.copysign(length_u, velocity_u_s)))
-        self._record([stroke], plan_profile(float(length_u), abs(velocity_u_s), rate), span)
+        profile = plan_profile(float(length_u), abs(velocity_u_s), rate)
+        self._record([stroke], profile, span, Fraction(stroke.length_u))
         axis.position_u = Fraction(stroke.end_u)
 
 

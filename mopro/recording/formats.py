@@ -54,11 +54,17 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[Sink]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    def arrow_array(values: NDArray[Any]) -> Any:
+        """The same memory; pa.array would import pandas to ask whether it is a Series."""
+        buffer = pa.py_buffer(np.ascontiguousarray(values))
+        return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, buffer])
+
     class ParquetSink:
         writer: Any = None
 
         def write(self, columns: Columns) -> None:
-            table = pa.table(columns).replace_schema_metadata({_KEY: _header_text(header)})
+            table = pa.table({name: arrow_array(values) for name, values in columns.items()})
+            table = table.replace_schema_metadata({_KEY: _header_text(header)})
             if self.writer is None:
                 self.writer = pq.ParquetWriter(draft, table.schema)
             self.writer.write_table(table)

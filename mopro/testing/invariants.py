@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable
+from itertools import pairwise
 
 from mopro.motion import Profile
 from mopro.motion.profile import State
@@ -26,7 +27,7 @@ def check_profile(profile: Profile, fractions: Iterable[float] = (0.1, 0.37, 0.5
     _hold(end.velocity == 0, "does not end at rest")
     _hold(profile.state(0.0).position == 0, "does not begin at 0")
     segments = profile.segments()
-    for before, after in zip(segments, segments[1:], strict=False):
+    for before, after in pairwise(segments):
         _hold(before.end_s == after.start_s, "has a gap in time")
         left, right = before.state(before.end_s), after.state(after.start_s)
         _hold(_close(left.position, right.position, profile.distance), "jumps in position")

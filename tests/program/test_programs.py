@@ -57,6 +57,6 @@ def test_json_has_every_operation_with_its_place(programs_folder):
     data = json.loads(json.dumps(text.as_json(compile_file(programs_folder / "LVDT3.CMD"))))
     assert data["program"] == "LVDT3.CMD"
     assert data["ops"][4] == {
-        "op": "set_acceleration", "at": [19, 1], "axes": [1], "acceleration_uu_s2": 600,
+        "op": "set_acceleration", "at": [17, 1], "axes": [1], "acceleration_uu_s2": 600,
     }  # fmt: skip
     assert data["ops"][1]["velocity_uu_s"] == "0.00008"
