@@ -45,7 +45,7 @@ def read(path: str | Path) -> Recording:
     except OSError as error:
         reason = error.strerror or str(error)
         raise DataError(f"{path}: cannot be read: {reason}", "unreadable") from error
-    except (ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise DataError(f"{path}: is no recording: {error}") from error
 
 
@@ -157,7 +157,8 @@ def _npz_sink(path: Path, header: Header) -> Iterator[Sink]:
 
 
 def _read_npz(path: Path) -> tuple[str, Columns]:
-    with np.load(path, allow_pickle=False) as archive:
+    # np.load leaves a file that it opened itself open when that is no archive.
+    with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
         columns = {name: archive[name] for name in archive.files if name != _KEY}
         return archive[_KEY].tobytes().decode(), columns
 

@@ -1,0 +1,215 @@
+"""`mopro run` and `mopro compile` as processes: answers, files, exit codes."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+from paths import ROOT
+
+from mopro.recording import read
+
+SETUP = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
+LVDT3 = ROOT / "programs" / "LVDT3.CMD"
+
+
+def test_lvdt3_prints_its_moves_and_leaves_a_recording(mopro, files, tmp_path):
+    done = mopro("run", LVDT3, "--emulate")
+    assert (done.returncode, done.stderr) == (0, "")
+    rows = [line.split() for line in done.stdout.splitlines() if "smooth" in line]
+    assert [row[:5] for row in rows] == [
+        ["23", "1", "smooth", "15", "in"],
+        ["28", "1", "smooth", "-15", "in"],
+    ]
+    assert "2 moves in 2.927778 s" in done.stdout
+    assert "Recording: run.parquet" in done.stdout
+    assert files() == ["run.parquet"]
+    assert len(read(tmp_path / "run.parquet")) == 5856
+
+
+def test_json_has_the_fields_of_the_contract(mopro):
+    done = mopro("run", LVDT3, "--emulate", "--json", "--out", "x.csv")
+    answer = json.loads(done.stdout)
+    assert {key: answer[key] for key in ("program", "machine", "stalled", "loops_forever")} == {
+        "program": "LVDT3.CMD", "machine": "chow1992", "stalled": False, "loops_forever": False,
+    }  # fmt: skip
+    assert answer["duration_s"] == pytest.approx(2.927778, abs=5e-7)
+    assert answer["recording"] == "x.csv"
+    move = answer["moves"][0]
+    expected = {
+        "line": 23, "axes": [1], "profile": "smooth", "distance": 15.0, "unit": "in",
+        "set_velocity": 40.0, "peak_velocity": 40.0, "acceleration": 600.0, "start_s": 0.0,
+        "lost_pitches": 0,
+    }  # fmt: skip
+    assert {key: move[key] for key in expected} == expected
+    assert move["duration_s"] == pytest.approx(0.463889, abs=5e-7)
+    assert 0 < move["max_lag"] < 0.01
+    assert 0 < move["stall_margin"] < 1
+
+
+def test_plot_and_report_and_payload(mopro, files, tmp_path):
+    done = mopro(
+        "run", LVDT3, "--emulate", "--plot", "p.png", "--report", "r.html",
+        "--payload", "5lb", "--out", "x.npz", "--rate", "500Hz", "--seed", "3",
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert files() == ["p.png", "r.html", "x.npz"]
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+    page = (tmp_path / "r.html").read_text()
+    assert "LVDT3.CMD on chow1992" in page
+    assert "data:image/png;base64," in page
+    header = read(tmp_path / "x.npz").header
+    assert (header.seed, header.rate_hz) == (3, 500.0)
+    assert header.payload_kg == pytest.approx(2.26796, abs=1e-5)
+
+
+def test_a_loop_stops_at_the_stated_default_and_says_how_to_change_it(mopro):
+    done = mopro("run", ROOT / "programs" / "TEMP1.CMD", "--emulate", "--rate", "50")
+    assert done.returncode == 0
+    assert "loops for ever: stopped after 60 s; change that with --for" in done.stderr
+    assert done.stderr.count("[letter-o-axis]") == 2
+    assert "more" in done.stdout
+    shorter = mopro("run", ROOT / "programs" / "TEMP1.CMD", "--emulate", "--for", "2s")
+    assert "stopped after 2 s" in shorter.stderr
+
+
+def test_a_stall_is_told_by_line_and_pitches_and_fails(mopro, files):
+    text = SETUP + "ACC1 1.3\nMRI1 15.0\nWX1\nWT500\n"
+    done = mopro("run", "P.CMD", "--emulate", text=text)
+    assert done.returncode == 1
+    lost = re.search(r"^P.CMD:5:1: axis 1 stalled here: it lost ([+-]\d+) pitches \[stall\]",
+                     done.stderr, re.MULTILINE)  # fmt: skip
+    answer = json.loads(mopro("run", "P.CMD", "--emulate", "--json").stdout)
+    assert answer["stalled"]
+    assert lost is not None
+    assert answer["moves"][0]["lost_pitches"] == int(lost[1]) != 0
+    assert "run.parquet" in files()
+
+
+def test_the_extended_grammar_is_off_unless_asked_for(mopro):
+    text = SETUP + "MAI1 3.0\nWX1\nMAI1 1.0\nWX1\n"
+    refused = mopro("run", "P.CMD", "--emulate", text=text)
+    assert refused.returncode == 2
+    assert refused.stderr.count("needs --grammar extended") == 2
+    done = mopro("run", "P.CMD", "--emulate", "--grammar", "extended", "--json")
+    assert [m["distance"] for m in json.loads(done.stdout)["moves"]] == [3.0, -2.0]
+
+
+def test_compile_prints_listing_json_and_canonical_text(mopro):
+    assert mopro("compile", LVDT3).stdout == (ROOT / "tests/data/ir/LVDT3.txt").read_text()
+    assert json.loads(mopro("compile", LVDT3, "--json").stdout)["program"] == "LVDT3.CMD"
+    canonical = mopro("compile", LVDT3, "--canonical").stdout
+    assert canonical.splitlines()[:3] == ["UU012500/1", "VEL2 0.00008", "ACC2 0.00008"]
+
+
+@pytest.mark.parametrize("args", [["--help"], ["run", "--help"], ["compile", "--help"]])
+def test_help_has_an_example(mopro, args):
+    done = mopro(*args)
+    assert done.returncode == 0
+    assert "Example: mopro " in done.stdout
+
+
+class TestBadInput:
+    def refused(self, mopro, files, *args, text=None):
+        before = files()
+        done = mopro(*args, text=text)
+        assert done.returncode == 2
+        assert "Traceback" not in done.stderr
+        assert done.stdout == ""
+        assert set(files()) - set(before) <= {"P.CMD"}, "something half-written was left"
+        return done.stderr
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            (b"", "P.CMD:1:1: the program has no statement [empty-program]"),
+            (b"\x7fELF\x02\0\0\1", "P.CMD:1:1: is a binary file"),
+            (b"FOO 1", "P.CMD:1:1: `FOO` begins no statement of the language [unknown-mnemonic]"),
+            (b"VEL3 40.0", "P.CMD:1:4: there is no axis 3"),
+            (b"WX9", "P.CMD:1:3: there is no axis 9"),
+            (b"VEL1", "P.CMD:1:5: expected a space and a value, found the end of the line"),
+            (b"VEL1 1e999", "P.CMD:1:6: expected a plain decimal number, found `1e999`"),
+            (b"VEL1 nan", "P.CMD:1:6: expected a plain decimal number, found `nan`"),
+            (b"UU012500/0", "P.CMD:1:10: the denominator of the user unit must not be 0"),
+            (b"UU012500", "P.CMD:1:9: expected a slash, found the end of the line"),
+            (b"VEL1 0", "P.CMD:1:6: the velocity must be greater than 0 [bad-velocity]"),
+            (b"ACC1 -0.25", "P.CMD:1:6: the acceleration must be greater than 0"),
+            (b"JUMP B1", "P.CMD:1:6: no line defines the label B1 [unknown-label]"),
+            (b":B1\n:B1", "P.CMD:2:2: label B1 is already defined in line 1 [duplicate-label]"),
+            (b":B1\nJUMP B1", "P.CMD:2:1: the loop from label B1 to this line takes no time"),
+            (SETUP.encode() + b"MRI1 9\nMRI1 -9",
+             "P.CMD:5:1: axis 1 is still moving for another 0.385 s: line 4 started it"),
+            (b"GO", "P.CMD:1:1: no axis has a target to go to [go-without-target]"),
+        ],
+    )  # fmt: skip
+    def test_programs(self, mopro, files, text, message):
+        assert message in self.refused(mopro, files, "run", "P.CMD", "--emulate", text=text)
+
+    def test_a_line_of_100_mb(self, mopro, files, tmp_path):
+        with open(tmp_path / "BIG.CMD", "wb") as file:
+            file.write(b"VEL1 ")
+            file.seek(100 * 2**20)
+            file.write(b"1")
+        message = self.refused(mopro, files, "run", "BIG.CMD", "--emulate")
+        assert "BIG.CMD:1:1: is larger than 16 MiB [too-long]" in message
+
+    def test_many_faults_are_all_told(self, mopro, files):
+        text = "".join(f"BAD{i}\n" for i in range(60))
+        message = self.refused(mopro, files, "run", "P.CMD", "--emulate", text=text)
+        assert message.count("[unknown-mnemonic]") == 50
+        assert "P.CMD: and 10 more" in message
+
+    def test_paths(self, mopro, files, tmp_path):
+        assert "none.CMD:1:1: cannot be read: No such file" in self.refused(
+            mopro, files, "run", "none.CMD", "--emulate"
+        )
+        assert "cannot be read: Is a directory" in self.refused(
+            mopro, files, "run", tmp_path, "--emulate"
+        )
+        for option in ("--out=no/x.csv", "--plot=no/x.png", "--report=no/x.html"):
+            message = self.refused(mopro, files, "run", LVDT3, "--emulate", option)
+            assert "cannot be written: No such file or directory [unwritable-output]" in message
+
+    @pytest.mark.parametrize(
+        ("args", "message"),
+        [
+            ([], "say what to run on: --emulate"),
+            (["--emulate", "--out", "x.xls"], "must end in one of .parquet, .csv, .npz"),
+            (["--emulate", "--for", "0"], "must be greater than 0"),
+            (["--emulate", "--for", "5parsec"], "is not a unit of time"),
+            (["--emulate", "--payload", "heavy"], "is not a number with a unit"),
+            (["--emulate", "--payload", "-1"], "must be at least 0"),
+            (["--emulate", "--rate", "0"], "must be greater than 0"),
+            (["--emulate", "--machine", "nosuch"], "no machine has this name"),
+            (["--emulate", "--grammar", "klingon"], "is not one of"),
+        ],
+    )
+    def test_options(self, mopro, files, args, message):
+        assert message in self.refused(mopro, files, "run", LVDT3, *args)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_no_half_written_file(tmp_path, number):
+    """The run announces itself by its draft file; then the signal comes."""
+    (tmp_path / "old.csv").write_text("the one before")
+    command = [sys.executable, "-m", "mopro", "run", str(ROOT / "programs" / "TEMP1.CMD"),
+               "--emulate", "--for", "10h", "--out", "old.csv"]  # fmt: skip
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+        while not any(p.stat().st_size for p in tmp_path.glob(".old.csv.*")):
+            assert process.poll() is None
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert [p.name for p in tmp_path.iterdir()] == ["old.csv"]
+    assert (tmp_path / "old.csv").read_text() == "the one before"
+
+
+def test_output_into_a_closed_pipe_is_no_traceback(tmp_path):
+    command = f"{sys.executable} -m mopro compile {LVDT3} --json | head -n 1"
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert "Traceback" not in done.stderr

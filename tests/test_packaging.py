@@ -1,0 +1,72 @@
+"""The package as others get it: an installed wheel, an import without numpy, the README."""
+
+import subprocess
+import sys
+import sysconfig
+import zipfile
+
+import pytest
+from paths import ROOT
+
+
+def run(*command, **options):
+    return subprocess.run(command, capture_output=True, text=True, check=True, **options).stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    run(sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation",
+        "-w", folder, ROOT)  # fmt: skip
+    return next(folder.glob("*.whl"))
+
+
+def test_the_wheel_works_away_from_the_checkout(wheel, tmp_path):
+    """Grammars come from the package there, from the repository's folder in a checkout."""
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path / "site")
+    site = f"import sys; sys.path[:0] = [{str(tmp_path / 'site')!r}]\n"
+    code = site + (
+        "import mopro; from mopro.language.parse import grammar_path\n"
+        "print(mopro.compile('HM1', grammar='extended').ops[0].axes, "
+        "grammar_path('mopro.lark').parent.name, mopro.__file__)"
+    )
+    shown = run(sys.executable, "-I", "-c", code, cwd=tmp_path)
+    axes, folder, place = shown.strip().rsplit(" ", 2)
+    assert (axes, folder) == ("(1,)", "grammars")
+    assert place.startswith(str(tmp_path))
+
+
+@pytest.mark.parametrize("heavy", ["numpy", "numba", "pyarrow", "matplotlib", "rich", "serial"])
+def test_compiling_loads_nothing_heavy(heavy):
+    code = (
+        f"import sys, mopro; mopro.compile('GO'); import mopro.cli.compile; "
+        f"print({heavy!r} in sys.modules)"
+    )
+    assert run(sys.executable, "-c", code).strip() == "False"
+
+
+def test_running_loads_neither_compiler_nor_plotter_nor_pandas(tmp_path):
+    code = (
+        "import sys; from mopro.cli.main import group\n"
+        f"group(['run', {str(ROOT / 'programs' / 'LVDT3.CMD')!r}, '--emulate'], "
+        "standalone_mode=False)\n"
+        "print([m for m in ('numba', 'matplotlib', 'pandas', 'scipy') if m in sys.modules])"
+    )
+    assert run(sys.executable, "-c", code, cwd=tmp_path).splitlines()[-1] == "[]"
+
+
+def test_the_readme_begins_with_two_commands_and_ci_runs_the_second():
+    text = (ROOT / "README.md").read_text()
+    first, second = text.split("```")[1].splitlines()[1:], text.split("```")[3].splitlines()[1:]
+    assert len(first) == len(second) == 1
+    assert "mopro run programs/LVDT3.CMD --emulate" in first[0]
+    assert "pytest" in second[0]
+    shown = run("awk", "/^```/ { fences += 1; next } fences == 3", ROOT / "README.md")
+    assert shown.splitlines() == second
+    assert "fences == 3" in (ROOT / ".ci" / "run").read_text()
+
+
+def test_the_console_script_is_installed():
+    script = f"{sysconfig.get_path('scripts')}/mopro"
+    assert run(script, "--version").startswith("mopro, version ")
