@@ -60,7 +60,9 @@ def seconds(*command: str) -> float:
 def main() -> None:
     plain = nanoseconds_per_step(kernel.integrate, STEPS // 20, True)
     fast = nanoseconds_per_step(compiled.integrate, STEPS, False)
-    print(f"one step of one axis: plain {plain:.0f} ns, compiled {fast:.0f} ns, {plain / fast:.0f}:1")
+    print(
+        f"one step of one axis: plain {plain:.0f} ns, compiled {fast:.0f} ns, {plain / fast:.0f}:1"
+    )
     run = (sys.executable, "-m", "mopro", "run", str(ROOT / "programs" / "LVDT3.CMD"), "--emulate")
     ratios = [
         seconds(*run) / seconds(sys.executable, "-c", "import numpy") for _ in range(REPEATS + 1)

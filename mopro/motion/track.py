@@ -48,17 +48,16 @@ def change_velocity(start_s: float, start: State, velocity: float, rate: float) 
     return [ramp, cruise] if ramp_s > 0 else [cruise]
 
 
-def brake(start_s: float, start: State, rate: float) -> tuple[list[Segment], int]:
-    """A braking segment from `start` to rest near acceleration `rate`, and where it ends.
+def brake(start_s: float, start: State, rate: float) -> list[Segment]:
+    """A braking segment from `start` to rest, at acceleration `rate` but for rounding.
 
-    The rest position is a whole microstep, to which the rate is fitted.
+    Rest is on a whole microstep, to which the rate is fitted.
     """
     speed = abs(start.velocity)
     target = round(start.position + math.copysign(speed**2 / (2 * rate), start.velocity))
     way = abs(target - start.position)
     if not speed or not way:
-        return [], target
+        return []
     duration_s = 2 * way / speed
-    a = -start.velocity / duration_s
     end_s = start_s + duration_s
-    return [Segment(start_s, end_s, end_s, float(target), 0.0, a, 0.0)], target
+    return [Segment(start_s, end_s, end_s, float(target), 0.0, -start.velocity / duration_s, 0.0)]
