@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mopro.api import compile  # noqa: A004
+    from mopro.diagnosis import reconcile
     from mopro.emulator import emulate
     from mopro.recording import Recording, read
 
@@ -14,11 +15,12 @@ if TYPE_CHECKING:
 _HOMES = {
     "compile": "mopro.api",
     "emulate": "mopro.emulator",
+    "reconcile": "mopro.diagnosis",
     "Recording": "mopro.recording",
     "read": "mopro.recording",
 }
 
-__all__ = ["Recording", "compile", "emulate", "read"]
+__all__ = ["Recording", "compile", "emulate", "read", "reconcile"]
 
 
 def __getattr__(name: str) -> Any:
