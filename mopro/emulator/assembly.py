@@ -147,8 +147,8 @@ def drive_source(layout: Layout) -> str:
     lines += ["sine = math.sin(k * x)", "cosine = math.cos(k * x)"]
     if layout.lag is not None:
         tau = f"p{layout.lag}_0"
-        lines += [f"da = dla = (ia - la) / {tau}", f"db = dlb = (ib - lb) / {tau}"]
-        lines += ["ia = la", "ib = lb"]
+        lines += [f"if {tau} > 0.0:", f"    da = dla = (ia - la) / {tau}"]
+        lines += [f"    db = dlb = (ib - lb) / {tau}", "    ia = la", "    ib = lb"]
     if layout.voltage is not None:
         lines += _voltage_lines(f"p{layout.voltage}_0")
     lines.append("force = f0 * constant * (ib * cosine - ia * sine)")

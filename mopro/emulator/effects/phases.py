@@ -90,13 +90,12 @@ class CurrentLoopLag(Effect):
     name = "current_loop_lag"
     stage = Stage.DYNAMICS
     families = ("delay",)
-    parameters = (
-        Parameter("tau", "s", "time", 1e-4, (2e-5, 5e-4), 1e-6, 0.01, "time constant", null=1e-6),
-    )
+    parameters = (Parameter("tau", "s", "time", 1e-4, (2e-5, 5e-4), 0.0, 0.01, "time constant"),)
     current_loop = "lag"
 
     def longest_step_s(self, *p: float) -> float:
-        return p[0]
+        # Shorter ones than a microsecond would take for ever and show nothing.
+        return max(p[0], 1e-6) if p[0] > 0 else math.inf
 
 
 class VoltageSaturation(Effect):
@@ -116,7 +115,7 @@ class VoltageSaturation(Effect):
     current_loop = "voltage"
 
     def longest_step_s(self, *p: float) -> float:
-        return 25e-6
+        return 1e-5
 
 
 class HoldCurrentReduction(Effect):
