@@ -6,6 +6,7 @@ otherwise: `_u` for microsteps, `_uu` for a program's user units.
 
 from __future__ import annotations
 
+import math
 import re
 from fractions import Fraction
 
@@ -18,6 +19,10 @@ MS_PER_S = 1000
 UNITS: dict[str, tuple[str, Fraction]] = {
     "1": ("ratio", Fraction(1)),
     "%": ("ratio", Fraction(1, 100)),
+    "ppm": ("ratio", Fraction(1, 10**6)),
+    "rad": ("angle", Fraction(1)),
+    "deg": ("angle", Fraction(math.pi) / 180),
+    "mrad": ("angle", Fraction(1, 1000)),
     "s": ("time", Fraction(1)),
     "ms": ("time", Fraction(1, 1000)),
     "us": ("time", Fraction(1, 10**6)),
@@ -46,8 +51,22 @@ UNITS: dict[str, tuple[str, Fraction]] = {
     "m3/s": ("flow", Fraction(1)),
     "m2/s": ("kinematic viscosity", Fraction(1)),
     "J/(kg K)": ("specific heat", Fraction(1)),
-    "W/(m K)": ("thermal conductivity", Fraction(1)),
     "1/K": ("expansion", Fraction(1)),
+    "%/K": ("expansion", Fraction(1, 100)),
+    "ppm/K": ("expansion", Fraction(1, 10**6)),
+    "K": ("temperature difference", Fraction(1)),
+    "K/s": ("temperature rate", Fraction(1)),
+    "K/h": ("temperature rate", Fraction(1, 3600)),
+    "N s/m": ("drag", Fraction(1)),
+    "N s2/m2": ("quadratic drag", Fraction(1)),
+    "N/m": ("stiffness", Fraction(1)),
+    "W": ("power", Fraction(1)),
+    "W/K": ("thermal conductance", Fraction(1)),
+    "W/(m K)": ("thermal conductivity", Fraction(1)),
+    "W/Hz": ("energy per cycle", Fraction(1)),
+    "W/kHz": ("energy per cycle", Fraction(1, 1000)),
+    "W/Hz2": ("eddy loss", Fraction(1)),
+    "W/kHz2": ("eddy loss", Fraction(1, 10**6)),
 }
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*([A-Za-z%]\S*)?\s*", re.ASCII)

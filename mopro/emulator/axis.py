@@ -3,85 +3,108 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.emulator.command import CommandTable, Floats
-from mopro.machine import Machine
+from mopro.emulator.engine import Engine
+from mopro.emulator.plant import PlantNumbers
 from mopro.motion import PlannedMove
-from mopro.motion.track import Track
 
-# An axis this close to its tooth, and as slow, is taken to rest where it is. What it would
-# still have rung stays within a nanometre of that.
-REST_M = 4e-10
 _SETTLING_S = 0.05
 _MOST_SETTLING_S = 10.0
 
-Integrate = Callable[..., int]
-
 
 @dataclass(frozen=True)
-class Plant:
-    """The equation of motion's constants for one axis; `resolved` as for the integrator."""
+class Samples:
+    """One axis at the times asked for; currents in A, volts only of a full drive."""
 
-    wave_number_1_m: float
-    pitch_m: float
-    pull_out_m_s2: float
-    damping_1_s: float
-    microstep_m: float
-    resolved: bool
-    max_step_s: float
-
-    @classmethod
-    def of(cls, machine: Machine, payload_kg: float, resolved: bool, max_step_s: float) -> Plant:
-        axis = machine.axis
-        mass = axis.moving_mass_kg + payload_kg
-        return cls(
-            wave_number_1_m=axis.wave_number_1_m,
-            pitch_m=axis.pitch_m,
-            pull_out_m_s2=axis.pull_out_force_N / mass,
-            damping_1_s=axis.drive_damping_N_s_m / mass,
-            microstep_m=machine.microstep_m,
-            resolved=resolved,
-            max_step_s=max_step_s,
-        )
+    command_m: Floats
+    position_m: Floats
+    velocity_m_s: Floats
+    phase_a_A: Floats
+    phase_b_A: Floats
+    force_N: Floats
+    voltage_a_V: Floats | None = None
+    voltage_b_V: Floats | None = None
 
 
 class EmulatedAxis:
-    """Goes through time once; `advance` gives the motion at the samples asked for."""
+    """Goes through time once; `advance` gives the motion at the samples asked for.
+
+    `corners_s` are times that no step may straddle besides those of the command, `jumps`
+    times at which the axis falls behind by a number of pitches.
+    """
 
     def __init__(
         self,
         number: int,
-        plant: Plant,
-        track: Track,
+        plant: PlantNumbers,
+        command: CommandTable,
+        engine: Engine,
         moves: Sequence[PlannedMove],
-        integrate: Integrate,
+        resolved: bool = True,
+        corners_s: Sequence[float] = (),
+        jumps: Sequence[tuple[float, float]] = (),
+        has_voltage: bool = False,
     ) -> None:
         self.number = number
         self._plant = plant
-        self._command = CommandTable(track)
-        self._integrate = integrate
+        self._command = command
+        self._engine = engine
+        self._resolved = resolved
+        self._corners_s = np.array(sorted(corners_s))
+        self._jumps = sorted(jumps)
+        self._has_voltage = has_voltage
         self._now_s = 0.0
-        self._x = 0.0
-        self._v = 0.0
         self.fates = _Fates([m for m in moves if number in m.axes], plant)
 
-    def advance(self, samples_s: Floats, end_s: float) -> tuple[Floats, Floats]:
-        """Position (m) and velocity (m/s) at `samples_s`; the axis goes on to `end_s`.
+    def advance(self, samples_s: Floats, end_s: float) -> Samples:
+        """The axis at `samples_s`; it goes on to `end_s`.
 
         Samples ascend and lie between the time reached before and `end_s`.
         """
+        parts: list[Samples] = []
+        for stop_s, pitches in self._stops(end_s):
+            last = np.searchsorted(samples_s, stop_s, side="left" if pitches else "right")
+            parts.append(self._advance(samples_s[:last], stop_s))
+            samples_s = samples_s[last:]
+            self._engine.x -= pitches * self._plant.pitch_m
+        return _joined(parts) if len(parts) > 1 else parts[0]
+
+    def _stops(self, end_s: float) -> list[tuple[float, float]]:
+        """The jumps up to `end_s`, and then the end."""
+        due = [jump for jump in self._jumps if jump[0] < end_s]
+        self._jumps = self._jumps[len(due) :]
+        return [*due, (end_s, 0.0)]
+
+    def _advance(self, samples_s: Floats, end_s: float) -> Samples:
         corners = self._command.corners_s(self._now_s, end_s)
-        knots = np.union1d(np.concatenate(([self._now_s, end_s], corners)), samples_s)
-        position, velocity, low, high = self._through(knots)
-        self.fates.watch(knots, self._lags(knots, position), low, high)
+        own = self._corners_s[(self._corners_s > self._now_s) & (self._corners_s < end_s)]
+        ends = np.array([self._now_s, max(end_s, self._now_s)])
+        knots = np.union1d(np.concatenate((ends, corners, own)), samples_s)
+        trace = self._engine.through(knots)
+        self.fates.watch(knots, self._lags(knots, trace.position), trace.low, trace.high)
         self._now_s = float(knots[-1])
         at = np.searchsorted(knots, samples_s)
-        return position[at], velocity[at]
+        position, velocity = trace.position[at], trace.velocity[at]
+        electrical = None if trace.electrical is None else trace.electrical[:, at]
+        return self._samples(self.command_m(samples_s), position, velocity, electrical)
+
+    def _samples(
+        self, command: Floats, position: Floats, velocity: Floats, electrical: Floats | None
+    ) -> Samples:
+        k, current = self._plant.wave_number_1_m, self._plant.phase_current_A
+        if electrical is None:
+            force = self._plant.pull_out_force_N * np.sin(k * (command - position))
+            a, b = current * np.cos(k * command), current * np.sin(k * command)
+            return Samples(command, position, velocity, a, b, force)
+        a, b, va, vb, force = electrical
+        volts = (va, vb) if self._has_voltage else (None, None)
+        return Samples(command, position, velocity, current * a, current * b, force, *volts)
 
     def settle(self) -> None:
         """Under a command at rest, wait until the tooth that holds the axis is certain."""
@@ -89,55 +112,41 @@ class EmulatedAxis:
         resting = self._command.at_rest(self._now_s)
         while resting and not self._captured() and self._now_s < deadline_s:
             knots = np.array([self._now_s, self._now_s + _SETTLING_S])
-            self._through(knots)
+            self._engine.through(knots)
             self._now_s = float(knots[1])
         self.fates.finish(self._lag_m())
 
     def command_m(self, time_s: Floats) -> Floats:
         """What the drive is told: whole microsteps where they are resolved."""
         command = self._command.position_u(time_s)
-        if self._plant.resolved:
+        if self._resolved:
             command = np.floor(command + 0.5)
         return command * self._plant.microstep_m
-
-    def _through(self, knots: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Integrate over `knots` from the present state, and keep the last one."""
-        plant = self._plant
-        count = len(knots)
-        outputs = np.zeros((4, count))
-        outputs[0, 0], outputs[1, 0] = self._x, self._v
-        arrays = [knots, self._command.rows_at(knots[:-1]), *self._command.coefficients]
-        plain = self._integrate.__module__ == "mopro.emulator.kernel"
-        inputs = [array.tolist() for array in arrays] if plain else arrays
-        results = [row.tolist() for row in outputs] if plain else list(outputs)
-        self._integrate(
-            *inputs,
-            plant.wave_number_1_m,
-            plant.pull_out_m_s2,
-            plant.damping_1_s,
-            plant.microstep_m,
-            plant.resolved,
-            plant.max_step_s,
-            REST_M,
-            *results,
-        )
-        position, velocity, low, high = (np.asarray(result) for result in results)
-        self._x, self._v = float(position[-1]), float(velocity[-1])
-        return position, velocity, low[:-1], high[:-1]
 
     def _lags(self, time_s: Floats, position: Floats) -> Floats:
         return self._command.position_u(time_s) * self._plant.microstep_m - position
 
     def _lag_m(self) -> float:
         """The lag now."""
-        return float(self._lags(np.array([self._now_s]), np.array([self._x]))[0])
+        return float(self._lags(np.array([self._now_s]), np.array([self._engine.x]))[0])
 
     def _captured(self) -> bool:
         """Whether the energy left is too small to pass over to another tooth."""
         plant = self._plant
         depth = plant.pull_out_m_s2 / plant.wave_number_1_m
-        energy = self._v**2 / 2 + depth * (1 - math.cos(plant.wave_number_1_m * self._lag_m()))
+        energy = self._engine.v**2 / 2 + depth * (
+            1 - math.cos(plant.wave_number_1_m * self._lag_m())
+        )
         return energy < 2 * depth
+
+
+def _joined(parts: list[Samples]) -> Samples:
+    first, second = parts[0], _joined(parts[1:]) if len(parts) > 2 else parts[1]
+    columns: dict[str, Floats] = {}
+    for name, values in vars(first).items():
+        if values is not None:
+            columns[name] = np.concatenate([values, getattr(second, name)])
+    return Samples(**columns)
 
 
 class _Fates:
@@ -147,7 +156,7 @@ class _Fates:
     and at the end.
     """
 
-    def __init__(self, moves: Sequence[PlannedMove], plant: Plant) -> None:
+    def __init__(self, moves: Sequence[PlannedMove], plant: PlantNumbers) -> None:
         self._pitch_m = plant.pitch_m
         self._wave_number = plant.wave_number_1_m
         self._index = {id(move): i for i, move in enumerate(moves)}

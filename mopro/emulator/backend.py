@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from importlib.metadata import version
 
 import numpy as np
 
-from mopro.emulator import kernel
-from mopro.emulator.axis import EmulatedAxis, Integrate, Plant
+from mopro.emulator.axis import EmulatedAxis, Samples
 from mopro.emulator.command import Floats
-from mopro.emulator.heat import HeatHistory
+from mopro.emulator.effects import Active, catalogue
+from mopro.emulator.effects.resolve import active_effects
+from mopro.emulator.platen import platen_result, yaw_rad
+from mopro.emulator.setup import Settings, Staging, stage
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
-from mopro.motion import PlannedMove, Schedule, plan
-from mopro.program import AXES, Program
+from mopro.motion import PlannedMove, Schedule
+from mopro.program import Program
 from mopro.recording import Header, MemorySink, MoveReport, Recording, Run, Sink
 from mopro.recording.record import Columns
 from mopro.units import length_unit_name
@@ -29,9 +32,7 @@ MAX_STEP_S = 50e-6
 MOST_SAMPLES = 200_000_000
 _PIECE = 65536
 
-# From this many integration steps on, importing a compiler pays.
-_COMPILE_FROM_STEPS = 400_000
-_RINGING_S = 0.7
+Effects = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,13 @@ class Emulator:
 
     `payload_kg` rides on the forcer; `rate_hz` is the recording's; `resolved` false
     lets the drive follow the command smoothly instead of in microsteps; `seed` is for
-    what is random in a machine (nothing, in the nominal one) and is recorded.
+    what is random in a machine (nothing, in the nominal one) and is recorded. `effects`
+    are switched on besides the machine's own: name to parameters, in the effects' units
+    (SI); unstated ones have their defaults. `compiled` forces the kernel to be compiled
+    or not; many short runs gain from it. A kernel is compiled once for each set of
+    effects, whatever their numbers, so sets that differ in numbers only (down to those
+    at which an effect vanishes) share one.
+    Raises ModelError for effects that are not to be had.
     """
 
     machine: Machine
@@ -49,6 +56,16 @@ class Emulator:
     seed: int = 0
     resolved: bool = True
     max_step_s: float = MAX_STEP_S
+    effects: Effects | None = None
+    compiled: bool | None = None
+
+    def __post_init__(self) -> None:
+        _ = self.active
+
+    @cached_property
+    def active(self) -> tuple[Active, ...]:
+        """The effects switched on, with their values."""
+        return active_effects(self.machine.with_effects(self.effects or {}), catalogue())
 
     def header(self, program: Program) -> Header:
         versions = {name: version(name) for name in ("mopro", "numpy")}
@@ -61,6 +78,7 @@ class Emulator:
             payload_kg=self.payload_kg,
             seed=self.seed,
             versions={"python": platform.python_version(), **versions},
+            effects=[a.as_json() for a in self.active],
         )
 
     def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
@@ -72,44 +90,26 @@ class Emulator:
         """
         if for_s is None and program.loops_forever:
             for_s = DEFAULT_LOOP_S
-        schedule = plan(program, for_s, self._travel_u())
+        settings = self._settings()
+        staging = stage(program, settings, self.active, for_s)
+        schedule = staging.schedule
         samples = int(schedule.duration_s * self.rate_hz + 1e-6) + 1
         if samples > MOST_SAMPLES:
             message = f"{schedule.duration_s:g} s at {self.rate_hz:g} Hz are {samples} samples:"
             raise MoproError(f"{message} expected at most {MOST_SAMPLES}", "too-long")
-        axes = self._axes(schedule)
-        heat = HeatHistory(self.machine, schedule.moves)
+        hottest_C = self.machine.heat.ambient_C
         for times, end_s in self._pieces(schedule, samples):
-            sink.write(self._columns(schedule, axes, heat, times, end_s))
-        for axis in axes:
+            columns = self._columns(staging, times, end_s)
+            hottest_C = max(hottest_C, float(columns["temperature_C"].max()))
+            sink.write(columns)
+        for axis in staging.axes:
             axis.settle()
-        return self._report(schedule, axes)
+        return self._report(staging, hottest_C)
 
-    def _travel_u(self) -> dict[int, tuple[float, float]]:
-        """Limit switches where the forcer meets the platen's edges, from the middle (assumed)."""
-        platen, side = self.machine.platen, self.machine.heat.forcer_side_m
-        reach = [
-            (size - side) / 2 / self.machine.microstep_m
-            for size in (platen.length_m, platen.width_m)
-        ]
-        return {axis: (-way, way) for axis, way in zip(AXES, reach, strict=True)}
-
-    def _axes(self, schedule: Schedule) -> list[EmulatedAxis]:
-        plant = Plant.of(self.machine, self.payload_kg, self.resolved, self.max_step_s)
-        integrate = self._integrator(schedule)
-        return [EmulatedAxis(n, plant, schedule.tracks[n], schedule.moves, integrate) for n in AXES]
-
-    def _integrator(self, schedule: Schedule) -> Integrate:
-        """Plain for short work, compiled for long: the same kernel, the same bits."""
-        active_s = sum(
-            (move.profile.duration_s + _RINGING_S) * len(move.strokes) for move in schedule.moves
+    def _settings(self) -> Settings:
+        return Settings(
+            self.machine, self.payload_kg, self.resolved, self.max_step_s, self.compiled
         )
-        active_s = min(active_s, schedule.duration_s * len(AXES))
-        if active_s / self.max_step_s < _COMPILE_FROM_STEPS:
-            return kernel.integrate
-        from mopro.emulator import compiled
-
-        return compiled.integrate
 
     def _pieces(self, schedule: Schedule, samples: int) -> Iterator[tuple[Floats, float]]:
         """The sample times piece by piece, and how far each piece goes."""
@@ -119,45 +119,43 @@ class Emulator:
             end_s = float(times[-1]) if last < samples else schedule.duration_s
             yield times, max(end_s, float(times[-1]))
 
-    def _columns(
-        self,
-        schedule: Schedule,
-        axes: list[EmulatedAxis],
-        heat: HeatHistory,
-        times: Floats,
-        end_s: float,
-    ) -> Columns:
+    def _columns(self, staging: Staging, times: Floats, end_s: float) -> Columns:
         columns: Columns = {"time_s": times}
-        machine = self.machine
-        k, force = machine.axis.wave_number_1_m, machine.axis.pull_out_force_N
-        current = machine.drive.phase_current_A
-        for axis in axes:
-            n = axis.number
-            position, velocity = axis.advance(times, end_s)
-            command = axis.command_m(times)
-            columns[f"command_{n}_m"] = command
-            columns[f"position_{n}_m"] = position
-            columns[f"velocity_{n}_m_s"] = velocity
-            columns[f"phase_a_{n}_A"] = current * np.cos(k * command)
-            columns[f"phase_b_{n}_A"] = current * np.sin(k * command)
-            columns[f"force_{n}_N"] = force * np.sin(k * (command - position))
-        columns["temperature_C"] = heat.temperature_C(times)
-        columns["line"] = _lines(schedule, times)
+        samples = {axis.number: axis.advance(times, end_s) for axis in staging.axes}
+        for n, of_axis in samples.items():
+            columns |= _axis_columns(n, of_axis)
+        columns["temperature_C"] = staging.heat.temperature_C(times)
+        columns["line"] = _lines(staging.schedule, times)
+        for n, of_axis in samples.items():
+            if of_axis.voltage_a_V is not None and of_axis.voltage_b_V is not None:
+                columns[f"voltage_a_{n}_V"] = of_axis.voltage_a_V
+                columns[f"voltage_b_{n}_V"] = of_axis.voltage_b_V
+        if self.machine.forcers is not None:
+            lags = {n: s.command_m - s.position_m for n, s in samples.items()}
+            columns["yaw_rad"] = yaw_rad(
+                self.machine.forcers, self.machine.axis.wave_number_1_m, lags
+            )
         return columns
 
-    def _report(self, schedule: Schedule, axes: list[EmulatedAxis]) -> Run:
-        by_number = {axis.number: axis for axis in axes}
+    def _report(self, staging: Staging, hottest_C: float) -> Run:
+        schedule, trip = staging.schedule, staging.trip
+        by_number = {axis.number: axis for axis in staging.axes}
         return Run(
             program=schedule.program.name,
             machine=self.machine.name,
             duration_s=schedule.duration_s,
             loops_forever=schedule.program.loops_forever,
             complete=schedule.complete,
-            moves=tuple(self._move_report(move, schedule, by_number) for move in schedule.moves),
+            moves=tuple(
+                self._move_report(move, trip.time_s if trip else schedule.duration_s, by_number)
+                for move in schedule.moves
+            ),
+            trip=trip.as_json() if trip else None,
+            platen=platen_result(self.machine, schedule.moves, hottest_C),
         )
 
     def _move_report(
-        self, move: PlannedMove, schedule: Schedule, axes: dict[int, EmulatedAxis]
+        self, move: PlannedMove, ended_s: float, axes: dict[int, EmulatedAxis]
     ) -> MoveReport:
         fates = [axes[number].fates.of(move) for number in move.axes]
         metres_per_uu = move.microsteps_per_uu * Fraction(
@@ -178,7 +176,7 @@ class Emulator:
             stall_margin=min(fate.stall_margin for fate in fates),
             lost_pitches=max((fate.lost_pitches for fate in fates), key=abs),
             slipped=any(fate.slipped for fate in fates),
-            complete=move.end_s <= schedule.duration_s,
+            complete=move.end_s <= ended_s,
         )
 
 
@@ -192,6 +190,8 @@ def emulate(
     seed: int = 0,
     resolved: bool = True,
     max_step_s: float = MAX_STEP_S,
+    effects: Effects | None = None,
+    compiled: bool | None = None,
 ) -> Recording:
     """Run `program` on an emulated machine and keep the recording in memory.
 
@@ -200,10 +200,21 @@ def emulate(
     """
     if isinstance(machine, str):
         machine = load_machine(machine)
-    emulator = Emulator(machine, payload_kg, rate_hz, seed, resolved, max_step_s)
+    emulator = Emulator(machine, payload_kg, rate_hz, seed, resolved, max_step_s, effects, compiled)
     sink = MemorySink()
     run = emulator.run(program, sink, for_s)
     return sink.recording(emulator.header(program), run)
+
+
+def _axis_columns(n: int, samples: Samples) -> Columns:
+    return {
+        f"command_{n}_m": samples.command_m,
+        f"position_{n}_m": samples.position_m,
+        f"velocity_{n}_m_s": samples.velocity_m_s,
+        f"phase_a_{n}_A": samples.phase_a_A,
+        f"phase_b_{n}_A": samples.phase_b_A,
+        f"force_{n}_N": samples.force_N,
+    }
 
 
 def _lines(schedule: Schedule, times: Floats) -> np.ndarray[tuple[int], np.dtype[np.int32]]:

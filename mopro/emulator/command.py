@@ -26,6 +26,34 @@ class CommandTable:
         self.starts_s: Floats = rows[:, 0]
         self.coefficients: Floats = np.ascontiguousarray(rows[:, 2:].T)
 
+    def ticked(self, interval_s: float, interpolate: bool, until_s: float) -> CommandTable:
+        """This command as a controller gives it that updates it every `interval_s`.
+
+        See the effect profile_tick; `until_s` ends a motion without end.
+        """
+        ends_s = np.minimum(np.append(self.starts_s[1:], np.inf), until_s)
+        moving = self.coefficients[2:].any(axis=0)
+        spans = zip(self.starts_s[moving], ends_s[moving], strict=True)
+        ticks = np.unique(
+            np.concatenate(
+                [[0.0]]
+                + [
+                    np.arange(math.floor(a / interval_s), math.ceil(b / interval_s) + 3)
+                    for a, b in spans
+                ]
+            )
+        )
+        here = self.position_u(ticks * interval_s)
+        before = self.position_u(np.maximum(ticks - 1, 0) * interval_s)
+        table = CommandTable.__new__(CommandTable)
+        table.starts_s = ticks * interval_s
+        still = np.zeros_like(here)
+        start, speed = (before, (here - before) / interval_s) if interpolate else (here, still)
+        if not interpolate:
+            start = np.floor(start + 0.5)
+        table.coefficients = np.array([table.starts_s, start, speed, still, still])
+        return table
+
     def rows_at(self, time_s: Floats) -> NDArray[np.intp]:
         """The row that holds at each time, and just after it."""
         return np.searchsorted(self.starts_s, time_s, side="right") - 1

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,16 @@ _COIL_PAIRS = 4
 
 @dataclass(frozen=True)
 class HeatBalance:
-    """Constant heating: `power_W` in, `conductance_W_K` (hA) out to the air."""
+    """Constant heating: `power_W` in, `conductance_W_K` (hA) out to the air.
+
+    `moving_axes`, `speeds_m_s` and `lengths_m` are those of the motion it comes from.
+    """
 
     power_W: float
     conductance_W_K: float
+    moving_axes: int = 0
+    speeds_m_s: tuple[float, ...] = ()
+    lengths_m: tuple[float, ...] = ()
 
     @property
     def rise_K(self) -> float:
@@ -52,7 +58,7 @@ def heat_balance(
     bearing_m_s = heat.bearing_flow_m3_s / heat.bearing_area_m2
     sides = _film_W_m2_K(machine, speed_m_s, length) * heat.side_area_m2
     top = _film_W_m2_K(machine, speed_m_s + bearing_m_s, length) * heat.top_area_m2
-    return HeatBalance(power, sides + top)
+    return HeatBalance(power, sides + top, moving_axes)
 
 
 def _film_W_m2_K(machine: Machine, air_m_s: float, length_m: float) -> float:
@@ -68,7 +74,7 @@ class HeatHistory:
 
     def __init__(self, machine: Machine, moves: Iterable[PlannedMove]) -> None:
         self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
-        starts, balances = _pieces(machine, moves)
+        starts, balances = heat_pieces(machine, moves)
         self._starts_s = np.array(starts)
         self._final_C = np.array([machine.heat.ambient_C + b.rise_K for b in balances])
         self._rate_1_s = np.array([b.conductance_W_K for b in balances]) / self._capacity_J_K
@@ -92,7 +98,7 @@ class HeatHistory:
         return solution
 
 
-def _pieces(
+def heat_pieces(
     machine: Machine, moves: Iterable[PlannedMove]
 ) -> tuple[list[float], list[HeatBalance]]:
     """The times at which the heating changes, and the balance from each on."""
@@ -124,4 +130,5 @@ def _balance_of(machine: Machine, moves: list[PlannedMove]) -> HeatBalance:
         for move in moves
         for stroke in move.strokes
     ]
-    return heat_balance(machine, len(lengths), math.hypot(*speeds), math.hypot(*lengths))
+    balance = heat_balance(machine, len(lengths), math.hypot(*speeds), math.hypot(*lengths))
+    return replace(balance, speeds_m_s=tuple(speeds), lengths_m=tuple(map(abs, lengths)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from dataclasses import Field, fields
+from dataclasses import MISSING, Field, fields
 from difflib import get_close_matches
 from functools import cache
 from importlib import resources
@@ -13,12 +13,26 @@ from pathlib import Path
 from typing import Any
 
 from mopro.errors import Diagnostic, ModelError
-from mopro.machine.model import Axis, Drive, Heat, Machine, Platen, Provenance
+from mopro.machine.model import (
+    Axis,
+    Drive,
+    Forcers,
+    Heat,
+    Limits,
+    Machine,
+    Platen,
+    Provenance,
+    StatedEffect,
+    StatedValue,
+)
+from mopro.program import AXES
 from mopro.source import Source, Span
 from mopro.units import to_si
 
 ORIGINS = ("thesis", "derived", "assumed", "measured")
 _SECTIONS: dict[str, type[Any]] = {"axis": Axis, "drive": Drive, "platen": Platen, "heat": Heat}
+_OPTIONAL: dict[str, type[Any]] = {"forcers": Forcers, "limits": Limits}
+_EFFECTS = "effects"
 _VALUE_KEYS = {"value", "unit", "origin", "place"}
 _TOML_PLACE = re.compile(r"\(at line (\d+), column (\d+)\)")
 
@@ -75,14 +89,69 @@ class _Reader:
         self._provenance: dict[str, Provenance] = {}
 
     def machine(self) -> Machine:
-        self._known("", self._data, {"name", *_SECTIONS})
+        self._known("", self._data, {"name", _EFFECTS, *_SECTIONS, *_OPTIONAL})
         name = self._data.get("name")
         if not isinstance(name, str) or not name:
             self._report("missing-key", 'expected a name, such as name = "mine"', "", "name")
         parts = {key: self._section(key, kind) for key, kind in _SECTIONS.items()}
+        for key, kind in _OPTIONAL.items():
+            if key in self._data:
+                parts[key] = self._section(key, kind)
+        effects = self._effects()
         if self._found:
             raise ModelError(self._source, self._found)
-        return Machine(name=str(name), provenance=self._provenance, **parts)
+        return Machine(
+            name=str(name),
+            provenance=self._provenance,
+            effects=effects,
+            source=self._source,
+            **parts,
+        )
+
+    def _effects(self) -> tuple[StatedEffect, ...]:
+        tables = self._data.get(_EFFECTS, {})
+        if not isinstance(tables, dict):
+            self._report(
+                "bad-value", "expected sections such as [effects.viscous_drag]", "", _EFFECTS
+            )
+            return ()
+        return tuple(self._effect(name, table) for name, table in tables.items())
+
+    def _effect(self, name: str, table: Any) -> StatedEffect:
+        section = f"{_EFFECTS}.{name}"
+        if not isinstance(table, dict):
+            self._report("bad-value", f"expected a section [{section}]", _EFFECTS, name)
+            table = {}
+        values = {
+            key: self._stated(section, key, entry) for key, entry in table.items() if key != "axes"
+        }
+        axes = table.get("axes", list(AXES))
+        if not isinstance(axes, list) or not axes or any(axis not in AXES for axis in axes):
+            self._report("bad-value", "expected axes such as [1] or [1, 2]", section, "axes")
+            axes = []
+        return StatedEffect(name, values, tuple(axes), self._place("", section))
+
+    def _stated(self, section: str, key: str, entry: Any) -> StatedValue:
+        """A bare number, or a table with value and unit."""
+        number = entry.get("value") if isinstance(entry, dict) else entry
+        unit = None
+        if isinstance(entry, dict):
+            self._known(section, entry, _VALUE_KEYS, at=key)
+            self._origin(section, key, entry)
+            unit = str(entry.get("unit"))
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            message = f"expected {key} = number, or {key} = {{ value = number, unit = ... }}"
+            self._report("bad-value", message, section, key)
+            number = 0.0
+        return StatedValue(float(number), unit, self._place(section, key))
+
+    def _origin(self, section: str, key: str, entry: dict[str, Any]) -> None:
+        if entry.get("origin") not in ORIGINS:
+            message = f"expected an origin of {key}: one of {', '.join(ORIGINS)}"
+            self._report("missing-origin", message, section, key)
+        self._provenance[f"{section}.{key}"] = Provenance(
+            str(entry.get("origin")), str(entry.get("place", ""))
+        )
 
     def _section(self, section: str, kind: type[Any]) -> Any:
         table = self._data.get(section)
@@ -94,11 +163,26 @@ class _Reader:
         values = {f.name: self._value(section, table, f) for f in quantities}
         return None if None in values.values() else kind(**values)
 
-    def _value(self, section: str, table: dict[str, Any], quantity: Field[Any]) -> float | None:
-        key, dimension = quantity.metadata["key"], quantity.metadata["dimension"]
+    def _value(self, section: str, table: dict[str, Any], quantity: Field[Any]) -> Any:
+        key = quantity.metadata["key"]
         if key not in table:
+            if quantity.default is not MISSING:
+                return quantity.default
             self._report("missing-key", f"[{section}] has no {key}", "", section)
             return None
+        if choices := quantity.metadata.get("choices"):
+            return self._word(section, key, table[key], choices)
+        return self._quantity(section, table, quantity)
+
+    def _word(self, section: str, key: str, word: Any, choices: tuple[str, ...]) -> str | None:
+        if word in choices:
+            return str(word)
+        message = f"expected {key} to be one of {', '.join(choices)}"
+        self._report("bad-value", message, section, key)
+        return None
+
+    def _quantity(self, section: str, table: dict[str, Any], quantity: Field[Any]) -> float | None:
+        key, dimension = quantity.metadata["key"], quantity.metadata["dimension"]
         entry = table[key]
         number = entry.get("value") if isinstance(entry, dict) else None
         if not isinstance(entry, dict) or isinstance(number, bool):
@@ -110,12 +194,7 @@ class _Reader:
             self._report("bad-value", message, section, key)
             return None
         self._known(section, entry, _VALUE_KEYS, at=key)
-        if entry.get("origin") not in ORIGINS:
-            message = f"expected an origin of {key}: one of {', '.join(ORIGINS)}"
-            self._report("missing-origin", message, section, key)
-        self._provenance[f"{section}.{key}"] = Provenance(
-            str(entry.get("origin")), str(entry.get("place", ""))
-        )
+        self._origin(section, key, entry)
         try:
             value = to_si(number, str(entry.get("unit")), dimension)
         except ValueError as error:

@@ -4,16 +4,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+from mopro.program import AXES
+from mopro.source import Source, Span
 
 FULL_STEPS_PER_PITCH = 4
 
 
-def _quantity(key: str, dimension: str, at_least: float = 0.0, above: bool = True) -> Any:
-    """A field that a machine file states under `key`, within a bound."""
+def _quantity(
+    key: str,
+    dimension: str,
+    at_least: float = 0.0,
+    above: bool = True,
+    default: float | None = None,
+) -> Any:
+    """A field that a machine file states under `key`, within a bound.
+
+    One with a default may be left out.
+    """
     metadata = {"key": key, "dimension": dimension, "at_least": at_least, "above": above}
-    return field(metadata=metadata)
+    if default is None:
+        return field(metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def _choice(key: str, *choices: str) -> Any:
+    """A field that a machine file states as one of some words; the first is the default."""
+    return field(default=choices[0], metadata={"key": key, "choices": choices})
 
 
 @dataclass(frozen=True)
@@ -52,20 +71,54 @@ class Axis:
         """c_s = 2 ζ √(K m) with the bare mass: a payload does not change the drive."""
         return 2 * self.damping_ratio * math.sqrt(self.stiffness_N_m * self.moving_mass_kg)
 
+    @property
+    def critical_damping_N_s_m(self) -> float:
+        """2 √(K m) of the bare motor."""
+        return 2 * math.sqrt(self.stiffness_N_m * self.moving_mass_kg)
+
 
 @dataclass(frozen=True)
 class Drive:
+    """The drive of each axis.
+
+    `model` is `ideal` (currents are what they are set to) or `full` (R, L, back-EMF and
+    a limited supply); `full` makes pull-out fall with speed.
+    """
+
     microsteps_per_full_step: float = _quantity("microsteps_per_full_step", "ratio", 1, False)
     phase_current_A: float = _quantity("phase_current", "current")
     coil_resistance_ohm: float = _quantity("coil_resistance", "resistance")
     coil_inductance_H: float = _quantity("coil_inductance", "inductance")
     supply_V: float = _quantity("supply", "voltage")
+    model: str = _choice("model", "ideal", "full")
 
 
 @dataclass(frozen=True)
 class Platen:
     length_m: float = _quantity("length", "length")
     width_m: float = _quantity("width", "length")
+    expansion_low_1_K: float = _quantity("expansion_low", "expansion", default=9.9e-6)
+    expansion_high_1_K: float = _quantity("expansion_high", "expansion", default=12.8e-6)
+
+
+@dataclass(frozen=True)
+class Forcers:
+    """The two forcers of each axis, `arm_m` to either side of its middle.
+
+    Strengths are shares of half the axis' pull-out force. A machine that states them has
+    its yaw recorded.
+    """
+
+    arm_m: float = _quantity("arm", "length", default=0.06)
+    strength_1: float = _quantity("strength_1", "ratio", above=False, default=1.0)
+    strength_2: float = _quantity("strength_2", "ratio", above=False, default=1.0)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How far beyond its switch the forcer gets before it meets a hard stop."""
+
+    overtravel_m: float = _quantity("overtravel", "length", above=False, default=0.0127)
 
 
 @dataclass(frozen=True)
@@ -87,6 +140,25 @@ class Heat:
 
 
 @dataclass(frozen=True)
+class StatedValue:
+    """A number as written, with its unit unless it is bare."""
+
+    number: float
+    unit: str | None = None
+    span: Span = field(default=Span(1, 1, 1), compare=False)
+
+
+@dataclass(frozen=True)
+class StatedEffect:
+    """An effect as a machine file switches it on; its names are checked by the emulator."""
+
+    name: str
+    values: Mapping[str, StatedValue]
+    axes: tuple[int, ...] = AXES
+    span: Span = field(default=Span(1, 1, 1), compare=False)
+
+
+@dataclass(frozen=True)
 class Machine:
     """A machine file's content; `provenance` is keyed by `section.key`."""
 
@@ -96,6 +168,22 @@ class Machine:
     platen: Platen
     heat: Heat
     provenance: Mapping[str, Provenance] = field(compare=False, repr=False)
+    forcers: Forcers | None = None
+    limits: Limits = Limits()
+    effects: tuple[StatedEffect, ...] = ()
+    source: Source | None = field(default=None, compare=False, repr=False)
+
+    def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:
+        """This machine with these effects as well, numbers in the effects' own units.
+
+        An effect that the machine has already is replaced.
+        """
+        kept = tuple(e for e in self.effects if e.name not in effects)
+        added = tuple(
+            StatedEffect(name, {key: StatedValue(float(v)) for key, v in values.items()})
+            for name, values in effects.items()
+        )
+        return replace(self, effects=kept + added)
 
     @property
     def microstep_m(self) -> float:

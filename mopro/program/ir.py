@@ -92,7 +92,9 @@ class WaitAxis(AxisOp):
 
 @dataclass(frozen=True, slots=True)
 class Dwell(Op):
-    milliseconds: int
+    """Wait; a program says whole milliseconds, a slow controller may add parts of one."""
+
+    milliseconds: int | Fraction
 
 
 @dataclass(frozen=True, slots=True)

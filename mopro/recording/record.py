@@ -36,7 +36,8 @@ def column_names(axes: Sequence[int]) -> list[str]:
 class Header:
     """How a recording came to be; enough to make it again.
 
-    `program_sha256` is the digest of the program file's bytes, `back_end` what ran it.
+    `program_sha256` is the digest of the program file's bytes, `back_end` what ran it,
+    `effects` what was switched on: name, axes and parameters of each.
     """
 
     program: str
@@ -47,6 +48,7 @@ class Header:
     payload_kg: float
     seed: int
     versions: Mapping[str, str]
+    effects: list[dict[str, Any]] = field(default_factory=list)
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -36,7 +37,11 @@ class MoveReport:
 
 @dataclass(frozen=True)
 class Run:
-    """What came of running `program` on `machine`."""
+    """What came of running `program` on `machine`.
+
+    `trip` is what stopped the machine before its time (kind, time_s, line, axis);
+    `platen` how far the forcer's heat has stretched the platen, in the worst case.
+    """
 
     program: str
     machine: str
@@ -44,6 +49,8 @@ class Run:
     loops_forever: bool
     complete: bool
     moves: tuple[MoveReport, ...]
+    trip: Mapping[str, Any] | None = None
+    platen: Mapping[str, Any] | None = None
 
     @property
     def stalled(self) -> bool:
@@ -58,5 +65,7 @@ class Run:
             "stalled": self.stalled,
             "loops_forever": self.loops_forever,
             "complete": self.complete,
+            "trip": None if self.trip is None else dict(self.trip),
+            "platen": None if self.platen is None else dict(self.platen),
             "moves": [asdict(move) for move in self.moves],
         }

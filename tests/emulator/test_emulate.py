@@ -8,9 +8,10 @@ import pytest
 
 import mopro
 from mopro.api import compile_file
-from mopro.emulator import Emulator, compiled, kernel
-from mopro.emulator.axis import Plant
+from mopro.emulator import Emulator
 from mopro.emulator.heat import HeatHistory, heat_balance
+from mopro.emulator.plant import PlantNumbers
+from mopro.emulator.setup import compiling_pays
 from mopro.errors import MoproError
 from mopro.machine import load_machine
 from mopro.motion import plan
@@ -49,24 +50,22 @@ def test_lvdt_programs_have_the_shapes_peaks_and_times_of_table_4_5(
     assert not run.stalled
 
 
-def test_a_run_can_be_repeated_bit_by_bit_and_compiled_or_not(monkeypatch):
-    def once():
-        return emulate(FORTH_AND_BACK).columns
+def test_a_run_can_be_repeated_bit_by_bit_and_compiled_or_not():
+    def once(compiled):
+        return emulate(FORTH_AND_BACK, compiled=compiled).columns
 
-    plain, again = once(), once()
-    monkeypatch.setattr("mopro.emulator.backend._COMPILE_FROM_STEPS", 0)
-    built = once()
+    plain, again, built = once(False), once(False), once(True)
     for name, values in plain.items():
         assert np.array_equal(values, again[name]), name
         assert np.array_equal(values, built[name]), name
 
 
 def test_long_work_is_compiled_and_short_work_is_not(programs_folder):
-    emulator = Emulator(MACHINE)
     temp1 = compile_file(programs_folder / "TEMP1.CMD")
     lvdt3 = compile_file(programs_folder / "LVDT3.CMD")
-    assert emulator._integrator(plan(temp1, 60.0)) is compiled.integrate
-    assert emulator._integrator(plan(lvdt3)) is kernel.integrate
+    step_s = Emulator(MACHINE).max_step_s
+    assert compiling_pays(plan(temp1, 60.0), step_s)
+    assert not compiling_pays(plan(lvdt3), step_s)
 
 
 def test_pieces_do_not_show_in_the_recording(monkeypatch):
@@ -164,7 +163,10 @@ class TestEnds:
             "UU012500/3\nVEL0 40.0\nACC0 0.25\n:B1\nMRI1 0.1\nWX1\nWT1\nJUMP B1\n"
         )
         last = plan(program, 600.0).moves[9_999]
-        recording = mopro.emulate(program, for_s=last.end_s + 0.001, rate_hz=2000.0)
+        platen = replace(MACHINE.platen, length_m=20.0)
+        recording = mopro.emulate(
+            program, replace(MACHINE, platen=platen), for_s=last.end_s + 0.001, rate_hz=2000.0
+        )
         assert len(recording.run.moves) == 10_000
         microsteps = recording["command_1_m"][-1] / MACHINE.microstep_m
         assert microsteps == pytest.approx(4_166_667, abs=1e-6)
@@ -191,7 +193,7 @@ def test_user_units_of_a_millimetre_are_named():
 
 
 def test_payload_leaves_the_drive_constant_alone():
-    bare, laden = (Plant.of(MACHINE, kg, True, 1e-5) for kg in (0.0, 2.543))
+    bare, laden = (PlantNumbers.of(MACHINE, kg) for kg in (0.0, 2.543))
     assert laden.damping_1_s == pytest.approx(bare.damping_1_s / 2)
     assert laden.pull_out_m_s2 == pytest.approx(bare.pull_out_m_s2 / 2)
 

@@ -1,0 +1,147 @@
+"""What a sensor shows of a run: the recording is the truth, this is the measurement.
+
+Effects of the measurement act here, in the order of the chain: where the target really
+is (geometry), what the transducer makes of it (reading), how slowly it follows
+(bandwidth), when samples are taken, what the electronics add; then noise and the
+converter's step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mopro.emulator.command import Floats
+from mopro.emulator.effects import Active, on_axis
+from mopro.emulator.effects.base import Scene
+from mopro.errors import DataError
+from mopro.machine import Machine
+from mopro.recording import Recording
+from mopro.units import UNITS
+
+POSITION, TEMPERATURE = "position", "temperature"
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One sensor of an experiment.
+
+    `column` ends in its unit (`position_1_in`, `temperature_C`); noise_rms and adc_step
+    are in that unit.
+    """
+
+    name: str
+    quantity: str
+    column: str
+    rate_hz: float
+    axis: int = 1
+    noise_rms: float = 0.0
+    adc_step: float = 0.0
+
+    @property
+    def unit_si(self) -> float:
+        """The column's unit in SI; DataError if there is none that fits."""
+        suffix = self.column.rsplit("_", 1)[-1]
+        dimension = {POSITION: "length", TEMPERATURE: "temperature"}.get(self.quantity)
+        kind, factor = UNITS.get(suffix, ("", 1))
+        if dimension is None or kind != dimension:
+            message = f"sensor {self.name}: column {self.column} has no unit of a {self.quantity}"
+            raise DataError(message, "wrong-unit")
+        return float(factor)
+
+
+def measure(
+    recording: Recording,
+    sensor: Sensor,
+    machine: Machine,
+    active: Sequence[Active] = (),
+    generator: np.random.Generator | None = None,
+) -> tuple[Floats, Floats]:
+    """The sensor's time stamps (s) and readings (in its column's unit).
+
+    Noise needs a `generator`. Before and after the recording everything stands still.
+    """
+    chain = tuple(active)
+    if sensor.quantity == POSITION:
+        chain = on_axis(chain, sensor.axis)
+    dense = recording["time_s"]
+    seen = _target(recording, sensor, machine, chain)
+    for a in chain:
+        lag_s = a.effect.bandwidth_s(sensor.quantity, *a.values)
+        seen = _first_order(dense, seen, lag_s) if lag_s > 0 else seen
+    stamps = np.arange(math.floor(float(dense[-1]) * sensor.rate_hz + 1e-6) + 1) / sensor.rate_hz
+    taken = stamps
+    for a in chain:
+        taken = a.effect.sampled_at(taken, *a.values)
+    reading = interpolated(dense, seen, taken)
+    if sensor.quantity == POSITION:
+        for a in chain:
+            reading = a.effect.electronics(reading, taken, *a.values)
+    return stamps, _converted(reading / sensor.unit_si, sensor, generator)
+
+
+def _target(
+    recording: Recording, sensor: Sensor, machine: Machine, chain: Sequence[Active]
+) -> Floats:
+    if sensor.quantity == TEMPERATURE:
+        temperature: Floats = recording["temperature_C"]
+        return temperature
+    x: Floats = recording[f"position_{sensor.axis}_m"]
+    others = [n for n in recording.axes if n != sensor.axis]
+    scene = Scene(
+        time_s=recording["time_s"],
+        own_velocity_m_s=recording[f"velocity_{sensor.axis}_m_s"],
+        other_m=recording[f"position_{others[0]}_m"] if others else np.zeros_like(x),
+        temperature_C=recording["temperature_C"],
+        air_C=machine.heat.ambient_C,
+    )
+    for a in chain:
+        x = a.effect.geometry(x, scene, *a.values)
+    for a in chain:
+        x = a.effect.reading(x, scene, *a.values)
+    return x
+
+
+def _first_order(time_s: Floats, x: Floats, lag_s: float) -> Floats:
+    """The response of a first-order lag, exact for what is linear between samples."""
+    followed = np.empty_like(x)
+    y = float(x[0])
+    followed[0] = y
+    for i in range(len(x) - 1):
+        h = float(time_s[i + 1] - time_s[i])
+        decay = math.exp(-h / lag_s)
+        slope = float(x[i + 1] - x[i]) / h
+        y = x[i + 1] - slope * lag_s + (y - x[i] + slope * lag_s) * decay
+        followed[i + 1] = y
+    return followed
+
+
+def interpolated(time_s: Floats, values: Floats, at_s: Floats) -> Floats:
+    """`values` between evenly spaced samples, by a cubic with central slopes."""
+    if len(time_s) < 2:
+        return np.full(len(at_s), float(values[0]))
+    h = float(time_s[1] - time_s[0])
+    place = np.clip(at_s / h, 0.0, len(time_s) - 1)
+    i = np.minimum(place.astype(np.int64), len(time_s) - 2)
+    u = place - i
+    slope = np.gradient(values)
+    start, end = values[i], values[i + 1]
+    curve: Floats = (
+        start * (1 + 2 * u) * (1 - u) ** 2
+        + slope[i] * u * (1 - u) ** 2
+        + end * u**2 * (3 - 2 * u)
+        - slope[i + 1] * u**2 * (1 - u)
+    )
+    return curve
+
+
+def _converted(reading: Floats, sensor: Sensor, generator: np.random.Generator | None) -> Floats:
+    """With noise, in whole steps of the converter."""
+    if sensor.noise_rms and generator is not None:
+        reading = reading + generator.normal(0.0, sensor.noise_rms, len(reading))
+    if sensor.adc_step:
+        reading = np.rint(reading / sensor.adc_step) * sensor.adc_step
+    return reading
