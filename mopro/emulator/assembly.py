@@ -106,8 +106,7 @@ class AssembledKernel:
 def assemble(layout: Layout, compiled: bool) -> AssembledKernel:
     """The kernel of `layout`, plain or compiled; each is made once.
 
-    Keyed by the effect objects themselves, of which the catalogue holds one each, so two
-    sets never share a kernel.
+    Keyed by the effects' classes in their order, so two sets never share a kernel.
     """
     names: dict[str, Any] = {"math": math, "CURRENT_LOOP_S": CURRENT_LOOP_S, **layout.terms()}
     build: Callable[[Any], Any] = _as_it_is

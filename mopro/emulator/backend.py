@@ -44,7 +44,8 @@ class Emulator:
     what is random in a machine (nothing, in the nominal one) and is recorded. `effects`
     are switched on besides the machine's own: name to parameters, in the effects' units
     (SI); unstated ones have their defaults. `compiled` forces the kernel to be compiled
-    or not; many short runs gain from it. A kernel is compiled once for each set of
+    or not; many short runs gain from it. `settled` waits behind the end of a run until
+    the tooth that holds each axis is certain; without it `lost_pitches` may not be final. A kernel is compiled once for each set of
     effects, whatever their numbers, so sets that differ in numbers only (down to those
     at which an effect vanishes) share one.
     Raises ModelError for effects that are not to be had.
@@ -58,6 +59,7 @@ class Emulator:
     max_step_s: float = MAX_STEP_S
     effects: Effects | None = None
     compiled: bool | None = None
+    settled: bool = True
 
     def __post_init__(self) -> None:
         _ = self.active
@@ -102,7 +104,7 @@ class Emulator:
             columns = self._columns(staging, times, end_s)
             hottest_C = max(hottest_C, float(columns["temperature_C"].max()))
             sink.write(columns)
-        for axis in staging.axes:
+        for axis in staging.axes if self.settled else ():
             axis.settle()
         return self._report(staging, hottest_C)
 

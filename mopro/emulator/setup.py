@@ -36,6 +36,8 @@ COMPILE_FROM_STEPS = 400_000
 COMPILE_ASSEMBLED_FROM_STEPS = 250_000
 _RINGING_S = 0.7
 _TRIP_STEP_S = 1.0
+_STRENGTH_STEP_S = 5.0
+_FEW_CHANGES = 20
 
 Heat = HeatHistory | SteppedHeat
 
@@ -195,11 +197,11 @@ def _command(schedule: Schedule, number: int, active: Sequence[Active]) -> Comma
 def _weakened(
     strength: Strength, heat: Heat, duration_s: float, active: Sequence[Active]
 ) -> Strength:
-    """The strength with the force constant following the temperature, second by second."""
+    """The strength with the force constant following the temperature, every few seconds."""
     with_heat = [a for a in active if a.effect.force_factor(np.zeros(1), *a.values) is not None]
     if not with_heat:
         return strength
-    times = np.union1d(strength.times_s, np.arange(0.0, duration_s, _TRIP_STEP_S))
+    times = np.union1d(strength.times_s, np.arange(0.0, duration_s, _STRENGTH_STEP_S))
     constant: Floats = np.ones(len(times))
     for a in with_heat:
         factor = a.effect.force_factor(heat.temperature_C(times), *a.values)
@@ -220,7 +222,12 @@ def _engine(
     assembled = bool(layout.effects) or not strength.always_full
     compiled = settings.compiled
     if compiled is None:
-        compiled = compiling_pays(schedule, settings.max_step_s, assembled)
+        # Under a strength that changes an axis is never quite at rest.
+        restless = assembled and len(strength.times_s) > _FEW_CHANGES
+        steps = schedule.duration_s / settings.max_step_s
+        compiled = (restless and steps >= COMPILE_ASSEMBLED_FROM_STEPS) or compiling_pays(
+            schedule, settings.max_step_s, assembled
+        )
     how = (plant, command, settings.resolved, settings.max_step_s)
     if assembled:
         return AssembledEngine(*how, active, strength, compiled)

@@ -123,6 +123,13 @@ class Effect:
     # Blocks that the drive itself knows: "lag" or "voltage".
     current_loop: ClassVar[str | None] = None
 
+    # An effect has no state: two objects of one class are one effect, and one kernel.
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
     def equation(self) -> str:
         """The docstring: what the effect is, its equation, units and source."""
         return inspect.getdoc(type(self)) or ""

@@ -134,14 +134,14 @@ def test_electrical_damping_sets_the_ring_down():
 
 
 def test_force_constant_falls_with_temperature():
-    """Hot from an hour's standing: the side load moves it further by 1/(1 - α ΔT)."""
+    """Hot from a quarter of an hour's standing: the side load moves it further by 1/(1 - α ΔT)."""
     effects = {"constant_force": {"F_b": 5.0}}
     hot = effects | {"force_constant_temperature": {"alpha": 1e-3, "T0": 24.87}}
-    on = run(body="WT3600000\n", rate_hz=0.1, effects=hot)
+    on = run(body="WT900000\n", rate_hz=0.1, effects=hot, compiled=True)
     rise = on["temperature_C"][-1] - 24.87
-    assert rise > 20
+    assert rise > 5
     expected = math.asin(5.0 / (F0 * (1 - 1e-3 * rise))) / k
-    assert on["position_1_m"][-1] == pytest.approx(expected, rel=1e-4)
+    assert on["position_1_m"][-1] == pytest.approx(expected, rel=2e-4)
 
 
 # A slow scan over a few pitches shows what is periodic in the pitch.

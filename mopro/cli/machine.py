@@ -1,0 +1,119 @@
+"""`mopro machine`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
+from mopro.errors import ModelError
+
+if TYPE_CHECKING:
+    from mopro.machine import Machine
+
+_SECTIONS = ("axis", "drive", "platen", "heat", "forcers", "limits")
+_MOST_ROWS = 200
+
+
+@click.group()
+def command() -> None:
+    """Show and check machine files.
+
+    Example: mopro machine show chow1992
+    """
+
+
+@command.command()
+@click.argument("machine", default="chow1992")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def show(machine: str, as_json: bool) -> None:
+    """Print every number of a machine, in SI, and where it comes from.
+
+    Example: mopro machine show chow1992
+    """
+    from mopro.cli.table import print_table
+    from mopro.machine import load_machine
+
+    loaded = load_machine(machine)
+    rows = [*_quantities(loaded), *_effects(loaded)]
+    if as_json:
+        click.echo(json.dumps({"name": loaded.name, "quantities": rows}, indent=1))
+        return
+    cells = [[str(row[key]) for key in ("key", "value", "unit", "origin", "place")] for row in rows]
+    print_table(("quantity", "value", "unit", "origin", "place"), cells, _MOST_ROWS)
+
+
+@command.command()
+@click.argument("machines", nargs=-1, required=True)
+def check(machines: tuple[str, ...]) -> int:
+    """Check machine files: keys, units, bounds, effects; exits with 1 for findings.
+
+    Example: mopro machine check mine.toml
+    """
+    code = 0
+    for machine in machines:
+        try:
+            name = _checked(machine)
+        except ModelError as error:
+            click.echo(error.render(), err=True)
+            unreadable = any(d.rule == "unknown-machine" for d in error.diagnostics)
+            code = max(code, EXIT_BAD_INPUT if unreadable else EXIT_FAILED)
+        else:
+            click.echo(f"{machine}: {name}: no findings")
+    return code
+
+
+def _checked(machine: str) -> str:
+    from mopro.emulator.effects import catalogue
+    from mopro.emulator.effects.resolve import active_effects
+    from mopro.machine import load_machine
+
+    loaded = load_machine(machine)
+    active_effects(loaded, catalogue())
+    return loaded.name
+
+
+def _quantities(machine: Machine) -> list[dict[str, Any]]:
+    from mopro.units import units_of
+
+    rows = []
+    for section in _SECTIONS:
+        part = getattr(machine, section)
+        for field in fields(part) if part is not None else ():
+            key = f"{section}.{field.metadata['key']}"
+            dimension = field.metadata.get("dimension")
+            source = machine.provenance.get(key)
+            rows.append(
+                {
+                    "key": key,
+                    "value": getattr(part, field.name),
+                    "unit": units_of(dimension)[0] if dimension else "",
+                    "origin": source.origin if source else "assumed",
+                    "place": source.place if source else "default",
+                }
+            )
+    return rows
+
+
+def _effects(machine: Machine) -> list[dict[str, Any]]:
+    from mopro.emulator.effects import catalogue
+    from mopro.emulator.effects.resolve import active_effects
+
+    rows = []
+    for active in active_effects(machine, catalogue()):
+        for parameter, value in zip(active.effect.parameters, active.values, strict=True):
+            key = f"effects.{active.name}.{parameter.name}"
+            source = machine.provenance.get(key)
+            rows.append(
+                {
+                    "key": key,
+                    "value": value,
+                    "unit": parameter.unit,
+                    "origin": source.origin if source else "stated",
+                    "place": source.place if source else parameter.meaning,
+                }
+            )
+    return rows

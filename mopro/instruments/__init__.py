@@ -1,0 +1,20 @@
+"""The instruments of the thesis's laboratory: a run to what was on disk, and back."""
+
+from mopro.instruments.daq import (
+    read_lvdt,
+    read_thermocouple,
+    write_lvdt,
+    write_thermocouple,
+)
+from mopro.instruments.lvdt import Lvdt, block_velocity
+from mopro.instruments.thermocouple import Thermocouple
+
+__all__ = [
+    "Lvdt",
+    "Thermocouple",
+    "block_velocity",
+    "read_lvdt",
+    "read_thermocouple",
+    "write_lvdt",
+    "write_thermocouple",
+]

@@ -1,0 +1,36 @@
+"""Acceleration limits as a figure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mopro.limits import PROFILES, Limit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot_limits(limits: list[Limit], title: str) -> Figure:
+    """Largest acceleration, and the duration of the timed move, against peak velocity."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 7), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for profile in PROFILES:
+        found = [
+            (each.velocity, each.acceleration, each.duration_s)
+            for each in limits
+            if each.profile == profile and each.acceleration is not None
+        ]
+        if found:
+            velocity, acceleration, duration = zip(*found, strict=True)
+            upper.plot(velocity, acceleration, marker="o", label=profile)
+            lower.plot(velocity, duration, marker="o", label=profile)
+    upper.set_ylabel("largest acceleration (in/s²)")
+    lower.set_ylabel("duration of the move (s)")
+    lower.set_xlabel("peak velocity (in/s)")
+    for panel in (upper, lower):
+        panel.grid(alpha=0.3)
+        panel.legend()
+    figure.suptitle(title)
+    return figure
