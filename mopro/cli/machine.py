@@ -66,6 +66,17 @@ def check(machines: tuple[str, ...]) -> int:
     return code
 
 
+@command.command()
+def effects() -> None:
+    """Print all effects that a machine file may switch on, as Markdown.
+
+    Example: mopro machine effects > docs/effects.md
+    """
+    from mopro.emulator.effects.document import markdown
+
+    click.echo(markdown(), nl=False)
+
+
 def _checked(machine: str) -> str:
     from mopro.emulator.effects import catalogue
     from mopro.emulator.effects.resolve import active_effects

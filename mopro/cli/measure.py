@@ -12,6 +12,7 @@ from mopro.cli.programs import compiled_program
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
+    from mopro.emulator.command import Floats
     from mopro.recording import Recording
 
 
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
     help="What is connected to the converter.",
 )
 @click.option("--out", type=OutputFile(".dat", ".csv"), required=True, help="A .DAT or .csv file.")
-@click.option("--axis", type=click.IntRange(1, 2), default=1, show_default=True, help="LVDT's axis.")
+@click.option(
+    "--axis", type=click.IntRange(1, 2), default=1, show_default=True, help="LVDT's axis."
+)
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
 @click.option("--payload", type=Quantity("mass", "kg"), default=0.0, metavar="MASS")
 @click.option("--for", "for_s", type=Quantity("time", "s", positive=True), metavar="DURATION")
@@ -77,9 +80,7 @@ def _lvdt_duration_s() -> float:
     return lvdt.samples / lvdt.rate_hz + 0.1
 
 
-def _lvdt(
-    recording: Recording, emulator: Emulator, axis: int, seed: int | None, out: Path
-) -> int:
+def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None, out: Path) -> int:
     """The transducer is placed where the stroke's middle is its own."""
     import numpy as np
 
@@ -117,11 +118,11 @@ def _thermocouple(recording: Recording, emulator: Emulator, out: Path) -> int:
     return len(stored)
 
 
-def _write_csv(out: Path, column: str, times: object, values: object) -> None:
+def _write_csv(out: Path, column: str, times: Floats, values: Floats) -> None:
     import numpy as np
 
     from mopro.recording.atomic import written_beside
 
     with written_beside(out) as draft:
-        table = np.column_stack([times, values])  # type: ignore[list-item]
+        table = np.column_stack([times, values])
         np.savetxt(draft, table, "%.9g", ",", header=f"time_s,{column}", comments="")

@@ -44,10 +44,10 @@ class Emulator:
     what is random in a machine (nothing, in the nominal one) and is recorded. `effects`
     are switched on besides the machine's own: name to parameters, in the effects' units
     (SI); unstated ones have their defaults. `compiled` forces the kernel to be compiled
-    or not; many short runs gain from it. `settled` waits behind the end of a run until
-    the tooth that holds each axis is certain; without it `lost_pitches` may not be final. A kernel is compiled once for each set of
+    or not; many short runs gain from it. A kernel is compiled once for each set of
     effects, whatever their numbers, so sets that differ in numbers only (down to those
-    at which an effect vanishes) share one.
+    at which an effect vanishes) share one. `settled` waits behind the end of a run until
+    the tooth that holds each axis is certain; without it `lost_pitches` may not be final.
     Raises ModelError for effects that are not to be had.
     """
 

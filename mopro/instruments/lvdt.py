@@ -74,4 +74,4 @@ def block_velocity(
     interval_s = averaged / rate_hz
     times = (np.arange(1, blocks) - 0.5 / averaged) * interval_s
     velocity: Floats = np.diff(means) / interval_s
-    return times, velocity
+    return np.asarray(times, dtype=np.float64), velocity

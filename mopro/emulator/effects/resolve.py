@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 
 from mopro.emulator.effects.base import Active, Effect, Parameter
@@ -70,6 +71,10 @@ class _Resolver:
         self.found.append(Diagnostic(rule, message, span, hint=hint))
 
 
-def _near(name: str, known: dict[str, object] | dict[str, Effect] | dict[str, Parameter]) -> str:
-    near = get_close_matches(name, known, n=1)
-    return f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(known))}"
+def _near(name: str, known: Iterable[str]) -> str:
+    """A suggestion; a wrong letter case is the nearest of all."""
+    by_lower = {each.lower(): each for each in known}
+    near = get_close_matches(name.lower(), by_lower, n=1)
+    if near:
+        return f"did you mean `{by_lower[near[0]]}`?"
+    return f"known are {', '.join(sorted(by_lower.values()))}"
