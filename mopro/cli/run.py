@@ -78,7 +78,7 @@ def command(
 ) -> int:
     """Run a program and record what the machine does.
 
-    Exits with 1 if the motor stalls.
+    Exits with 1 if the motor stalls, runs into a limit switch or becomes too hot.
 
     Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
     """
@@ -98,7 +98,7 @@ def command(
         if pictures:
             pictures.draw(header, run)
     _tell(run, program, out, as_json)
-    return EXIT_FAILED if run.stalled else 0
+    return EXIT_FAILED if run.stalled or run.trip else 0
 
 
 class _Pictures:
@@ -148,7 +148,7 @@ def _tell(run: Run, program: Program, out: Path, as_json: bool) -> None:
         print_table(MOVE_COLUMNS, map(move_cells, run.moves), _MOST_ROWS)
         click.echo(outcome(run))
         click.echo(f"Recording: {out}")
-    if not run.complete:
+    if not run.complete and run.trip is None:
         why = "the program loops for ever" if run.loops_forever else "the program had not ended"
         hint = "change that with --for, for example --for 10min"
         click.echo(

@@ -42,6 +42,11 @@ def outcome(run: Run) -> str:
     text = f"{run.program} on {run.machine}: {moves} in {run.duration_s:.6f} s."
     if run.stalled:
         text += f" The motor stalled in {sum(move.slipped for move in run.moves)} of them."
+    if run.trip:
+        what = "The motor became too hot"
+        if run.trip["kind"] == "limit-switch":
+            what = f"Axis {run.trip['axis']} ran into its limit switch"
+        text += f" {what} at {run.trip['time_s']:.3f} s, in line {run.trip['line']}."
     return text
 
 
