@@ -137,10 +137,10 @@ def test_a_file_without_end_is_read_no_further_than_it_may_go(tmp_path, monkeypa
 def test_temperatures_out_of_range_and_time_that_stands(tmp_path):
     path = tmp_path / "T.DAT"
     path.write_text(" 25.0  0 \n 201  1 \n")
-    with pytest.raises(DataError, match="T.DAT:2:1: 201 °C is out of range"):
+    with pytest.raises(DataError, match=r"T\.DAT:2:1: 201 °C is out of range"):
         read_thermocouple(path)
     path.write_text(" 25.0  0 \n 25  0 \n")
-    with pytest.raises(DataError, match="T.DAT:2:1: the time does not go on"):
+    with pytest.raises(DataError, match=r"T\.DAT:2:1: the time does not go on"):
         read_thermocouple(path)
 
 

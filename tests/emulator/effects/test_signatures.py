@@ -151,8 +151,8 @@ SCAN = {"body": "MRI1 0.12\nWX1\n", "vel": 0.1, "acc": 0.001}
 @pytest.mark.parametrize(
     ("name", "values", "expected"),
     [
-        ("detent_force", {"Fd": 5.0}, lambda u: -5.0 / K * np.sin(4 * u)),
-        ("detent_force", {"Fd": 5.0, "phi": 1.0}, lambda u: -5.0 / K * np.sin(4 * u + 1.0)),
+        ("detent_force", {"Fd": 1.0}, lambda u: -1.0 / K * np.sin(4 * u)),
+        ("detent_force", {"Fd": 1.0, "phi": 1.0}, lambda u: -1.0 / K * np.sin(4 * u + 1.0)),
         ("phase_gain_imbalance", {"eps": 0.04}, lambda u: -0.02 / k * np.sin(2 * u)),
         ("quadrature_error", {"phi": 0.02}, lambda u: 0.01 / k * (1 + np.cos(2 * u))),
         (
@@ -168,17 +168,17 @@ def test_what_repeats_with_the_pitch(name, values, expected):
     inside = (times > 0.4) & (times < 1.0)
     wanted = expected(k * off["command_1_m"][inside])
     error = np.sqrt(np.mean((added[inside] - wanted) ** 2)) / np.sqrt(np.mean(wanted**2))
-    assert error < 0.08
+    assert error < 0.05
 
 
 def test_presliding_follows_its_exponential():
-    """A crawl over 5 µm: K (x_c - x) = Fc (1 - exp(-x/delta))."""
+    """A crawl over 5 µm of command: K (x_c - x) = Fc (1 - exp(-x/delta))."""
     effects = {"coulomb_friction": {"Fc": 10.0, "delta": 1e-5}}
     on = run("MRI1 0.0002\nWX1\n", vel=0.001, acc=0.0001, effects=effects)
     x, command = on["position_1_m"], on["command_1_m"]
     left = K * (command - x) - 10.0 * (1 - np.exp(-x / 1e-5))
     assert np.abs(left).max() < 0.03
-    assert 10.0 * (1 - np.exp(-x[-1] / 1e-5)) > 2.0
+    assert 10.0 * (1 - np.exp(-x[-1] / 1e-5)) > 1.5
 
 
 def test_halving_the_step_leaves_friction_alone():
@@ -254,7 +254,7 @@ def test_a_held_tick_is_late_by_half_of_it_and_damps_on_its_own():
     body = {"body": "MRI1 1.0\nWX1\n", "vel": 1.0, "acc": 0.01}
     times, added, _ = change("profile_tick", {"T": 1e-3, "interpolate": 0}, **body)
     expected = -IN * (0.5e-3 + MACHINE.axis.drive_damping_N_s_m / K)
-    assert mean_between(times, added, 0.5, 0.8) == pytest.approx(expected, rel=0.02)
+    assert mean_between(times, added, 0.5, 0.8) == pytest.approx(expected, rel=0.05)
 
 
 def test_lost_steps_stay_and_are_reported():
