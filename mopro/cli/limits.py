@@ -71,11 +71,13 @@ def command(
 ) -> None:
     """Find the largest acceleration that the motor follows, against peak velocity.
 
-    Searched by emulating moves, for the trapezoid and for parabolic ramps.
+    Searched by emulating moves, for the trapezoid and for parabolic ramps. Parabolic
+    ramps start with more acceleration; where the supply limits the force at speed they
+    also finish the same move sooner.
 
     Example: mopro limits --payload 5lb --plot limits.png
     """
-    from mopro.limits import find_limits, with_full_drive
+    from mopro.limits import PROFILES, find_limits, with_full_drive
     from mopro.machine import load_machine
 
     loaded = load_machine(machine)
@@ -91,6 +93,12 @@ def command(
 
     print_table(_COLUMNS, map(_cells, limits), 1000)
     click.echo(f"{loaded.name}, payload {payload:g} kg; the timed move is {distance:g} in.")
+    for profile in PROFILES:
+        found = [
+            (e.duration_s, e.velocity) for e in limits if e.profile == profile and e.duration_s
+        ]
+        if found:
+            click.echo(f"Soonest with {profile}: {min(found)[0]:.4f} s at {min(found)[1]:g} in/s.")
 
 
 def _cells(limit: Limit) -> list[str]:

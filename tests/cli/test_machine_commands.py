@@ -75,11 +75,20 @@ def test_thesis_prints_a_table(mopro):
     assert mopro("thesis", "9.9").returncode == 2
 
 
-def test_parabolic_ramps_start_with_more_acceleration(mopro, tmp_path):
-    done = mopro("limits", "--velocities", "40", "--json", "--plot", "limits.png")
+def test_parabolic_ramps_start_with_more_acceleration_and_finish_sooner(mopro, tmp_path):
+    """The source's conclusion, where the supply limits the force at speed."""
+    from importlib import resources
+
+    text = (resources.files("mopro.machine") / "machines" / "chow1992.toml").read_text()
+    (tmp_path / "weak.toml").write_text(
+        text.replace("supply = { value = 75.0", "supply = { value = 40.0")
+    )
+    options = ("--machine", "weak.toml", "--payload", "5lb", "--velocities", "60")
+    done = mopro("limits", *options, "--json", "--plot", "limits.png")
     assert done.returncode == 0
     trapezoid, parabola = json.loads(done.stdout)
-    assert parabola["acceleration"] > trapezoid["acceleration"] > 600
+    assert parabola["acceleration"] > 1.3 * trapezoid["acceleration"] > 400
+    assert parabola["duration_s"] < trapezoid["duration_s"]
     assert (tmp_path / "limits.png").stat().st_size > 1000
     assert mopro("limits", "--velocities", "x").returncode == 2
 
