@@ -67,7 +67,10 @@ class Emulator:
     @cached_property
     def active(self) -> tuple[Active, ...]:
         """The effects switched on, with their values."""
-        return active_effects(self.machine.with_effects(self.effects or {}), catalogue())
+        own = active_effects(self.machine, catalogue())
+        if not self.effects:
+            return own
+        return active_effects(self.machine.with_effects(self.effects), catalogue())
 
     def header(self, program: Program) -> Header:
         versions = {name: version(name) for name in ("mopro", "numpy")}

@@ -176,14 +176,17 @@ class Machine:
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:
         """This machine with these effects as well, numbers in the effects' own units.
 
-        An effect that the machine has already is replaced.
+        An effect that the machine has already is replaced. What is wrong with an effect
+        is then no fault of the machine's file, so that is no longer named as its source.
         """
+        if not effects:
+            return self
         kept = tuple(e for e in self.effects if e.name not in effects)
         added = tuple(
             StatedEffect(name, {key: StatedValue(float(v)) for key, v in values.items()})
             for name, values in effects.items()
         )
-        return replace(self, effects=kept + added)
+        return replace(self, effects=kept + added, source=None)
 
     @property
     def microstep_m(self) -> float:
