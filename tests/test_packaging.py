@@ -35,6 +35,11 @@ def test_the_wheel_works_away_from_the_checkout(wheel, tmp_path):
     axes, folder, place = shown.strip().rsplit(" ", 2)
     assert (axes, folder) == ("(1,)", "grammars")
     assert place.startswith(str(tmp_path))
+    with zipfile.ZipFile(wheel) as archive:
+        names = [n for n in archive.namelist() if n.startswith("mopro/programs/experiments/")]
+    assert len(names) == 14
+    path = "from mopro.thesis.tables import experiment_path; print(experiment_path(14).is_file())"
+    assert run(sys.executable, "-I", "-c", site + path, cwd=tmp_path).strip() == "True"
 
 
 @pytest.mark.parametrize("heavy", ["numpy", "numba", "pyarrow", "matplotlib", "rich", "serial"])
