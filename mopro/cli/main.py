@@ -25,6 +25,9 @@ COMMANDS = {
     "limits": "mopro.cli.limits",
     "machine": "mopro.cli.machine",
     "measure": "mopro.cli.measure",
+    "fmt": "mopro.cli.fmt",
+    "lint": "mopro.cli.lint",
+    "lsp": "mopro.cli.lsp",
     "run": "mopro.cli.run",
     "thesis": "mopro.cli.thesis",
 }

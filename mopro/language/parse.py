@@ -6,7 +6,10 @@ not the file.
 
 from __future__ import annotations
 
+import os
 import re
+import sys
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -67,6 +70,18 @@ def parse(source: Source, grammar: str = "attested") -> ast.Tree:
 
     `grammar` is a key of `GRAMMARS`.
     """
+    tree, faults = parse_what_can_be(source, grammar)
+    if not tree.statements and not faults:
+        faults = [Diagnostic("empty-program", "the program has no statement", Span(1, 1, 1))]
+    if faults:
+        raise SourceError(source, faults)
+    return tree
+
+
+def parse_what_can_be(
+    source: Source, grammar: str = "attested"
+) -> tuple[ast.Tree, list[Diagnostic]]:
+    """The tree of the lines without a fault, which may be none, and the faults of the others."""
     read = _line_reader(grammar)
     statements: list[ast.Statement] = []
     comments: list[ast.Comment] = []
@@ -80,11 +95,7 @@ def parse(source: Source, grammar: str = "attested") -> ast.Tree:
         if line.comment is not None:
             span = line.comment.span(number)
             comments.append(ast.Comment(span, text[span.column - 1 :]))
-    if not statements and not faults:
-        faults.append(Diagnostic("empty-program", "the program has no statement", Span(1, 1, 1)))
-    if faults:
-        raise SourceError(source, faults)
-    return ast.Tree(source, tuple(statements), tuple(comments))
+    return ast.Tree(source, tuple(statements), tuple(comments)), faults
 
 
 def grammar_path(file: str) -> Path:
@@ -92,6 +103,23 @@ def grammar_path(file: str) -> Path:
     package = Path(__file__).resolve().parents[1]
     installed = package / "grammars" / file
     return installed if installed.is_file() else package.parent / "grammars" / file
+
+
+def _cache_file(grammar: str) -> str | bool:
+    """Where lark keeps the parser that it made, in the user's cache; False for nowhere.
+
+    Making it takes longer than all else that a short program needs. Lark makes it anew
+    when the grammar or lark itself changes, and does without where it cannot write.
+    """
+    home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    folder = Path(home or os.path.expanduser("~/.cache")) / "mopro"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    path = grammar_path(GRAMMARS[grammar])
+    place = f"{zlib.crc32(str(path).encode()):08x}-{sys.implementation.cache_tag}"
+    return str(folder / f"{path.name}-{place}.parser")
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +164,7 @@ def _line_reader(grammar: str) -> Callable[[str], _Line]:
         propagate_positions=True,
         maybe_placeholders=False,
         import_paths=[str(grammar_path(GRAMMARS[grammar]).parent)],
+        cache=_cache_file(grammar),
     )
     known = _KINDS if grammar == "extended" else _ATTESTED
 

@@ -17,12 +17,17 @@ MOST_DWELL_MS = 10**9
 
 def lower(tree: ast.Tree) -> ir.Program:
     """The program that `tree` means; SourceError with all findings if it means none."""
+    ops, found = examine(tree)
+    if any(d.severity is Severity.ERROR for d in found):
+        raise SourceError(tree.source, found)
+    return ir.Program(ops, tree.source, tuple(found))
+
+
+def examine(tree: ast.Tree) -> tuple[tuple[ir.Op, ...], list[Diagnostic]]:
+    """The operations of `tree`, a program if no finding is an error, and the findings."""
     lowering = _Lowering(tree)
     ops = tuple(lowering.op(statement) for statement in tree.statements)
-    errors = [d for d in lowering.found if d.severity is Severity.ERROR]
-    if errors:
-        raise SourceError(tree.source, lowering.found)
-    return ir.Program(ops, tree.source, tuple(lowering.found))
+    return ops, lowering.found
 
 
 class _Lowering:
