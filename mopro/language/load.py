@@ -34,6 +34,11 @@ def split_at_end_of_file(data: bytes) -> tuple[bytes, bytes]:
     return text, mark + rest
 
 
+def text_before_end_of_file(text: str) -> str:
+    """What an editor shows of a DOS file, without its Ctrl-Z and what follows."""
+    return text.partition(_DOS_END_OF_FILE.decode("ascii"))[0]
+
+
 def source_from_bytes(data: bytes, name: str) -> Source:
     """Decode `data`, which ends at a Ctrl-Z; UTF-8 where it is that, else code page 437."""
     if len(data) > MOST_BYTES:

@@ -98,6 +98,11 @@ def parse_what_can_be(
     return ast.Tree(source, tuple(statements), tuple(comments)), faults
 
 
+def statement_kinds(grammar: str) -> list[type[ast.Statement]]:
+    """The statements that `grammar` knows."""
+    return list((_KINDS if grammar == "extended" else _ATTESTED).values())
+
+
 def grammar_path(file: str) -> Path:
     """The grammar file, in the installed package or in the checkout beside it."""
     package = Path(__file__).resolve().parents[1]
@@ -166,7 +171,7 @@ def _line_reader(grammar: str) -> Callable[[str], _Line]:
         import_paths=[str(grammar_path(GRAMMARS[grammar]).parent)],
         cache=_cache_file(grammar),
     )
-    known = _KINDS if grammar == "extended" else _ATTESTED
+    known = statement_kinds(grammar)
 
     @lru_cache(maxsize=4096)
     def read(text: str) -> _Line:
@@ -224,12 +229,12 @@ def _operand(token: Token) -> ast.Operand:
 
 
 def _explain(
-    text: str, unexpected: UnexpectedInput, known: dict[str, type[ast.Statement]]
+    text: str, unexpected: UnexpectedInput, known: list[type[ast.Statement]]
 ) -> _FaultShape:
     """Lark's complaint about a line in the words of the language."""
     first = _WORD.search(text)
     assert first is not None, "a line without a word parses"
-    mnemonics = {_mnemonic(kind): kind for kind in known.values() if kind is not ast.Label}
+    mnemonics = {_mnemonic(kind): kind for kind in known if kind is not ast.Label}
     letters = _mnemonic_letters(first[0])
     stem = letters if letters in mnemonics else letters.removesuffix("O")
     if first[0].startswith(":"):

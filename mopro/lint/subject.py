@@ -14,7 +14,11 @@ if TYPE_CHECKING:
     from mopro.language import ast
     from mopro.lint.stress import Stresses
     from mopro.machine import Machine
-    from mopro.motion import Survey
+    from mopro.motion import PlannedMove, Survey
+
+
+# A program of more statements is surveyed for one round less: the least that shows a drift.
+_LONG = 20_000
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,8 @@ class Subject:
     def survey(self) -> Survey:
         from mopro.motion import survey
 
-        return survey(self.program, travel_u=self._switches_u)
+        rounds = 2 if len(self.program.ops) > _LONG else 3
+        return survey(self.program, rounds, self._switches_u)
 
     @property
     def _switches_u(self) -> dict[int, tuple[float, float]]:
@@ -54,7 +59,13 @@ class Subject:
         from mopro.lint.stress import Plant, stresses_of
 
         plant = Plant(self.machine, self.settings.payload_kg)
-        return stresses_of(plant, self.survey.schedule.moves, self.settings.low_margin)
+        return stresses_of(plant, self.distinct_moves, self.settings.low_margin)
+
+    @property
+    def distinct_moves(self) -> tuple[PlannedMove, ...]:
+        """All moves; of a loop those until its second round is over, for the others are alike."""
+        moves, laps = self.survey.schedule.moves, self.survey.laps
+        return moves[: laps[1].moves] if len(laps) > 1 else moves
 
     @cached_property
     def reached(self) -> frozenset[int]:

@@ -15,9 +15,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 _RAMP_STEPS = 8
-_BISECTIONS = 40
+_BISECTIONS = 20
 # A swing this small has died down: below a hundredth of a radian of the tooth's cycle.
 _STILL = 5e-5
 # Averaged over a cycle, a swing of up to 0.8 of the crest loses at least this share of
@@ -93,27 +94,41 @@ class Swing:
 
     def _range(self) -> tuple[float, float]:
         """The least and the greatest θ that the energy allows."""
-        level = _bottom(self._push) + self._energy
-        rest = math.asin(self._push)
-        if self._energy <= 0:
-            return rest, rest
-        return (
-            _where(self._push, level, rest, -math.pi - rest),
-            _where(self._push, level, rest, math.pi - rest),
-        )
+        return _range(self._push, _three_digits_up(self._energy))
 
 
-def _potential(push: float, theta: float) -> float:
-    return 1 - math.cos(theta) - push * theta
+@lru_cache(maxsize=65536)
+def _range(push: float, energy: float) -> tuple[float, float]:
+    """The least and the greatest θ with `energy` above the bottom of the well."""
+    rest = math.asin(push)
+    if energy <= 0:
+        return rest, rest
+    level = _bottom(push) + energy
+    low, high = -math.pi - rest, math.pi - rest
+    return _where(push, level, rest, low), _where(push, level, rest, high)
 
 
+def _three_digits_up(energy: float) -> float:
+    """No less than `energy`, and one of few values, so that what follows is known already."""
+    if energy <= _STILL:
+        return 0.0 if energy <= 0 else _STILL
+    unit = 10.0 ** (math.floor(math.log10(energy)) - 2)
+    return math.ceil(energy / unit) * unit
+
+
+@lru_cache(maxsize=65536)
 def _bottom(push: float) -> float:
     return _potential(push, math.asin(push))
 
 
+@lru_cache(maxsize=65536)
 def _crest(push: float) -> float:
     """The lower of the two crests: on the side to which the push goes."""
     return _potential(abs(push), math.pi - math.asin(abs(push)))
+
+
+def _potential(push: float, theta: float) -> float:
+    return 1 - math.cos(theta) - push * theta
 
 
 def _where(push: float, level: float, inside: float, outside: float) -> float:

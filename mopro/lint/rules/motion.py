@@ -76,7 +76,7 @@ def _target_without_go(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 
 def _never_reaches_velocity(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    for move in first_by_span(subject.survey.schedule.moves):
+    for move in first_by_span(subject.distinct_moves):
         if move.profile.shape not in _SHORT or not move.profile.distance:
             continue
         unit = subject.unit(move.microsteps_per_uu)

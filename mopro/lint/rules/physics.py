@@ -101,7 +101,7 @@ def _over_temperature(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 
 def _moves_of_travel(subject: Subject) -> tuple[PlannedMove, ...]:
-    """All moves, but of a loop that drifts only those of the first round: drift has its own rule."""
+    """All moves, but of a drifting loop those of the first round: drift has its own rule."""
     survey = subject.survey
     laps = survey.laps
     if len(laps) > 1 and laps[-1].position_u != laps[-2].position_u:
@@ -183,7 +183,7 @@ def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
     plant = subject.stresses.plant
     step_u_s2 = greatest_step_m_s2(plant.swinger.pull_out_m_s2, KEPT_MARGIN)
     step_u_s2 /= subject.machine.microstep_m
-    for move in first_by_span(subject.survey.schedule.moves):
+    for move in first_by_span(subject.distinct_moves):
         profile = move.profile
         if not profile.ramp_s or not profile.distance:
             continue
