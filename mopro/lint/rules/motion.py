@@ -137,7 +137,7 @@ def _drift_per_loop(rule: Rule, subject: Subject) -> Iterator[Finding]:
         travel = travel_of(subject, axis)
         low, high = extent_u(moves, axis)
         past = high - travel.high_u if drift_u > 0 else travel.low_u - low
-        rounds = len(laps) - 1 + max(0, int(-past // abs(float(drift_u)))) + 1
+        rounds = max(1, len(laps) + int(-past // abs(float(drift_u))) + 1)
         drift = subject.length(float(drift_u), moves[-1].microsteps_per_uu)
         yield rule.at(
             jump.span,
