@@ -12,7 +12,6 @@ import sys
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from fractions import Fraction
 from functools import cache, lru_cache
 from pathlib import Path
@@ -268,6 +267,8 @@ def _explain(
 def _unknown_mnemonic(first: re.Match[str], mnemonics: list[str]) -> _FaultShape:
     letters = _mnemonic_letters(first[0])
     columns = ast.Operand(first.start() + 1, first.end() + 1)
+    from difflib import get_close_matches
+
     near = get_close_matches(letters, mnemonics, n=1, cutoff=0.5)
     hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(mnemonics))}"
     if letters in map(_mnemonic, _ASSUMED.values()):

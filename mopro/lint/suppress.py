@@ -6,7 +6,6 @@ import re
 from bisect import bisect_left
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 from mopro.language import ast
 from mopro.source import Span
@@ -42,5 +41,7 @@ def why_unused(allow: Allow, known: Collection[str]) -> tuple[str, str | None]:
     """What to say of an allowance that allows nothing."""
     if allow.rule in known:
         return f"{allow.rule} is allowed here, but there is none", "remove the comment"
+    from difflib import get_close_matches
+
     near = get_close_matches(allow.rule, list(known), n=1)
     return f"no rule is called {allow.rule}", f"did you mean `{near[0]}`?" if near else None

@@ -80,14 +80,16 @@ class SetTarget(AxisOp):
     absolute: bool = False
 
 
-@dataclass(frozen=True, slots=True)
 class Go(Op):
     """Start all axes that have a target, together."""
 
+    __slots__ = ()
 
-@dataclass(frozen=True, slots=True)
+
 class WaitAxis(AxisOp):
     """Wait until the axes have finished their motion."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,14 +125,16 @@ class Seek(AxisOp):
     velocity_uu_s: Fraction
 
 
-@dataclass(frozen=True, slots=True)
 class Stop(AxisOp):
     """Slow down to rest at the set acceleration (assumed)."""
 
+    __slots__ = ()
 
-@dataclass(frozen=True, slots=True)
+
 class Home(AxisOp):
     """Seek the switch at the negative end at the set velocity; it becomes position 0 (assumed)."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True)

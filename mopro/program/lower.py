@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from functools import singledispatchmethod
 
 from mopro.errors import Diagnostic, Severity, SourceError
@@ -132,6 +131,8 @@ class _Lowering:
     @op.register
     def _(self, s: ast.Jump) -> ir.Op:
         if s.name.key not in self._labels:
+            from difflib import get_close_matches
+
             near = get_close_matches(s.name.key, self._labels, n=1)
             hint = f"did you mean `{near[0]}`?" if near else f"define it: `:{s.name.text}`"
             message = f"no line defines the label {s.name.text}"
