@@ -13,7 +13,7 @@ from mopro.cli.options import Quantity
 from mopro.cli.texts import read_text, show_difference, write_text
 from mopro.errors import MoproError
 from mopro.language.parse import GRAMMARS
-from mopro.lint.config import check_rule_names, find_settings
+from mopro.lint.config import check_rule_names, find_settings, lengths
 from mopro.lint.output import FORMATS, Report
 from mopro.lint.settings import Settings
 
@@ -30,6 +30,9 @@ _EXPLAIN_ALL = "all"
 @click.option("--explain", metavar="RULE", help="Explain a rule (`all`: every rule), and end.")
 @click.option("--machine", help="Built-in name or file [default: chow1992].")
 @click.option("--payload", type=Quantity("mass", "kg"), metavar="MASS", help="Such as 5lb or 2kg.")
+@click.option(
+    "--start", metavar="AXIS=PLACE", multiple=True, help="Start, from mid-travel, such as 1=-5in."
+)
 @click.option("--grammar", type=click.Choice(list(GRAMMARS)), help="Which statements exist.")
 @click.option("--select", metavar="RULES", help="Ask only these rules (comma between them).")
 @click.option("--ignore", metavar="RULES", help="Do not ask these rules.")
@@ -97,6 +100,7 @@ def _settings(folder: Path, chosen: dict[str, Any]) -> Settings:
         "grammar": chosen["grammar"],
         "select": _names(chosen["select"]),
         "ignore": _names(chosen["ignore"]),
+        "start_m": _starts(chosen["start"]) if chosen["start"] else None,
     }
     given = {name: value for name, value in fields.items() if value is not None}
     return replace(find_settings(folder), **given)
@@ -109,6 +113,13 @@ def _names(text: str | None) -> frozenset[str] | None:
         return check_rule_names([name.strip() for name in text.split(",") if name.strip()])
     except ValueError as error:
         raise click.UsageError(str(error)) from error
+
+
+def _starts(places: tuple[str, ...]) -> dict[int, float]:
+    try:
+        return lengths(dict(text.split("=", 1) for text in places))
+    except ValueError as error:
+        raise click.UsageError(f"--start: {error}") from error
 
 
 def _explain(name: str) -> int:

@@ -59,7 +59,9 @@ _WORDS = {
     "NAME": "a label name",
 }
 _END_OF_LINE = "the end of the line"
-_WORD = re.compile(r"[^\s;]+")
+# The blanks are those of the grammar: Python takes more characters for white space.
+_BLANKS = " \t\f\v"
+_WORD = re.compile(rf"[^{_BLANKS};]+")
 _LETTERS = re.compile(r"[A-Za-z]*")
 _AXIS_LEFT_OUT = re.compile(r"\s*[A-Za-z]+\s+[+-]?([0-9]{2}|[0-9]?\.)")
 
@@ -290,7 +292,7 @@ def _mnemonic_letters(text: str) -> str:
 def _place_of(text: str, unexpected: UnexpectedInput) -> int:
     """The index in `text` where the parser stopped; lark gives none at the end of input."""
     if isinstance(unexpected, UnexpectedToken) and unexpected.token.type == "$END":
-        return len(text.rstrip())
+        return len(text.rstrip(_BLANKS))
     return int(unexpected.pos_in_stream or 0)
 
 

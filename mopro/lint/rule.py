@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from mopro.errors import Diagnostic, Severity
+from mopro.lint.settings import Settings
 from mopro.lint.subject import Subject
 from mopro.source import Span
 
@@ -51,7 +52,8 @@ class Rule:
 
     `bad` and `good` are whole programs that do and do not give rise to the rule. `check`
     finds it; a rule without one is reported by the compiler or the schedule, and `fix`
-    makes its replacement text from the program and the finding. `promise` tells whether
+    makes its replacement text from the program and the finding. `example` are the settings
+    under which the examples hold. `promise` tells whether
     a fixed program is what the fix says: it is asked each time before one is kept. A
     rule that is not `default` is asked only by name.
     """
@@ -67,6 +69,7 @@ class Rule:
     fix: Callable[[Subject | None, Diagnostic], str | None] | None = None
     promise: Promise | None = None
     default: bool = True
+    example: Settings = field(default_factory=Settings)
 
     def at(
         self, span: Span, message: str, hint: str | None = None, fix: str | None = None

@@ -13,9 +13,9 @@ class Settings:
     """Which machine the program is for, and which rules are asked.
 
     `select` are the rules to ask, or None for those that are on by default; `ignore` are
-    left out of either. `start_m` is where each axis stands at the beginning, from the
-    middle of its travel; `travel_m` the length of an axis' travel where something, such as
-    the range of an instrument, makes it shorter than the platen does.
+    left out of either. `start_m` is where an axis stands at the beginning, from the
+    middle of its travel, if that is known; `travel_m` the length of an axis' travel where
+    something, such as the range of an instrument, makes it shorter than the platen does.
     """
 
     machine: str = "chow1992"

@@ -1,12 +1,14 @@
 """Each rule finds its mistake where it is, and not the near miss; its texts can be trusted."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from mopro.language import load
 from mopro.lint import Settings, lint
+from mopro.lint.config import lengths
 from mopro.lint.explain import explain, page
 from mopro.lint.rules import RULES
 from mopro.source import Source
@@ -20,12 +22,13 @@ def settings_of(options):
     words = (options or "").split()
     given = dict(zip(words[::2], words[1::2], strict=True))
     select = frozenset(given["--select"].split(",")) if "--select" in given else None
-    return Settings(grammar=given.get("--grammar", "attested"), select=select)
+    start = lengths(dict([given["--start"].split("=")])) if "--start" in given else {}
+    return Settings(grammar=given.get("--grammar", "attested"), select=select, start_m=start)
 
 
 def rule_settings(rule):
-    grammar = "extended" if "extended grammar" in rule.what else "attested"
-    return Settings(grammar=grammar, select=None if rule.default else frozenset({rule.name}))
+    select = None if rule.default else frozenset({rule.name})
+    return replace(rule.example, select=select)
 
 
 @pytest.mark.parametrize("name", RULES)

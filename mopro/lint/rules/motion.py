@@ -10,6 +10,7 @@ from mopro.errors import Diagnostic, Severity
 from mopro.language import ast
 from mopro.lint.promises import same_but_waits, same_motion, same_motion_but_waits
 from mopro.lint.rule import Finding, Rule, Stage
+from mopro.lint.settings import Settings
 from mopro.lint.subject import Subject
 from mopro.motion import PlannedMove, Shape
 from mopro.program import ir
@@ -207,6 +208,7 @@ RULES = (
         "The motor runs until it meets the end of its travel.",
         _READY + "MC1 10.0\nWT500\n",
         _READY + "MC1 10.0\nWT500\nST1\nWX1\n",
+        example=Settings(grammar="extended"),
     ),
     _warning(
         "end-without-wait",

@@ -9,6 +9,7 @@ from typing import Any
 from mopro.errors import Severity
 from mopro.language import ast
 from mopro.lint.rule import Finding, Rule, Stage
+from mopro.lint.settings import Settings
 from mopro.lint.subject import Subject
 from mopro.lint.travel import extent_u, travel_of
 from mopro.motion import PlannedMove
@@ -143,7 +144,7 @@ def _first_beyond(moves: Iterable[PlannedMove], axis: int, length_u: float) -> P
 
 def _limit_switch(rule: Rule, subject: Subject) -> Iterator[Finding]:
     moves = _moves_of_travel(subject)
-    for axis in subject.axes:
+    for axis in subject.settings.start_m:
         travel = travel_of(subject, axis)
         low_u, high_u = extent_u(moves, axis)
         fits = high_u - low_u <= travel.length_u + 0.5
@@ -164,11 +165,11 @@ def _meets_switch(
     units = move.microsteps_per_uu
     over = subject.length(max(high_u - travel.high_u, travel.low_u - low_u), units)
     half = travel.length_u / 2
-    start = subject.settings.start_m.get(axis)
-    place = "the middle" if start is None else f"{start * 1e3:.6g} mm"
+    start_u = subject.settings.start_m[axis] / subject.machine.microstep_m
     return rule.at(
         move.span,
-        f"from {place} of its travel, axis {axis} runs {over} past its limit switch",
+        f"from its start at {subject.length(start_u, units)}, axis {axis} runs {over} past its "
+        "limit switch",
         f"start it between {subject.length(-half - low_u, units)} and "
         f"{subject.length(half - high_u, units)} from the middle",
     )
@@ -290,11 +291,13 @@ RULES = (
     _physics(
         "limit-switch",
         _limit_switch,
-        what="A move past a limit switch, from where the motor is taken to start.",
-        why="The start is the middle of the travel, as in the emulator, unless `start` is "
-        "configured; the hint says from where the moves fit.",
-        bad=_READY + "MRI1 30.0\nWX1\n",
-        good=_READY + "MRI1 22.0\nWX1\n",
+        what="A move past a limit switch, from where the motor is configured to start.",
+        why="The controller then gives the program up. `start` in the configuration, or `--start`, "
+        "says where an axis begins, from the middle of its travel; without it the operator is "
+        "taken to place the motor where the moves fit. The example starts axis 1 at 10 in.",
+        bad=_READY + "MRI1 15.0\nWX1\n",
+        good=_READY + "MRI1 12.0\nWX1\n",
+        example=Settings(start_m={1: 0.254}),
     ),
     _physics(
         "slower-than-needed",
