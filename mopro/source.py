@@ -6,7 +6,6 @@ after the last character.
 
 from __future__ import annotations
 
-import hashlib
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -60,6 +59,8 @@ class Source:
 
     @cached_property
     def sha256(self) -> str:
+        import hashlib
+
         return hashlib.sha256(self.text.encode(self.encoding)).hexdigest()
 
     def line(self, number: int) -> str:

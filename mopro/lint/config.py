@@ -48,12 +48,12 @@ def read_settings(path: Path) -> Settings | None:
 
 def check_rule_names(names: Collection[str]) -> frozenset[str]:
     """`names`, all of them rules; ValueError tells the first that is none."""
-    from difflib import get_close_matches
-
     from mopro.lint.rules import RULES
 
     for name in names:
         if name not in RULES:
+            from difflib import get_close_matches
+
             near = get_close_matches(name, RULES, n=1)
             hint = f": did you mean {near[0]}?" if near else ""
             raise ValueError(f"no rule is called {name}{hint}")

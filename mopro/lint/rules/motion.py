@@ -14,7 +14,6 @@ from mopro.lint.settings import Settings
 from mopro.lint.subject import Subject
 from mopro.motion import PlannedMove, Shape
 from mopro.program import ir
-from mopro.program.text import decimal
 from mopro.source import Span
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
@@ -113,6 +112,8 @@ def _with_value(subject: Subject, index: int, value: Fraction) -> str | None:
     """The statement with another value, or None if no decimal is that value."""
     statement = subject.tree.statements[index]
     assert isinstance(statement, ast.Move | ast.Target), "the rule asks for no other"
+    from mopro.program.text import decimal
+
     try:
         number = decimal(value)
     except ValueError:
