@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 from mopro.language import ast
 from mopro.units import UNITS
@@ -28,8 +28,7 @@ PATTERNS: dict[type[ast.Statement], re.Pattern[str]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
+class Claim(NamedTuple):
     """A quantity that a comment states, in SI, with half of its last digit as its doubt."""
 
     text: str

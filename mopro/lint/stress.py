@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
+from typing import NamedTuple
 
 from mopro.lint.swing import Swing, Swinger, greatest_step_m_s2
 from mopro.machine import Machine
@@ -29,8 +30,7 @@ _PROBES = 8
 MOST_EMULATED_S = 300.0
 
 
-@dataclass(frozen=True, slots=True)
-class Leg:
+class Leg(NamedTuple):
     """One axis' part of a move, in microsteps and seconds, and the rest after it."""
 
     length_u: int
@@ -40,8 +40,7 @@ class Leg:
     rest_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Plant:
+class Plant(NamedTuple):
     """What the motion of one axis depends on."""
 
     machine: Machine
@@ -61,8 +60,7 @@ class Plant:
         return Swinger(axis.pull_out_force_N / mass, damping, axis.wave_number_1_m)
 
 
-@dataclass(frozen=True, slots=True)
-class Stress:
+class Stress(NamedTuple):
     """What one move of one axis asks: the share of the pull-out force left, and whether it slips.
 
     Where `emulated` is false the margin is a lower bound.
@@ -71,18 +69,17 @@ class Stress:
     move: PlannedMove
     axis: int
     burst: tuple[Leg, ...]
-    index: int
+    place: int
     margin: float
     slips: bool
     emulated: bool
 
     @property
     def leg(self) -> Leg:
-        return self.burst[self.index]
+        return self.burst[self.place]
 
 
-@dataclass(frozen=True, slots=True)
-class Burst:
+class Burst(NamedTuple):
     """Moves of one axis with no rest between them that is long enough to stop its swing."""
 
     axis: int
@@ -145,8 +142,7 @@ def _margin(swing: Swing) -> float:
     return 1 - math.sin(swing.largest)
 
 
-@dataclass(frozen=True, slots=True)
-class Stresses:
+class Stresses(NamedTuple):
     """Of every move that was looked at; `unchecked` are those for which it took too long."""
 
     plant: Plant
@@ -249,7 +245,7 @@ def _margin_with(plant: Plant, stress: Stress, factor: float) -> float:
     """What is left where the acceleration of the move, and of all that share it, is another."""
     shared = stress.leg.acceleration_u_s2
     legs = tuple(
-        replace(leg, acceleration_u_s2=shared * factor) if leg.acceleration_u_s2 == shared else leg
+        leg._replace(acceleration_u_s2=shared * factor) if leg.acceleration_u_s2 == shared else leg
         for leg in stress.burst
     )
     fates = emulated(plant, legs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mopro.language import ast
 from mopro.source import Span
@@ -14,8 +14,7 @@ _ALLOW = re.compile(r";\s*mopro:\s*allow\b[\s:]*([A-Za-z0-9_\-, \t]*)", re.IGNOR
 _NAME = re.compile(r"[A-Za-z0-9_\-]+")
 
 
-@dataclass(frozen=True, slots=True)
-class Allow:
+class Allow(NamedTuple):
     """Findings of `rule` are allowed in `line`; `span` is where that is written."""
 
     rule: str

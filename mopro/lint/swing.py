@@ -14,8 +14,8 @@ A ramp of α is taken as a staircase of small corners.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 _RAMP_STEPS = 8
 _BISECTIONS = 20
@@ -29,8 +29,7 @@ _LARGE = 0.8
 _MICROSTEP_SWING = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class Swinger:
+class Swinger(NamedTuple):
     """The constants of one axis: A in m/s², c_s/m in 1/s, k in 1/m."""
 
     pull_out_m_s2: float

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from mopro.motion import PlannedMove
 from mopro.program import AXES
@@ -20,8 +19,7 @@ def platen_travel_m(machine: Machine) -> dict[int, float]:
     return {axis: size - side for axis, size in zip(AXES, sizes, strict=True)}
 
 
-@dataclass(frozen=True, slots=True)
-class Travel:
+class Travel(NamedTuple):
     """Where one axis may be and where it starts, in microsteps from its start."""
 
     low_u: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mopro.machine import Machine
 from mopro.motion import PlannedMove, Survey
@@ -13,8 +13,7 @@ from mopro.source import Span
 _COIL_PAIRS = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Overheating:
+class Overheating(NamedTuple):
     """After `after_s` the motor passes its rating; left to it, it comes to `final_C`."""
 
     after_s: float

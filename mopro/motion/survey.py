@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 from mopro.errors import Diagnostic
 from mopro.motion.planner import Planner, TravelU
@@ -14,8 +15,7 @@ from mopro.program import ir
 from mopro.source import Span
 
 
-@dataclass(frozen=True, slots=True)
-class Lap:
+class Lap(NamedTuple):
     """The run each time it comes to one jump of its loop: when, where, after how many moves."""
 
     time_s: float
