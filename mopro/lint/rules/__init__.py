@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from mopro.lint.rule import Rule
-from mopro.lint.rules import language, motion, physics, text
+from mopro.lint.rules import comments, language, motion, physics, text, travel
 
-RULES: dict[str, Rule] = {
-    rule.name: rule for rule in (*language.RULES, *text.RULES, *motion.RULES, *physics.RULES)
-}
+_ALL = (
+    *language.RULES,
+    *text.RULES,
+    *motion.RULES,
+    *physics.RULES,
+    *travel.RULES,
+    *comments.RULES,
+)
+RULES: dict[str, Rule] = {rule.name: rule for rule in _ALL}

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from fractions import Fraction
+from collections.abc import Iterator
 from typing import Any
 
 from mopro.errors import Severity
-from mopro.language import ast
 from mopro.lint.rule import Finding, Rule, Stage
-from mopro.lint.settings import Settings
 from mopro.lint.subject import Subject
-from mopro.lint.travel import extent_u, travel_of
 from mopro.motion import PlannedMove
-from mopro.program import ir
 from mopro.source import Span
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
@@ -101,80 +96,6 @@ def _over_temperature(rule: Rule, subject: Subject) -> Iterator[Finding]:
     )
 
 
-def _moves_of_travel(subject: Subject) -> tuple[PlannedMove, ...]:
-    """All moves, but of a drifting loop those of the first round: drift has its own rule."""
-    survey = subject.survey
-    laps = survey.laps
-    if len(laps) > 1 and laps[-1].position_u != laps[-2].position_u:
-        return survey.schedule.moves[: laps[0].moves]
-    return survey.schedule.moves
-
-
-def _off_travel(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    moves = _moves_of_travel(subject)
-    for axis in subject.axes:
-        travel = travel_of(subject, axis)
-        low_u, high_u = extent_u(moves, axis)
-        if high_u - low_u <= travel.length_u + 0.5:
-            continue
-        move = _first_beyond(moves, axis, travel.length_u)
-        units = move.microsteps_per_uu
-        yield rule.at(
-            move.span,
-            f"the moves of axis {axis} reach over {subject.length(high_u - low_u, units)}, its "
-            f"travel is {subject.length(travel.length_u, units)}: no place to start from fits",
-            "shorten the moves",
-        )
-
-
-def _first_beyond(moves: Iterable[PlannedMove], axis: int, length_u: float) -> PlannedMove:
-    """The move with which the places gone to no longer fit into `length_u`."""
-    low_u = high_u = 0
-    last: PlannedMove | None = None
-    for move in moves:
-        for stroke in move.strokes:
-            if stroke.axis == axis:
-                last = move
-                low_u, high_u = min(low_u, stroke.end_u), max(high_u, stroke.end_u)
-        if last is not None and high_u - low_u > length_u + 0.5:
-            return last
-    assert last is not None, "asked only where the moves do not fit"
-    return last
-
-
-def _limit_switch(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    moves = _moves_of_travel(subject)
-    for axis in subject.settings.start_m:
-        travel = travel_of(subject, axis)
-        low_u, high_u = extent_u(moves, axis)
-        fits = high_u - low_u <= travel.length_u + 0.5
-        if not fits or (low_u >= travel.low_u - 0.5 and high_u <= travel.high_u + 0.5):
-            continue
-        yield _meets_switch(rule, subject, axis, moves)
-
-
-def _meets_switch(
-    rule: Rule, subject: Subject, axis: int, moves: tuple[PlannedMove, ...]
-) -> Finding:
-    travel = travel_of(subject, axis)
-    low_u, high_u = extent_u(moves, axis)
-    for move in moves:
-        places = [s.end_u for s in move.strokes if s.axis == axis]
-        if any(p < travel.low_u - 0.5 or p > travel.high_u + 0.5 for p in places):
-            break
-    units = move.microsteps_per_uu
-    over = subject.length(max(high_u - travel.high_u, travel.low_u - low_u), units)
-    half = travel.length_u / 2
-    start_u = subject.settings.start_m[axis] / subject.machine.microstep_m
-    return rule.at(
-        move.span,
-        f"from its start at {subject.length(start_u, units)}, axis {axis} runs {over} past its "
-        "limit switch",
-        f"start it between {subject.length(-half - low_u, units)} and "
-        f"{subject.length(half - high_u, units)} from the middle",
-    )
-
-
 def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
     from mopro.lint.rules.motion import first_by_span
     from mopro.lint.stress import Leg, emulated
@@ -202,49 +123,6 @@ def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
                 f"`ACC{axis} {value:.3g}` it takes {saved_s:.3f} s less, at a margin of "
                 f"{margin:.0%}",
             )
-
-
-def _comment_disagrees(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    from mopro.lint.comments import beside, claims
-
-    units: dict[int, Fraction] = {}
-    comments = {s.span: c for s, c in beside(subject.tree)}
-    for statement, op in zip(subject.tree.statements, subject.program.ops, strict=True):
-        if isinstance(op, ir.SetUnits):
-            units.update(dict.fromkeys(op.axes, op.microsteps_per_uu))
-        comment = comments.get(statement.span)
-        value = _in_si(subject, op, units) if comment else None
-        if comment is None or value is None:
-            continue
-        said = claims(comment.text, type(statement))
-        if said and not any(claim.agrees_with(value) for claim in said):
-            yield rule.at(
-                statement.span,
-                f"the comment says {said[0].text}, the statement means "
-                f"{_as_meant(subject, statement, value, units, op)}",
-                "correct the one that is wrong",
-            )
-
-
-def _in_si(subject: Subject, op: ir.Op, units: dict[int, Fraction]) -> Fraction | None:
-    """What a statement sets, in SI; None where it takes a unit that is not known."""
-    if isinstance(op, ir.Dwell):
-        return Fraction(op.milliseconds, 1000)
-    if not isinstance(op, ir.SetVelocity | ir.SetAcceleration) or op.axes[0] not in units:
-        return None
-    value = op.velocity_uu_s if isinstance(op, ir.SetVelocity) else op.acceleration_uu_s2
-    return value * subject.metres_per_uu(units[op.axes[0]])
-
-
-def _as_meant(
-    subject: Subject, statement: ast.Statement, value: Fraction, units: dict[int, Fraction], op: Any
-) -> str:
-    if isinstance(op, ir.Dwell):
-        return f"{float(value):g} s"
-    microsteps = units[op.axes[0]]
-    per = "s²" if isinstance(op, ir.SetAcceleration) else "s"
-    shown = float(value / subject.metres_per_uu(microsteps))
-    return f"{shown:.6g} {subject.unit(microsteps)}/{per}"
 
 
 def _physics(name: str, check: Any, severity: Severity = Severity.WARNING, **texts: Any) -> Rule:
@@ -280,26 +158,6 @@ RULES = (
         good="UU012500/1\nVEL0 15.0\nACC0 0.2\n:B1\nMRI1 15.0\nWX1\nMRI1 -15.0\nWX1\nJUMP B1\n",
     ),
     _physics(
-        "off-travel",
-        _off_travel,
-        what="Moves that reach further than the travel of their axis, wherever they start.",
-        why="The motor runs into the end of the platen, or out of the range of the instrument "
-        "whose travel is configured.",
-        bad=_READY + "MRI1 46.0\nWX1\n",
-        good=_READY + "MRI1 20.0\nWX1\n",
-    ),
-    _physics(
-        "limit-switch",
-        _limit_switch,
-        what="A move past a limit switch, from where the motor is configured to start.",
-        why="The controller then gives the program up. `start` in the configuration, or `--start`, "
-        "says where an axis begins, from the middle of its travel; without it the operator is "
-        "taken to place the motor where the moves fit. The example starts axis 1 at 10 in.",
-        bad=_READY + "MRI1 15.0\nWX1\n",
-        good=_READY + "MRI1 12.0\nWX1\n",
-        example=Settings(start_m={1: 0.254}),
-    ),
-    _physics(
         "slower-than-needed",
         _slower_than_needed,
         Severity.NOTE,
@@ -310,14 +168,5 @@ RULES = (
         bad=_READY + "MRI1 15.0\nWX1\n",
         good="UU012500/1\nVEL0 40.0\nACC0 0.6\nPARA0+\nMRI1 15.0\nWX1\n",
         default=False,
-    ),
-    _physics(
-        "comment-disagrees",
-        _comment_disagrees,
-        what="A comment that gives a velocity, acceleration or time other than the statement's.",
-        why="One of the two is wrong. An acceleration is per second and per millisecond, which "
-        "is easily forgotten.",
-        bad="UU012500/1\nACC1 250.0 ; 250 in/s^2\n",
-        good="UU012500/1\nACC1 0.25 ; 250 in/s^2\n",
     ),
 )
