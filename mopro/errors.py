@@ -18,6 +18,7 @@ _MOST_SHOWN = 50
 class Severity(StrEnum):
     ERROR = "error"
     WARNING = "warning"
+    NOTE = "note"
 
 
 @dataclass(frozen=True)

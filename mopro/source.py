@@ -6,12 +6,12 @@ after the last character.
 
 from __future__ import annotations
 
-import hashlib
 import re
 from dataclasses import dataclass
 from functools import cached_property
 
 _LINE_END = re.compile(r"\r\n|\n|\r")
+_LINE_WITH_END = re.compile(r"[^\r\n]*(?:\r\n|\n|\r|\Z)")
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -46,8 +46,21 @@ class Source:
             lines.pop()
         return tuple(lines)
 
+    @property
+    def lines_with_ends(self) -> list[str]:
+        """The lines with their ends, as they stand; together they are the text."""
+        return [line for line in _LINE_WITH_END.findall(self.text) if line]
+
+    @property
+    def line_end(self) -> str:
+        """The line end that the text has most often; a line feed if it has none."""
+        ends = _LINE_END.findall(self.text)
+        return max(("\n", "\r\n", "\r"), key=ends.count)
+
     @cached_property
     def sha256(self) -> str:
+        import hashlib
+
         return hashlib.sha256(self.text.encode(self.encoding)).hexdigest()
 
     def line(self, number: int) -> str:

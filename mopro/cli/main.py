@@ -22,7 +22,10 @@ EXIT_SIGNAL = 128
 # command -> the module that defines it as `command`; loaded when the command is used.
 COMMANDS = {
     "compile": "mopro.cli.compile",
+    "fmt": "mopro.cli.fmt",
     "limits": "mopro.cli.limits",
+    "lint": "mopro.cli.lint",
+    "lsp": "mopro.cli.lsp",
     "machine": "mopro.cli.machine",
     "measure": "mopro.cli.measure",
     "run": "mopro.cli.run",

@@ -69,57 +69,37 @@ class Statement:
 
 
 @dataclass(frozen=True, slots=True)
-class Units(Statement):
-    form = "UU012500/1"
+class AxisStatement(Statement):
+    """Base of what speaks of an axis."""
+
     axis: Axis
+
+
+@dataclass(frozen=True, slots=True)
+class AxisValue(AxisStatement):
+    """Base of what gives an axis a value."""
+
+    value: Number
+
+
+@dataclass(frozen=True, slots=True)
+class LabelStatement(Statement):
+    """Base of what names a label."""
+
+    name: Name
+
+
+@dataclass(frozen=True, slots=True)
+class Units(AxisStatement):
+    form = "UU012500/1"
     numerator: Whole
     denominator: Whole
 
 
 @dataclass(frozen=True, slots=True)
-class Velocity(Statement):
-    form = "VEL1 40.0"
-    axis: Axis
-    value: Number
-
-
-@dataclass(frozen=True, slots=True)
-class Acceleration(Statement):
-    form = "ACC1 0.25"
-    axis: Axis
-    value: Number
-
-
-@dataclass(frozen=True, slots=True)
-class Profile(Statement):
+class Profile(AxisStatement):
     form = "PARA1+"
-    axis: Axis
     switch: Switch
-
-
-@dataclass(frozen=True, slots=True)
-class Move(Statement):
-    form = "MRI1 15.0"
-    axis: Axis
-    value: Number
-
-
-@dataclass(frozen=True, slots=True)
-class Target(Statement):
-    form = "MR1 8.0"
-    axis: Axis
-    value: Number
-
-
-@dataclass(frozen=True, slots=True)
-class Go(Statement):
-    form = "GO"
-
-
-@dataclass(frozen=True, slots=True)
-class WaitAxis(Statement):
-    form = "WX1"
-    axis: Axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,56 +108,77 @@ class Dwell(Statement):
     milliseconds: Whole
 
 
-@dataclass(frozen=True, slots=True)
-class Label(Statement):
+# Those without operands of their own need no methods of their own either.
+
+
+class Velocity(AxisValue):
+    __slots__ = ()
+    form = "VEL1 40.0"
+
+
+class Acceleration(AxisValue):
+    __slots__ = ()
+    form = "ACC1 0.25"
+
+
+class Move(AxisValue):
+    __slots__ = ()
+    form = "MRI1 15.0"
+
+
+class Target(AxisValue):
+    __slots__ = ()
+    form = "MR1 8.0"
+
+
+class Go(Statement):
+    __slots__ = ()
+    form = "GO"
+
+
+class WaitAxis(AxisStatement):
+    __slots__ = ()
+    form = "WX1"
+
+
+class Label(LabelStatement):
+    __slots__ = ()
     form = ":B1"
-    name: Name
 
 
-@dataclass(frozen=True, slots=True)
-class Jump(Statement):
+class Jump(LabelStatement):
+    __slots__ = ()
     form = "JUMP B1"
-    name: Name
 
 
-@dataclass(frozen=True, slots=True)
-class MoveAbsolute(Statement):
+class MoveAbsolute(AxisValue):
+    __slots__ = ()
     form = "MAI1 15.0"
-    axis: Axis
-    value: Number
 
 
-@dataclass(frozen=True, slots=True)
-class TargetAbsolute(Statement):
+class TargetAbsolute(AxisValue):
+    __slots__ = ()
     form = "MA1 8.0"
-    axis: Axis
-    value: Number
 
 
-@dataclass(frozen=True, slots=True)
-class Continuous(Statement):
+class Continuous(AxisValue):
+    __slots__ = ()
     form = "MC1 10.0"
-    axis: Axis
-    value: Number
 
 
-@dataclass(frozen=True, slots=True)
-class Seek(Statement):
+class Seek(AxisValue):
+    __slots__ = ()
     form = "SK1 -5.0"
-    axis: Axis
-    value: Number
 
 
-@dataclass(frozen=True, slots=True)
-class Stop(Statement):
+class Stop(AxisStatement):
+    __slots__ = ()
     form = "ST1"
-    axis: Axis
 
 
-@dataclass(frozen=True, slots=True)
-class Home(Statement):
+class Home(AxisStatement):
+    __slots__ = ()
     form = "HM1"
-    axis: Axis
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,20 +16,34 @@ _FILE = Span(1, 1, 1)
 
 def load(path: str | Path) -> Source:
     """The program text in file `path`; SourceError if it cannot be one."""
-    name = str(path)
+    return source_from_bytes(load_bytes(path), str(path))
+
+
+def load_bytes(path: str | Path) -> bytes:
+    """What is in file `path`, at most a byte more than a program may have; else SourceError."""
     try:
         with open(path, "rb") as file:
-            data = file.read(MOST_BYTES + 1)
+            return file.read(MOST_BYTES + 1)
     except OSError as error:
-        raise _refused(name, "unreadable", f"cannot be read: {error.strerror}") from error
-    return source_from_bytes(data, name)
+        raise _refused(str(path), "unreadable", f"cannot be read: {error.strerror}") from error
+
+
+def split_at_end_of_file(data: bytes) -> tuple[bytes, bytes]:
+    """The text, and the rest from the Ctrl-Z on that ends a text under DOS."""
+    text, mark, rest = data.partition(_DOS_END_OF_FILE)
+    return text, mark + rest
+
+
+def text_before_end_of_file(text: str) -> str:
+    """What an editor shows of a DOS file, without its Ctrl-Z and what follows."""
+    return text.partition(_DOS_END_OF_FILE.decode("ascii"))[0]
 
 
 def source_from_bytes(data: bytes, name: str) -> Source:
     """Decode `data`, which ends at a Ctrl-Z; UTF-8 where it is that, else code page 437."""
     if len(data) > MOST_BYTES:
         raise _refused(name, "too-long", f"is larger than {MOST_BYTES // 2**20} MiB")
-    data = data.partition(_DOS_END_OF_FILE)[0]
+    data, _ = split_at_end_of_file(data)
     if b"\0" in data:
         raise _refused(name, "binary-file", "is a binary file: expected the text of a program")
     source = _decode(data, name)

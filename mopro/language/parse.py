@@ -6,10 +6,12 @@ not the file.
 
 from __future__ import annotations
 
+import os
 import re
+import sys
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from fractions import Fraction
 from functools import cache, lru_cache
 from pathlib import Path
@@ -57,7 +59,9 @@ _WORDS = {
     "NAME": "a label name",
 }
 _END_OF_LINE = "the end of the line"
-_WORD = re.compile(r"[^\s;]+")
+# The blanks are those of the grammar: Python takes more characters for white space.
+_BLANKS = " \t\f\v"
+_WORD = re.compile(rf"[^{_BLANKS};]+")
 _LETTERS = re.compile(r"[A-Za-z]*")
 _AXIS_LEFT_OUT = re.compile(r"\s*[A-Za-z]+\s+[+-]?([0-9]{2}|[0-9]?\.)")
 
@@ -67,6 +71,18 @@ def parse(source: Source, grammar: str = "attested") -> ast.Tree:
 
     `grammar` is a key of `GRAMMARS`.
     """
+    tree, faults = parse_what_can_be(source, grammar)
+    if not tree.statements and not faults:
+        faults = [Diagnostic("empty-program", "the program has no statement", Span(1, 1, 1))]
+    if faults:
+        raise SourceError(source, faults)
+    return tree
+
+
+def parse_what_can_be(
+    source: Source, grammar: str = "attested"
+) -> tuple[ast.Tree, list[Diagnostic]]:
+    """The tree of the lines without a fault, which may be none, and the faults of the others."""
     read = _line_reader(grammar)
     statements: list[ast.Statement] = []
     comments: list[ast.Comment] = []
@@ -80,11 +96,12 @@ def parse(source: Source, grammar: str = "attested") -> ast.Tree:
         if line.comment is not None:
             span = line.comment.span(number)
             comments.append(ast.Comment(span, text[span.column - 1 :]))
-    if not statements and not faults:
-        faults.append(Diagnostic("empty-program", "the program has no statement", Span(1, 1, 1)))
-    if faults:
-        raise SourceError(source, faults)
-    return ast.Tree(source, tuple(statements), tuple(comments))
+    return ast.Tree(source, tuple(statements), tuple(comments)), faults
+
+
+def statement_kinds(grammar: str) -> list[type[ast.Statement]]:
+    """The statements that `grammar` knows."""
+    return list((_KINDS if grammar == "extended" else _ATTESTED).values())
 
 
 def grammar_path(file: str) -> Path:
@@ -92,6 +109,23 @@ def grammar_path(file: str) -> Path:
     package = Path(__file__).resolve().parents[1]
     installed = package / "grammars" / file
     return installed if installed.is_file() else package.parent / "grammars" / file
+
+
+def _cache_file(grammar: str) -> str | bool:
+    """Where lark keeps the parser that it made, in the user's cache; False for nowhere.
+
+    Making it takes longer than all else that a short program needs. Lark makes it anew
+    when the grammar or lark itself changes, and does without where it cannot write.
+    """
+    home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    folder = Path(home or os.path.expanduser("~/.cache")) / "mopro"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    path = grammar_path(GRAMMARS[grammar])
+    place = f"{zlib.crc32(str(path).encode()):08x}-{sys.implementation.cache_tag}"
+    return str(folder / f"{path.name}-{place}.parser")
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +170,9 @@ def _line_reader(grammar: str) -> Callable[[str], _Line]:
         propagate_positions=True,
         maybe_placeholders=False,
         import_paths=[str(grammar_path(GRAMMARS[grammar]).parent)],
+        cache=_cache_file(grammar),
     )
-    known = _KINDS if grammar == "extended" else _ATTESTED
+    known = statement_kinds(grammar)
 
     @lru_cache(maxsize=4096)
     def read(text: str) -> _Line:
@@ -195,12 +230,12 @@ def _operand(token: Token) -> ast.Operand:
 
 
 def _explain(
-    text: str, unexpected: UnexpectedInput, known: dict[str, type[ast.Statement]]
+    text: str, unexpected: UnexpectedInput, known: list[type[ast.Statement]]
 ) -> _FaultShape:
     """Lark's complaint about a line in the words of the language."""
     first = _WORD.search(text)
     assert first is not None, "a line without a word parses"
-    mnemonics = {_mnemonic(kind): kind for kind in known.values() if kind is not ast.Label}
+    mnemonics = {_mnemonic(kind): kind for kind in known if kind is not ast.Label}
     letters = _mnemonic_letters(first[0])
     stem = letters if letters in mnemonics else letters.removesuffix("O")
     if first[0].startswith(":"):
@@ -234,6 +269,8 @@ def _explain(
 def _unknown_mnemonic(first: re.Match[str], mnemonics: list[str]) -> _FaultShape:
     letters = _mnemonic_letters(first[0])
     columns = ast.Operand(first.start() + 1, first.end() + 1)
+    from difflib import get_close_matches
+
     near = get_close_matches(letters, mnemonics, n=1, cutoff=0.5)
     hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(mnemonics))}"
     if letters in map(_mnemonic, _ASSUMED.values()):
@@ -255,7 +292,7 @@ def _mnemonic_letters(text: str) -> str:
 def _place_of(text: str, unexpected: UnexpectedInput) -> int:
     """The index in `text` where the parser stopped; lark gives none at the end of input."""
     if isinstance(unexpected, UnexpectedToken) and unexpected.token.type == "$END":
-        return len(text.rstrip())
+        return len(text.rstrip(_BLANKS))
     return int(unexpected.pos_in_stream or 0)
 
 

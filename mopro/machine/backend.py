@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from mopro.program import Program
-from mopro.recording import Run, Sink
+if TYPE_CHECKING:
+    from mopro.program import Program
+    from mopro.recording import Run, Sink
 
 
 class Backend(Protocol):

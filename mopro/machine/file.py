@@ -6,9 +6,7 @@ import math
 import re
 import tomllib
 from dataclasses import MISSING, Field, fields
-from difflib import get_close_matches
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +31,16 @@ ORIGINS = ("thesis", "derived", "assumed", "measured")
 _SECTIONS: dict[str, type[Any]] = {"axis": Axis, "drive": Drive, "platen": Platen, "heat": Heat}
 _OPTIONAL: dict[str, type[Any]] = {"forcers": Forcers, "limits": Limits}
 _EFFECTS = "effects"
+# Beside this file in a checkout and when installed; importlib.resources takes longer to
+# import than the machine takes to read.
+_FOLDER = Path(__file__).with_name("machines")
 _VALUE_KEYS = {"value", "unit", "origin", "place"}
 _TOML_PLACE = re.compile(r"\(at line (\d+), column (\d+)\)")
 
 
 def builtin_machines() -> list[str]:
     """The names that `load_machine` knows without a file."""
-    folder = resources.files("mopro.machine") / "machines"
+    folder = _FOLDER
     return sorted(
         p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
     )
@@ -47,7 +48,7 @@ def builtin_machines() -> list[str]:
 
 @cache
 def _builtin(name: str) -> Machine:
-    file = resources.files("mopro.machine") / "machines" / f"{name}.toml"
+    file = _FOLDER / f"{name}.toml"
     return read_machine(Source(f"{name}.toml", file.read_text("utf-8")))
 
 
@@ -209,6 +210,8 @@ class _Reader:
 
     def _known(self, section: str, table: dict[str, Any], known: set[str], at: str = "") -> None:
         for key in table.keys() - known:
+            from difflib import get_close_matches
+
             near = get_close_matches(key, known, n=1)
             hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(known))}"
             self._report("unknown-key", f"unknown key {key}", section, at or key, hint)

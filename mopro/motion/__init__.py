@@ -4,14 +4,18 @@ from mopro.motion import assumed as assumed
 from mopro.motion.planner import plan
 from mopro.motion.profile import Profile, Segment, Shape, plan_profile
 from mopro.motion.schedule import PlannedMove, Schedule, Stroke
+from mopro.motion.survey import Lap, Survey, survey
 
 __all__ = [
+    "Lap",
     "PlannedMove",
     "Profile",
     "Schedule",
     "Segment",
     "Shape",
     "Stroke",
+    "Survey",
     "plan",
     "plan_profile",
+    "survey",
 ]

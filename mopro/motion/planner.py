@@ -63,9 +63,12 @@ class Planner:
                 message = f"more than {MOST_STATEMENTS} statements in {self.now_s:.3f} s"
                 self.report("too-many-statements", message, op.span, "ask for a shorter time")
                 return
-            execute(op, self)
+            self.execute(op)
         if op is not None and not self.found:
-            self._finish_motions(op.span)
+            self.finish_motions(op.span)
+
+    def execute(self, op: ir.Op) -> None:
+        execute(op, self)
 
     def schedule(self) -> Schedule:
         duration_s = min(self.now_s, self.for_s)
@@ -115,7 +118,7 @@ class Planner:
         """Execute nothing more."""
         self._next = len(self.program.ops)
 
-    def _finish_motions(self, span: Span) -> None:
+    def finish_motions(self, span: Span) -> None:
         """Let motions under way end; one without an end lasts as long as the run."""
         for axis in self.axes.values():
             if axis.endless and math.isinf(self.for_s):

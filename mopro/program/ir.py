@@ -32,6 +32,28 @@ class AxisOp(Op):
 
 
 @dataclass(frozen=True, slots=True)
+class AxisVelocity(AxisOp):
+    """Base of operations with a velocity in user units per second."""
+
+    velocity_uu_s: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class AxisDistance(AxisOp):
+    """Base of operations with a distance, or a position where `absolute`."""
+
+    distance_uu: Fraction
+    absolute: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class NamedOp(Op):
+    """Base of operations with a label's name, in capitals."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class SetUnits(AxisOp):
     """Microsteps per user unit, as the ratio that the program states."""
 
@@ -43,11 +65,10 @@ class SetUnits(AxisOp):
         return Fraction(self.numerator, self.denominator)
 
 
-@dataclass(frozen=True, slots=True)
-class SetVelocity(AxisOp):
+class SetVelocity(AxisVelocity):
     """Peak velocity in user units per second."""
 
-    velocity_uu_s: Fraction
+    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,30 +85,28 @@ class SetProfile(AxisOp):
     parabolic: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Move(AxisOp):
+class Move(AxisDistance):
     """Start moving now, by `distance_uu`, or to that position where `absolute`."""
 
-    distance_uu: Fraction
-    absolute: bool = False
+    __slots__ = ()
 
 
-@dataclass(frozen=True, slots=True)
-class SetTarget(AxisOp):
+class SetTarget(AxisDistance):
     """Where the next `Go` takes these axes; as for `Move`."""
 
-    distance_uu: Fraction
-    absolute: bool = False
+    __slots__ = ()
 
 
-@dataclass(frozen=True, slots=True)
 class Go(Op):
     """Start all axes that have a target, together."""
 
+    __slots__ = ()
 
-@dataclass(frozen=True, slots=True)
+
 class WaitAxis(AxisOp):
     """Wait until the axes have finished their motion."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,40 +116,38 @@ class Dwell(Op):
     milliseconds: int | Fraction
 
 
-@dataclass(frozen=True, slots=True)
-class Label(Op):
+class Label(NamedOp):
     """A place to jump to; `name` is in capitals."""
 
-    name: str
+    __slots__ = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Jump(Op):
-    name: str
+class Jump(NamedOp):
+    __slots__ = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Continuous(AxisOp):
+class Continuous(AxisVelocity):
     """Change to this velocity in user units per second and keep it (assumed)."""
 
-    velocity_uu_s: Fraction
+    __slots__ = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Seek(AxisOp):
+class Seek(AxisVelocity):
     """Move at this velocity until a limit switch, then stop (assumed)."""
 
-    velocity_uu_s: Fraction
+    __slots__ = ()
 
 
-@dataclass(frozen=True, slots=True)
 class Stop(AxisOp):
     """Slow down to rest at the set acceleration (assumed)."""
 
+    __slots__ = ()
 
-@dataclass(frozen=True, slots=True)
+
 class Home(AxisOp):
     """Seek the switch at the negative end at the set velocity; it becomes position 0 (assumed)."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from functools import singledispatchmethod
 
 from mopro.errors import Diagnostic, Severity, SourceError
@@ -17,12 +16,17 @@ MOST_DWELL_MS = 10**9
 
 def lower(tree: ast.Tree) -> ir.Program:
     """The program that `tree` means; SourceError with all findings if it means none."""
+    ops, found = examine(tree)
+    if any(d.severity is Severity.ERROR for d in found):
+        raise SourceError(tree.source, found)
+    return ir.Program(ops, tree.source, tuple(found))
+
+
+def examine(tree: ast.Tree) -> tuple[tuple[ir.Op, ...], list[Diagnostic]]:
+    """The operations of `tree`, a program if no finding is an error, and the findings."""
     lowering = _Lowering(tree)
     ops = tuple(lowering.op(statement) for statement in tree.statements)
-    errors = [d for d in lowering.found if d.severity is Severity.ERROR]
-    if errors:
-        raise SourceError(tree.source, lowering.found)
-    return ir.Program(ops, tree.source, tuple(lowering.found))
+    return ops, lowering.found
 
 
 class _Lowering:
@@ -127,6 +131,8 @@ class _Lowering:
     @op.register
     def _(self, s: ast.Jump) -> ir.Op:
         if s.name.key not in self._labels:
+            from difflib import get_close_matches
+
             near = get_close_matches(s.name.key, self._labels, n=1)
             hint = f"did you mean `{near[0]}`?" if near else f"define it: `:{s.name.text}`"
             message = f"no line defines the label {s.name.text}"

@@ -1,0 +1,136 @@
+"""`mopro lint`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
+from mopro.cli.options import Quantity
+from mopro.cli.texts import read_text, show_difference, write_text
+from mopro.errors import MoproError
+from mopro.language.parse import GRAMMARS
+from mopro.lint.config import check_rule_names, find_settings, lengths
+from mopro.lint.output import FORMATS, Report
+from mopro.lint.settings import Settings
+
+_EXPLAIN_ALL = "all"
+
+
+@click.command()
+@click.argument("files", nargs=-1, metavar="FILE...")
+@click.option(
+    "--format", "form", type=click.Choice(list(FORMATS)), default="text", show_default=True
+)
+@click.option("--fix", is_flag=True, help="Put in the fixes that are safe.")
+@click.option("--diff", is_flag=True, help="Show what --fix would change, and change nothing.")
+@click.option("--explain", metavar="RULE", help="Explain a rule (`all`: every rule), and end.")
+@click.option("--machine", help="Built-in name or file [default: chow1992].")
+@click.option("--payload", type=Quantity("mass", "kg"), metavar="MASS", help="Such as 5lb or 2kg.")
+@click.option(
+    "--start", metavar="AXIS=PLACE", multiple=True, help="Start, from mid-travel, such as 1=-5in."
+)
+@click.option("--grammar", type=click.Choice(list(GRAMMARS)), help="Which statements exist.")
+@click.option("--select", metavar="RULES", help="Ask only these rules (comma between them).")
+@click.option("--ignore", metavar="RULES", help="Do not ask these rules.")
+def command(
+    files: tuple[str, ...],
+    form: str,
+    fix: bool,
+    diff: bool,
+    explain: str | None,
+    **chosen: Any,
+) -> int:
+    """Tell what is wrong or dangerous in programs, before a machine moves.
+
+    FILE may be - for standard input. Options win over `mopro.toml` and `[tool.mopro]` of
+    `pyproject.toml`. Exits with 1 if there is a finding, 2 if a file cannot be read.
+
+    Example: mopro lint programs/LVDT3.CMD --payload 5lb
+    """
+    if explain is not None:
+        return _explain(explain)
+    if not files:
+        raise click.UsageError("name a file, or - for standard input")
+    reports: list[Report] = []
+    code = 0
+    for file in files:
+        try:
+            report, changed = _lint_file(file, chosen, fix, diff)
+        except MoproError as error:
+            click.echo(error.render(), err=True)
+            code = EXIT_BAD_INPUT
+            continue
+        reports.append(report)
+        code = max(code, EXIT_FAILED if report.findings or changed else 0)
+    text = FORMATS[form](reports)
+    if text and not diff:
+        click.echo(text, err=fix and "-" in files)
+    return code
+
+
+def _lint_file(file: str, chosen: dict[str, Any], fix: bool, diff: bool) -> tuple[Report, bool]:
+    """The report on one file, and whether --diff showed a change of it."""
+    from mopro.lint.check import lint
+
+    source, tail = read_text(file)
+    settings = _settings(Path.cwd() if file == "-" else Path(file).resolve().parent, chosen)
+    changed = False
+    if fix or diff:
+        from mopro.lint.fix import fixed
+
+        better = fixed(source, settings)
+        changed = diff and better != source
+        if diff:
+            show_difference(source, better)
+        elif better != source or file == "-":
+            write_text(file, better, tail)
+        source = source if diff else better
+    return Report(source, lint(source, settings)), changed
+
+
+def _settings(folder: Path, chosen: dict[str, Any]) -> Settings:
+    """The configuration of `folder`, and what the command line says otherwise."""
+    fields: dict[str, Any] = {
+        "machine": chosen["machine"],
+        "payload_kg": chosen["payload"],
+        "grammar": chosen["grammar"],
+        "select": _names(chosen["select"]),
+        "ignore": _names(chosen["ignore"]),
+        "start_m": _starts(chosen["start"]) if chosen["start"] else None,
+    }
+    given = {name: value for name, value in fields.items() if value is not None}
+    return replace(find_settings(folder), **given)
+
+
+def _names(text: str | None) -> frozenset[str] | None:
+    if text is None:
+        return None
+    try:
+        return check_rule_names([name.strip() for name in text.split(",") if name.strip()])
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+
+
+def _starts(places: tuple[str, ...]) -> dict[int, float]:
+    try:
+        return lengths(dict(text.split("=", 1) for text in places))
+    except ValueError as error:
+        raise click.UsageError(f"--start: {error}") from error
+
+
+def _explain(name: str) -> int:
+    from mopro.lint.explain import explain, page
+    from mopro.lint.rules import RULES
+
+    if name == _EXPLAIN_ALL:
+        click.echo(page(), nl=False)
+        return 0
+    (known,) = _names(name) or (None,)
+    if known is None:
+        raise click.UsageError("name one rule")
+    click.echo(explain(RULES[known]), nl=False)
+    return 0

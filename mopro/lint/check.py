@@ -1,0 +1,108 @@
+"""From a text to its findings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from mopro.errors import Diagnostic, Severity, SourceError
+from mopro.language import parse
+from mopro.language.ast import Tree
+from mopro.language.parse import parse_what_can_be
+from mopro.lint.rule import Finding, Rule, Stage
+from mopro.lint.rules import RULES
+from mopro.lint.settings import Settings
+from mopro.lint.subject import Subject
+from mopro.lint.suppress import allows, why_unused
+from mopro.program import Program, examine
+from mopro.source import Source
+
+# What a loop or a label seems to do where another fault hides half of it.
+_FOLLOWS_FROM_OTHERS = {"loop-without-time", "unknown-label"}
+
+
+def lint(source: Source, settings: Settings | None = None) -> list[Finding]:
+    """The findings about `source` in order of place; ModelError for an unusable machine."""
+    settings = settings or Settings()
+    tree, faults = _read(source, settings.grammar)
+    ops, found = examine(tree)
+    compiles = not faults and all(d.severity is not Severity.ERROR for d in found)
+    subject = Subject(tree, Program(ops, source), settings) if compiles else None
+    asked = asked_rules(settings)
+    findings = [_with_fix(d, subject) for d in _first_causes(faults, found)]
+    if subject is not None:
+        findings += _found_by_rules(subject, asked)
+    findings = [f for f in findings if f.rule in asked or f.rule not in RULES]
+    return sorted(_allowed(findings, tree, asked), key=lambda f: (f.span, f.rule))
+
+
+def subject_of(source: Source, settings: Settings) -> Subject:
+    """The program in `source` for rules and promises; SourceError if it does not compile."""
+    from mopro.program import lower
+
+    tree = parse(source, settings.grammar)
+    return Subject(tree, lower(tree), settings)
+
+
+def asked_rules(settings: Settings) -> dict[str, Rule]:
+    chosen = settings.select
+    return {
+        name: rule
+        for name, rule in RULES.items()
+        if (rule.default if chosen is None else name in chosen) and name not in settings.ignore
+    }
+
+
+def _read(source: Source, grammar: str) -> tuple[Tree, tuple[Diagnostic, ...]]:
+    try:
+        return parse(source, grammar), ()
+    except SourceError as error:
+        return parse_what_can_be(source, grammar)[0], error.diagnostics
+
+
+def _first_causes(*groups: tuple[Diagnostic, ...] | list[Diagnostic]) -> list[Diagnostic]:
+    """The findings of all groups, less those that may only follow from an earlier group."""
+    causes: list[Diagnostic] = []
+    for group in groups:
+        earlier = bool(causes)
+        causes += [d for d in group if not (earlier and d.rule in _FOLLOWS_FROM_OTHERS)]
+    return causes
+
+
+def _found_by_rules(subject: Subject, asked: dict[str, Rule]) -> Iterator[Finding]:
+    """Each stage only where the one before found nothing that refuses the program."""
+    for rule in _checks(asked, Stage.TEXT):
+        yield from rule.check(rule, subject)  # type: ignore[misc]
+    if all(rule.stage not in (Stage.MOTION, Stage.PHYSICS) for rule in asked.values()):
+        return
+    refused = [d for d in subject.survey.findings if d.rule != "loop-without-time"]
+    refused = refused or list(subject.survey.findings)
+    yield from (_with_fix(d, subject) for d in refused)
+    if refused:
+        return
+    for stage in (Stage.MOTION, Stage.PHYSICS):
+        for rule in _checks(asked, stage):
+            yield from rule.check(rule, subject)  # type: ignore[misc]
+
+
+def _checks(asked: dict[str, Rule], stage: Stage) -> list[Rule]:
+    return [rule for rule in asked.values() if rule.stage is stage and rule.check]
+
+
+def _with_fix(diagnostic: Diagnostic, subject: Subject | None) -> Finding:
+    rule = RULES.get(diagnostic.rule)
+    fix = rule.fix(subject, diagnostic) if rule and rule.fix else None
+    return Finding.of(diagnostic, fix)
+
+
+def _allowed(findings: list[Finding], tree: Tree, asked: dict[str, Rule]) -> list[Finding]:
+    """The findings that no comment allows, and the comments that allow nothing."""
+    places = {(f.rule, f.span.line) for f in findings}
+    allowed = set()
+    unused: list[Finding] = []
+    rule = asked.get("unused-allow")
+    for allow in allows(tree):
+        if (allow.rule, allow.line) in places:
+            allowed.add((allow.rule, allow.line))
+        elif rule and (allow.rule in asked or allow.rule not in RULES):
+            unused.append(rule.at(allow.span, *why_unused(allow, RULES)))
+    return [f for f in findings if (f.rule, f.span.line) not in allowed] + unused

@@ -1,0 +1,42 @@
+"""The rules in words: for one asked about, and as the page of the docs."""
+
+from __future__ import annotations
+
+from mopro.lint.rule import Rule, Stage
+from mopro.lint.rules import RULES
+
+_STAGES = {
+    Stage.LANGUAGE: "The language: a program that breaks one of these errors does not compile",
+    Stage.TEXT: "The text",
+    Stage.MOTION: "The motion",
+    Stage.PHYSICS: "The machine and its payload",
+}
+_HEAD = """\
+# Rules of `mopro lint`
+
+This page is what `mopro lint --explain all` prints; the tests run its examples. To keep a
+finding quiet where it is known and meant, write `; mopro: allow RULE` on its line or on a
+line of its own above.
+"""
+
+
+def explain(rule: Rule) -> str:
+    """One rule as Markdown."""
+    traits = [str(rule.severity)]
+    if rule.promise:
+        traits.append("fixed by `--fix`")
+    if not rule.default:
+        traits.append("asked only by name")
+    return (
+        f"### {rule.name}\n\n{rule.what} ({', '.join(traits)})\n\n{rule.why}\n\n"
+        f"Found in\n\n```\n{rule.bad}```\n\nand not in\n\n```\n{rule.good}```\n"
+    )
+
+
+def page() -> str:
+    """All rules as Markdown."""
+    parts = [_HEAD]
+    for stage, title in _STAGES.items():
+        parts.append(f"## {title}\n")
+        parts += [explain(rule) for rule in RULES.values() if rule.stage is stage]
+    return "\n".join(parts)

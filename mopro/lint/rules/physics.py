@@ -1,0 +1,172 @@
+"""Rules about what the program does to a machine with its payload."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from mopro.errors import Severity
+from mopro.lint.rule import Finding, Rule, Stage
+from mopro.lint.subject import Subject
+from mopro.motion import PlannedMove
+from mopro.source import Span
+
+_READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
+# With less than this a move is not called safe, and no acceleration is proposed.
+SAFE_MARGIN = 0.05
+# What a faster profile must leave, and the share of time that makes it worth telling.
+KEPT_MARGIN = 0.30
+_WORTH_TELLING = 0.10
+_MOST_PROPOSALS = 10
+_MINUTE_S = 60.0
+
+
+def _acceleration(subject: Subject, move: PlannedMove) -> tuple[float, str]:
+    """The acceleration that governs a move, in user units per second squared, and its unit."""
+    unit = subject.unit(move.microsteps_per_uu)
+    return move.in_uu(move.profile.acceleration), f"{unit}/s²"
+
+
+def _stall(rule: Rule, subject: Subject) -> Iterator[Finding]:
+    told: set[Span] = set()
+    for stress in subject.stresses.each:
+        span = stress.move.span
+        if not stress.slips or span in told:
+            continue
+        told.add(span)
+        value, unit = _acceleration(subject, stress.move)
+        message = f"axis {stress.axis} stalls in this move at {value:.4g} {unit}: margin 0 %"
+        hint = _what_works(subject, stress, value, unit) if len(told) <= _MOST_PROPOSALS else None
+        yield rule.at(span, message, hint)
+    unchecked = sorted({move.span for move in subject.stresses.unchecked})
+    if unchecked:
+        message = (
+            f"from here on {len(unchecked)} statements with moves are not checked for stall: they "
+            "differ too much to be emulated here"
+        )
+        yield rule.at(unchecked[0], message, "see `mopro run --emulate`")
+
+
+def _what_works(subject: Subject, stress: Any, value: float, unit: str) -> str:
+    from mopro.lint.stress import largest_acceleration
+
+    found = largest_acceleration(subject.stresses.plant, stress, value, SAFE_MARGIN)
+    if found is None:
+        return f"no acceleration from a hundredth of {value:.4g} {unit} on works"
+    works, margin = found
+    axis = stress.move.axes[0]
+    return (
+        f"the largest acceleration that works is {works:g} {unit}, `ACC{axis} {works / 1000:g}`, "
+        f"with a margin of {margin:.0%}"
+    )
+
+
+def _low_margin(rule: Rule, subject: Subject) -> Iterator[Finding]:
+    least: dict[Span, Any] = {}
+    stalled = {stress.move.span for stress in subject.stresses.each if stress.slips}
+    for stress in subject.stresses.each:
+        span = stress.move.span
+        if stress.margin < subject.settings.low_margin and span not in stalled:
+            least[span] = min(least.get(span, stress), stress, key=lambda s: s.margin)
+    for span, stress in least.items():
+        yield rule.at(
+            span,
+            f"axis {stress.axis} has a margin of {stress.margin:.0%} against stall in this move: "
+            f"less than {subject.settings.low_margin:.0%}",
+            "lower the acceleration or the payload",
+        )
+
+
+def _over_temperature(rule: Rule, subject: Subject) -> Iterator[Finding]:
+    from mopro.lint.warmth import can_overheat, overheating
+
+    loops = subject.program.loops_forever
+    duration_s = subject.survey.schedule.duration_s
+    if not loops and not can_overheat(subject.machine, duration_s):
+        return
+    hot = overheating(subject.machine, subject.survey, loops)
+    if hot is None:
+        return
+    minutes = hot.after_s / _MINUTE_S
+    yield rule.at(
+        hot.span,
+        f"after {minutes:.3g} min the motor passes its rated "
+        f"{subject.machine.heat.rated_C:.4g} °C on the way to {hot.final_C:.4g} °C",
+        "rest longer between moves, or stop in time",
+    )
+
+
+def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
+    from mopro.lint.rules.motion import first_by_span
+    from mopro.lint.stress import Leg, emulated
+    from mopro.lint.swing import greatest_step_m_s2
+    from mopro.motion import plan_profile
+
+    plant = subject.stresses.plant
+    step_u_s2 = greatest_step_m_s2(plant.swinger.pull_out_m_s2, KEPT_MARGIN)
+    step_u_s2 /= subject.machine.microstep_m
+    for move in first_by_span(subject.distinct_moves):
+        profile = move.profile
+        if not profile.ramp_s or not profile.distance:
+            continue
+        faster = plan_profile(profile.distance, profile.velocity, step_u_s2, parabolic=True)
+        saved_s = profile.duration_s - faster.duration_s
+        if saved_s < _WORTH_TELLING * profile.duration_s:
+            continue
+        leg = Leg(round(profile.distance), profile.velocity, step_u_s2, True, 1.0)
+        ((margin, slips),) = emulated(plant, (leg,))
+        if not slips and margin >= KEPT_MARGIN:
+            axis, value = move.axes[0], move.in_uu(step_u_s2) / 1000
+            yield rule.at(
+                move.span,
+                f"this move takes {profile.duration_s:.3f} s; with `PARA{axis}+` and "
+                f"`ACC{axis} {value:.3g}` it takes {saved_s:.3f} s less, at a margin of "
+                f"{margin:.0%}",
+            )
+
+
+def _physics(name: str, check: Any, severity: Severity = Severity.WARNING, **texts: Any) -> Rule:
+    return Rule(name, Stage.PHYSICS, severity, check=check, **texts)
+
+
+RULES = (
+    _physics(
+        "stall",
+        _stall,
+        Severity.ERROR,
+        what="A move in which the motor loses its tooth.",
+        why="An open-loop motor that slips is somewhere else from then on, and nobody tells the "
+        "controller. Judged by the emulator where a bound from energy does not decide.",
+        bad="UU012500/1\nVEL1 40.0\nACC1 1.5\nMRI1 15.0\nWX1\n",
+        good="UU012500/1\nVEL1 40.0\nACC1 0.6\nMRI1 15.0\nWX1\n",
+    ),
+    _physics(
+        "low-margin",
+        _low_margin,
+        what="A move that leaves less of the pull-out force than the margin asked for, 20 %.",
+        why="A little more load or friction than modelled, and the motor stalls.",
+        bad="UU012500/1\nVEL1 40.0\nPARA1+\nACC1 0.85\nMRI1 15.0\nWX1\n",
+        good="UU012500/1\nVEL1 40.0\nPARA1+\nACC1 0.6\nMRI1 15.0\nWX1\n",
+    ),
+    _physics(
+        "over-temperature",
+        _over_temperature,
+        what="A program that makes the motor hotter than it is rated for.",
+        why="The windings age and the platen grows; the time until then is what an unattended "
+        "run may last.",
+        bad="UU012500/1\nVEL0 1.0\nACC0 0.2\n:B1\nMRI1 0.5\nWX1\nMRI1 -0.5\nWX1\nJUMP B1\n",
+        good="UU012500/1\nVEL0 15.0\nACC0 0.2\n:B1\nMRI1 15.0\nWX1\nMRI1 -15.0\nWX1\nJUMP B1\n",
+    ),
+    _physics(
+        "slower-than-needed",
+        _slower_than_needed,
+        Severity.NOTE,
+        what="A move that parabolic ramps would make more than a tenth shorter, at a margin of "
+        "30 %.",
+        why="Only a proposal, so it is asked by name. The parabolic ramp is let start at a higher "
+        "acceleration, since it ends without a jolt.",
+        bad=_READY + "MRI1 15.0\nWX1\n",
+        good="UU012500/1\nVEL0 40.0\nACC0 0.6\nPARA0+\nMRI1 15.0\nWX1\n",
+        default=False,
+    ),
+)

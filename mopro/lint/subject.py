@@ -1,0 +1,91 @@
+"""What the rules look at: a program, and what follows from it, each worked out once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from mopro.lint.settings import Settings
+from mopro.program import AXES, ir
+
+if TYPE_CHECKING:
+    from mopro.language import ast
+    from mopro.lint.stress import Stresses
+    from mopro.machine import Machine
+    from mopro.motion import PlannedMove, Survey
+
+
+# A program of more statements is surveyed for one round less: the least that shows a drift.
+_LONG = 20_000
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A program that compiles, and the settings under which it is looked at."""
+
+    tree: ast.Tree
+    program: ir.Program
+    settings: Settings
+
+    @cached_property
+    def survey(self) -> Survey:
+        from mopro.motion import survey
+
+        rounds = 2 if len(self.program.ops) > _LONG else 3
+        return survey(self.program, rounds, self._switches_u)
+
+    @property
+    def _switches_u(self) -> dict[int, tuple[float, float]]:
+        """The limit switches that a seek runs to, in microsteps; only seeks need them."""
+        if not any(isinstance(op, ir.Seek | ir.Home) for op in self.program.ops):
+            return {}
+        from mopro.lint.travel import platen_travel_m
+
+        microstep_m = self.machine.microstep_m
+        halves = {axis: m / 2 / microstep_m for axis, m in platen_travel_m(self.machine).items()}
+        return {axis: (-half, half) for axis, half in halves.items()}
+
+    @cached_property
+    def machine(self) -> Machine:
+        from mopro.machine import load_machine
+
+        return load_machine(self.settings.machine)
+
+    @cached_property
+    def stresses(self) -> Stresses:
+        """What each move asks of the motor."""
+        from mopro.lint.stress import Plant, stresses_of
+
+        plant = Plant(self.machine, self.settings.payload_kg)
+        return stresses_of(plant, self.distinct_moves, self.settings.low_margin)
+
+    @property
+    def distinct_moves(self) -> tuple[PlannedMove, ...]:
+        """All moves; of a loop those until its second round is over, for the others are alike."""
+        moves, laps = self.survey.schedule.moves, self.survey.laps
+        return moves[: laps[1].moves] if len(laps) > 1 else moves
+
+    @cached_property
+    def reached(self) -> frozenset[int]:
+        """Which operations a run meets, by index."""
+        met = {id(op) for op in self.program.reachable()}
+        return frozenset(i for i, op in enumerate(self.program.ops) if id(op) in met)
+
+    def unit(self, microsteps_per_uu: Fraction) -> str:
+        """The name of a program's user unit."""
+        from mopro.units import length_unit_name
+
+        return length_unit_name(self.metres_per_uu(microsteps_per_uu))
+
+    def metres_per_uu(self, microsteps_per_uu: Fraction) -> Fraction:
+        return microsteps_per_uu * Fraction(self.machine.microstep_m).limit_denominator(10**9)
+
+    def length(self, microsteps: float, microsteps_per_uu: Fraction) -> str:
+        """A length in the program's user unit."""
+        return f"{microsteps / float(microsteps_per_uu):.5g} {self.unit(microsteps_per_uu)}"
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        return AXES

@@ -1,0 +1,1 @@
+"""Programs in an editor: findings while typing, fixes, hover, labels, completion, layout."""

@@ -1,0 +1,89 @@
+"""Fixes keep their promises and every byte that is not theirs."""
+
+import pytest
+from test_output import ROOT, lint
+
+import mopro
+from mopro.language import source_from_bytes
+from mopro.lint import Settings
+from mopro.lint import lint as findings_of
+from mopro.lint.fix import applied, fixed
+from mopro.lint.rules import RULES
+from mopro.motion import plan
+from mopro.source import Source
+
+READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
+
+
+def fix(text, **settings):
+    return fixed(Source("x.CMD", text), Settings(**settings)).text
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("VELO 1.0\r\nacco 2.0", "VEL0 1.0\r\nacc0 2.0"),
+        (":B1 ; keep\nWT1\n", " ; keep\nWT1\n"),
+        (READY + "MRI1 8.0 ; a\nMRI1 -8.0 ; b\nWX1\n",
+         READY + "MRI1 8.0 ; a\nWX1\nMRI1 -8.0 ; b\nWX1\n"),
+        (READY + "MRI1 15.0", READY + "MRI1 15.0\nWX1"),
+        (READY + "MR1 8.0\r\nMR2 4.0\r\nGO\r\nMRI2 1.0\r\nWX0\r\n",
+         READY + "MR1 8.0\r\nMR2 4.0\r\nGO\r\nWX2\r\nMRI2 1.0\r\nWX0\r\n"),
+        (READY + "MRI1 0.0001\nWX1\n", READY + "MRI1 0.00008\nWX1\n"),
+    ],
+)  # fmt: skip
+def test_each_fix(before, after):
+    assert fix(before) == after
+    assert fix(after) == after
+
+
+def test_a_fix_that_would_break_its_promise_is_left_out():
+    """The places 1.25, 2.5 and 3.75 round to 1, 2 and 4: three single microsteps end at 3."""
+    text = READY + "MRI1 0.0001\nWX1\n" * 3
+    before, after = mopro.compile(text), mopro.compile(fix(text))
+    assert before != after
+    assert len(findings_of(Source("x", fix(text)))) > 0
+    strokes = [[m.strokes for m in plan(p).moves] for p in (before, after)]
+    assert strokes[0] == strokes[1]
+
+
+def test_every_rule_that_promises_has_a_fix_in_its_example():
+    for rule in RULES.values():
+        if rule.promise:
+            assert fix(rule.bad) != rule.bad
+
+
+def test_fix_keeps_code_page_and_ctrl_z(tmp_path):
+    path = tmp_path / "old.CMD"
+    path.write_bytes(b";\xc9\xcd\xbb\r\nVELO 1.0 ;\x80\r\n\x1ajunk\xff")
+    assert lint("--fix", path).returncode == 0
+    assert path.read_bytes() == b";\xc9\xcd\xbb\r\nVEL0 1.0 ;\x80\r\n\x1ajunk\xff"
+
+
+def test_diff_shows_and_changes_nothing(tmp_path):
+    path = tmp_path / "old.CMD"
+    path.write_bytes(b"VELO 1.0\r\n")
+    done = lint("--diff", path)
+    assert done.returncode == 1
+    assert b"-VELO 1.0" in done.stdout
+    assert b"+VEL0 1.0" in done.stdout
+    assert path.read_bytes() == b"VELO 1.0\r\n"
+
+
+def test_fix_of_standard_input_goes_to_standard_output():
+    done = lint("--fix", "-", stdin=b"VELO 1.0\n")
+    assert (done.returncode, done.stdout) == (0, b"VEL0 1.0\n")
+
+
+def test_fixed_listing_means_the_same():
+    data = (ROOT / "programs" / "TEMP2.CMD").read_bytes()
+    source = source_from_bytes(data, "TEMP2.CMD")
+    better = fixed(source, Settings())
+    assert better.text == source.text.replace("VELO", "VEL0").replace("ACCO", "ACC0")
+    assert mopro.compile(better.text) == mopro.compile(source.text)
+    assert findings_of(better) == []
+
+
+def test_applied_puts_line_ends_of_the_file():
+    source = Source("x", READY.replace("\n", "\r\n") + "MRI1 15.0\r\n")
+    assert applied(source, findings_of(source)).text.endswith("MRI1 15.0\r\nWX1\r\n")

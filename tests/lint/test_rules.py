@@ -1,0 +1,75 @@
+"""Each rule finds its mistake where it is, and not the near miss; its texts can be trusted."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mopro.language import load
+from mopro.lint import Settings, lint
+from mopro.lint.config import lengths
+from mopro.lint.explain import explain, page
+from mopro.lint.rules import RULES
+from mopro.source import Source
+
+DATA = Path(__file__).parents[1] / "data" / "lint"
+ROOT = Path(__file__).parents[2]
+EXPECTATION = re.compile(r"; expect (?:(\d+:\d+) )?.*?(?: with (.*))?$")
+
+
+def settings_of(options):
+    words = (options or "").split()
+    given = dict(zip(words[::2], words[1::2], strict=True))
+    select = frozenset(given["--select"].split(",")) if "--select" in given else None
+    start = lengths(dict([given["--start"].split("=")])) if "--start" in given else {}
+    return Settings(grammar=given.get("--grammar", "attested"), select=select, start_m=start)
+
+
+def rule_settings(rule):
+    select = None if rule.default else frozenset({rule.name})
+    return replace(rule.example, select=select)
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_bad_program_gives_exactly_its_finding(name):
+    source = load(DATA / "bad" / f"{name}.CMD")
+    place, options = EXPECTATION.match(source.line(1)).groups()
+    found = lint(source, settings_of(options))
+    assert [(str(f.span), f.rule) for f in found] == [(place, name)]
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_near_miss_gives_nothing(name):
+    source = load(DATA / "near" / f"{name}.CMD")
+    options = EXPECTATION.match(source.line(1))[2]
+    assert lint(source, settings_of(options)) == []
+
+
+def test_every_data_file_belongs_to_a_rule():
+    for folder in ("bad", "near"):
+        assert {path.stem for path in (DATA / folder).iterdir()} == set(RULES)
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=lambda r: r.name)
+def test_examples_of_the_explanation_do_what_it_says(rule):
+    bad = lint(Source("bad", rule.bad), rule_settings(rule))
+    assert [f.rule for f in bad] == [rule.name]
+    assert bad[0].severity is rule.severity
+    assert lint(Source("good", rule.good), rule_settings(rule)) == []
+    assert rule.bad in explain(rule)
+    assert rule.good in explain(rule)
+
+
+def test_docs_page_is_what_explain_prints():
+    assert (ROOT / "docs" / "lint.md").read_text("utf-8") == page()
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "programs").glob("*.CMD")), ids=lambda p: p.stem)
+def test_programs_of_the_thesis_give_only_what_is_explained(path):
+    """`expected` has a line `place rule: why it is true` for each finding."""
+    lines = (DATA / "expected" / f"{path.stem}.txt").read_text("utf-8").splitlines()
+    expected = [line.partition(":  ")[0] for line in lines]
+    assert all(line.partition(":  ")[2] for line in lines)
+    found = lint(load(path), Settings(select=frozenset(RULES)))
+    assert [f"{f.span} {f.rule}" for f in found] == expected
