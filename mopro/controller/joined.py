@@ -43,9 +43,5 @@ class JoinedPort:
         if self._breaks and self._broken:
             raise LinkError("the link is lost: the other end hung up", "link-lost")
 
-    def wait(self, seconds: float) -> None:
-        """Let time pass for everyone, reading nothing."""
-        self._now_s += seconds
-
     def close(self) -> None:
         return
