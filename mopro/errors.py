@@ -95,3 +95,21 @@ class DataError(MoproError):
     """A recording or data file that cannot be read or written."""
 
     rule = "bad-data"
+
+
+class LinkError(MoproError):
+    """The conversation with a controller failed; `rule` says in which way."""
+
+    rule = "link-failed"
+
+
+class PortError(LinkError):
+    """The port itself cannot be used: nothing was said yet."""
+
+    rule = "no-port"
+
+
+class VerifyError(LinkError):
+    """What the controller has is not what it was given."""
+
+    rule = "read-back-differs"

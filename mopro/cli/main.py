@@ -13,7 +13,7 @@ from typing import NoReturn
 
 import click
 
-from mopro.errors import MoproError
+from mopro.errors import LinkError, MoproError, PortError
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
@@ -22,13 +22,17 @@ EXIT_SIGNAL = 128
 # command -> the module that defines it as `command`; loaded when the command is used.
 COMMANDS = {
     "compile": "mopro.cli.compile",
+    "flash": "mopro.cli.flash",
     "fmt": "mopro.cli.fmt",
     "limits": "mopro.cli.limits",
+    "link-test": "mopro.cli.link_test",
     "lint": "mopro.cli.lint",
     "lsp": "mopro.cli.lsp",
     "machine": "mopro.cli.machine",
     "measure": "mopro.cli.measure",
+    "ports": "mopro.cli.ports",
     "run": "mopro.cli.run",
+    "serve": "mopro.cli.serve",
     "thesis": "mopro.cli.thesis",
 }
 
@@ -69,7 +73,8 @@ def main() -> NoReturn:
         sys.exit(EXIT_SIGNAL + signal.SIGINT)
     except MoproError as error:
         click.echo(error.render(), err=True)
-        sys.exit(EXIT_BAD_INPUT)
+        failed = isinstance(error, LinkError) and not isinstance(error, PortError)
+        sys.exit(EXIT_FAILED if failed else EXIT_BAD_INPUT)
     except BrokenPipeError:
         # Whoever read our output has gone; say nothing more, not even at exit.
         sys.stdout = None

@@ -15,3 +15,13 @@ def compiled_program(file: str, grammar: str) -> Program:
     if program.warnings:
         click.echo(render_all(program.warnings, program.source), err=True)
     return program
+
+
+def refuse_unrunnable(program: Program, machine: str, for_s: float | None = None) -> None:
+    """MotionError for what a run would refuse, before a controller hears of it."""
+    from mopro.machine import DEFAULT_LOOP_S, load_machine
+    from mopro.motion import plan
+
+    if program.loops_forever and for_s is None:
+        for_s = DEFAULT_LOOP_S
+    plan(program, for_s, load_machine(machine).travel_u())

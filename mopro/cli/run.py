@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mopro.cli.link import baud_option, dialect_option, opened_session, trace_option
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
-from mopro.cli.programs import compiled_program
+from mopro.cli.programs import compiled_program, refuse_unrunnable
 
 if TYPE_CHECKING:
+    from mopro.emulator import Emulator
+    from mopro.link import SerialBackend
     from mopro.program import Program
     from mopro.recording import Header, Run, Sink
     from mopro.recording.record import Columns
@@ -27,6 +30,9 @@ _MOST_ROWS = 40
 @click.command()
 @program_argument()
 @click.option("--emulate", is_flag=True, help="Run on the emulated machine.")
+@click.option(
+    "--port", metavar="URL", help="Run on the controller there (/dev/ttyUSB0, socket://)."
+)
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
 @click.option(
     "--for",
@@ -60,11 +66,22 @@ _MOST_ROWS = 40
 )
 @click.option("--plot", type=OutputFile(".png", ".svg", ".pdf"), help="A picture of the run.")
 @click.option("--report", type=OutputFile(".html"), help="A page about the run.")
+@dialect_option()
+@baud_option()
+@trace_option()
+@click.option("--from-line", type=click.IntRange(1), help="With --port: begin at this line.")
+@click.option("--yes", is_flag=True, help="Do not ask before a run that begins at a line.")
+@click.option(
+    "--deadline",
+    type=Quantity("time", "s", positive=True),
+    help="With --port: stop the machine after this much time by this computer's clock.",
+)
 @grammar_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
     file: str,
     emulate: bool,
+    port: str | None,
     machine: str,
     for_s: float | None,
     payload: float,
@@ -73,32 +90,85 @@ def command(
     out: Path,
     plot: Path | None,
     report: Path | None,
+    dialect: str,
+    baud: int | None,
+    trace: Path | None,
+    from_line: int | None,
+    yes: bool,
+    deadline: float | None,
     grammar: str,
     as_json: bool,
 ) -> int:
     """Run a program and record what the machine does.
 
-    Exits with 1 if the motor stalls, runs into a limit switch or becomes too hot.
+    Exits with 1 if the motor stalls, runs into a limit switch or becomes too hot, or if a
+    controller's run does not go its way.
 
     Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
     """
-    if not emulate:
-        raise click.UsageError("say what to run on: --emulate")
+    if emulate == (port is not None):
+        raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
     from mopro.emulator import Emulator
     from mopro.machine import load_machine
-    from mopro.recording import open_sink
 
     program = compiled_program(file, grammar)
-    emulator = Emulator(load_machine(machine), payload, rate, seed)
-    header = emulator.header(program)
+    backend: Emulator | SerialBackend
     with ExitStack() as files:
-        sink = files.enter_context(open_sink(out, header))
-        pictures = _Pictures(plot, report, files) if plot or report else None
-        run = emulator.run(program, pictures.beside(sink) if pictures else sink, for_s)
-        if pictures:
-            pictures.draw(header, run)
+        if port is None:
+            _only_with("--port", "baud", "trace", "from_line", "deadline")
+            backend = Emulator(load_machine(machine), payload, rate, seed)
+        else:
+            from mopro.link import SerialBackend
+
+            _only_with("--emulate", "payload", "rate", "seed")
+            plant = load_machine(machine)
+            if from_line is not None:
+                program = _from_line(program, from_line, yes)
+            refuse_unrunnable(program, machine, for_s)
+            session = files.enter_context(opened_session(port, dialect, baud, trace))
+            backend = SerialBackend(session, plant, deadline_s=deadline)
+        run = _recorded(backend, program, for_s, out, _Pictures(plot, report, files))
     _tell(run, program, out, as_json)
-    return EXIT_FAILED if run.stalled or run.trip else 0
+    return EXIT_FAILED if run.stalled or run.trip or run.trouble else 0
+
+
+def _recorded(
+    backend: Emulator | SerialBackend,
+    program: Program,
+    for_s: float | None,
+    out: Path,
+    pictures: _Pictures,
+) -> Run:
+    """The run of `program` on either back end, its recording in `out`."""
+    from mopro.recording import open_sink
+
+    header = backend.header(program)
+    with open_sink(out, header) as sink:
+        run = backend.run(program, pictures.beside(sink), for_s)
+        pictures.draw(header, run)
+    return run
+
+
+def _only_with(other: str, *names: str) -> None:
+    """Refuse options that would be ignored."""
+    context = click.get_current_context()
+    for name in names:
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"--{name.replace('_', '-')} goes with {other} only")
+
+
+def _from_line(program: Program, line: int, yes: bool) -> Program:
+    """The program from `line` on, its settings shown and agreed to."""
+    from mopro.link.resume import resume
+
+    resumed = resume(program, line)
+    click.echo(f"Begin at line {resumed.line}; in force there, without any motion:", err=True)
+    for text in resumed.settings:
+        click.echo(f"  {text}", err=True)
+    click.echo("The motor is taken to stand where the program expects it to.", err=True)
+    if not yes:
+        click.confirm("Start?", abort=True, err=True)
+    return resumed.program
 
 
 class _Pictures:
@@ -108,15 +178,18 @@ class _Pictures:
         from mopro.recording import MemorySink
         from mopro.recording.atomic import written_beside
 
+        self._wanted = bool(plot or report)
         self._plot = plot
         self._plot_draft = files.enter_context(written_beside(plot)) if plot else None
         self._report_draft = files.enter_context(written_beside(report)) if report else None
         self._memory = MemorySink(_MOST_PLOTTED)
 
     def beside(self, sink: Sink) -> Sink:
-        return _Tee(sink, self._memory)
+        return _Tee(sink, self._memory) if self._wanted else sink
 
     def draw(self, header: Header, run: Run) -> None:
+        if not self._wanted:
+            return
         from mopro.plot import plot_recording, report_page
 
         recording = self._memory.recording(header, run)
@@ -148,7 +221,9 @@ def _tell(run: Run, program: Program, out: Path, as_json: bool) -> None:
         print_table(MOVE_COLUMNS, map(move_cells, run.moves), _MOST_ROWS)
         click.echo(outcome(run))
         click.echo(f"Recording: {out}")
-    if not run.complete and run.trip is None:
+    if run.trouble:
+        click.echo(f"{program.source.name}: {run.trouble} [run-failed]", err=True)
+    elif not run.complete and run.trip is None:
         why = "the program loops for ever" if run.loops_forever else "the program had not ended"
         hint = "change that with --for, for example --for 10min"
         click.echo(

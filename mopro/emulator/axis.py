@@ -106,6 +106,22 @@ class EmulatedAxis:
         volts = (va, vb) if self._has_voltage else (None, None)
         return Samples(command, position, velocity, current * a, current * b, force, *volts)
 
+    def take_over(self, other: EmulatedAxis) -> None:
+        """Go on from where `other` is, which was under the same command up to now."""
+        self._now_s = other._now_s
+        self._engine.take_over(other._engine)
+        self._jumps = [jump for jump in self._jumps if jump[0] >= self._now_s]
+        self.fates.take_over(other.fates)
+
+    @property
+    def position_m(self) -> float:
+        """Where the axis is at the time reached."""
+        return self._engine.x
+
+    def slip(self, pitches: float) -> None:
+        """Fall behind by whole pitches at once, as after a blow."""
+        self._engine.x -= pitches * self._plant.pitch_m
+
     def settle(self) -> None:
         """Under a command at rest, wait until the tooth that holds the axis is certain."""
         deadline_s = self._now_s + _MOST_SETTLING_S
@@ -165,6 +181,13 @@ class _Fates:
         self._low_m = np.full(len(moves), np.inf)
         self._high_m = np.full(len(moves), -np.inf)
         self._teeth = np.zeros(len(moves) + 1, dtype=np.int64)
+
+    def take_over(self, other: _Fates) -> None:
+        """Keep what became of the moves begun so far; they are the first ones of both."""
+        shared = min(len(self._starts_s), len(other._starts_s))
+        self._low_m[:shared] = other._low_m[:shared]
+        self._high_m[:shared] = other._high_m[:shared]
+        self._teeth[:shared] = other._teeth[:shared]
 
     def watch(self, knots: Floats, lags: Floats, low: Floats, high: Floats) -> None:
         """Take in the lag at `knots` and its extremes between them (m)."""

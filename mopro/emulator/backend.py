@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from fractions import Fraction
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 
 import numpy as np
 
-from mopro.emulator.axis import EmulatedAxis, Samples
+from mopro.emulator.axis import EmulatedAxis, Fate, Samples
 from mopro.emulator.command import Floats
 from mopro.emulator.effects import Active, catalogue
 from mopro.emulator.effects.resolve import active_effects
 from mopro.emulator.platen import platen_result, yaw_rad
-from mopro.emulator.setup import Settings, Staging, stage
+from mopro.emulator.setup import Settings, Staging, planned, stage, staged
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
+from mopro.machine.backend import DEFAULT_LOOP_S
+from mopro.machine.report import Outcome, move_report
 from mopro.motion import PlannedMove, Schedule
 from mopro.program import Program
 from mopro.recording import Header, MemorySink, MoveReport, Recording, Run, Sink
 from mopro.recording.record import Columns
-from mopro.units import length_unit_name
 
 DEFAULT_RATE_HZ = 2000.0
-DEFAULT_LOOP_S = 60.0
 # RK4 at this step is within 0.03 nm of the exact response to LVDT3.
 MAX_STEP_S = 50e-6
 MOST_SAMPLES = 200_000_000
@@ -163,26 +162,68 @@ class Emulator:
         self, move: PlannedMove, ended_s: float, axes: dict[int, EmulatedAxis]
     ) -> MoveReport:
         fates = [axes[number].fates.of(move) for number in move.axes]
-        metres_per_uu = move.microsteps_per_uu * Fraction(
-            self.machine.microstep_m
-        ).limit_denominator(10**9)
-        return MoveReport(
-            line=move.span.line,
-            axes=list(move.axes),
-            profile=str(move.profile.shape),
-            distance=move.distance_uu,
-            unit=length_unit_name(metres_per_uu),
-            set_velocity=move.in_uu(move.profile.velocity),
-            peak_velocity=move.in_uu(move.profile.peak_velocity),
-            acceleration=move.in_uu(move.profile.acceleration),
-            start_s=move.start_s,
-            duration_s=move.profile.duration_s,
-            max_lag=move.in_uu(max(fate.max_lag_m for fate in fates) / self.machine.microstep_m),
-            stall_margin=min(fate.stall_margin for fate in fates),
-            lost_pitches=max((fate.lost_pitches for fate in fates), key=abs),
-            slipped=any(fate.slipped for fate in fates),
-            complete=move.end_s <= ended_s,
-        )
+        outcome = replace(_worst(fates), complete=move.end_s <= ended_s)
+        return move_report(move, outcome, self.machine.microstep_m)
+
+    def plan(self, program: Program, for_s: float | None = None) -> Schedule:
+        """What `program` commands on this machine; raises MotionError, as `plan` does."""
+        return planned(program, self.machine, self.active, for_s)
+
+    def begin(self, schedule: Schedule) -> Emulation:
+        """The machine at rest at the start of `schedule`, for whoever moves time on himself."""
+        return Emulation(self, schedule)
+
+
+class Emulation:
+    """One run on the emulated machine, as far as it has got.
+
+    Only what has been commanded up to the time reached has been integrated, so that a
+    caller may still change what comes after it: a stop, or a longer schedule. Limit
+    switches and heat are the caller's to act upon.
+    """
+
+    def __init__(self, emulator: Emulator, schedule: Schedule) -> None:
+        self._emulator = emulator
+        self._staging = self._staged(schedule)
+
+    def _staged(self, schedule: Schedule) -> Staging:
+        return staged(schedule, self._emulator._settings(), self._emulator.active)
+
+    def advance(self, times: Floats, end_s: float) -> Columns:
+        """The samples at `times`; the machine goes on to `end_s` (see EmulatedAxis.advance)."""
+        return self._emulator._columns(self._staging, times, end_s)
+
+    def change(self, schedule: Schedule) -> None:
+        """Go on under `schedule`, which is the same up to the time reached."""
+        before, self._staging = self._staging, self._staged(schedule)
+        for axis, old in zip(self._staging.axes, before.axes, strict=True):
+            axis.take_over(old)
+
+    def slip(self, axis: int, pitches: int) -> None:
+        """Throw `axis` back by whole pitches, as a blow does."""
+        self._staging.axes[axis - 1].slip(pitches)
+
+    def position_m(self, axis: int) -> float:
+        """Where `axis` is at the time reached."""
+        return self._staging.axes[axis - 1].position_m
+
+    def settle(self) -> None:
+        """At the end of the command, let what rings come to rest; the accounts are final."""
+        for axis in self._staging.axes:
+            axis.settle()
+
+    def outcome(self, move: PlannedMove) -> Outcome:
+        """How `move` went; final once its axes have begun another, or after `settle`."""
+        return _worst([a.fates.of(move) for a in self._staging.axes if a.number in move.axes])
+
+
+def _worst(fates: list[Fate]) -> Outcome:
+    return Outcome(
+        max_lag_m=max(fate.max_lag_m for fate in fates),
+        stall_margin=min(fate.stall_margin for fate in fates),
+        lost_pitches=max((fate.lost_pitches for fate in fates), key=abs),
+        slipped=any(fate.slipped for fate in fates),
+    )
 
 
 def emulate(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -71,6 +71,10 @@ class Engine(Protocol):
         """Integrate over `knots` from the present state, and keep the last one."""
         ...
 
+    def take_over(self, other: Self) -> None:
+        """Begin in the present state of `other`, an engine for the same effects."""
+        ...
+
 
 class NominalEngine:
     """The equation of motion without effects."""
@@ -92,6 +96,9 @@ class NominalEngine:
         self._max_step_s = max_step_s
         self._integrate = integrate
         self._compiled = compiled
+
+    def take_over(self, other: Self) -> None:
+        self.x, self.v = other.x, other.v
 
     def through(self, knots: Floats) -> Trace:
         plant = self._plant
@@ -145,6 +152,9 @@ class AssembledEngine:
         self._strength = strength
         self.x, self._memory = _at_rest(self._kernel, plant, self._numbers, strength)
         self.v = 0.0
+
+    def take_over(self, other: Self) -> None:
+        self.x, self.v, self._memory = other.x, other.v, list(other._memory)
 
     def through(self, knots: Floats) -> Trace:
         plant = self._plant

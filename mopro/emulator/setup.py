@@ -63,20 +63,13 @@ class Staging:
     trip: Trip | None
 
 
-def travel_u(machine: Machine) -> Ranges:
-    """Limit switches where the forcer meets the platen's edges, from the middle (assumed)."""
-    platen, side = machine.platen, machine.heat.forcer_side_m
-    reach = [(size - side) / 2 / machine.microstep_m for size in (platen.length_m, platen.width_m)]
-    return {axis: (-way, way) for axis, way in zip(AXES, reach, strict=True)}
-
-
 def stage(
     program: Program, settings: Settings, active: tuple[Active, ...], for_s: float | None
 ) -> Staging:
     """Effects of the command, then heat, then dynamics, each seeing what came before."""
     machine = settings.machine
-    schedule = _schedule(program, machine, active, for_s)
-    switches = switches_u(schedule, travel_u(machine))
+    schedule = planned(program, machine, active, for_s)
+    switches = switches_u(schedule, machine.travel_u())
     trip = limit_trip(schedule, switches)
     if trip:
         schedule = braked(schedule, trip)
@@ -93,12 +86,21 @@ def stage(
     return Staging(schedule, heat, axes, trip)
 
 
-def _schedule(
+def staged(schedule: Schedule, settings: Settings, active: tuple[Active, ...]) -> Staging:
+    """The dynamics under `schedule` as it stands: whoever asks has the trips in hand."""
+    strengths = {axis: _hold(schedule, axis, on_axis(active, axis)) for axis in AXES}
+    heat = _heat(settings.machine, schedule, active, strengths)
+    axes = [_axis(n, settings, schedule, heat, on_axis(active, n), strengths[n]) for n in AXES]
+    return Staging(schedule, heat, axes, None)
+
+
+def planned(
     program: Program, machine: Machine, active: Sequence[Active], for_s: float | None
 ) -> Schedule:
+    """The schedule of `program` with the effects that change what is commanded."""
     for a in active:
         program = a.effect.program(program, *a.values)
-    schedule = plan(program, for_s, travel_u(machine))
+    schedule = plan(program, for_s, machine.travel_u())
     for a in active:
         schedule = a.effect.schedule(schedule, *a.values)
     return schedule

@@ -8,6 +8,9 @@ if TYPE_CHECKING:
     from mopro.program import Program
     from mopro.recording import Run, Sink
 
+# How long a program that loops for ever runs unless told otherwise.
+DEFAULT_LOOP_S = 60.0
+
 
 class Backend(Protocol):
     """Runs programs on one machine; only the command line knows which back end it chose."""

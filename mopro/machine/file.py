@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
-import tomllib
 from dataclasses import MISSING, Field, fields
 from functools import cache
 from pathlib import Path
@@ -25,6 +23,7 @@ from mopro.machine.model import (
 )
 from mopro.program import AXES
 from mopro.source import Source, Span
+from mopro.tomlfile import TomlReader, parse_toml
 from mopro.units import to_si
 
 ORIGINS = ("thesis", "derived", "assumed", "measured")
@@ -35,7 +34,6 @@ _EFFECTS = "effects"
 # import than the machine takes to read.
 _FOLDER = Path(__file__).with_name("machines")
 _VALUE_KEYS = {"value", "unit", "origin", "place"}
-_TOML_PLACE = re.compile(r"\(at line (\d+), column (\d+)\)")
 
 
 def builtin_machines() -> list[str]:
@@ -69,24 +67,14 @@ def load_machine(name_or_path: str) -> Machine:
 
 def read_machine(source: Source) -> Machine:
     """The machine that `source` describes; ModelError with all findings, by line."""
-    try:
-        data = tomllib.loads(source.text)
-    except tomllib.TOMLDecodeError as error:
-        place = _TOML_PLACE.search(str(error))
-        line, column = (int(place[1]), int(place[2])) if place else (len(source.lines), 1)
-        message = _TOML_PLACE.sub("", str(error)).strip()
-        finding = Diagnostic("bad-toml", message, Span(line, column, column + 1))
-        raise ModelError(source, [finding]) from error
-    return _Reader(source, data).machine()
+    return _Reader(source, parse_toml(source)).machine()
 
 
-class _Reader:
-    """Takes a machine file's data apart and gathers findings."""
+class _Reader(TomlReader):
+    """Takes a machine file's data apart."""
 
     def __init__(self, source: Source, data: dict[str, Any]) -> None:
-        self._source = source
-        self._data = data
-        self._found: list[Diagnostic] = []
+        super().__init__(source, data)
         self._provenance: dict[str, Provenance] = {}
 
     def machine(self) -> Machine:
@@ -99,8 +87,7 @@ class _Reader:
             if key in self._data:
                 parts[key] = self._section(key, kind)
         effects = self._effects()
-        if self._found:
-            raise ModelError(self._source, self._found)
+        self._check()
         return Machine(
             name=str(name),
             provenance=self._provenance,
@@ -207,28 +194,3 @@ class _Reader:
             self._report("bad-value", message, section, key)
             return None
         return value
-
-    def _known(self, section: str, table: dict[str, Any], known: set[str], at: str = "") -> None:
-        for key in table.keys() - known:
-            from difflib import get_close_matches
-
-            near = get_close_matches(key, known, n=1)
-            hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(known))}"
-            self._report("unknown-key", f"unknown key {key}", section, at or key, hint)
-
-    def _report(
-        self, rule: str, message: str, section: str, key: str, hint: str | None = None
-    ) -> None:
-        self._found.append(Diagnostic(rule, message, self._place(section, key), hint=hint))
-
-    def _place(self, section: str, key: str) -> Span:
-        """Where `key` of `section` stands; the first line if it stands nowhere."""
-        current = ""
-        for number, line in enumerate(self._source.lines, start=1):
-            if header := re.match(r"\s*\[\s*([^]]+?)\s*\]", line):
-                current = header[1]
-                if not section and current == key:
-                    return Span(number, header.start(1) + 1, header.end(1) + 1)
-            elif current == section and (match := re.match(rf"\s*({re.escape(key)})\s*=", line)):
-                return Span(number, match.start(1) + 1, match.end(1) + 1)
-        return Span(1, 1, 1)

@@ -192,3 +192,12 @@ class Machine:
     def microstep_m(self) -> float:
         steps = FULL_STEPS_PER_PITCH * self.drive.microsteps_per_full_step
         return self.axis.pitch_m / steps
+
+    def travel_u(self) -> dict[int, tuple[float, float]]:
+        """Each axis' limit switches in microsteps from the platen's middle (assumed).
+
+        They stand where the forcer meets the platen's edges; axis 1 goes along the length.
+        """
+        sizes = (self.platen.length_m, self.platen.width_m)
+        reach = [(size - self.heat.forcer_side_m) / 2 / self.microstep_m for size in sizes]
+        return {axis: (-way, way) for axis, way in enumerate(reach, start=1)}

@@ -38,6 +38,7 @@ class Header:
 
     `program_sha256` is the digest of the program file's bytes, `back_end` what ran it,
     `effects` what was switched on: name, axes and parameters of each.
+    `clock` is whose time the samples have: the machine's, or that of the host that asked.
     """
 
     program: str
@@ -49,6 +50,7 @@ class Header:
     seed: int
     versions: Mapping[str, str]
     effects: list[dict[str, Any]] = field(default_factory=list)
+    clock: str = "machine"
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)

@@ -41,6 +41,7 @@ class Run:
 
     `trip` is what stopped the machine before its time (kind, time_s, line, axis);
     `platen` how far the forcer's heat has stretched the platen, in the worst case.
+    `trouble` says why and how a run ended that did not go its way: a lost link, a stop.
     """
 
     program: str
@@ -51,6 +52,7 @@ class Run:
     moves: tuple[MoveReport, ...]
     trip: Mapping[str, Any] | None = None
     platen: Mapping[str, Any] | None = None
+    trouble: str | None = None
 
     @property
     def stalled(self) -> bool:
@@ -68,4 +70,5 @@ class Run:
             "trip": None if self.trip is None else dict(self.trip),
             "platen": None if self.platen is None else dict(self.platen),
             "moves": [asdict(move) for move in self.moves],
+            **({"trouble": self.trouble} if self.trouble else {}),
         }

@@ -1,0 +1,74 @@
+"""Options and openings that the commands for a controller share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from mopro.link import Session
+
+_OPENING_S = 15.0
+
+Decorator = Callable[[Any], Any]
+
+
+def dialect_option() -> Decorator:
+    return click.option(
+        "--dialect",
+        default="checked",
+        show_default=True,
+        help="What the controller speaks: plain, checked, or a dialect file (docs/link.md).",
+    )
+
+
+def baud_option() -> Decorator:
+    return click.option(
+        "--baud", type=click.IntRange(50, 4_000_000), help="Line rate, if not the dialect's."
+    )
+
+
+def trace_option() -> Decorator:
+    return click.option(
+        "--trace",
+        type=click.Path(dir_okay=False, path_type=Path),
+        help="Write every byte and its time to this file.",
+    )
+
+
+@contextmanager
+def opened_session(
+    port: str, dialect: str, baud: int | None, trace: Path | None
+) -> Iterator[Session]:
+    """A conversation with the controller at `port`, found and begun; LinkError if there is none."""
+    with connected_session(port, dialect, baud, trace) as session:
+        session.give(_OPENING_S)
+        session.open()
+        yield session
+
+
+@contextmanager
+def connected_session(
+    port: str, dialect: str, baud: int | None, trace: Path | None
+) -> Iterator[Session]:
+    """The open port with nothing said yet."""
+    from mopro.errors import DataError
+    from mopro.link import SerialPort, Session, load_dialect
+    from mopro.link.transport import Port, TracedPort
+
+    language = load_dialect(dialect)
+    with ExitStack() as open_things:
+        line: Port = SerialPort(port, language.line, baud)
+        open_things.callback(line.close)
+        if trace is not None:
+            try:
+                log = open_things.enter_context(open(trace, "w", encoding="utf-8"))
+            except OSError as error:
+                message = f"{trace}: cannot be written: {error.strerror}"
+                raise DataError(message, "unwritable-output") from error
+            line = TracedPort(line, log)
+        yield Session(line, language, baud=baud)

@@ -1,0 +1,105 @@
+"""`mopro serve`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mopro.cli.link import baud_option, dialect_option
+from mopro.cli.options import Quantity, grammar_option
+
+if TYPE_CHECKING:
+    from mopro.emulator import Emulator
+
+# Up to this speed the plain kernel keeps up, and the server starts at once.
+_PLAIN_SPEED = 1.0
+
+
+@click.command()
+@click.option(
+    "--listen",
+    default="pty",
+    show_default=True,
+    help="pty, or socket://ADDRESS:PORT with port 0 for any free one.",
+)
+@dialect_option()
+@baud_option()
+@click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
+@click.option("--payload", type=Quantity("mass", "kg"), default=0.0, help="On the motor (5lb).")
+@click.option(
+    "--speed",
+    type=click.FloatRange(0, 1000, min_open=True),
+    default=1.0,
+    show_default=True,
+    help="How much faster than the clock all of it goes, the line too.",
+)
+@click.option(
+    "--store",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Keep stored programs in this folder; without it they end with the process.",
+)
+@click.option("--faults", type=click.Path(dir_okay=False), help="What goes wrong: a scenario file.")
+@click.option("--seed", type=int, help="Another seed than the scenario's.")
+@grammar_option()
+def command(
+    listen: str,
+    dialect: str,
+    baud: int | None,
+    machine: str,
+    payload: float,
+    speed: float,
+    store: Path | None,
+    faults: str | None,
+    seed: int | None,
+    grammar: str,
+) -> None:
+    """Be a controller: a virtual one, over the emulated machine.
+
+    The first line printed is the address to give to --port of the other commands.
+    Ends with Ctrl-C.
+
+    Example: mopro serve --listen socket://127.0.0.1:0 --store programs.d
+    """
+    from dataclasses import replace
+
+    from mopro.controller import FolderStore, MemoryStore, Scenario, Station, load_scenario
+    from mopro.controller.serve import open_end, serve
+    from mopro.emulator import Emulator
+    from mopro.errors import DataError
+    from mopro.link import load_dialect
+    from mopro.machine import load_machine
+
+    scenario = load_scenario(faults) if faults else Scenario()
+    if seed is not None:
+        scenario = replace(scenario, seed=seed)
+    language = load_dialect(dialect)
+    emulator = Emulator(load_machine(machine), payload, compiled=speed > _PLAIN_SPEED)
+    if emulator.compiled:
+        _warm(emulator)
+    try:
+        programs = FolderStore(store) if store else MemoryStore()
+    except OSError as error:
+        raise DataError(
+            f"{store}: cannot keep programs: {error.strerror}", "unwritable-output"
+        ) from error
+    station = Station(language, emulator, programs, scenario, baud, grammar)
+    end = open_end(listen, baud or language.line.baud)
+    try:
+        click.echo(end.address)
+        serve(station, end, speed)
+    except KeyboardInterrupt:
+        return
+    finally:
+        end.close()
+
+
+def _warm(emulator: Emulator) -> None:
+    """Load the compiled kernel by a first use: no client should have to wait for that."""
+    from mopro.api import compile as compile_text
+    from mopro.controller.motion import Motion
+
+    program = compile_text("UU012500/1\nVEL0 1.0\nACC0 1.0\nMRI1 0.001\nWX1\n")
+    motion = Motion(emulator, program, emulator.machine.travel_u())
+    motion.advance(motion.end_s)

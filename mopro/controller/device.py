@@ -1,0 +1,299 @@
+"""The controller itself, free of any wire: stored programs, registers, state.
+
+It knows the statements of a dialect by their names only. Time comes with each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mopro.controller.faults import PlantFault
+from mopro.controller.motion import Motion
+from mopro.controller.store import MOST_PROGRAMS, Store, is_name
+from mopro.emulator import Emulator
+from mopro.errors import LocatedError
+from mopro.language import parse
+from mopro.program import AXES, Program, lower
+from mopro.source import Source
+
+MOST_STATEMENTS = 10_000
+_MOST_MOVES_TOLD = 8
+_LONGEST_REASON = 48
+
+Row = dict[str, Any]
+
+
+class Refuse(Exception):
+    """The controller will not; `code` is the number it gives, the text its reason."""
+
+    def __init__(self, code: int, reason: str) -> None:
+        super().__init__(reason)
+        self.code = code
+        self.reason = reason[:_LONGEST_REASON].encode("ascii", "replace").decode()
+
+
+class Device:
+    """One controller with its motor.
+
+    `plant_faults` happen in every run, at their times from its start.
+    """
+
+    def __init__(
+        self,
+        emulator: Emulator,
+        store: Store,
+        plant_faults: Sequence[PlantFault] = (),
+        grammar: str = "attested",
+    ) -> None:
+        self._emulator = emulator
+        self._store = store
+        self._faults = plant_faults
+        self._grammar = grammar
+        self._download: tuple[str, list[str]] | None = None
+        self._motion: Motion | None = None
+        self._started_s = 0.0
+        self._pending: list[PlantFault] = []
+        self._ending = ""
+        self.state = "idle"
+        # Where the motor was told to be and is, from the middle of the platen, at the last
+        # start; and where the registers count from.
+        self._told_u = dict.fromkeys(AXES, 0)
+        self._seen_u = dict.fromkeys(AXES, 0.0)
+        self._origin_u = dict.fromkeys(AXES, 0)
+        self._statements: dict[str, Callable[..., list[Row]]] = {
+            "identify": lambda: [{"text": "MOPRO VIRTUAL CONTROLLER"}],
+            "begin": self._begin,
+            "end": self._end_download,
+            "list": self._list,
+            "commit": self._commit,
+            "run": self._run,
+            "run_for": lambda name, milliseconds: self._run(name, milliseconds / 1000),
+            "stop": self._stop,
+            "status": self._status,
+            "motion": self._moving,
+            "position": self._position,
+            "measured": self._measured,
+            "moves": self._moves,
+        }
+        self._now_s = 0.0
+
+    # -- from outside ----------------------------------------------------------
+
+    @property
+    def downloading(self) -> bool:
+        return self._download is not None
+
+    def do(self, statement: str, fields: Row, now_s: float) -> list[Row]:
+        """Execute one statement; gives its reply lines' fields. Raises Refuse."""
+        self.move_on(now_s)
+        return self._statements[statement](**fields)
+
+    def take(self, line: str) -> None:
+        """One line of a download."""
+        assert self._download is not None, "the protocol asks first"
+        if len(self._download[1]) >= MOST_STATEMENTS:
+            raise Refuse(7, f"more than {MOST_STATEMENTS} statements")
+        try:
+            parse(Source("line", line), self._grammar)
+        except LocatedError as error:
+            raise Refuse(5, error.diagnostics[0].message) from error
+        self._download[1].append(line)
+
+    def abandon_download(self) -> None:
+        self._download = None
+
+    def reset(self, now_s: float) -> None:
+        """Power comes back after a dip: what runs is forgotten, what is stored stays."""
+        self.move_on(now_s)
+        self._download = None
+        if self._motion is not None:
+            if self.state in ("running", "stopping"):
+                at_s = self._motion.tick_after(now_s - self._started_s)
+                self._motion.stop(at_s, abruptly=True)
+                self._come_to_rest("idle")
+            self._motion = None
+        self.state = "idle"
+        self._origin_u = dict(self._told_u)
+
+    def move_on(self, now_s: float) -> None:
+        """Let time come to `now_s`."""
+        self._now_s = now_s
+        motion = self._motion
+        if motion is None or self.state not in ("running", "stopping"):
+            return
+        at_s = now_s - self._started_s
+        if self.state == "running":
+            motion.look_ahead(at_s)
+            self._strike(motion, at_s)
+        if self.state == "running" and at_s >= motion.end_s:
+            if motion.schedule.complete:
+                self._come_to_rest("done")
+                return
+            motion.expire()
+            self.state, self._ending = "stopping", "expired"
+        motion.advance(at_s)
+        if self.state == "stopping" and at_s >= motion.end_s and motion.calm():
+            self._come_to_rest(self._ending)
+
+    # -- motion ----------------------------------------------------------------
+
+    def _strike(self, motion: Motion, at_s: float) -> None:
+        """Let what the scenario and the limit switches have in store happen, in order."""
+        events = [(f.run_s, f.kind, f.axis, f.pitches) for f in self._pending]
+        events.append((motion.limit_s, "limit", 0, 0))
+        for time_s, kind, axis, pitches in sorted(events):
+            if time_s > min(at_s, motion.end_s):
+                return
+            if kind == "lost_steps":
+                motion.slip_at(time_s, axis, pitches)
+                self._pending = [f for f in self._pending if f.run_s > time_s]
+            else:
+                self._brake(kind, time_s)
+                return
+        motion.advance(at_s)
+        if motion.temperature_C > self._emulator.machine.heat.rated_C:
+            self._brake("overheated", at_s)
+
+    def _brake(self, ending: str, at_s: float) -> None:
+        """Stop all motion, and call it `ending` once it rests."""
+        assert self._motion is not None, "only a running program is stopped"
+        self._motion.stop(self._motion.tick_after(at_s))
+        self.state, self._ending = "stopping", ending
+
+    def _come_to_rest(self, ending: str) -> None:
+        motion = self._motion
+        assert motion is not None, "only a run comes to rest"
+        motion.finish()
+        for axis in AXES:
+            self._told_u[axis] += motion.command_u(axis, motion.end_s)
+            self._seen_u[axis] += motion.seen_u[axis]
+        self.state = ending
+
+    def _at(self, axis: int) -> tuple[int, float]:
+        """Where `axis` is told to be and is, from the middle of the platen."""
+        told, seen = self._told_u[axis], self._seen_u[axis]
+        if self._motion is not None and self.state in ("running", "stopping"):
+            told += self._motion.command_u(axis, self._now_s - self._started_s)
+            seen += self._motion.seen_u[axis]
+        return told, seen
+
+    def in_motion(self, axis: int) -> bool:
+        if self._motion is None or self.state not in ("running", "stopping"):
+            return False
+        at_s = self._now_s - self._started_s
+        return self.state == "stopping" or self._motion.commanded_to_move(axis, at_s)
+
+    # -- statements ------------------------------------------------------------
+
+    def _at_rest(self) -> None:
+        if self.state in ("running", "stopping"):
+            raise Refuse(4, "a program is running")
+
+    def _named(self, name: str) -> str:
+        if not is_name(name.upper()):
+            raise Refuse(2, "a name is a letter and up to 15 letters or digits")
+        return name.upper()
+
+    def _stored(self, name: str) -> list[str]:
+        lines = self._store.read(self._named(name))
+        if lines is None:
+            raise Refuse(3, "nothing is stored under this name")
+        return lines
+
+    def _begin(self, name: str) -> list[Row]:
+        self._at_rest()
+        name = self._named(name)
+        names = self._store.names()
+        if name not in names and len(names) >= MOST_PROGRAMS:
+            raise Refuse(8, "no room for another program")
+        self._download = (name, [])
+        return []
+
+    def _end_download(self) -> list[Row]:
+        if self._download is None:
+            raise Refuse(6, "no download is under way")
+        name, lines = self._download
+        self._download = None
+        self._compiled(lines)
+        self._store.write(name, lines)
+        return []
+
+    def _compiled(self, lines: list[str]) -> Program:
+        source = Source("program", "".join(f"{line}\n" for line in lines))
+        try:
+            return lower(parse(source, self._grammar))
+        except LocatedError as error:
+            raise _refusal_of(error) from error
+
+    def _list(self, name: str) -> list[Row]:
+        lines = self._store.read(self._named(name)) or []
+        return [{"index": i, "text": line} for i, line in enumerate(lines, start=1)]
+
+    def _commit(self, scratch: str, name: str) -> list[Row]:
+        self._at_rest()
+        lines, name = self._stored(scratch), self._named(name)
+        names = self._store.names()
+        if name not in names and len(names) >= MOST_PROGRAMS:
+            raise Refuse(8, "no room for another program")
+        self._store.write(name, lines)
+        return []
+
+    def _run(self, name: str, for_s: float | None = None) -> list[Row]:
+        self._at_rest()
+        if for_s is not None and for_s <= 0:
+            raise Refuse(2, "a time must be greater than 0")
+        program = self._compiled(self._stored(name))
+        travel_u = {
+            axis: (low - self._told_u[axis], high - self._told_u[axis])
+            for axis, (low, high) in self._emulator.machine.travel_u().items()
+        }
+        try:
+            self._motion = Motion(self._emulator, program, travel_u, for_s)
+        except LocatedError as error:
+            raise _refusal_of(error) from error
+        self._started_s = self._now_s
+        self._pending = sorted(self._faults, key=lambda fault: fault.run_s)
+        self.state = "running"
+        return []
+
+    def _stop(self) -> list[Row]:
+        if self.state == "running":
+            self._brake("stopped", self._now_s - self._started_s)
+        return []
+
+    def _status(self) -> list[Row]:
+        statement = completed = 0
+        if self._motion is not None:
+            at_s = self._now_s - self._started_s
+            statement, completed = self._motion.statements(at_s)
+        return [{"state": self.state, "statement": statement, "completed": completed}]
+
+    def _moving(self) -> list[Row]:
+        return [{f"moving_{axis}": int(self.in_motion(axis)) for axis in AXES}]
+
+    def _position(self) -> list[Row]:
+        return [{f"position_{n}": self._at(n)[0] - self._origin_u[n] for n in AXES}]
+
+    def _measured(self) -> list[Row]:
+        return [{f"position_{n}": round(self._at(n)[1]) - self._origin_u[n] for n in AXES}]
+
+    def _moves(self, first: int) -> list[Row]:
+        if self._motion is None:
+            return []
+        return [
+            {
+                "index": number,
+                "complete": int(outcome.complete),
+                "lag": outcome.max_lag_m,
+                "margin": outcome.stall_margin,
+                "lost": outcome.lost_pitches,
+                "slipped": int(outcome.slipped),
+            }
+            for number, outcome in self._motion.account(max(1, first), _MOST_MOVES_TOLD)
+        ]
+
+
+def _refusal_of(error: LocatedError) -> Refuse:
+    first = min(error.diagnostics, key=lambda finding: finding.span)
+    return Refuse(6, f"statement {first.span.line}: {first.message}")

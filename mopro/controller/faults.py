@@ -1,0 +1,227 @@
+"""Scenarios: what goes wrong on the wire, in the controller and at the machine, in one file.
+
+What is random comes from the scenario's seed, so that a scenario happens again as it did.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from mopro.errors import Diagnostic, ModelError
+from mopro.program import AXES
+from mopro.source import Source, Span
+from mopro.tomlfile import TomlReader, parse_toml
+
+DIRECTIONS = ("to_controller", "to_host", "both")
+_NUMBERS = {
+    "rate": (0.0, 1.0),
+    "delay_s": (0.0, 3600.0),
+    "at_s": (0.0, 1e9),
+    "for_s": (0.0, 1e9),
+    "run_s": (0.0, 1e9),
+}
+_BYTES = {"rate", "direction", "times"}
+_REPLY = {"rate", "times"}
+_TIME = {"at_s", "for_s"}
+
+# kind -> the keys that it must have, those that it may have
+KINDS: dict[str, tuple[set[str], set[str]]] = {
+    "drop": ({"rate"}, _BYTES),
+    "double": ({"rate"}, _BYTES),
+    "flip": ({"rate"}, _BYTES),
+    "split": ({"rate"}, _BYTES),
+    "merge": ({"rate"}, _BYTES),
+    "late": ({"rate", "delay_s"}, _REPLY | {"delay_s"}),
+    "missing": ({"rate"}, _REPLY),
+    "garbled": ({"rate"}, _REPLY),
+    "echo_off": ({"at_s"}, _TIME),
+    "busy": ({"at_s"}, _TIME),
+    "disconnect": ({"at_s"}, _TIME),
+    "reset": ({"at_s"}, _TIME),
+    "limit": ({"run_s"}, {"run_s"}),
+    "overheated": ({"run_s"}, {"run_s"}),
+    "lost_steps": ({"run_s", "axis", "pitches"}, {"run_s", "axis", "pitches"}),
+}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One entry of a scenario; `times` is how often it may happen at most."""
+
+    kind: str
+    rate: float = 0.0
+    direction: str = "both"
+    times: int = 1_000_000_000
+    delay_s: float = 0.0
+    at_s: float = math.inf
+    for_s: float = math.inf
+
+
+@dataclass(frozen=True)
+class PlantFault:
+    """What befalls the machine `run_s` seconds after the start of each run."""
+
+    kind: str
+    run_s: float
+    axis: int = 1
+    pitches: int = 0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A seed and what goes wrong; nothing, by default."""
+
+    seed: int = 0
+    faults: Sequence[Fault] = ()
+    plant: Sequence[PlantFault] = ()
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """The scenario in file `path`; ModelError with all findings if it is none."""
+    try:
+        text = Path(path).read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        finding = Diagnostic("unreadable", f"cannot be read: {reason}", Span(1, 1, 1))
+        raise ModelError(Source(str(path), ""), [finding]) from error
+    source = Source(str(path), text)
+    return _Reader(source, parse_toml(source)).scenario()
+
+
+class _Reader(TomlReader):
+    def scenario(self) -> Scenario:
+        self._known("", self._data, {"seed", "fault"})
+        seed = self._data.get("seed", 0)
+        if not isinstance(seed, int) or isinstance(seed, bool):
+            self._report("bad-value", "expected seed: a whole number", "", "seed")
+        entries = self._data.get("fault", [])
+        if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+            self._report("bad-value", "expected entries under [[fault]]", "", "fault")
+            entries = []
+        made = [self._fault(n, entry) for n, entry in enumerate(entries)]
+        self._check()
+        faults = [fault for fault in made if isinstance(fault, Fault)]
+        return Scenario(seed, faults, [f for f in made if isinstance(f, PlantFault)])
+
+    def _fault(self, nth: int, entry: dict[str, Any]) -> Fault | PlantFault | None:
+        kind = entry.get("kind")
+        if kind not in KINDS:
+            message = f"expected a kind: one of {', '.join(KINDS)}"
+            self._report("bad-value", message, "fault", "kind", nth=nth)
+            return None
+        needs, allows = KINDS[kind]
+        self._known("fault", entry, allows | {"kind"}, nth=nth)
+        for key in sorted(needs - entry.keys()):
+            self._report("missing-key", f"a {kind} has {key}", "fault", "kind", nth=nth)
+        before = len(self._found)
+        for key, value in entry.items():
+            if not self._good(key, value):
+                self._report("bad-value", f"expected {_expected(key)}", "fault", key, nth=nth)
+        if (
+            len(self._found) > before
+            or not needs <= entry.keys()
+            or entry.keys() - allows - {"kind"}
+        ):
+            return None
+        return PlantFault(**entry) if "run_s" in needs else Fault(**entry)
+
+    @staticmethod
+    def _good(key: str, value: Any) -> bool:
+        if isinstance(value, bool):
+            return False
+        if key in _NUMBERS:
+            low, high = _NUMBERS[key]
+            return isinstance(value, int | float) and low <= value <= high
+        if key == "direction":
+            return value in DIRECTIONS
+        if key == "axis":
+            return value in AXES
+        return isinstance(value, str if key == "kind" else int)
+
+
+def _expected(key: str) -> str:
+    if key in _NUMBERS:
+        return f"{key}: a number from {_NUMBERS[key][0]:g} to {_NUMBERS[key][1]:g}"
+    if key == "direction":
+        return f"direction: one of {', '.join(DIRECTIONS)}"
+    return (
+        f"axis: one of {', '.join(map(str, AXES))}" if key == "axis" else f"{key}: a whole number"
+    )
+
+
+@dataclass
+class Mischief:
+    """A scenario being played; `happened` counts by kind."""
+
+    scenario: Scenario
+    random: Random = field(init=False)
+    happened: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.random = Random(self.scenario.seed)
+        self._left = {id(fault): fault.times for fault in self.scenario.faults}
+        self._bytes = {
+            way: [
+                f
+                for f in self.scenario.faults
+                if "direction" in KINDS[f.kind][1] and f.direction in (way, "both")
+            ]
+            for way in DIRECTIONS[:2]
+        }
+        self._replies = [
+            f for f in self.scenario.faults if f.kind in ("late", "missing", "garbled")
+        ]
+
+    def _strikes(self, fault: Fault) -> bool:
+        if self._left[id(fault)] <= 0 or self.random.random() >= fault.rate:
+            return False
+        self._left[id(fault)] -= 1
+        self.count(fault.kind)
+        return True
+
+    def count(self, kind: str) -> None:
+        self.happened[kind] = self.happened.get(kind, 0) + 1
+
+    def byte(self, way: str, byte: int, line_end: int) -> list[int]:
+        """What becomes of one byte on its way; `line_end` is the last byte of a line's end."""
+        for fault in self._bytes[way]:
+            if fault.kind == "merge" and byte != line_end:
+                continue
+            if self._strikes(fault):
+                if fault.kind in ("drop", "merge"):
+                    return []
+                if fault.kind == "double":
+                    return [byte, byte]
+                if fault.kind == "split":
+                    return [line_end, byte]
+                return [byte ^ (1 << self.random.randrange(8))]
+        return [byte]
+
+    def reply(self, data: bytes) -> tuple[float, bytes]:
+        """By how much a reply is late, and what is left of it."""
+        delay_s = 0.0
+        for fault in self._replies:
+            if data and self._strikes(fault):
+                if fault.kind == "late":
+                    delay_s += fault.delay_s
+                elif fault.kind == "missing":
+                    data = b""
+                else:
+                    data = bytes(self.random.randrange(256) for _ in data)
+        return delay_s, data
+
+    def active(self, kind: str, now_s: float) -> bool:
+        """Whether a fault of `kind` that lasts for a time is under way."""
+        return any(
+            f.kind == kind and f.at_s <= now_s < f.at_s + f.for_s for f in self.scenario.faults
+        )
+
+    def resets(self, after_s: float, until_s: float) -> list[float]:
+        """The times of resets after `after_s`, up to `until_s`."""
+        times = sorted(f.at_s for f in self.scenario.faults if f.kind == "reset")
+        return [t for t in times if after_s < t <= until_s]

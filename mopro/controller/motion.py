@@ -1,0 +1,289 @@
+"""A stored program being run on the emulated machine, as time goes on.
+
+The command is planned ahead; the machine follows only up to the present, on the
+emulator's own grid of samples, so that a stop can still change all that is to come and a
+run that is let alone gives the emulator's numbers to the bit. Times are seconds from the
+start of the run, `_u` microsteps from where it started.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mopro.emulator.backend import DEFAULT_RATE_HZ, Emulation, Emulator
+from mopro.machine.report import Outcome
+from mopro.motion import PlannedMove, Schedule, Segment
+from mopro.motion.track import Track, brake
+from mopro.program import AXES, Program
+
+_HORIZON_S = 60.0
+_PIECE = 4096
+_REST_M = 2e-6
+_MOST_RINGING_S = 2.0
+
+
+class Motion:
+    """`travel_u` are the limit switches of each axis, from the start of this run."""
+
+    def __init__(
+        self,
+        emulator: Emulator,
+        program: Program,
+        travel_u: Mapping[int, tuple[float, float]],
+        for_s: float | None = None,
+    ) -> None:
+        self._emulator = emulator
+        self._program = program
+        self._travel_u = travel_u
+        self._for_s = for_s
+        self._horizon_s = for_s
+        if for_s is None and program.loops_forever:
+            self._horizon_s = _HORIZON_S
+        self.schedule = self._planned()
+        self._emulation: Emulation | None = None
+        self._samples = 0
+        self._ended = False
+        self._cut_s = math.inf
+        self._accounts: list[Outcome] = []
+        self._slips: list[tuple[float, int, int]] = []
+        self.now_s = 0.0
+        self.seen_u = dict.fromkeys(AXES, 0.0)
+        self._calm_u = dict.fromkeys(AXES, 0.0)
+        self.temperature_C = emulator.machine.heat.ambient_C
+
+    # -- the command -----------------------------------------------------------
+
+    def _planned(self) -> Schedule:
+        schedule = self._emulator.plan(self._program, self._horizon_s)
+        crossings = [_crossing_s(schedule.tracks[axis], self._travel_u[axis]) for axis in AXES]
+        self.limit_s = min(crossings)
+        return schedule
+
+    def look_ahead(self, now_s: float) -> None:
+        """Plan a loop further before its end is reached."""
+        while (
+            self._for_s is None
+            and self._horizon_s is not None
+            and math.isinf(self._cut_s)
+            and now_s > self._horizon_s / 2
+        ):
+            self._horizon_s *= 2
+            self.schedule = self._planned()
+            if self._emulation:
+                self._emulation.change(self.schedule)
+
+    @property
+    def end_s(self) -> float:
+        """When the command comes to its end, as far as it is planned."""
+        return self.schedule.duration_s
+
+    @property
+    def cut(self) -> bool:
+        return not math.isinf(self._cut_s)
+
+    def tick_after(self, now_s: float) -> float:
+        """The first sample at or after `now_s`: when a change of the command takes effect."""
+        return math.ceil(now_s * DEFAULT_RATE_HZ - 1e-6) / DEFAULT_RATE_HZ
+
+    def stop(self, at_s: float, abruptly: bool = False) -> None:
+        """Brake at the set accelerations from `at_s` on, or hold where the command is then."""
+        self._follow(at_s)
+        tracks, ends_s = {}, [at_s]
+        for axis in AXES:
+            track = Track()
+            track.add(self.schedule.tracks[axis].segments)
+            state = track.state(at_s)
+            track.cut(at_s)
+            rate = self._rate_u_s2(axis, at_s)
+            if state.velocity:
+                held = Segment(at_s, at_s, at_s, float(round(state.position)), 0.0, 0.0, 0.0)
+                braking = [] if abruptly or rate is None else brake(at_s, state, rate)
+                track.add(braking or [held])
+            ends_s.append(track.segments[-1].end_s if track.segments else at_s)
+            tracks[axis] = track
+        self.schedule = replace(
+            self.schedule,
+            duration_s=max(ends_s),
+            complete=False,
+            moves=tuple(move for move in self.schedule.moves if move.start_s < at_s),
+            tracks=tracks,
+            activity=[(t, line) for t, line in self.schedule.activity if t <= at_s],
+        )
+        self._cut_s = min(self._cut_s, at_s)
+        if self._emulation:
+            self._emulation.change(self.schedule)
+
+    def _rate_u_s2(self, axis: int, at_s: float) -> float | None:
+        """The acceleration that governs `axis` at `at_s`."""
+        for move in reversed(self.schedule.moves):
+            for stroke in move.strokes:
+                if stroke.axis == axis and move.start_s <= at_s:
+                    return _share(move, stroke.length_u)
+        return None
+
+    def command_u(self, axis: int, at_s: float) -> int:
+        at_s = min(at_s, self.end_s)
+        return round(self.schedule.tracks[axis].state(at_s).position)
+
+    def commanded_to_move(self, axis: int, at_s: float) -> bool:
+        return at_s < self.end_s and self.schedule.tracks[axis].state(at_s).velocity != 0
+
+    def statements(self, at_s: float) -> tuple[int, int]:
+        """The statement under way and the one completed before, 0 for none.
+
+        Stored programs have a statement a line.
+        """
+        activity = self.schedule.activity
+        at = bisect_right(activity, at_s, key=lambda entry: entry[0]) - 1
+        lines = [line for _, line in activity[max(0, at - 1) : at + 1]]
+        if at < 0:
+            return 0, 0
+        if at_s >= self.end_s and not self.cut:
+            return 0, lines[-1]
+        return lines[-1], lines[0] if at > 0 else 0
+
+    # -- the machine -----------------------------------------------------------
+
+    def slip_at(self, at_s: float, axis: int, pitches: int) -> None:
+        """Have `axis` thrown back by whole pitches when time comes to `at_s`."""
+        self._slips.append((at_s, axis, pitches))
+
+    def advance(self, now_s: float) -> None:
+        """Let the machine follow up to the last sample before `now_s`."""
+        self.now_s = max(self.now_s, now_s)
+        for slip in sorted(s for s in self._slips if s[0] <= now_s):
+            self._slips.remove(slip)
+            self._follow(slip[0])
+            self._begun().slip(slip[1], slip[2])
+        self._follow(now_s)
+
+    def _begun(self) -> Emulation:
+        if self._emulation is None:
+            self._emulation = self._emulator.begin(self.schedule)
+        return self._emulation
+
+    def _follow(self, to_s: float) -> None:
+        """Integrate the samples up to `to_s`, and not beyond what is commanded."""
+        if self._ended:
+            return
+        emulation = self._begun()
+        last = int(to_s * DEFAULT_RATE_HZ + 1e-6) + 1
+        whole = int(self.end_s * DEFAULT_RATE_HZ + 1e-6) + 1
+        if not self.cut:
+            last = min(last, whole)
+        while self._samples < last:
+            upto = min(self._samples + _PIECE, last)
+            times = np.arange(self._samples, upto) / DEFAULT_RATE_HZ
+            columns = emulation.advance(times, float(times[-1]))
+            self._samples = upto
+            step_u = self._emulator.machine.microstep_m
+            for axis in AXES:
+                self.seen_u[axis] = float(columns[f"position_{axis}_m"][-1]) / step_u
+                self._calm_u[axis] = max(
+                    abs(
+                        float(columns[f"position_{axis}_m"][-1] - columns[f"command_{axis}_m"][-1])
+                    ),
+                    abs(float(columns[f"velocity_{axis}_m_s"][-1])) * _CALM_S,
+                )
+            self.temperature_C = float(columns["temperature_C"][-1])
+
+    def calm(self) -> bool:
+        """Whether the machine has stopped ringing: within a microstep, as near as it is slow.
+
+        One that fell into another tooth rests a whole number of pitches away.
+        """
+        if self.now_s > self.end_s + _MOST_RINGING_S:
+            return True
+        return all(value < _REST_M for value in self._calm_u.values())
+
+    def finish(self) -> None:
+        """At the end of the command, let what rings come to rest, and close the account."""
+        if self._ended:
+            return
+        self._close()
+        self._ended = True
+        pitch_u = self._emulator.machine.axis.pitch_m / self._emulator.machine.microstep_m
+        for axis in AXES:
+            # What still rings has its tooth, and that is where it comes to rest.
+            told_u = self.command_u(axis, self.end_s)
+            seen_u = self._begun().position_m(axis) / self._emulator.machine.microstep_m
+            self.seen_u[axis] = told_u - round((told_u - seen_u) / pitch_u) * pitch_u
+
+    def expire(self) -> None:
+        """At the end of the time given, close the account, and brake what still moves."""
+        self._close()
+        self._accounts = [self.outcome(move) for move in self.schedule.moves]
+        self.stop(self.end_s)
+
+    def _close(self) -> None:
+        self._follow(self.end_s)
+        emulation = self._begun()
+        if not self.cut:
+            emulation.advance(np.array([self.end_s]), self.end_s)
+        emulation.settle()
+
+    def finished_moves(self) -> list[PlannedMove]:
+        """The first moves whose accounts are final: each axis has gone on to another."""
+        moves = list(self.schedule.moves)
+        if self._ended:
+            return moves
+        reached = (self._samples - 2) / DEFAULT_RATE_HZ
+        count = bisect_right(moves, reached, key=lambda move: move.start_s)
+        later: set[int] = set()
+        final = count
+        for index in range(count - 1, -1, -1):
+            if not later.issuperset(moves[index].axes):
+                final = index
+            later.update(moves[index].axes)
+        return moves[:final]
+
+    def outcome(self, move: PlannedMove) -> Outcome:
+        end_s = min(self._cut_s, self.end_s)
+        return replace(self._begun().outcome(move), complete=move.end_s <= end_s)
+
+    def account(self, first: int, most: int) -> list[tuple[int, Outcome]]:
+        """Up to `most` finished moves from number `first` (counted from 1) on."""
+        moves = self.finished_moves()[first - 1 : first - 1 + most]
+        numbered = list(enumerate(moves, start=first))
+        return [
+            (n, self._accounts[n - 1] if self._accounts else self.outcome(move))
+            for n, move in numbered
+        ]
+
+
+# A velocity counts as the way it would still go in this time.
+_CALM_S = 2e-3
+
+
+def _share(move: PlannedMove, length_u: int) -> float | None:
+    """The acceleration of an axis that covers `length_u` in `move`; None if it stands."""
+    if not length_u or not move.profile.distance:
+        return None
+    return move.profile.acceleration * abs(length_u) / move.profile.distance
+
+
+def _crossing_s(track: Track, travel_u: tuple[float, float]) -> float:
+    """When the command first goes on past a limit switch; inf if it never does.
+
+    Each segment of a move goes one way only; the one that passes the switch is halved
+    until the time is known to a microsecond.
+    """
+    low, high = math.floor(travel_u[0]), math.ceil(travel_u[1])
+    for segment in track.segments:
+        if math.isinf(segment.end_s):
+            continue
+        first, last = (segment.state(t).position for t in (segment.start_s, segment.end_s))
+        if not ((last > high and last > first) or (last < low and last < first)):
+            continue
+        start_s, end_s = segment.start_s, segment.end_s
+        while end_s - start_s > 1e-6:
+            middle_s = (start_s + end_s) / 2
+            inside = low <= segment.state(middle_s).position <= high
+            start_s, end_s = (middle_s, end_s) if inside else (start_s, middle_s)
+        return end_s
+    return math.inf

@@ -1,0 +1,181 @@
+"""The virtual controller for other processes: on a pseudo-terminal or on TCP, in real time.
+
+This and the command line are where the controller meets a clock.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Protocol
+
+from mopro.controller.station import Station
+from mopro.errors import PortError
+
+# The finest slice of waiting: shorter, and a fast line would keep a core busy.
+_SLICE_S = 0.001
+_IDLE_S = 0.25
+_CHUNK = 4096
+_MOST_UNSENT = 65536
+
+
+class End(Protocol):
+    """The far end of the line as the server holds it; `address` is for `--port`."""
+
+    address: str
+
+    def wait(self, seconds: float) -> bytes:
+        """What comes within `seconds`; empty if nothing does."""
+        ...
+
+    def send(self, data: bytes) -> None: ...
+
+    def hang_up(self) -> None:
+        """Break the link, as a pulled plug does."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class PtyEnd:
+    """A pseudo-terminal; a client that sets another baud rate than `baud` gets garbage."""
+
+    def __init__(self, baud: int | None = None) -> None:
+        import termios
+        import tty
+
+        self._termios = termios
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self._unsent = b""
+        self._baud = getattr(termios, f"B{baud}", None) if baud else None
+        if self._baud is not None:
+            attributes = termios.tcgetattr(self._slave)
+            attributes[4] = attributes[5] = self._baud
+            termios.tcsetattr(self._slave, termios.TCSANOW, attributes)
+        os.set_blocking(self._master, False)
+        self.address = os.ttyname(self._slave)
+
+    def wait(self, seconds: float) -> bytes:
+        if not select.select([self._master], [], [], seconds)[0]:
+            return b""
+        return self._as_heard(os.read(self._master, _CHUNK))
+
+    def send(self, data: bytes) -> None:
+        # A client that does not read fills the terminal's buffer, and then this one; what
+        # is over is lost, as on a line without handshake.
+        self._unsent = (self._unsent + self._as_heard(data))[-_MOST_UNSENT:]
+        with suppress(BlockingIOError):
+            self._unsent = self._unsent[os.write(self._master, self._unsent) :]
+
+    def hang_up(self) -> None:
+        return
+
+    def close(self) -> None:
+        os.close(self._master)
+        os.close(self._slave)
+
+    def _as_heard(self, data: bytes) -> bytes:
+        """Bytes between two ends of unlike rates are heard as something else."""
+        if self._baud is None or self._termios.tcgetattr(self._slave)[4] == self._baud:
+            return data
+        return bytes(0x80 | (byte * 83) % 128 for byte in data)
+
+
+class TcpEnd:
+    """A TCP port for one client at a time."""
+
+    def __init__(self, host: str, port: int) -> None:
+        try:
+            self._server = socket.create_server((host, port))
+        except (OSError, OverflowError) as error:
+            message = f"socket://{host}:{port}: cannot be listened on: {error}"
+            raise PortError(message, "no-port") from error
+        self._client: socket.socket | None = None
+        self.address = f"socket://{host}:{self._server.getsockname()[1]}"
+
+    def wait(self, seconds: float) -> bytes:
+        ready = [self._server] if self._client is None else [self._server, self._client]
+        for one in select.select(ready, [], [], seconds)[0]:
+            if one is self._server:
+                self._accept()
+            else:
+                return self._received()
+        return b""
+
+    def _accept(self) -> None:
+        client, _ = self._server.accept()
+        if self._client is not None:
+            client.close()
+            return
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client.settimeout(1.0)
+        self._client = client
+
+    def _received(self) -> bytes:
+        assert self._client is not None, "only a client is read"
+        try:
+            data = self._client.recv(_CHUNK)
+        except OSError:
+            data = b""
+        if not data:
+            self.hang_up()
+        return data
+
+    def send(self, data: bytes) -> None:
+        if self._client is None or not data:
+            return
+        try:
+            self._client.sendall(data)
+        except OSError:
+            self.hang_up()
+
+    def hang_up(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def close(self) -> None:
+        self.hang_up()
+        self._server.close()
+
+
+def open_end(listen: str, baud: int | None = None) -> End:
+    """The end that `listen` names: `pty`, or `socket://ADDRESS:PORT` (PORT 0: any free one)."""
+    if listen == "pty":
+        try:
+            return PtyEnd(baud)
+        except (ImportError, AttributeError) as error:
+            message = "this system has no pseudo-terminals: use --listen socket://127.0.0.1:0"
+            raise PortError(message, "no-port") from error
+    host, colon, port = listen.removeprefix("socket://").rpartition(":")
+    if not listen.startswith("socket://") or not colon or not host or not port.isdecimal():
+        raise PortError(f"{listen}: expected pty or socket://ADDRESS:PORT", "no-port")
+    return TcpEnd(host, int(port))
+
+
+def serve(
+    station: Station,
+    end: End,
+    speed: float = 1.0,
+    clock: Callable[[], float] = time.monotonic,
+    going: Callable[[], bool] = lambda: True,
+) -> None:
+    """Answer at `end` for as long as `going`, with time `speed` times the clock's."""
+    origin_s = clock()
+    linked = True
+    while going():
+        now_s = (clock() - origin_s) * speed
+        pause_s = (station.next_s() - now_s) / speed
+        data = end.wait(min(max(pause_s, _SLICE_S), _IDLE_S))
+        now_s = (clock() - origin_s) * speed
+        if data:
+            station.hear(data, now_s)
+        end.send(station.say(now_s))
+        if linked and not station.connected(now_s):
+            end.hang_up()
+        linked = station.connected(now_s)

@@ -1,0 +1,130 @@
+"""A controller at its end of a line: bytes in, bytes out, at the line's rate.
+
+Whoever holds the other end says when bytes go in and asks what has come out by when.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from mopro.controller.device import Device
+from mopro.controller.faults import Mischief, Scenario
+from mopro.controller.protocol import Protocol
+from mopro.controller.store import MemoryStore, Store
+from mopro.emulator import Emulator
+from mopro.link.dialect import Dialect
+
+
+class Wire:
+    """One direction: bytes follow one another at the line's rate."""
+
+    def __init__(self, byte_s: float) -> None:
+        self._byte_s = byte_s
+        self._free_s = -math.inf
+        self._queue: deque[tuple[float, int]] = deque()
+
+    def put(self, data: bytes, now_s: float) -> None:
+        for byte in data:
+            self._free_s = max(self._free_s, now_s) + self._byte_s
+            self._queue.append((self._free_s, byte))
+
+    @property
+    def next_s(self) -> float:
+        """When the next byte has arrived; inf if none is on its way."""
+        return self._queue[0][0] if self._queue else math.inf
+
+    def take(self) -> tuple[float, int]:
+        return self._queue.popleft()
+
+    def clear(self) -> None:
+        self._queue.clear()
+
+
+class Station:
+    """The virtual controller with its line; `baud` is the dialect's unless given."""
+
+    def __init__(
+        self,
+        dialect: Dialect,
+        emulator: Emulator,
+        store: Store | None = None,
+        scenario: Scenario | None = None,
+        baud: int | None = None,
+        grammar: str = "attested",
+    ) -> None:
+        scenario = scenario or Scenario()
+        self.mischief = Mischief(scenario)
+        self.store = store if store is not None else MemoryStore()
+        self.device = Device(emulator, self.store, scenario.plant, grammar)
+        self.byte_s = dialect.line.bits_per_byte / (baud or dialect.line.baud)
+        self._dialect = dialect
+        self._protocol = Protocol(dialect, self.device)
+        self._inward = Wire(self.byte_s)
+        self._outward = Wire(self.byte_s)
+        self._late: list[tuple[float, bytes]] = []
+        self._reached_s = -math.inf
+        self._down_until_s = -math.inf
+        self._line_end = ord(dialect.line.end[-1]), ord(dialect.line.reply_end[-1])
+
+    def connected(self, now_s: float) -> bool:
+        return not self.mischief.active("disconnect", now_s)
+
+    def hear(self, data: bytes, now_s: float) -> None:
+        """Bytes that the other end sends at `now_s`."""
+        if self.connected(now_s):
+            self._inward.put(data, now_s)
+        else:
+            self.mischief.count("disconnect")
+
+    def next_s(self) -> float:
+        """When something next happens on the line; inf if nothing is on its way."""
+        return min(self._inward.next_s, self._outward.next_s, self._late_s())
+
+    def _late_s(self) -> float:
+        return min((at_s for at_s, _ in self._late), default=math.inf)
+
+    def say(self, now_s: float) -> bytes:
+        """Let time come to `now_s`; gives the bytes that have arrived at the other end."""
+        while (due_s := min(self._inward.next_s, self._late_s())) <= now_s:
+            self._happen(due_s)
+        self._reset_up_to(now_s)
+        out = bytearray()
+        while self._outward.next_s <= now_s:
+            due_s, byte = self._outward.take()
+            if self.connected(due_s):
+                out += bytes(self.mischief.byte("to_host", byte, self._line_end[1]))
+        return bytes(out)
+
+    def _happen(self, due_s: float) -> None:
+        """One late reply or one incoming byte, whichever comes first."""
+        self._reset_up_to(due_s)
+        for late in [late for late in self._late if late[0] <= due_s]:
+            self._late.remove(late)
+            self._outward.put(late[1], due_s)
+        if self._inward.next_s > due_s:
+            return
+        due_s, byte = self._inward.take()
+        if due_s < self._down_until_s or not self.connected(due_s):
+            return
+        echo = self._dialect.conversation.echo
+        self._protocol.echo = echo and not self.mischief.active("echo_off", due_s)
+        self._protocol.busy = self.mischief.active("busy", due_s)
+        for arrived in self.mischief.byte("to_controller", byte, self._line_end[0]):
+            echoed, reply = self._protocol.feed(arrived, due_s)
+            self._outward.put(echoed, due_s)
+            delay_s, reply = self.mischief.reply(reply)
+            if delay_s:
+                self._late.append((due_s + delay_s, reply))
+            else:
+                self._outward.put(reply, due_s)
+
+    def _reset_up_to(self, now_s: float) -> None:
+        for reset_s in self.mischief.resets(self._reached_s, now_s):
+            self.mischief.count("reset")
+            self.device.reset(reset_s)
+            self._protocol.restart()
+            self._outward.clear()
+            down = [f.for_s for f in self.mischief.scenario.faults if f.at_s == reset_s]
+            self._down_until_s = reset_s + (down[0] if math.isfinite(down[0]) else 0.0)
+        self._reached_s = max(self._reached_s, now_s)

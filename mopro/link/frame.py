@@ -1,0 +1,62 @@
+"""Numbered lines with a checksum."""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import xor
+
+from mopro.link.template import Template
+
+
+def _crc16(data: bytes) -> str:
+    """CRC-16/XMODEM: polynomial 0x1021, from 0."""
+    return f"{crc_hqx(data, 0):04X}"
+
+
+CHECKSUMS: dict[str, Callable[[bytes], str]] = {
+    "xor8": lambda data: f"{reduce(xor, data, 0):02X}",
+    "sum8": lambda data: f"{sum(data) % 256:02X}",
+    "crc16": _crc16,
+}
+
+
+class BadFrame(ValueError):
+    """A line that is damaged, or was never one of ours."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """How lines are numbered and summed; `form` has a number, a body and the check last."""
+
+    form: Template = field(metadata={"type": Template, "needs": {"number", "body", "check"}})
+    checksum: str = field(metadata={"type": str, "empty": False, "among": tuple(CHECKSUMS)})
+    numbers: int = field(metadata={"type": int, "low": 100, "high": 1_000_000})
+    resend: str = field(metadata={"type": str, "empty": False, "among": ()})
+    hello: str = field(metadata={"type": str, "empty": False, "among": ()})
+
+    @property
+    def overhead(self) -> int:
+        """Bytes that a frame adds to its body, at most."""
+        return len(self.wrap("", self.numbers - 1))
+
+    def wrap(self, body: str, number: int) -> str:
+        filled = self.form.fill({"number": number, "body": body, "check": ""})
+        return filled + CHECKSUMS[self.checksum](filled.encode("latin-1"))
+
+    def unwrap(self, line: str) -> tuple[int, str]:
+        """Number and body of `line`; BadFrame if it is not as it was sent."""
+        read = self.form.read(line)
+        if read is None or self.wrap(read["body"], read["number"]) != line:
+            raise BadFrame(line)
+        return read["number"], read["body"]
+
+    def after(self, number: int, steps: int = 1) -> int:
+        return (number + steps) % self.numbers
+
+    def ahead(self, number: int, reference: int) -> int:
+        """By how much `number` is ahead of `reference`; negative if behind."""
+        half = self.numbers // 2
+        return (number - reference + half) % self.numbers - half

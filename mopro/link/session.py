@@ -1,0 +1,353 @@
+"""A conversation with a controller in its dialect: lines asked, answers understood.
+
+Damage is seen where the dialect allows it, and what may be asked again is asked again.
+No wait is without end: each answer has its time, and the whole conversation has one.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from random import Random
+from typing import Any
+
+from mopro.errors import LinkError
+from mopro.link.dialect import Dialect
+from mopro.link.frame import BadFrame
+from mopro.link.transport import Port
+
+_UNLESS_GIVEN_S = 120.0
+_MOST_HELD = 65536
+_MOST_LINES = 100_000
+_QUIET_S = 0.05
+_BUSY_PAUSE_S = 0.2
+_SHOWN = 60
+
+
+class Refused(LinkError):
+    """The controller understood the line and will not do it."""
+
+    rule = "refused"
+
+    def __init__(self, line: str, code: int, reason: str) -> None:
+        super().__init__(f"the controller refused `{line}`: {reason} (its code {code})")
+        self.code, self.reason = code, reason
+
+
+class Damaged(LinkError):
+    """An answer that cannot be what the controller meant, or none."""
+
+    rule = "no-answer"
+
+
+class Busy(Damaged):
+    """The controller asks to be left alone for a while."""
+
+    rule = "busy"
+
+
+class Session:
+    """One conversation over `port`; `random` picks the first line number.
+
+    `baud` is the line's rate where it is not the dialect's.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        dialect: Dialect,
+        random: Random | None = None,
+        baud: int | None = None,
+    ) -> None:
+        self.port = port
+        self.dialect = dialect
+        self.retried = 0
+        self._until_s = port.now_s() + _UNLESS_GIVEN_S
+        self._random = random or Random()
+        self._number = 0
+        # Whether line numbers may have been used that were not answered: they must not be
+        # used again for other lines.
+        self._adrift = False
+        self._held = bytearray()
+        self.byte_s = dialect.line.bits_per_byte / (baud or dialect.line.baud)
+        self._prompt = dialect.conversation.prompt.encode("latin-1")
+        self._reply_end = dialect.line.reply_end.encode("latin-1")
+
+    # -- time ------------------------------------------------------------------
+
+    def give(self, seconds: float) -> None:
+        """Allow `seconds` from now for all that follows."""
+        self._until_s = self.port.now_s() + seconds
+
+    def _wait_until_s(self, bytes_due: int) -> float:
+        """How long an answer may take of which `bytes_due` are still on the wire."""
+        talk = self.dialect.conversation
+        now_s = self.port.now_s()
+        if now_s >= self._until_s:
+            raise LinkError("the time allowed is over", "deadline")
+        return min(self._until_s, now_s + talk.reply_timeout_s + bytes_due * self.byte_s)
+
+    def pause(self, seconds: float) -> None:
+        """Let time pass; what comes meanwhile is held."""
+        until_s = min(self.port.now_s() + seconds, self._until_s)
+        while self.port.now_s() < until_s:
+            self._hold(self.port.read(until_s))
+
+    # -- opening ---------------------------------------------------------------
+
+    def open(self) -> None:
+        """Find the controller at the other end, and begin; LinkError says what is there."""
+        heard = b""
+        tries = self.dialect.conversation.retries + 1
+        while tries:
+            self._wait_until_s(0)
+            try:
+                heard += self.recover()
+                self._greet()
+                return
+            except Busy as busy:
+                self._leave_alone(busy)
+            except Damaged:
+                heard += bytes(self._held)
+                tries -= 1
+        raise self._stranger(heard)
+
+    def _greet(self) -> None:
+        self._adrift = False
+        if self.dialect.check is None:
+            self._once("status")
+            return
+        self._number = self._random.randrange(self.dialect.check.numbers)
+        self._put(self.dialect.check.hello, self._number)
+        self._answer(self.dialect.check.hello, self._number)
+
+    def _stranger(self, heard: bytes) -> LinkError:
+        """What is at the other end, from what it said."""
+        name = self.dialect.name
+        if not heard:
+            message = "nothing answers: is the controller on, is this its port and its baud rate?"
+            return LinkError(message, "no-answer")
+        shown = heard[:_SHOWN].decode("latin-1")
+        strange = sum(not (c.isascii() and (c.isprintable() or c in "\r\n\t")) for c in shown)
+        if strange > len(shown) / 4:
+            message = f"what comes is no text ({heard[:8].hex(' ')} ...): is the baud rate right?"
+            return LinkError(message, "garbage")
+        message = f"something answers, but not in the dialect {name} at this baud rate: {shown!r}"
+        return LinkError(message, "other-dialect")
+
+    def recover(self) -> bytes:
+        """Bring both ends to the start of a line; gives what was on its way."""
+        attention = self.dialect.conversation.attention.encode("latin-1")
+        if attention:
+            self.port.write(attention)
+        heard = bytes(self._held)
+        self._held.clear()
+        quiet_s = _QUIET_S + 20 * self.byte_s
+        started_s = self.port.now_s()
+        while data := self.port.read(min(self.port.now_s() + quiet_s, self._until_s)):
+            heard += data
+            elapsed_s = self.port.now_s() - started_s
+            if (
+                len(heard) > _MOST_HELD
+                or elapsed_s > 10 * self.dialect.conversation.reply_timeout_s
+            ):
+                message = "the other end does not stop sending: is this the controller's port?"
+                raise LinkError(message, "flood")
+        return heard
+
+    # -- asking ----------------------------------------------------------------
+
+    def ask(self, statement: str, again: bool = True, **fields: Any) -> list[dict[str, Any]]:
+        """Say a statement of the dialect; gives its reply lines, read.
+
+        `again` tells that doing it twice is doing it once. Raises Refused, LinkError.
+        """
+        tries = self.dialect.conversation.retries if again or self.dialect.check else 0
+        if self._adrift:
+            self.open()
+        while True:
+            try:
+                return self._once(statement, **fields)
+            except Busy as busy:
+                self._leave_alone(busy)
+            except Damaged:
+                self._adrift = tries == 0
+                if self._adrift:
+                    raise
+                tries -= 1
+                self.retried += 1
+                self._rewind()
+
+    def _leave_alone(self, busy: Busy) -> None:
+        """Wait before a busy controller is asked again; LinkError if the time is over."""
+        if self.port.now_s() + _BUSY_PAUSE_S >= self._until_s:
+            raise LinkError(str(busy), "busy") from busy
+        self.pause(_BUSY_PAUSE_S)
+
+    def _once(self, statement: str, **fields: Any) -> list[dict[str, Any]]:
+        line = self.dialect.statements[statement].fill(fields)
+        number = self._next_number()
+        self._put(line, number)
+        lines = self._answer(line, number)
+        self._number = number
+        template = self.dialect.replies.get(statement)
+        if template is None:
+            return []
+        read = [template.read(text) for text in lines]
+        for text, values in zip(lines, read, strict=True):
+            if values is None:
+                raise Damaged(f"the answer to `{line}` makes no sense: {text[:_SHOWN]!r}")
+        rows = [values for values in read if values is not None]
+        _in_order(line, rows)
+        return rows
+
+    def _next_number(self, steps: int = 1) -> int:
+        check = self.dialect.check
+        return check.after(self._number, steps) if check else 0
+
+    def _rewind(self) -> None:
+        """After damage, the start of a line; a numbered one is then said again as it was."""
+        if self.dialect.check is None:
+            self.recover()
+        else:
+            self._settle()
+
+    def _settle(self) -> None:
+        """End a half line and let pass what is on its way; a download under way stays."""
+        self.port.write(self.dialect.line.end.encode("latin-1"))
+        self.pause(_QUIET_S + 20 * self.byte_s)
+        self._held.clear()
+
+    def one(self, statement: str, **fields: Any) -> dict[str, Any]:
+        """`ask` for a statement that has one line of reply."""
+        tries = self.dialect.conversation.retries
+        while True:
+            rows = self.ask(statement, **fields)
+            if len(rows) == 1:
+                return rows[0]
+            if tries == 0:
+                message = f"expected one line of reply to `{statement}`, got {len(rows)}"
+                raise Damaged(message)
+            tries -= 1
+            self._rewind()
+
+    def stream(self, lines: Sequence[str], done: Callable[[int], None]) -> None:
+        """Say `lines` without waiting for each answer; `done(n)` when n of them are taken.
+
+        Raises Refused for the first line that is refused, with `done` at the line before.
+        """
+        sent = taken = tries = 0
+        on_way: deque[int] = deque()
+        self._adrift = True
+        while taken < len(lines):
+            while sent < len(lines) and self._room(on_way, lines[sent]):
+                self._put(lines[sent], self._next_number(sent - taken + 1))
+                on_way.append(self.dialect.wrapped_length(lines[sent]))
+                sent += 1
+            try:
+                self._answer(lines[taken], self._next_number())
+            except Damaged as error:
+                tries += not isinstance(error, Busy)
+                if self.dialect.check is None or tries > self.dialect.conversation.retries:
+                    raise
+                self._go_back(error)
+                sent = taken
+                on_way.clear()
+                continue
+            self._number = self._next_number()
+            on_way.popleft()
+            taken, tries = taken + 1, 0
+            done(taken)
+        self._adrift = False
+
+    def _go_back(self, error: Damaged) -> None:
+        """Before lines are said again: no answer to the first time may still come."""
+        self.retried += 1
+        if isinstance(error, Busy):
+            self._leave_alone(error)
+        self._settle()
+
+    def _room(self, on_way: deque[int], line: str) -> bool:
+        coming = self.dialect.wrapped_length(line)
+        return not on_way or sum(on_way) + coming <= self.dialect.line.window
+
+    # -- lines -----------------------------------------------------------------
+
+    def _put(self, body: str, number: int) -> None:
+        check = self.dialect.check
+        line = check.wrap(body, number) if check else body
+        self.port.write((line + self.dialect.line.end).encode("latin-1"))
+
+    def _answer(self, body: str, number: int) -> list[str]:
+        """The reply lines to `body`, which has the line number `number`."""
+        talk = self.dialect.conversation
+        due = self.dialect.line.window + 2 * len(body)
+        if talk.echo:
+            echo = self._line(due)
+            if echo != (self.dialect.check.wrap(body, number) if self.dialect.check else body):
+                raise Damaged(f"sent `{body}`, but the echo is {str(echo)[:_SHOWN]!r}")
+        lines: list[str] = []
+        refusal: dict[str, Any] | None = None
+        busy = False
+        while (line := self._body(number, due)) is not None:
+            if talk.busy and line == talk.busy:
+                busy = True
+            elif (read := talk.refuse.read(line)) is not None:
+                refusal = read
+            elif not (talk.acknowledge and line == talk.acknowledge):
+                lines.append(line)
+                if len(lines) > _MOST_LINES:
+                    raise LinkError("the answer has no end", "flood")
+                continue
+            if not talk.prompt:
+                break
+        if busy:
+            raise Busy("the controller says that it is busy")
+        if refusal is not None:
+            self._number = number
+            raise Refused(body, refusal.get("code", 0), str(refusal.get("text", "")))
+        return lines
+
+    def _body(self, number: int, due: int) -> str | None:
+        """The next line that answers line `number`, unwrapped; None for a prompt."""
+        check = self.dialect.check
+        while (line := self._line(due)) is not None and check is not None:
+            try:
+                answers, body = check.unwrap(line)
+            except BadFrame as error:
+                raise Damaged(f"a damaged line came: {line[:_SHOWN]!r}") from error
+            if answers == number:
+                if body == check.resend:
+                    raise Damaged(f"the controller missed line {number}")
+                return body
+        return line
+
+    def _line(self, due: int) -> str | None:
+        """The next line as it came; None for a prompt."""
+        until_s = self._wait_until_s(due)
+        while True:
+            if self._prompt and self._held.startswith(self._prompt):
+                del self._held[: len(self._prompt)]
+                return None
+            end = self._held.find(self._reply_end)
+            if end >= 0:
+                line = self._held[:end].decode("latin-1")
+                del self._held[: end + len(self._reply_end)]
+                return line
+            data = self.port.read(until_s)
+            if not data:
+                self._wait_until_s(0)
+                raise Damaged("the controller does not answer")
+            self._hold(data)
+
+    def _hold(self, data: bytes) -> None:
+        self._held += data
+        if len(self._held) > _MOST_HELD:
+            raise LinkError("the other end does not stop sending", "flood")
+
+
+def _in_order(line: str, rows: list[dict[str, Any]]) -> None:
+    """Numbered reply lines must follow one another."""
+    numbers = [row["index"] for row in rows if "index" in row]
+    if numbers != list(range(numbers[0], numbers[0] + len(numbers)) if numbers else []):
+        raise Damaged(f"lines are missing in the answer to `{line}`")

@@ -1,0 +1,77 @@
+"""Lines with fields, such as `RN {name}`: written by one end, read by the other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+_FIELD = re.compile(r"\{([a-z_0-9]+)\}")
+_WORD, _INT = r"[^\s,;]+", r"[+-]?\d+"
+_REAL = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+
+# field -> how it looks, how it is read
+FIELDS: dict[str, tuple[str, type[Any]]] = {
+    "name": (r"[A-Za-z0-9_]+", str),
+    "scratch": (r"[A-Za-z0-9_]+", str),
+    "text": (r".*", str),
+    "state": (_WORD, str),
+    "code": (r"\d+", int),
+    "number": (r"\d+", int),
+    "check": (r"[0-9A-Fa-f]+", str),
+    "body": (r".*", str),
+    "index": (r"\d+", int),
+    "count": (r"\d+", int),
+    "first": (r"\d+", int),
+    "milliseconds": (_REAL, float),
+    "statement": (r"\d+", int),
+    "completed": (r"\d+", int),
+    "position_1": (_INT, int),
+    "position_2": (_INT, int),
+    "moving_1": (r"[01]", int),
+    "moving_2": (r"[01]", int),
+    "complete": (r"[01]", int),
+    "slipped": (r"[01]", int),
+    "lag": (_REAL, float),
+    "margin": (_REAL, float),
+    "lost": (_INT, int),
+}
+
+
+@dataclass(frozen=True)
+class Template:
+    """Text with `{field}`s, each of `FIELDS` and at most once."""
+
+    text: str
+    fields: frozenset[str] = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = _FIELD.findall(self.text)
+        unknown = [name for name in names if name not in FIELDS]
+        if unknown:
+            raise ValueError(f"unknown field {{{unknown[0]}}}: known are {', '.join(FIELDS)}")
+        if len(set(names)) < len(names):
+            raise ValueError("a field stands twice")
+        if re.search(r"[{}]", _FIELD.sub("", self.text)):
+            raise ValueError("a brace that belongs to no {field}")
+        object.__setattr__(self, "fields", frozenset(names))
+
+    @cached_property
+    def _pattern(self) -> re.Pattern[str]:
+        parts = _FIELD.split(self.text)
+        texts = map(re.escape, parts[::2])
+        groups = [f"(?P<{name}>{FIELDS[name][0]})" for name in parts[1::2]] + [""]
+        return re.compile("".join(t + g for t, g in zip(texts, groups, strict=True)), re.ASCII)
+
+    def fill(self, values: Mapping[str, Any]) -> str:
+        """The line with its fields written."""
+        return _FIELD.sub(lambda match: str(values[match[1]]), self.text)
+
+    def read(self, line: str) -> dict[str, Any] | None:
+        """The fields of `line`, or None if it does not fit."""
+        match = self._pattern.fullmatch(line)
+        if match is None:
+            return None
+        return {name: FIELDS[name][1](text) for name, text in match.groupdict().items()}

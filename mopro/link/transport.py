@@ -1,0 +1,156 @@
+"""Bytes to and from a port, with time; the only importer of serial."""
+
+from __future__ import annotations
+
+import errno
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Protocol, TextIO
+
+import serial
+from serial.tools import list_ports
+
+from mopro.errors import LinkError, PortError
+from mopro.link.dialect import Line
+
+# How long one look at the port may block; deadlines are kept to within it.
+_LOOK_S = 0.02
+_WRITE_TIMEOUT_S = 5.0
+_PARITY = {"none": "N", "even": "E", "odd": "O"}
+
+
+class Port(Protocol):
+    """One end of a line. `now_s` is its clock, in seconds from any origin."""
+
+    def now_s(self) -> float: ...
+
+    def write(self, data: bytes) -> None: ...
+
+    def read(self, until_s: float) -> bytes:
+        """What has come, as soon as there is any; empty if nothing came by `until_s`."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class SerialPort:
+    """A port of this machine, or whatever pyserial's URLs reach; PortError if it cannot be."""
+
+    def __init__(self, url: str, line: Line, baud: int | None = None) -> None:
+        options: dict[str, Any] = {
+            "baudrate": baud or line.baud,
+            "bytesize": line.data_bits,
+            "parity": _PARITY[line.parity],
+            "stopbits": line.stop_bits,
+            "xonxoff": line.handshake == "xon-xoff",
+            "rtscts": line.handshake == "rts-cts",
+            "timeout": _LOOK_S,
+            "write_timeout": _WRITE_TIMEOUT_S,
+        }
+        if "://" not in url:
+            options["exclusive"] = True
+        self.url = url
+        try:
+            self._serial = serial.serial_for_url(url, **options)
+        except (serial.SerialException, OSError, ValueError) as error:
+            raise _unusable(url, error) from error
+
+    def now_s(self) -> float:
+        return time.monotonic()
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._serial.write(data)
+        except serial.SerialTimeoutException as error:
+            message = f"{self.url}: the line takes no more bytes (is a handshake line held?)"
+            raise LinkError(message, "link-lost") from error
+        except (serial.SerialException, OSError) as error:
+            raise self._lost(error) from error
+
+    def read(self, until_s: float) -> bytes:
+        try:
+            while True:
+                data = bytes(self._serial.read(1))
+                if data:
+                    return data + self._waiting()
+                if self.now_s() >= until_s:
+                    return b""
+        except (serial.SerialException, OSError, TypeError) as error:
+            # pyserial raises TypeError where another thread or a signal closed the port.
+            raise self._lost(error) from error
+
+    def _waiting(self) -> bytes:
+        """What else is there already, so that bytes need not be fetched one by one."""
+        data = bytearray()
+        while (count := self._serial.in_waiting) and len(data) < 65536:
+            data += self._serial.read(count)
+        return bytes(data)
+
+    def close(self) -> None:
+        with suppress(serial.SerialException, OSError):
+            self._serial.close()
+
+    def _lost(self, error: Exception) -> LinkError:
+        return LinkError(f"{self.url}: the link is lost: {error}", "link-lost")
+
+
+def _unusable(url: str, error: Exception) -> PortError:
+    """Why a port could not be opened, in words for the person at the machine."""
+    number = getattr(error, "errno", None)
+    text = str(error)
+    if number == errno.ENOENT or "FileNotFoundError" in text:
+        known = ", ".join(name for name, _ in available_ports()) or "none"
+        message = f"{url}: there is no such port; ports of this machine: {known}"
+        return PortError(message, "no-port")
+    if number in (errno.EACCES, errno.EPERM) or "PermissionError" in text:
+        message = f"{url}: no permission; on Linux, join the group that owns it (often dialout)"
+        return PortError(message, "no-permission")
+    if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in text:
+        return PortError(f"{url}: another program has this port open", "port-in-use")
+    return PortError(f"{url}: cannot be opened: {text}", "no-port")
+
+
+def available_ports() -> list[tuple[str, str]]:
+    """Device and description of each serial port of this machine."""
+    return sorted((port.device, port.description) for port in list_ports.comports())
+
+
+class TracedPort:
+    """A port whose every byte is written down with its time, readable and in hexadecimal."""
+
+    def __init__(self, port: Port, log: TextIO, note: Callable[[], str] = lambda: "") -> None:
+        self._port = port
+        self._log = log
+        self._start_s = port.now_s()
+        log.write("# seconds from opening; > to the controller, < from it; hexadecimal; text\n")
+        log.write(note())
+
+    def now_s(self) -> float:
+        return self._port.now_s()
+
+    def write(self, data: bytes) -> None:
+        self._note(">", data)
+        self._port.write(data)
+
+    def read(self, until_s: float) -> bytes:
+        data = self._port.read(until_s)
+        if data:
+            self._note("<", data)
+        return data
+
+    def close(self) -> None:
+        self._port.close()
+
+    def _note(self, way: str, data: bytes) -> None:
+        at_s = self._port.now_s() - self._start_s
+        for first in range(0, len(data), 16):
+            piece = data[first : first + 16]
+            shown = piece.decode("latin-1").translate(_SHOWN)
+            self._log.write(f"{at_s:12.6f} {way} {piece.hex(' '):<47}  {shown}\n")
+        self._log.flush()
+
+
+_SHOWN = {
+    code: "." for code in range(256) if not chr(code).isascii() or not chr(code).isprintable()
+}

@@ -1,0 +1,183 @@
+"""A run seen from the host: polled state and positions, and the way to stop it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mopro.errors import LinkError
+from mopro.link.flash import statements_of
+from mopro.link.session import Session
+from mopro.motion import Schedule
+from mopro.program import AXES, Program
+from mopro.recording import Sink, column_names
+
+_UNDER_WAY = ("running", "stopping")
+_HELD_ROWS = 256
+
+
+class Samples:
+    """Polled samples to a sink, with NaN in every column that nobody could see."""
+
+    def __init__(self, sink: Sink, schedule: Schedule, microstep_m: float) -> None:
+        self._sink = sink
+        self._microstep_m = microstep_m
+        self._rows: list[dict[str, float]] = []
+        self._line = schedule.program.ops[0].span.line
+
+    def add(
+        self, time_s: float, line: int | None, command_u: dict[int, int], seen_u: dict[int, int]
+    ) -> None:
+        self._line = line or self._line
+        row = {"time_s": time_s, "line": float(self._line)}
+        for axis in AXES:
+            row[f"command_{axis}_m"] = command_u[axis] * self._microstep_m
+            row[f"position_{axis}_m"] = seen_u.get(axis, command_u[axis]) * self._microstep_m
+        self._rows.append(row)
+        if len(self._rows) >= _HELD_ROWS:
+            self.close()
+
+    def close(self) -> None:
+        """Hand on what is held."""
+        if self._rows:
+            names = column_names(AXES)
+            columns = {n: np.array([row.get(n, np.nan) for row in self._rows]) for n in names}
+            columns["line"] = columns["line"].astype(np.int32)
+            self._sink.write(columns)
+            self._rows.clear()
+
+
+class Watch:
+    """One run: what the controller last said of it. Positions count from the start."""
+
+    def __init__(
+        self, session: Session, program: Program, samples: Samples, poll_hz: float
+    ) -> None:
+        self._session = session
+        self._program = program
+        self._samples = samples
+        self._poll_s = 1 / poll_hz
+        self._zero_u = dict.fromkeys(AXES, 0)
+        self._seen_zero_u = dict.fromkeys(AXES, 0)
+        self._started_s = 0.0
+        self.accounts = session.dialect.knows("moves")
+        self.state = "idle"
+        self.statement = self.completed = 0
+        self.position_u: dict[int, int] = dict.fromkeys(AXES, 0)
+        self.moves: dict[int, dict[str, Any]] = {}
+        self.elapsed_s = 0.0
+        self.stopped: bool | None = None
+
+    # -- the run ---------------------------------------------------------------
+
+    def mark_start(self) -> None:
+        """Take the present positions for the start."""
+        self._zero_u = self._where("position")
+        if self._session.dialect.knows("measured"):
+            self._seen_zero_u = self._where("measured")
+
+    def start(self, for_s: float | None) -> None:
+        scratch = self._session.dialect.names.scratch
+        self._started_s = self._session.port.now_s()
+        if for_s is None:
+            self._session.ask("run", again=False, name=scratch)
+        else:
+            self._session.ask("run_for", again=False, name=scratch, milliseconds=for_s * 1000)
+        self.state = "running"
+
+    def follow(self, for_s: float | None) -> None:
+        """Poll until the run has ended, or `for_s` seconds of the host's clock are over."""
+        while self.state in _UNDER_WAY:
+            if for_s is not None and self.elapsed_s >= for_s:
+                return
+            next_s = self._session.port.now_s() + self._poll_s
+            self.poll()
+            if self.state in _UNDER_WAY:
+                self._session.pause(next_s - self._session.port.now_s())
+        self.poll()
+        if self.accounts and self.state != "idle":
+            while self._ask_moves():
+                pass
+
+    def poll(self) -> None:
+        """Ask for state, positions and the account of finished moves; keep a sample."""
+        status = self._session.one("status")
+        self.state = self._session.dialect.state_of(status["state"]) or self.state
+        if self.state not in ("idle", "done"):
+            self.statement = status.get("statement", 0)
+        self.completed = status.get("completed", 0)
+        position = self._where("position")
+        self.position_u = {axis: position[axis] - self._zero_u[axis] for axis in AXES}
+        self.elapsed_s = self._session.port.now_s() - self._started_s
+        seen: dict[int, int] = {}
+        if self._session.dialect.knows("measured"):
+            measured = self._where("measured")
+            seen = {axis: measured[axis] - self._seen_zero_u[axis] for axis in AXES}
+        self._samples.add(self.elapsed_s, self._line(self.statement), self.position_u, seen)
+        if self.accounts and self.state in _UNDER_WAY:
+            self._ask_moves()
+
+    def _ask_moves(self) -> bool:
+        """Fetch accounts that are not here yet; whether any came."""
+        rows = self._session.ask("moves", first=len(self.moves) + 1)
+        self.moves.update((row["index"], row) for row in rows if row["index"] > len(self.moves))
+        return bool(rows)
+
+    def _where(self, statement: str) -> dict[int, int]:
+        row = self._session.one(statement)
+        return {axis: row[f"position_{axis}"] for axis in AXES}
+
+    # -- stopping --------------------------------------------------------------
+
+    def stop(self, within_s: float) -> bool:
+        """Tell the machine to stop and see that it does; False if that is not certain."""
+        self._session.give(within_s)
+        self.stopped = False
+        try:
+            self._session.open()
+            self._session.ask("stop")
+            rests = 0
+            while rests < 2:
+                before_u = dict(self.position_u)
+                self.poll()
+                moving = self._session.one("motion")
+                still = not (moving["moving_1"] or moving["moving_2"])
+                rested = self.state not in _UNDER_WAY and still and before_u == self.position_u
+                rests = rests + 1 if rested else 0
+            self.stopped = True
+            while self.accounts and self._ask_moves():
+                pass
+        except (LinkError, KeyboardInterrupt):
+            return self.stopped
+        return True
+
+    def stop_report(self) -> str:
+        if self.stopped is None:
+            return ""
+        if self.stopped:
+            return "stop: sent, and the controller reports that both axes rest"
+        return "stop: NOT CONFIRMED: the machine may still be moving; use its own stop button"
+
+    # -- words -----------------------------------------------------------------
+
+    def last_words(self) -> str:
+        """What the machine last reported, and which statement was done."""
+        place = ", ".join(f"axis {axis} at {u:+d}" for axis, u in self.position_u.items())
+        text = f"last reported after {self.elapsed_s:.3f} s: {self.state}, {place} microsteps"
+        if self.statement:
+            text += f"; under way: {self._named(self.statement)}"
+        if self.completed:
+            return f"{text}\nlast completed: {self._named(self.completed)}"
+        return f"{text}\nlast completed: nothing that takes time"
+
+    def _named(self, statement: int) -> str:
+        if not 1 <= statement <= len(self._program.ops):
+            return f"statement {statement}"
+        text = statements_of(self._program)[statement - 1]
+        return f"line {self._line(statement)} `{text}`"
+
+    def _line(self, statement: int) -> int | None:
+        if 1 <= statement <= len(self._program.ops):
+            return self._program.ops[statement - 1].span.line
+        return None

@@ -1,0 +1,185 @@
+"""Flashing, with both ends in memory and the wire damaged."""
+
+import pytest
+from bench_of_link import DIALECTS, OLD, SHORT, bench, old_in
+
+import mopro
+from mopro.controller import FolderStore, MemoryStore
+from mopro.controller.faults import Fault
+from mopro.errors import LinkError, VerifyError
+from mopro.link import Session, load_dialect
+from mopro.link.flash import differences, flash, statements_of, verify
+from mopro.link.session import Refused
+
+PROGRAM = mopro.compile(SHORT, "short.CMD")
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_done_means_stored_as_sent(dialect):
+    joined = bench(dialect)
+    seen = []
+    done = flash(joined.session, PROGRAM, "MAIN", lambda n, total: seen.append((n, total)))
+    assert joined.stored == SHORT.splitlines()
+    assert done.statements == 8
+    assert seen[-1] == (24, 24)
+    assert [n for n, _ in seen] == sorted(n for n, _ in seen)
+
+
+@pytest.mark.parametrize("kind", ["drop", "double", "flip", "split", "merge"])
+@pytest.mark.parametrize("direction", ["to_controller", "to_host"])
+def test_a_checked_flash_gets_over_damaged_bytes(kind, direction):
+    joined = bench("checked", Fault(kind, rate=0.05, direction=direction, times=3))
+    flash(joined.session, PROGRAM, "MAIN")
+    assert joined.stored == SHORT.splitlines()
+    assert joined.station.mischief.happened[kind] == 3
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault("late", rate=0.3, delay_s=0.4),
+        Fault("missing", rate=0.2, times=3),
+        Fault("garbled", rate=0.2, times=3),
+        Fault("busy", at_s=0.1, for_s=2.0),
+        Fault("disconnect", at_s=0.1, for_s=0.8),
+    ],
+)
+def test_a_checked_flash_gets_over_bad_replies(fault):
+    joined = bench("checked", fault)
+    flash(joined.session, PROGRAM, "MAIN")
+    assert joined.stored == SHORT.splitlines()
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("at_s", [0.15, 0.2, 0.25])
+@pytest.mark.parametrize("kind", ["disconnect", "reset", "busy"])
+def test_what_breaks_off_leaves_the_old_or_the_new_program_and_can_be_done_again(
+    dialect, at_s, kind
+):
+    for_s = 0.1 if kind == "reset" else 1e6
+    joined = bench(dialect, Fault(kind, at_s=at_s, for_s=for_s), store=old_in(MemoryStore()))
+    joined.session.give(10.0)
+    try:
+        flash(joined.session, PROGRAM, "MAIN")
+    except LinkError:
+        assert joined.stored in (OLD.splitlines(), SHORT.splitlines())
+    else:
+        assert kind == "reset"
+    assert joined.session.port.now_s() < 11.0
+    if kind == "reset":
+        joined.session.open()
+        flash(joined.session, PROGRAM, "MAIN")
+        assert joined.stored == SHORT.splitlines()
+
+
+def test_what_the_controller_holds_is_compared_not_believed():
+    joined = bench()
+    flash(joined.session, PROGRAM, "MAIN")
+    joined.station.store.write("MAIN", SHORT.replace("MRI1 2.0", "MRI1 3.0").splitlines())
+    with pytest.raises(VerifyError, match=r"statement 4 \(line 4 .*MRI1 2.0.*MRI1 3.0") as caught:
+        verify(joined.session, PROGRAM, "MAIN")
+    assert caught.value.rule == "read-back-differs"
+    with pytest.raises(VerifyError, match="nothing under OTHER") as caught:
+        verify(joined.session, PROGRAM, "OTHER")
+    assert caught.value.rule == "empty"
+
+
+def test_numbers_written_another_way_mean_the_same():
+    stored = [line.replace("2.0", "2.000").lower() for line in SHORT.splitlines()]
+    assert differences(PROGRAM, stored) == []
+    assert differences(PROGRAM, stored[:-1]) == [(8, "WX1", "(nothing)")]
+    assert differences(PROGRAM, [*stored[:-1], "garbage"])[0][0] == 8
+
+
+def test_a_refusal_names_the_line():
+    joined = bench()
+    program = mopro.compile(SHORT + "ST1\n", "short.CMD", grammar="extended")
+    with pytest.raises(Refused, match=r"short.CMD:9: .*`ST1`"):
+        flash(joined.session, program, "MAIN")
+    flash(joined.session, PROGRAM, "MAIN")
+    assert joined.stored == SHORT.splitlines()
+
+
+def test_a_program_too_long_for_the_controller_is_refused():
+    lines = "WT1\n" * 10_001
+    joined = bench()
+    joined.session.give(3000.0)
+    with pytest.raises(LinkError, match="more than 10000 statements"):
+        flash(joined.session, mopro.compile(lines, "long.CMD"), "MAIN")
+    assert joined.stored is None
+
+
+@pytest.mark.parametrize("name", ["../X", "/etc/passwd", "A/B", "a b", "", "X" * 17, "1A"])
+def test_a_client_cannot_name_a_path(tmp_path, name):
+    store = FolderStore(tmp_path / "store")
+    joined = bench("plain", store=store)
+    for statement in ("begin", "list", "run"):
+        with pytest.raises((Refused, ValueError)):
+            joined.session.ask(statement, name=name)
+        joined.session.recover()
+    assert list((tmp_path / "store").iterdir()) == []
+
+
+class Peer:
+    """A port at whose other end is something else: says `chunk` at each read."""
+
+    def __init__(self, chunk):
+        self.chunk = chunk
+        self.time_s = 0.0
+
+    def now_s(self):
+        return self.time_s
+
+    def write(self, data):
+        self.time_s += len(data) / 960
+
+    def read(self, until_s):
+        if not self.chunk:
+            self.time_s = max(self.time_s, until_s)
+            return b""
+        self.time_s += len(self.chunk) / 960
+        return self.chunk
+
+    def close(self):
+        return
+
+
+class Greeter(Peer):
+    """Says its piece once after each line that it gets."""
+
+    def __init__(self, piece):
+        super().__init__(b"")
+        self.piece = piece
+
+    def write(self, data):
+        super().write(data)
+        self.chunk = self.piece
+
+    def read(self, until_s):
+        said, self.chunk = super().read(until_s), b""
+        return said
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize(
+    ("peer", "rule", "says"),
+    [
+        (Peer(b""), "no-answer", "nothing answers"),
+        (Peer(b"spam spam\r\n"), "flood", "does not stop sending"),
+        (Peer(b"\xff" * 64), "flood", "does not stop sending"),
+        (Greeter(b"login: "), "other-dialect", "login:"),
+        (Greeter(b"\x80\xf8\x00\xe0\x9e"), "garbage", "baud rate"),
+    ],
+)
+def test_who_is_there_is_told_within_the_deadline(dialect, peer, rule, says):
+    peer.time_s = 0.0
+    session = Session(peer, load_dialect(dialect))
+    session.give(15.0)
+    with pytest.raises(LinkError, match=says) as caught:
+        session.open()
+    assert caught.value.rule == rule
+    assert peer.time_s < 16.0
+
+
+def test_statements_are_those_of_the_wire():
+    assert statements_of(PROGRAM) == SHORT.splitlines()

@@ -1,0 +1,204 @@
+"""Runs on the virtual controller: the emulator's table, stops, and what goes wrong."""
+
+import numpy as np
+import pytest
+from bench_of_link import DIALECTS, SHORT, bench
+
+import mopro
+from mopro.api import compile_file
+from mopro.controller.faults import Fault, PlantFault
+from mopro.errors import MotionError, SourceError
+from mopro.link.resume import resume
+from mopro.machine import load_machine
+from mopro.program.text import canonical
+
+MICROSTEP_M = load_machine("chow1992").microstep_m
+PROGRAM = mopro.compile(SHORT, "short.CMD")
+
+
+def last_u(recording, axis):
+    return round(float(recording[f"command_{axis}_m"][-1]) / MICROSTEP_M)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize(
+    ("name", "for_s"),
+    [
+        ("LVDT1", None),
+        ("LVDT2", None),
+        ("LVDT3", None),
+        ("LVDT4", None),
+        ("TEMP1", 4 * 1.075),
+        ("TEMP2", 4 * (8 / 15 + 0.075)),
+    ],
+)
+def test_the_controller_gives_the_emulators_table(programs_folder, dialect, name, for_s):
+    program = compile_file(programs_folder / f"{name}.CMD")
+    there = bench(dialect).run(program, for_s)
+    here = mopro.emulate(program, for_s=for_s)
+    assert there.run.moves == here.run.moves
+    assert there.run.trouble is None
+    assert there.run.duration_s == here.run.duration_s
+    for axis in (1, 2):
+        assert last_u(there, axis) == last_u(here, axis)
+
+
+def test_a_run_cut_in_mid_move_has_the_same_table_and_then_brakes(programs_folder):
+    program = compile_file(programs_folder / "TEMP1.CMD")
+    there, here = bench().run(program, 2.7), mopro.emulate(program, for_s=2.7)
+    assert there.run.moves == here.run.moves
+    assert not there.run.moves[-1].complete
+    braking_u = 15.0**2 / (2 * 200) * 12500
+    assert last_u(there, 2) - last_u(here, 2) == pytest.approx(braking_u, abs=1)
+
+
+def test_the_recording_says_whose_clock_it_has_and_shows_what_was_seen():
+    recording = bench().run(PROGRAM)
+    assert recording.header.clock == "host"
+    assert np.isnan(recording["force_1_N"]).all()
+    assert set(recording["line"]) <= set(range(1, 9))
+    assert (np.diff(recording["time_s"]) > 0).all()
+    assert recording["position_1_m"][-1] == pytest.approx(recording["command_1_m"][-1], abs=1e-9)
+
+
+def test_motion_that_must_be_refused_is_refused_before_anything_is_sent():
+    joined = bench()
+    heard = joined.station.hear
+    joined.station.hear = lambda data, now_s: pytest.fail("something was sent")
+    with pytest.raises(MotionError, match="still moving"):
+        joined.run(mopro.compile(SHORT.replace("WX1\nWT50\n", "WT50\n")))
+    joined.station.hear = heard
+
+
+class Impatient:
+    """A port at which someone presses Ctrl-C at a given time."""
+
+    def __init__(self, port, at_s):
+        self.port = port
+        self.at_s = at_s
+
+    def __getattr__(self, name):
+        return getattr(self.port, name)
+
+    def read(self, until_s):
+        data = self.port.read(until_s)
+        if self.port.now_s() > self.at_s:
+            self.at_s = float("inf")
+            raise KeyboardInterrupt
+        return data
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("after_s", [0.05, 0.2, 0.31])
+def test_ctrl_c_stops_the_machine_and_says_where(dialect, after_s):
+    joined = bench(dialect)
+    program = mopro.compile(SHORT.replace("2.0", "12.0"), "short.CMD")
+    joined.session.port = Impatient(joined.session.port, 1.2 + after_s)
+    run = joined.run(program).run
+    assert "interrupted" in run.trouble
+    assert "both axes rest" in run.trouble
+    assert "line 4 `MRI1 12.0`" in run.trouble
+    assert not run.complete
+    assert not run.moves[-1].complete
+    still_at(joined)
+
+
+def still_at(joined):
+    """Fail if the motor is told to move, or moves, after now."""
+    now_s = joined.session.port.now_s()
+    device = joined.station.device
+    before = [device.do(name, {}, now_s) for name in ("position", "measured")]
+    assert [device.do(name, {}, now_s + 5.0) for name in ("position", "measured")] == before
+
+
+def test_a_stop_brakes_at_the_set_acceleration():
+    joined = bench("plain")
+    device = joined.station.device
+    joined.station.store.write("MAIN", SHORT.replace("2.0", "12.0").splitlines())
+    device.do("run", {"name": "MAIN"}, 100.0)
+    device.do("stop", {}, 100.5)
+    assert device.do("motion", {}, 100.5)[0]["moving_1"] == 1
+    at_u = device.do("position", {}, 100.5)[0]["position_1"]
+    rest_u = device.do("position", {}, 102.0)[0]["position_1"]
+    assert rest_u - at_u == pytest.approx(8.0**2 / (2 * 250) * 12500, abs=1)
+    assert device.do("status", {}, 102.0)[0]["state"] == "stopped"
+    assert device.do("motion", {}, 102.0)[0] == {"moving_1": 0, "moving_2": 0}
+    measured = device.do("measured", {}, 103.0)[0]["position_1"]
+    assert measured == rest_u
+
+
+def test_a_lost_link_is_told_and_the_stop_is_not_claimed():
+    joined = bench("checked", Fault("disconnect", at_s=1.5, for_s=1e6), breaks=True)
+    run = joined.run(mopro.compile(SHORT.replace("2.0", "12.0"))).run
+    assert "link is lost" in run.trouble
+    assert "NOT CONFIRMED" in run.trouble
+
+
+def test_an_expired_deadline_stops_the_machine():
+    joined = bench("checked")
+    run = joined.run(mopro.compile(SHORT.replace("WT50", "WT50000")), deadline_s=2.0).run
+    assert "time allowed is over" in run.trouble
+    assert "both axes rest" in run.trouble
+    still_at(joined)
+
+
+@pytest.mark.parametrize(
+    ("befalls", "says"),
+    [
+        (PlantFault("limit", 0.1), "a limit switch opened"),
+        (PlantFault("overheated", 0.1), "overheated"),
+    ],
+)
+def test_what_befalls_the_machine_ends_the_run(befalls, says):
+    joined = bench("checked", plant=[befalls])
+    run = joined.run(PROGRAM).run
+    assert says in run.trouble
+    assert len(run.moves) == 1
+    still_at(joined)
+
+
+def test_lost_steps_are_in_the_table_and_in_the_measured_position():
+    recording = bench("checked", plant=[PlantFault("lost_steps", 0.36, 1, 2)]).run(PROGRAM)
+    assert recording.run.stalled
+    assert sum(move.lost_pitches for move in recording.run.moves) == 2
+    lost_m = recording["command_1_m"][-1] - recording["position_1_m"][-1]
+    assert lost_m == pytest.approx(2 * load_machine("chow1992").axis.pitch_m, abs=MICROSTEP_M)
+
+
+def test_a_reset_in_mid_move_is_recognised():
+    run = bench("checked", Fault("reset", at_s=1.5, for_s=0.2)).run(
+        mopro.compile(SHORT.replace("2.0", "12.0"))
+    )
+    assert "reset" in run.run.trouble or "greeting" in run.run.trouble
+
+
+def test_a_limit_switch_is_honoured():
+    program = mopro.compile(SHORT.replace("MRI1 2.0", "MRI1 30.0").replace("MRI1 -1", "MRI1 1"))
+    joined = bench()
+    run = joined.run(program).run
+    assert "a limit switch opened" in run.trouble
+    reach_u = load_machine("chow1992").travel_u()[1][1]
+    overrun_u = 8.0**2 / (2 * 250) * 12500
+    at_u = joined.station.device.do("position", {}, 1e3)[0]["position_1"]
+    assert reach_u < at_u < reach_u + overrun_u + 8 * 12500 / 2000 + 2
+
+
+def test_beginning_at_a_line_keeps_what_was_set_before_it():
+    resumed = resume(PROGRAM, 6)
+    assert resumed.settings == ("UU112500/1", "UU212500/1", "VEL1 8.0", "ACC1 0.25")
+    recording = bench().run(resumed.program)
+    assert [move.line for move in recording.run.moves] == [7]
+    assert recording.run.moves[0].distance == -1.0
+
+
+def test_a_loop_may_go_back_before_the_line_it_began_at(programs_folder):
+    program = compile_file(programs_folder / "TEMP1.CMD")
+    resumed = resume(program, 19)
+    run = mopro.emulate(resumed.program, for_s=2.5).run
+    assert [move.line for move in run.moves] == [19, 16, 19]
+    assert mopro.compile(canonical(resumed.program)).loops_forever
+
+
+def test_a_line_that_no_run_meets_is_refused():
+    with pytest.raises(SourceError, match="ever run"):
+        resume(PROGRAM, 99)
