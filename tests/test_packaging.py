@@ -72,6 +72,13 @@ def test_the_readme_begins_with_two_commands_and_ci_runs_the_second():
     assert "fences == 3" in (ROOT / ".ci" / "run").read_text()
 
 
+def test_the_readme_example_runs():
+    code = (ROOT / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    profile, duration_s, position_m = run(sys.executable, "-c", code).split()
+    assert (profile, duration_s) == ("trapezoid", "0.535")
+    assert float(position_m) == pytest.approx(15 * 0.0254, abs=2e-4)
+
+
 def test_the_console_script_is_installed():
     script = f"{sysconfig.get_path('scripts')}/mopro"
     assert run(script, "--version").startswith("mopro, version ")
