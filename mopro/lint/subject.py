@@ -41,11 +41,7 @@ class Subject:
         """The limit switches that a seek runs to, in microsteps; only seeks need them."""
         if not any(isinstance(op, ir.Seek | ir.Home) for op in self.program.ops):
             return {}
-        from mopro.lint.travel import platen_travel_m
-
-        microstep_m = self.machine.microstep_m
-        halves = {axis: m / 2 / microstep_m for axis, m in platen_travel_m(self.machine).items()}
-        return {axis: (-half, half) for axis, half in halves.items()}
+        return self.machine.travel_u()
 
     @cached_property
     def machine(self) -> Machine:

@@ -5,18 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from mopro.motion import PlannedMove
-from mopro.program import AXES
 
 if TYPE_CHECKING:
     from mopro.lint.subject import Subject
-    from mopro.machine import Machine
-
-
-def platen_travel_m(machine: Machine) -> dict[int, float]:
-    """From one limit switch to the other: the platen's length and width less the forcer."""
-    side = machine.heat.forcer_side_m
-    sizes = (machine.platen.length_m, machine.platen.width_m)
-    return {axis: size - side for axis, size in zip(AXES, sizes, strict=True)}
 
 
 class Travel(NamedTuple):
@@ -31,10 +22,14 @@ class Travel(NamedTuple):
 
 
 def travel_of(subject: Subject, axis: int) -> Travel:
+    """The machine's travel of `axis`, or the configured one, seen from the configured start."""
     settings, microstep_m = subject.settings, subject.machine.microstep_m
-    length_m = settings.travel_m.get(axis, platen_travel_m(subject.machine)[axis])
-    start_m = settings.start_m.get(axis, 0.0)
-    return Travel((-length_m / 2 - start_m) / microstep_m, (length_m / 2 - start_m) / microstep_m)
+    low_u, high_u = subject.machine.travel_u()[axis]
+    if axis in settings.travel_m:
+        high_u = settings.travel_m[axis] / 2 / microstep_m
+        low_u = -high_u
+    start_u = settings.start_m.get(axis, 0.0) / microstep_m
+    return Travel(low_u - start_u, high_u - start_u)
 
 
 def extent_u(moves: tuple[PlannedMove, ...], axis: int) -> tuple[int, int]:
