@@ -60,8 +60,10 @@ class Motion:
 
     def _planned(self) -> Schedule:
         schedule = self._emulator.plan(self._program, self._horizon_s)
-        crossings = [_crossing_s(schedule.tracks[axis], self._travel_u[axis]) for axis in AXES]
-        self.limit_s = min(crossings)
+        self.limit_s = min(
+            schedule.tracks[axis].leaves_s(math.floor(low), math.ceil(high))
+            for axis, (low, high) in self._travel_u.items()
+        )
         return schedule
 
     def look_ahead(self, now_s: float) -> None:
@@ -265,25 +267,3 @@ def _share(move: PlannedMove, length_u: int) -> float | None:
     if not length_u or not move.profile.distance:
         return None
     return move.profile.acceleration * abs(length_u) / move.profile.distance
-
-
-def _crossing_s(track: Track, travel_u: tuple[float, float]) -> float:
-    """When the command first goes on past a limit switch; inf if it never does.
-
-    Each segment of a move goes one way only; the one that passes the switch is halved
-    until the time is known to a microsecond.
-    """
-    low, high = math.floor(travel_u[0]), math.ceil(travel_u[1])
-    for segment in track.segments:
-        if math.isinf(segment.end_s):
-            continue
-        first, last = (segment.state(t).position for t in (segment.start_s, segment.end_s))
-        if not ((last > high and last > first) or (last < low and last < first)):
-            continue
-        start_s, end_s = segment.start_s, segment.end_s
-        while end_s - start_s > 1e-6:
-            middle_s = (start_s + end_s) / 2
-            inside = low <= segment.state(middle_s).position <= high
-            start_s, end_s = (middle_s, end_s) if inside else (start_s, middle_s)
-        return end_s
-    return math.inf

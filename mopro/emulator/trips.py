@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mopro.emulator.command import CommandTable, Floats
+from mopro.emulator.command import Floats
 from mopro.emulator.effects.base import Effect, Parameter, Stage
 from mopro.motion import Schedule
 from mopro.motion.track import Track, brake
@@ -89,25 +89,15 @@ def limit_trip(schedule: Schedule, switches: Ranges) -> Trip | None:
         return None
     found = [
         Trip("limit-switch", time_s, _line_at(schedule, time_s), axis)
-        for axis, ends in switches.items()
-        if (time_s := _crossing_s(schedule, axis, ends)) is not None
+        for axis, (low, high) in switches.items()
+        if math.isfinite(time_s := _leaves_s(schedule, axis, low, high))
     ]
     return min(found, key=lambda trip: trip.time_s, default=None)
 
 
-def _crossing_s(schedule: Schedule, axis: int, ends: tuple[float, float]) -> float | None:
-    low, high = ends[0] - _TOLERANCE_U, ends[1] + _TOLERANCE_U
-    table = CommandTable(schedule.tracks[axis])
-    for segment in schedule.tracks[axis].segments:
-        start, end = segment.start_s, min(segment.end_s, schedule.duration_s)
-        if start > schedule.duration_s or low <= segment.state(end).position <= high:
-            continue
-        for _ in range(60):
-            middle = (start + end) / 2
-            inside = low <= float(table.position_u(np.array([middle]))[0]) <= high
-            start, end = (middle, end) if inside else (start, middle)
-        return end
-    return None
+def _leaves_s(schedule: Schedule, axis: int, low_u: float, high_u: float) -> float:
+    track, until_s = schedule.tracks[axis], schedule.duration_s
+    return track.leaves_s(low_u - _TOLERANCE_U, high_u + _TOLERANCE_U, until_s)
 
 
 def _line_at(schedule: Schedule, time_s: float) -> int:

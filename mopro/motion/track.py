@@ -9,6 +9,8 @@ from dataclasses import replace
 
 from mopro.motion.profile import Segment, State
 
+_TIME_RESOLUTION_S = 1e-6
+
 
 class Track:
     """Segments that begin where the last ended; outside of them the axis rests."""
@@ -35,6 +37,26 @@ class Track:
         if t <= segment.end_s:
             return segment.state(t)
         return State(segment.state(segment.end_s).position, 0.0, 0.0)
+
+    def leaves_s(self, low: float, high: float, until_s: float = math.inf) -> float:
+        """When the command first goes on past `low` or `high`; inf if not by `until_s`.
+
+        Each segment goes one way only; the one that passes is halved until the time is
+        known to a microsecond.
+        """
+        for segment in self.segments:
+            start_s, end_s = segment.start_s, min(segment.end_s, until_s)
+            if start_s >= until_s or math.isinf(end_s):
+                continue
+            first, last = segment.state(start_s).position, segment.state(end_s).position
+            if not ((last > high and last > first) or (last < low and last < first)):
+                continue
+            while end_s - start_s > _TIME_RESOLUTION_S:
+                middle_s = (start_s + end_s) / 2
+                inside = low <= segment.state(middle_s).position <= high
+                start_s, end_s = (middle_s, end_s) if inside else (start_s, middle_s)
+            return end_s
+        return math.inf
 
 
 def change_velocity(start_s: float, start: State, velocity: float, rate: float) -> list[Segment]:

@@ -106,6 +106,27 @@ def test_a_loop_ends_at_the_time_asked_for_even_within_a_move():
         schedule(":B1\nWT1\nJUMP B1\n")
 
 
+class TestLeaving:
+    """When a command goes past a place, against the trapezoid's closed form."""
+
+    def test_in_the_ramp_the_cruise_and_the_brake(self):
+        track = schedule("MRI1 15.0\nWX1\n").tracks[1]
+        ramp_s, ramp = 40 / 250, 40**2 / 500
+        assert track.leaves_s(-1, 2 * IN) == pytest.approx(math.sqrt(2 * 2 / 250), abs=2e-6)
+        assert track.leaves_s(-1, 9 * IN) == pytest.approx(ramp_s + (9 - ramp) / 40, abs=2e-6)
+        braking_s = 15 / 40 + ramp_s - math.sqrt(2 * 1 / 250)
+        assert track.leaves_s(-1, 14 * IN) == pytest.approx(braking_s, abs=2e-6)
+
+    def test_never_or_not_in_time(self):
+        track = schedule("MRI1 15.0\nWX1\n").tracks[1]
+        assert track.leaves_s(-1, 15 * IN) == math.inf
+        assert track.leaves_s(-1, 9 * IN, until_s=0.2) == math.inf
+
+    def test_on_the_way_back_through_the_lower_end(self):
+        track = schedule("MRI1 2.0\nWX1\nMRI1 -4.0\nWX1\n").tracks[1]
+        assert track.leaves_s(-1 * IN, 3 * IN) > 2 * math.sqrt(2 / 250)
+
+
 class TestRefusals:
     def test_a_move_on_a_moving_axis_names_both_lines(self):
         with pytest.raises(MotionError) as caught:
