@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from mopro.errors import Diagnostic, ModelError
@@ -24,6 +25,18 @@ def parse_toml(source: Source) -> dict[str, Any]:
         message = _TOML_PLACE.sub("", str(error)).strip()
         finding = Diagnostic("bad-toml", message, Span(line, column, column + 1))
         raise ModelError(source, [finding]) from error
+
+
+def read_named(kind: str, name_or_path: str, builtins: Iterable[str]) -> Source:
+    """The text of a file that is no built-in `kind`; ModelError if it cannot be read."""
+    try:
+        return Source(name_or_path, Path(name_or_path).read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        message = f"no {kind} has this name, and as a file it cannot be read: {reason}"
+        hint = f"built in: {', '.join(builtins)}"
+        finding = Diagnostic(f"unknown-{kind}", message, Span(1, 1, 1), hint=hint)
+        raise ModelError(Source(name_or_path, ""), [finding]) from error
 
 
 class TomlReader:

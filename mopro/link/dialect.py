@@ -8,14 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
-from mopro.errors import Diagnostic, ModelError
 from mopro.link.frame import CHECKSUMS, Check
 from mopro.link.template import Template
-from mopro.source import Source, Span
-from mopro.tomlfile import TomlReader, parse_toml
+from mopro.source import Source
+from mopro.tomlfile import TomlReader, parse_toml, read_named
 
 ORIGINS = ("assumed", "manual")
 STATES = (
@@ -145,15 +143,7 @@ def load_dialect(name_or_path: str) -> Dialect:
     if name_or_path in builtin_dialects():
         file = resources.files("mopro.link") / "dialects" / f"{name_or_path}.toml"
         return read_dialect(Source(f"{name_or_path}.toml", file.read_text("utf-8")))
-    try:
-        text = Path(name_or_path).read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        message = f"no dialect has this name, and as a file it cannot be read: {reason}"
-        hint = f"built in: {', '.join(builtin_dialects())}"
-        finding = Diagnostic("unknown-dialect", message, Span(1, 1, 1), hint=hint)
-        raise ModelError(Source(name_or_path, ""), [finding]) from error
-    return read_dialect(Source(name_or_path, text))
+    return read_dialect(read_named("dialect", name_or_path, builtin_dialects()))
 
 
 def read_dialect(source: Source) -> Dialect:

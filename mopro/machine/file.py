@@ -8,7 +8,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mopro.errors import Diagnostic, ModelError
 from mopro.machine.model import (
     Axis,
     Drive,
@@ -22,8 +21,8 @@ from mopro.machine.model import (
     StatedValue,
 )
 from mopro.program import AXES
-from mopro.source import Source, Span
-from mopro.tomlfile import TomlReader, parse_toml
+from mopro.source import Source
+from mopro.tomlfile import TomlReader, parse_toml, read_named
 from mopro.units import to_si
 
 ORIGINS = ("thesis", "derived", "assumed", "measured")
@@ -54,15 +53,7 @@ def load_machine(name_or_path: str) -> Machine:
     """The built-in machine of that name, or the one in that file; else ModelError."""
     if name_or_path in builtin_machines():
         return _builtin(name_or_path)
-    try:
-        text = Path(name_or_path).read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        message = f"no machine has this name, and as a file it cannot be read: {reason}"
-        hint = f"built in: {', '.join(builtin_machines())}"
-        finding = Diagnostic("unknown-machine", message, Span(1, 1, 1), hint=hint)
-        raise ModelError(Source(name_or_path, ""), [finding]) from error
-    return read_machine(Source(name_or_path, text))
+    return read_machine(read_named("machine", name_or_path, builtin_machines()))
 
 
 def read_machine(source: Source) -> Machine:

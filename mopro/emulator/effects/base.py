@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, ClassVar
 
@@ -222,10 +222,3 @@ class Active:
 def on_axis(active: tuple[Active, ...], axis: int) -> tuple[Active, ...]:
     """Those of `active` that act on `axis`."""
     return tuple(a for a in active if axis in a.axes)
-
-
-def with_values(active: Active, values: Mapping[str, float]) -> Active:
-    """`active` with some of its values changed."""
-    names = [p.name for p in active.effect.parameters]
-    merged = dict(zip(names, active.values, strict=True)) | dict(values)
-    return replace(active, values=tuple(merged[name] for name in names))
