@@ -87,11 +87,13 @@ class EmulatedAxis:
         ends = np.array([self._now_s, max(end_s, self._now_s)])
         knots = np.union1d(np.concatenate((ends, corners, own)), samples_s)
         trace = self._engine.through(knots)
-        self.fates.watch(knots, self._lags(knots, trace.position), trace.low, trace.high)
+        begun = self.fates.begun(knots)
+        lags = self._lags(knots[begun], trace.position[begun])
+        self.fates.watch(knots, lags, trace.low, trace.high)
         self._now_s = float(knots[-1])
         at = np.searchsorted(knots, samples_s)
         position, velocity = trace.position[at], trace.velocity[at]
-        electrical = None if trace.electrical is None else trace.electrical[:, at]
+        electrical = None if trace.electrical is None else trace.electrical.take(at, axis=1)
         return self._samples(self.command_m(samples_s), position, velocity, electrical)
 
     def _samples(
@@ -189,17 +191,23 @@ class _Fates:
         self._high_m[:shared] = other._high_m[:shared]
         self._teeth[:shared] = other._teeth[:shared]
 
+    def begun(self, knots: Floats) -> NDArray[np.intp]:
+        """Which of `knots` are the starts of moves."""
+        return np.searchsorted(knots, self._starts_s[self._among(knots)])
+
     def watch(self, knots: Floats, lags: Floats, low: Floats, high: Floats) -> None:
-        """Take in the lag at `knots` and its extremes between them (m)."""
+        """Take in the lag at the starts among `knots` and its extremes between knots (m)."""
         if not len(self._starts_s):
             return
-        first, last = np.searchsorted(self._starts_s, [knots[0], knots[-1]])
-        at = np.searchsorted(knots, self._starts_s[first:last])
-        self._teeth[first:last] = self._tooth(lags[at])
+        self._teeth[:-1][self._among(knots)] = self._tooth(lags)
         move = np.searchsorted(self._starts_s, knots[:-1], side="right") - 1
         inside = (move >= 0) & (knots[:-1] < self._ends_s[move])
         np.minimum.at(self._low_m, move[inside], low[inside])
         np.maximum.at(self._high_m, move[inside], high[inside])
+
+    def _among(self, knots: Floats) -> slice:
+        """The moves that begin from the first knot on and before the last."""
+        return slice(*np.searchsorted(self._starts_s, [knots[0], knots[-1]]))
 
     def finish(self, lag_m: float) -> None:
         self._teeth[-1] = self._tooth(np.array([lag_m]))[0]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple
+from dataclasses import fields
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from mopro.motion import Segment
 from mopro.motion.track import Track
 
 Floats = NDArray[np.float64]
+
+_ROW = attrgetter(*(field.name for field in fields(Segment)))
 
 
 class CommandTable:
@@ -22,7 +25,7 @@ class CommandTable:
     """
 
     def __init__(self, track: Track) -> None:
-        rows = np.array([astuple(segment) for segment in _with_rests(track)])
+        rows = np.array([_ROW(segment) for segment in _with_rests(track)])
         self.starts_s: Floats = rows[:, 0]
         self.coefficients: Floats = np.ascontiguousarray(rows[:, 2:].T)
 
@@ -70,7 +73,7 @@ class CommandTable:
 
     def position_u(self, time_s: Floats) -> Floats:
         """The commanded position in microsteps, before it is rounded to whole ones."""
-        anchor, x, v, a, j = self.coefficients[:, self.rows_at(time_s)]
+        anchor, x, v, a, j = self.coefficients.take(self.rows_at(time_s), axis=1)
         tau = time_s - anchor
         position: Floats = x + tau * (v + tau * (a / 2 + tau * j / 6))
         return position

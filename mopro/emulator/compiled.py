@@ -9,4 +9,4 @@ import numba
 from mopro.emulator import kernel
 
 # Cached beside the kernel; no `fastmath`, so that the bits are those of plain Python.
-integrate: Callable[..., int] = numba.njit(cache=True)(kernel.integrate)
+integrate: Callable[..., int] = numba.njit(cache=True, nogil=True)(kernel.integrate)

@@ -171,13 +171,13 @@ class AssembledEngine:
             self._max_step_s,
             REST_M,
         ]
-        memory = np.array(self._memory)
+        memory = np.array(self._memory, dtype=np.float64)
         results = _call(
             self._kernel.integrate,
             self._kernel.compiled,
             [*inputs, gain, constant],
             scalars,
-            [np.array(self._numbers), memory, *outputs],
+            [np.array(self._numbers, dtype=np.float64), memory, *outputs],
         )
         self._memory = results[1].tolist()
         position, velocity, low, high, *electrical = results[2:]

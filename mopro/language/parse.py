@@ -6,7 +6,6 @@ not the file.
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 import zlib
@@ -18,6 +17,7 @@ from pathlib import Path
 
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
+from mopro.cachefolder import cache_folder
 from mopro.errors import Diagnostic, SourceError
 from mopro.language import ast
 from mopro.source import Source, Span
@@ -117,11 +117,8 @@ def _cache_file(grammar: str) -> str | bool:
     Making it takes longer than all else that a short program needs. Lark makes it anew
     when the grammar or lark itself changes, and does without where it cannot write.
     """
-    home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-    folder = Path(home or os.path.expanduser("~/.cache")) / "mopro"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    folder = cache_folder()
+    if folder is None:
         return False
     path = grammar_path(GRAMMARS[grammar])
     place = f"{zlib.crc32(str(path).encode()):08x}-{sys.implementation.cache_tag}"
