@@ -110,7 +110,9 @@ class _Reader(TomlReader):
                 self._report(
                     "double-name", f"two sensors are called {name}", "sensor", "name", nth=n
                 )
-        runs = [self._run(n, e, names) for n, e in enumerate(self._tables("run"))]
+        tables = self._tables("run")
+        runs = [self._run(n, e, names) for n, e in enumerate(tables)]
+        self._check_distinct_data(tables)
         machine = self._machine()
         self._check()
         assert machine is not None, "a machine that cannot be read is a finding"
@@ -276,6 +278,15 @@ class _Reader(TomlReader):
             return
         for key in sorted(entry.keys() & (_RUN_KEYS - {"table"})):
             self._wrong("run", key, f"a table is a run of its own, without {key}", nth)
+
+    def _check_distinct_data(self, runs: list[dict[str, Any]]) -> None:
+        seen: dict[str, int] = {}
+        for nth, entry in enumerate(runs):
+            data = str(entry.get("data", nth))
+            if data in seen:
+                message = f"{data} is the data of run {seen[data] + 1} already"
+                self._report("same-data", message, "run", "data", "each run has its own", nth)
+            seen.setdefault(data, nth)
 
     def _payload(self, entry: dict[str, Any], nth: int) -> float:
         """`payload_kg = 0.5` or `payload = "5lb"`, in kg."""

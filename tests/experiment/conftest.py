@@ -1,0 +1,9 @@
+"""A laboratory for each test."""
+
+import pytest
+from laboratory import Lab
+
+
+@pytest.fixture
+def lab(tmp_path):
+    return Lab(tmp_path)
