@@ -24,6 +24,7 @@ TIME = "time_s"
 MOST_CHARACTERS = 10_000
 MOST_ROWS = 20_000_000
 _MOST_FOUND = 50
+_DOS_END_OF_FILE = "\x1a"
 _FILE = Span(1, 1, 1)
 _RECORDINGS = (".parquet", ".npz")
 
@@ -149,11 +150,14 @@ def _opened(path: Path) -> TextIO:
 
 
 def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
-    """Numbered lines, each read no further than a line may be long."""
+    """Numbered lines, each read no further than a line may be long, to DOS's end of file."""
     number = 0
     while text := file.readline(MOST_CHARACTERS):
         number += 1
+        text, end, _ = text.partition(_DOS_END_OF_FILE)
         yield number, text
+        if end:
+            return
 
 
 class _Rows:

@@ -11,7 +11,7 @@ from mopro.emulator.measured import Sensor
 from mopro.experiment.model import Floats
 
 # Below this share of a step the noise is taken to be as large: a prediction is not exact.
-_LEAST_NOISE = 0.1
+_LEAST_NOISE = 0.03
 # Beyond this many deviations the size says enough, and a tail's chance underflows.
 _FAR = 5.0
 _FEWEST = 60

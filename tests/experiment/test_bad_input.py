@@ -45,6 +45,13 @@ def test_a_good_run_is_read_as_it_stands(fast):
     assert experiment.notes == ()
 
 
+def test_a_file_from_dos_or_a_spreadsheet_is_read_as_well(fast):
+    plain = fast.load().trials[0].readings[0]
+    text = "\r\n".join(['"time_s", "position_1_in"', *lines(fast)[1:]]) + "\r\n\x1a"
+    fast.path("fast.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert np.array_equal(fast.load().trials[0].readings[0].values, plain.values)
+
+
 # -- columns and cells ------------------------------------------------------------
 
 
