@@ -14,11 +14,12 @@ from mopro.emulator.effects import Stage
 from mopro.emulator.effects.base import Surroundings
 from mopro.emulator.heat import heat_balance
 from mopro.emulator.measured import POSITION, measured_at
-from mopro.emulator.setup import Settings, staged
+from mopro.emulator.setup import COMPILE_FROM_STEPS, Settings, staged
 from mopro.experiment.logged import schedule_of
 from mopro.experiment.model import Experiment, Floats, SteadyTable, Trial
 from mopro.machine import Machine
 from mopro.motion import Schedule
+from mopro.program import AXES
 from mopro.recording.record import Columns
 
 _LEAST_RATE_HZ = 4000.0
@@ -28,7 +29,18 @@ _HOTTEST_K = 2000.0
 
 def predict(experiment: Experiment) -> list[list[Floats]]:
     """For each trial, for each of its readings: the values without noise, in its unit."""
-    return [_predicted(trial, experiment.machine) for trial in experiment.trials]
+    compiled = compiling_pays(experiment)
+    return [_predicted(trial, experiment.machine, compiled) for trial in experiment.trials]
+
+
+def compiling_pays(experiment: Experiment) -> bool:
+    """Whether importing a compiler takes less time than it saves over all runs."""
+    moved_s = sum(
+        trial.duration_s
+        for trial in experiment.trials
+        if any(r.sensor.quantity == POSITION for r in trial.readings)
+    )
+    return moved_s * len(AXES) / MAX_STEP_S >= COMPILE_FROM_STEPS
 
 
 def planned(trial: Trial, machine: Machine) -> Schedule:
@@ -41,8 +53,8 @@ def planned(trial: Trial, machine: Machine) -> Schedule:
     return Emulator(machine, trial.payload_kg).plan(trial.program, for_s)
 
 
-def _predicted(trial: Trial, machine: Machine) -> list[Floats]:
-    emulator = Emulator(machine, trial.payload_kg)
+def _predicted(trial: Trial, machine: Machine, compiled: bool) -> list[Floats]:
+    emulator = Emulator(machine, trial.payload_kg, compiled=compiled)
     schedule = planned(trial, machine)
     schedule = replace(schedule, duration_s=max(schedule.duration_s, trial.duration_s))
     rates = [r.sensor.rate_hz for r in trial.readings if r.sensor.quantity == POSITION]

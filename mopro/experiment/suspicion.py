@@ -22,7 +22,7 @@ from mopro.emulator.setup import planned as planned_with
 from mopro.emulator.trips import limit_trip, switches_u
 from mopro.errors import Diagnostic, ModelError, MotionError
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
-from mopro.experiment.nominal import planned
+from mopro.experiment.nominal import compiling_pays, planned
 from mopro.machine import Machine
 from mopro.machine.report import move_report
 from mopro.motion import Schedule
@@ -56,8 +56,9 @@ def check(experiment: Experiment) -> None:
         found = list(look(suspects, machine))
         if found:
             raise ModelError(experiment.source, found)
+    compiled = compiling_pays(experiment)
     for suspect in suspects:
-        _check_motion(suspect, machine)
+        _check_motion(suspect, machine, compiled)
 
 
 @dataclass(frozen=True)
@@ -219,7 +220,7 @@ def _shortest_s(trial: Trial, machine: Machine) -> float:
     return planned_with(trial.program, machine, (*own, *faster), None).duration_s
 
 
-def _check_motion(suspect: _Suspect, machine: Machine) -> None:
+def _check_motion(suspect: _Suspect, machine: Machine, compiled: bool) -> None:
     """MotionError for a program that runs into a limit switch, or stalls, when simulated."""
     trial, schedule = suspect.trial, suspect.schedule
     if trial.program is None:
@@ -235,17 +236,18 @@ def _check_motion(suspect: _Suspect, machine: Machine) -> None:
     if not any(suspect.positions()):
         return
     hint = f"{trial.name} cannot be compared: what a motor does that slips is chance"
+    run = _simulated(trial, schedule, machine, compiled)
     found = [
         Diagnostic("stall", f"when simulated, {message}", span, hint=hint)
-        for span, message in stalls(_simulated(trial, schedule, machine), trial.program)
+        for span, message in stalls(run, trial.program)
     ]
     if found:
         raise MotionError(trial.program.source, found)
 
 
-def _simulated(trial: Trial, schedule: Schedule, machine: Machine) -> Run:
+def _simulated(trial: Trial, schedule: Schedule, machine: Machine, compiled: bool) -> Run:
     """The moves of the run on the machine as its file has it, as far as the data go."""
-    emulation = Emulator(machine, trial.payload_kg).begin(schedule)
+    emulation = Emulator(machine, trial.payload_kg, compiled=compiled).begin(schedule)
     end_s = min(schedule.duration_s, trial.duration_s)
     emulation.advance(np.arange(0.0, end_s, 1 / _STALL_RATE_HZ), end_s)
     emulation.settle()
