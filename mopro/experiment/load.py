@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from mopro.experiment.file import read_experiment
@@ -16,5 +17,5 @@ def load_experiment(path: str | Path) -> Experiment:
     its kind; nothing is guessed.
     """
     experiment = read_experiment(path)
-    check(experiment)
-    return experiment
+    doubts = check(experiment)
+    return replace(experiment, notes=(*experiment.notes, *doubts))

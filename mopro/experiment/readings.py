@@ -15,6 +15,7 @@ LONGEST_GAP = 10
 _RATE_TOLERANCE = 0.02
 _FEWEST_SAMPLES = 2
 _MS_PER_S = 1000.0
+_LATEST_START_S = 1.0
 
 
 def clock(file: DataFile) -> Floats:
@@ -33,6 +34,10 @@ def clock(file: DataFile) -> Floats:
         message = f"the clock {what}: {now:.9g} s after {before:.9g} s{more}"
         hint = "expected times that ascend from row to row"
         file.refuse("clock", message, row, TIME, hint)
+    start_s, length_s = float(time_s[0]), float(time_s[-1] - time_s[0])
+    if start_s > max(length_s, _LATEST_START_S):
+        message = f"the clock begins at {start_s:.9g} s, and t = 0 is the first statement"
+        file.refuse("clock", message, 0, TIME, "subtract the time at which the program was started")
     return time_s
 
 

@@ -33,22 +33,28 @@ from mopro.units import UNITS
 
 # Another program (axis, unit) fits far better: its misfit is smaller by this factor.
 FAR_BETTER = 5.0
+# Positions are simulated sample by sample; temperatures may last for days.
+LONGEST_S = 1800.0
 # The fastest that the catalogue's plausible effects make a program.
 _FASTEST = {"acceleration_scale": 0.5, "velocity_scale": 0.02}
 _CLOCK_TOLERANCE = 0.01
 _UNIT_TOLERANCE = 0.05
 _MOVES_SHARE = 0.2
 _EXPLAINED = 0.9
+_FOLLOWS = 0.5
 _STALL_RATE_HZ = 100.0
 _LENGTHS = ("in", "mm", "um", "m", "cm")
 
 
-def check(experiment: Experiment) -> None:
+def check(experiment: Experiment) -> list[str]:
     """Refuse data that cannot have come from the runs that they are said to be of.
 
-    Raises ModelError at the runs of the experiment file, or MotionError at the line of a
-    program that the machine cannot follow.
+    Gives notes on data that are odd. Raises ModelError at the runs of the experiment
+    file, or MotionError at the line of a program that the machine cannot follow.
     """
+    too_long = list(_too_long(experiment.trials))
+    if too_long:
+        raise ModelError(experiment.source, too_long)
     suspects = [_Suspect(trial, planned(trial, experiment.machine)) for trial in experiment.trials]
     machine = experiment.machine
     # The first that finds something explains what the later ones would find.
@@ -59,6 +65,7 @@ def check(experiment: Experiment) -> None:
     compiled = compiling_pays(experiment)
     for suspect in suspects:
         _check_motion(suspect, machine, compiled)
+    return list(_doubts(suspects, machine))
 
 
 @dataclass(frozen=True)
@@ -193,7 +200,36 @@ def _scale_finding(suspect: _Suspect, sensor: Sensor, scale: float) -> Iterator[
             yield Diagnostic("mixed-units", message, suspect.trial.span, hint=hint)
 
 
+def _doubts(suspects: Sequence[_Suspect], machine: Machine) -> Iterator[str]:
+    """Notes on data that hardly follow any command: a machine may, a column may be wrong."""
+    for suspect in suspects:
+        for reading in suspect.positions():
+            command_m = _command_m(suspect.schedule, reading.sensor.axis, reading.time_s, machine)
+            sigma_m = reading.sensor.sigma * reading.sensor.unit_si
+            if float(np.std(command_m)) > sigma_m and _alike(reading.values, command_m) < _FOLLOWS:
+                yield (
+                    f"{suspect.trial.name}: {reading.sensor.column} hardly follows"
+                    f" {suspect.commanded_by}: is it the right column, and the right run?"
+                )
+
+
+def _alike(values: Floats, command: Floats) -> float:
+    """The share of the data's variance that follows the command; none of data at rest."""
+    if not np.ptp(values):
+        return 0.0
+    return float(np.corrcoef(values, command)[0, 1]) ** 2
+
+
 # -- programs and their time ---------------------------------------------------------
+
+
+def _too_long(trials: Sequence[Trial]) -> Iterator[Diagnostic]:
+    for trial in trials:
+        moving = any(r.sensor.quantity == POSITION for r in trial.readings)
+        if moving and trial.duration_s > LONGEST_S:
+            message = f"{trial.name} has {trial.duration_s:.6g} s of positions"
+            hint = f"expected at most {LONGEST_S:g} s: cut them, and say partial = true"
+            yield Diagnostic("data-too-long", message, trial.span, hint=hint)
 
 
 def _too_short(suspects: Sequence[_Suspect], machine: Machine) -> Iterator[Diagnostic]:

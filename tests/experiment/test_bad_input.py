@@ -4,9 +4,14 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
-from mopro.errors import MoproError
+from mopro.emulator.measured import Sensor
+from mopro.errors import DataError, MoproError
 from mopro.experiment import load_experiment
+from mopro.experiment.data import read_data
+from mopro.experiment.readings import reading
 
 RUN = 'program = "fast.CMD"\ndata = "fast.csv"'
 
@@ -151,6 +156,23 @@ def test_a_clock_in_milliseconds_is_asked_about(fast):
     assert "is the column time_s in milliseconds?" in refusal(fast)
 
 
+def test_a_clock_that_does_not_begin_with_the_program(fast):
+    rows = [row.split(",") for row in lines(fast)]
+    late = [f"{float(t) + 1.7e9:.10f},{x}" for t, x in rows[1:]]
+    rewrite(fast, [",".join(rows[0]), *late])
+    message = "fast.csv:2:1: the clock begins at 1.7e+09 s, and t = 0 is the first statement"
+    assert message in refusal(fast)
+
+
+def test_samples_before_the_start_are_left_out_and_told(fast):
+    rows = lines(fast)
+    early = [f"{n / 2000:.6g},0.0" for n in range(-20, 0)]
+    rewrite(fast, [rows[0], *early, *rows[1:]])
+    experiment = fast.load()
+    assert experiment.notes[0].endswith("fast.csv: 20 samples before t = 0 are left out")
+    assert experiment.trials[0].readings[0].time_s[0] == 0.0
+
+
 def without(rows, first, count, word):
     blank = [f"{row.split(',')[0]},{word}" for row in rows[first : first + count]]
     return [*rows[:first], *blank, *rows[first + count :]]
@@ -258,3 +280,31 @@ def test_a_raw_file_needs_a_sensor_of_its_kind(fast):
 def test_a_program_with_an_error_says_so_itself(fast):
     fast.write("fast.CMD", "UU012500/1\nBOGUS 3\n")
     assert "fast.CMD:2:1:" in refusal(fast)
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    text=st.one_of(
+        st.text(max_size=200),
+        st.lists(
+            st.lists(
+                st.sampled_from(
+                    ["time_s", "position_1_in", "0", "1e3", "-1", "nan", "", "x", "\x1a"]
+                ),
+                max_size=4,
+            ).map(",".join),
+            max_size=8,
+        ).map("\n".join),
+    )
+)
+def test_whatever_stands_in_a_file_it_is_read_or_refused(tmp_path, text):
+    path = tmp_path / "any.csv"
+    path.write_text(text, encoding="utf-8", errors="replace", newline="")
+    sensor = Sensor("laser", "position", "position_1_in", 2000.0, 1, 2e-5)
+    found, words = None, ""
+    try:
+        found, _ = reading(read_data(path, "any.csv", {"time_s", "position_1_in"}), sensor)
+    except DataError as error:
+        words = error.render()
+    assert words.startswith("any.csv:") if found is None else np.isfinite(found.values).all()
+    assert found is None or (np.diff(found.time_s) > 0).all()

@@ -149,15 +149,26 @@ def test_a_parked_axis_that_the_other_one_drags_along_is_not_mistaken(lab):
     assert len(lab.load().trials) == 1
 
 
-def test_a_motor_that_lost_its_lock_is_not_taken_for_the_parked_axis(lab):
+@pytest.mark.parametrize("noise", [0.0, 2e-5])
+def test_a_motor_that_lost_its_lock_is_not_taken_for_the_parked_axis(lab, noise):
     """At rest it fits the other axis, which is commanded to rest, much better."""
     lab.two_runs()
     header, *rows = lab.path("fast.csv").read_text().splitlines()
     generator = np.random.default_rng(5)
     still = [f"{row.split(',')[0]},{x!r}" for row, x in zip(
-        rows, generator.normal(0.0, 2e-5, len(rows)).tolist(), strict=True)]  # fmt: skip
+        rows, generator.normal(0.0, noise, len(rows)).tolist(), strict=True)]  # fmt: skip
     lab.write("fast.csv", "\n".join([header, *still]) + "\n")
-    assert len(lab.load().trials) == 2
+    experiment = lab.load()
+    assert len(experiment.trials) == 2
+    (note,) = experiment.notes
+    assert note.startswith("fast.csv: position_1_in hardly follows fast.CMD: is it the right")
+
+
+def test_hours_of_positions_are_refused_before_they_are_simulated(lab):
+    lab.two_runs()
+    lab.csv("fast.csv", {"time_s": np.arange(3601.0), "position_1_in": np.zeros(3601)})
+    lab.experiment(['program = "fast.CMD"\ndata = "fast.csv"'], LASER.replace("2000.0", "1.0"))
+    assert "fast.csv has 3600 s of positions [data-too-long]" in refusal(lab)
 
 
 def test_programs_that_differ_by_what_the_machine_gets_wrong_are_not_swapped(lab):
