@@ -9,40 +9,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from mopro.emulator import Emulator
 from mopro.emulator.command import CommandTable
-from mopro.emulator.effects import Active, catalogue
-from mopro.emulator.measured import POSITION, Sensor
-from mopro.emulator.setup import planned as planned_with
-from mopro.emulator.trips import limit_trip, switches_u
-from mopro.errors import Diagnostic, ModelError, MotionError
-from mopro.experiment.model import Experiment, Floats, Reading, Trial
+from mopro.emulator.measured import Sensor
+from mopro.errors import Diagnostic, ModelError
+from mopro.experiment.feasible import Suspect, check_motion, too_long, too_short
+from mopro.experiment.model import Experiment, Floats, Reading
 from mopro.experiment.nominal import compiling_pays, planned
 from mopro.machine import Machine
-from mopro.machine.report import move_report
 from mopro.motion import Schedule
 from mopro.program import AXES
-from mopro.recording import Run
-from mopro.recording.table import stalls
 from mopro.units import UNITS
 
 # Another program (axis, unit) fits far better: its misfit is smaller by this factor.
 FAR_BETTER = 5.0
-# Positions are simulated sample by sample; temperatures may last for days.
-LONGEST_S = 1800.0
-# The fastest that the catalogue's plausible effects make a program.
-_FASTEST = {"acceleration_scale": 0.5, "velocity_scale": 0.02}
-_CLOCK_TOLERANCE = 0.01
 _UNIT_TOLERANCE = 0.05
 _MOVES_SHARE = 0.2
 _EXPLAINED = 0.9
 _FOLLOWS = 0.5
-_STALL_RATE_HZ = 100.0
 _LENGTHS = ("in", "mm", "um", "m", "cm")
 
 
@@ -52,34 +39,20 @@ def check(experiment: Experiment) -> list[str]:
     Gives notes on data that are odd. Raises ModelError at the runs of the experiment
     file, or MotionError at the line of a program that the machine cannot follow.
     """
-    too_long = list(_too_long(experiment.trials))
-    if too_long:
-        raise ModelError(experiment.source, too_long)
-    suspects = [_Suspect(trial, planned(trial, experiment.machine)) for trial in experiment.trials]
+    endless = list(too_long(experiment.trials))
+    if endless:
+        raise ModelError(experiment.source, endless)
+    suspects = [Suspect(trial, planned(trial, experiment.machine)) for trial in experiment.trials]
     machine = experiment.machine
     # The first that finds something explains what the later ones would find.
-    for look in (_swapped, _wrong_axes, _wrong_units, _too_short):
+    for look in (_swapped, _wrong_axes, _wrong_units, too_short):
         found = list(look(suspects, machine))
         if found:
             raise ModelError(experiment.source, found)
     compiled = compiling_pays(experiment)
     for suspect in suspects:
-        _check_motion(suspect, machine, compiled)
+        check_motion(suspect, machine, compiled)
     return list(_doubts(suspects, machine))
-
-
-@dataclass(frozen=True)
-class _Suspect:
-    trial: Trial
-    schedule: Schedule
-
-    def positions(self) -> Iterator[Reading]:
-        return (r for r in self.trial.readings if r.sensor.quantity == POSITION)
-
-    @property
-    def commanded_by(self) -> str:
-        program = self.trial.program
-        return "its logged command" if program is None else program.name
 
 
 def _command_m(schedule: Schedule, axis: int, time_s: Floats, machine: Machine) -> Floats:
@@ -102,7 +75,7 @@ def _misfit_m(reading: Reading, command_m: Floats) -> float:
 # -- two runs exchanged ----------------------------------------------------------
 
 
-def _swapped(suspects: Sequence[_Suspect], machine: Machine) -> Iterator[Diagnostic]:
+def _swapped(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnostic]:
     for one, other in combinations(suspects, 2):
         if _far_better(one, other, machine) and _far_better(other, one, machine):
             names = one.trial.name, other.trial.name
@@ -114,7 +87,7 @@ def _swapped(suspects: Sequence[_Suspect], machine: Machine) -> Iterator[Diagnos
             yield Diagnostic("swapped", message, one.trial.span, hint=hint)
 
 
-def _far_better(one: _Suspect, other: _Suspect, machine: Machine) -> bool:
+def _far_better(one: Suspect, other: Suspect, machine: Machine) -> bool:
     """Whether all data of `one` follow the motion of `other` and not its own."""
     ratios = []
     for reading in one.positions():
@@ -138,7 +111,7 @@ def _moves_enough(reading: Reading, command_m: Floats) -> bool:
 # -- the other axis, another unit --------------------------------------------------
 
 
-def _wrong_axes(suspects: Sequence[_Suspect], machine: Machine) -> Iterator[Diagnostic]:
+def _wrong_axes(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnostic]:
     for suspect in suspects:
         for reading in suspect.positions():
             axis = reading.sensor.axis
@@ -157,7 +130,7 @@ def _wrong_axes(suspects: Sequence[_Suspect], machine: Machine) -> Iterator[Diag
                 yield Diagnostic("wrong-axis", message, suspect.trial.span, hint=hint)
 
 
-def _wrong_units(suspects: Sequence[_Suspect], machine: Machine) -> Iterator[Diagnostic]:
+def _wrong_units(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnostic]:
     for suspect in suspects:
         for reading in suspect.positions():
             command_m = _command_m(suspect.schedule, reading.sensor.axis, reading.time_s, machine)
@@ -184,7 +157,7 @@ def _scale_of(reading: Reading, command_m: Floats) -> float | None:
     return scale if clear else None
 
 
-def _scale_finding(suspect: _Suspect, sensor: Sensor, scale: float) -> Iterator[Diagnostic]:
+def _scale_finding(suspect: Suspect, sensor: Sensor, scale: float) -> Iterator[Diagnostic]:
     unit = sensor.column.rsplit("_", 1)[-1]
     here = f"{suspect.trial.name}: {sensor.column}"
     what = f"goes {abs(scale):.4g} times as far as {suspect.commanded_by} commands"
@@ -200,7 +173,7 @@ def _scale_finding(suspect: _Suspect, sensor: Sensor, scale: float) -> Iterator[
             yield Diagnostic("mixed-units", message, suspect.trial.span, hint=hint)
 
 
-def _doubts(suspects: Sequence[_Suspect], machine: Machine) -> Iterator[str]:
+def _doubts(suspects: Sequence[Suspect], machine: Machine) -> Iterator[str]:
     """Notes on data that hardly follow any command: a machine may, a column may be wrong."""
     for suspect in suspects:
         for reading in suspect.positions():
@@ -218,81 +191,3 @@ def _alike(values: Floats, command: Floats) -> float:
     if not np.ptp(values):
         return 0.0
     return float(np.corrcoef(values, command)[0, 1]) ** 2
-
-
-# -- programs and their time ---------------------------------------------------------
-
-
-def _too_long(trials: Sequence[Trial]) -> Iterator[Diagnostic]:
-    for trial in trials:
-        moving = any(r.sensor.quantity == POSITION for r in trial.readings)
-        if moving and trial.duration_s > LONGEST_S:
-            message = f"{trial.name} has {trial.duration_s:.6g} s of positions"
-            hint = f"expected at most {LONGEST_S:g} s: cut them, and say partial = true"
-            yield Diagnostic("data-too-long", message, trial.span, hint=hint)
-
-
-def _too_short(suspects: Sequence[_Suspect], machine: Machine) -> Iterator[Diagnostic]:
-    for suspect in suspects:
-        trial = suspect.trial
-        if trial.program is None or trial.partial or trial.program.loops_forever:
-            continue
-        interval_s = max(1 / reading.sensor.rate_hz for reading in trial.readings)
-        needed_s = _shortest_s(trial, machine) * (1 - _CLOCK_TOLERANCE) - 2 * interval_s
-        if trial.duration_s < needed_s:
-            message = (
-                f"{trial.name} ends after {trial.duration_s:.6g} s, and {trial.program.name}"
-                f" takes {suspect.schedule.duration_s:.6g} s"
-            )
-            hint = "record the whole run, or say partial = true if it was cut on purpose"
-            yield Diagnostic("data-too-short", message, trial.span, hint=hint)
-
-
-def _shortest_s(trial: Trial, machine: Machine) -> float:
-    """How long the program takes at least, on a machine that is faster than told."""
-    assert trial.program is not None, "a logged command has no program"
-    faster = tuple(Active(catalogue()[name], (e,), AXES) for name, e in _FASTEST.items())
-    own = Emulator(machine, trial.payload_kg).active
-    return planned_with(trial.program, machine, (*own, *faster), None).duration_s
-
-
-def _check_motion(suspect: _Suspect, machine: Machine, compiled: bool) -> None:
-    """MotionError for a program that runs into a limit switch, or stalls, when simulated."""
-    trial, schedule = suspect.trial, suspect.schedule
-    if trial.program is None:
-        return
-    trip = limit_trip(schedule, switches_u(schedule, machine.travel_u()))
-    if trip is not None:
-        span = next(op.span for op in trial.program.ops if op.span.line == trip.line)
-        message = f"axis {trip.axis} runs into its limit switch at {trip.time_s:.3f} s"
-        hint = f"{trial.name} cannot be compared with a run that its machine breaks off"
-        raise MotionError(
-            trial.program.source, [Diagnostic("limit-switch", message, span, hint=hint)]
-        )
-    if not any(suspect.positions()):
-        return
-    hint = f"{trial.name} cannot be compared: what a motor does that slips is chance"
-    run = _simulated(trial, schedule, machine, compiled)
-    found = [
-        Diagnostic("stall", f"when simulated, {message}", span, hint=hint)
-        for span, message in stalls(run, trial.program)
-    ]
-    if found:
-        raise MotionError(trial.program.source, found)
-
-
-def _simulated(trial: Trial, schedule: Schedule, machine: Machine, compiled: bool) -> Run:
-    """The moves of the run on the machine as its file has it, as far as the data go."""
-    emulation = Emulator(machine, trial.payload_kg, compiled=compiled).begin(schedule)
-    end_s = min(schedule.duration_s, trial.duration_s)
-    emulation.advance(np.arange(0.0, end_s, 1 / _STALL_RATE_HZ), end_s)
-    emulation.settle()
-    moves = (m for m in schedule.moves if m.start_s < end_s)
-    return Run(
-        program=schedule.program.name,
-        machine=machine.name,
-        duration_s=end_s,
-        loops_forever=schedule.program.loops_forever,
-        complete=True,
-        moves=tuple(move_report(m, emulation.outcome(m), machine.microstep_m) for m in moves),
-    )
