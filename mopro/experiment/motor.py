@@ -79,7 +79,17 @@ class Motor:
 
     def schedule(self, index: int) -> Schedule:
         """What run number `index` commands without further effects."""
-        return self._motion(index, self.active(index, {})).staging.schedule
+        return self._motion(index, _of_the_motion(self._own)).staging.schedule
+
+    def way_m(self) -> tuple[float, float]:
+        """The least and the greatest position that any sensor was to see."""
+        places = [
+            self._motion(index, _of_the_motion(self._own)).position_m[reading.sensor.axis]
+            for index, trial in enumerate(self.experiment.trials)
+            for reading in trial.readings
+            if reading.sensor.quantity != TEMPERATURE
+        ]
+        return min(float(x.min()) for x in places), max(float(x.max()) for x in places)
 
     def active(self, index: int, settings: Settings) -> tuple[Active, ...]:
         """The machine's effects and those in `settings`, as they are in run `index`."""
@@ -92,16 +102,14 @@ class Motor:
 
     # -- one reading -----------------------------------------------------------
 
-    def _reading(
-        self, index: int, trial: Trial, reading: Reading, settings: Settings
-    ) -> Floats:
+    def _reading(self, index: int, trial: Trial, reading: Reading, settings: Settings) -> Floats:
         active = self.active(index, settings)
         motion = self._motion(index, _of_the_motion(active))
         if reading.sensor.quantity == TEMPERATURE:
             return self._temperature(index, reading, active)
         return _position(motion, reading, active, self.experiment.machine.heat.ambient_C)
 
-    def _temperature(self, index: int, reading: Reading, active: Sequence[Active]) -> Floats:
+    def _temperature(self, index: int, reading: Reading, active: tuple[Active, ...]) -> Floats:
         """Sensed on a grid of its own, as a thermocouple is slow against the motion."""
         heat = self._staging(index, active).heat
         end_s = float(reading.time_s[-1])
@@ -194,9 +202,7 @@ def _axes(sensors: Sequence[Sensor], active: Sequence[Active]) -> set[int]:
     return set(AXES) if seen else set()
 
 
-def _position(
-    motion: Motion, reading: Reading, active: tuple[Active, ...], air_C: float
-) -> Floats:
+def _position(motion: Motion, reading: Reading, active: tuple[Active, ...], air_C: float) -> Floats:
     """What the sensor shows at its stamps, in its unit."""
     sensor = reading.sensor
     chain = on_axis(active, sensor.axis)
