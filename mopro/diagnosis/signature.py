@@ -111,7 +111,9 @@ def _trial(
     strengths, whole = np.linalg.norm(apart, axis=0), np.linalg.norm(changes, axis=0)
     seen = strengths > _INDEPENDENT * np.maximum(whole, 1e-300)
     sizes = np.zeros(len(group))
-    if seen.any():
+    if len(group) == 1 and seen[0]:
+        sizes[0] = float(apart[:, 0] @ left) / float(strengths[0]) ** 2
+    elif seen.any():
         sizes[seen] = np.linalg.lstsq(apart[:, seen], left, rcond=1e-6)[0]
     values, sizes = _resized(candidate, group, sizes)
     explained = apart @ sizes

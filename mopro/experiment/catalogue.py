@@ -103,7 +103,7 @@ def _drive() -> Iterator[Candidate]:
     lag = replace(_own("current_loop_lag", "tau", 5e-5, 3e-4), low=1e-5)
     yield Candidate("current_loop_lag", (lag,))
     supply = Parameter(
-        "Vb", "V", 25.0, 225.0, (45.0, 70.0, 110.0), Role.SHAPE,
+        "Vb", "V", 25.0, 225.0, (50.0, 90.0), Role.SHAPE,
         plausible=(40.0, 150.0), inverse=True,
     )  # fmt: skip
     yield Candidate("voltage_saturation", (supply,))
