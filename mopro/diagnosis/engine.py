@@ -4,27 +4,69 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.model import Candidate, Series, Simulate
+from mopro.diagnosis.heldout import HeldOut
+from mopro.diagnosis.model import Candidate, Floats, Series, Simulate
 from mopro.diagnosis.remainder import Remainder, examine
 from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.search import HeldOut, Search
-from mopro.diagnosis.verdict import Estimate, Gap, Named, Rejected, Verdict, Where
+from mopro.diagnosis.search import Progress, Search
+from mopro.diagnosis.verdict import (
+    BelowResolution,
+    Estimate,
+    Gap,
+    Named,
+    Rejected,
+    RunGap,
+    Signature,
+    Verdict,
+    Where,
+)
+
+# What a finer simulation may move a prediction by, in chi-squared, before it matters.
+_NUMERICS_MATTER = 1.0
 
 
-def reconcile(simulate: Simulate, effects: Sequence[Candidate], data: Sequence[Series]) -> Verdict:
+def reconcile(
+    simulate: Simulate,
+    effects: Sequence[Candidate],
+    data: Sequence[Series],
+    *,
+    finer: Simulate | None = None,
+    jobs: int = 1,
+    progress: Progress = lambda _: None,
+) -> Verdict:
     """Find which of `effects` the model lacks, if any, and how sure that is.
 
     `simulate(settings)` predicts every series of `data` with the effects in `settings`
-    on; it must be deterministic. Raises ValueError for data that are no finite numbers
-    and for predictions of another length.
+    on; it must be deterministic. `finer` is the same model integrated more finely: it is
+    asked before anything is called unexplained. `jobs` threads simulate at once, and
+    `progress` is told what is being done. Raises ValueError for data that are no finite
+    numbers and for predictions of another length.
     """
     _check(effects, data)
-    search = Search(Residuals(simulate, data), effects)
+    search = Search(Residuals(simulate, data), effects, jobs, progress)
     found = search.run()
+    if finer is not None and _numerics_matter(search, found, finer):
+        progress("refitting with a finer simulation")
+        search = Search(Residuals(finer, data), effects, jobs, progress)
+        found = search.run()
+    return _judged(search, found)
+
+
+def _numerics_matter(search: Search, found: Fit, finer: Simulate) -> bool:
+    """Whether something is left over that a coarse simulation may have caused."""
+    if not examine(search.residuals.data, found.residual, len(found.order)).significant:
+        return False
+    other = Residuals(finer, search.residuals.data).at(found.settings)
+    return float(np.sum((other - found.residual) ** 2)) > _NUMERICS_MATTER
+
+
+def _judged(search: Search, found: Fit) -> Verdict:
+    data = search.residuals.data
     found, held, dropped = _supported(search, found)
     remainder = examine(data, found.residual, len(found.order))
     if remainder.significant:
@@ -33,14 +75,19 @@ def reconcile(simulate: Simulate, effects: Sequence[Candidate], data: Sequence[S
         remainder = examine(data, found.residual, len(found.order))
         held = search.held_out(found) if found.candidates else None
     named = tuple(_named(search, found, held, candidate) for candidate in found.candidates)
+    faint, rejected = _others(search, found)
     return Verdict(
         verdict=_word(named, remainder),
         effects=named,
-        rejected=(*dropped, *_rejected(search, found)),
+        rejected=(*dropped, *rejected),
+        below_resolution=faint,
         where=tuple(_where(search)),
         gap=_gap(search, found, held),
         remainder=remainder,
         settings=found.settings,
+        before=tuple(_in_units(search, search.null.residual)),
+        after=tuple(_in_units(search, found.residual)),
+        signatures=tuple(_signature(search, found, name) for name in sorted(found.names)),
     )
 
 
@@ -52,9 +99,9 @@ def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:
             raise ValueError(
                 f"{series.run}, {series.sensor}: expected finite numbers, at least one"
             )
-    names = [effect.name for effect in effects]
-    if len(set(names)) < len(names):
-        raise ValueError("two effects have the same name")
+    keys = [effect.key for effect in effects]
+    if len(set(keys)) < len(keys):
+        raise ValueError("two effects have the same name and form")
 
 
 def _supported(search: Search, found: Fit) -> tuple[Fit, HeldOut | None, list[Rejected]]:
@@ -82,14 +129,14 @@ def _firm(search: Search, found: Fit) -> tuple[Fit, list[Rejected]]:
     doubted: list[Rejected] = []
     while found.candidates:
         excess = found.rss - found.count
-        gains = {c: search.without(found, c.name).rss - found.rss for c in found.candidates}
-        weak = [c for c, gain in gains.items() if c.flexible or gain < excess]
+        gains = {name: search.without(found, name).rss - found.rss for name in found.names}
+        weak = [c.name for c in found.candidates if c.flexible or gains[c.name] < excess]
         if not weak:
             break
-        least = min(weak, key=lambda c: gains[c])
+        least = min(weak, key=lambda name: gains[name])
         reason = "leaves much unexplained, of which it may be a part"
-        doubted.append(Rejected(least.name, gains[least], reason))
-        found = search.without(found, least.name)
+        doubted.append(Rejected(least, gains[least], reason))
+        found = search.without(found, least)
     return found, doubted
 
 
@@ -102,41 +149,68 @@ def _word(named: tuple[Named, ...], remainder: Remainder) -> str:
 
 
 def _named(search: Search, found: Fit, held: HeldOut | None, candidate: Candidate) -> Named:
+    intervals = dict(zip(found.order, found.intervals(), strict=True))
+    values, bounds = found.settings[candidate.name], found.at_bound()
     estimates = {}
-    bounds = found.at_bound()
-    for (effect, p), value, interval in zip(
-        found.order, found.values, found.intervals(), strict=True
-    ):
-        if effect == candidate.name:
-            stopped = f"{effect}.{p.name}" in bounds
-            estimates[p.name] = Estimate(float(value), p.unit, interval, stopped)
-    dearer = search.cost(search.without(found, candidate.name)) - search.cost(found)
+    for p in candidate.parameters:
+        value = float(values[p.name])
+        interval = intervals.get((candidate.name, p), (value, value))
+        stopped = f"{candidate.name}.{p.name}" in bounds
+        estimates[p.name] = Estimate(value, p.unit, interval, stopped)
+    without = search.without(found, candidate.name)
+    dearer = search.cost(without) - search.cost(found)
     return Named(
         name=candidate.name,
+        form=candidate.form,
         parameters=estimates,
         indistinguishable_from=[name for name, _ in search.rivals(found, candidate.name)],
+        rivals=dict(search.rivals(found, candidate.name)),
         log10_bayes_factor=dearer / (2 * math.log(10)),
+        sigmas=math.sqrt(max(without.rss - found.rss, 0.0)),
         held_out=held is not None and held.supports(candidate.name),
     )
 
 
-def _rejected(search: Search, found: Fit) -> list[Rejected]:
-    """What the catalogue still offers, and that it does not pay for itself."""
-    return [
-        Rejected(s.candidate.name, s.gain, "does not pay for its parameters")
-        for s in search.scores(found)
-        if s.starts
-    ]
+def _others(search: Search, found: Fit) -> tuple[tuple[BelowResolution, ...], list[Rejected]]:
+    """What the catalogue offers besides: what does not pay, and what nobody could see.
+
+    An effect is below what the sensors resolve if even the largest one to expect would
+    not pay for its parameters.
+    """
+    faint: dict[str, BelowResolution] = {}
+    rejected: dict[str, Rejected] = {}
+    near = search.null if found.candidates else found
+    for scored in search.scores(found, near):
+        candidate = scored.candidate
+        expected = search.expected_sigmas(near, candidate)
+        needed = math.sqrt(search.dearer(found, candidate))
+        if expected is not None and expected < needed:
+            faint.setdefault(candidate.name, BelowResolution(candidate.name, expected, needed))
+        else:
+            reason = "does not pay for its parameters"
+            rejected.setdefault(candidate.name, Rejected(candidate.name, scored.gain, reason))
+    return tuple(faint.values()), list(rejected.values())
 
 
 def _where(search: Search) -> list[Where]:
-    places, start = [], 0
-    for series in search.residuals.data:
-        own = search.null.residual[start : start + len(series)]
-        start += len(series)
+    places = []
+    parts = search.residuals.split(search.null.residual)
+    for series, own in zip(search.residuals.data, parts, strict=True):
         rms = math.sqrt(float(np.mean(own**2))) * (series.sigma or 1.0)
         places.append(Where(series.run, series.sensor, rms, series.sigma))
     return places
+
+
+def _in_units(search: Search, whitened: Floats) -> list[Floats]:
+    return search.residuals.split(whitened / search.residuals.weights)
+
+
+def _signature(search: Search, found: Fit, name: str) -> Signature:
+    """What an effect adds to the prediction of each series, nuisances taken out."""
+    rest = search.without(found, name)
+    kept = {n: values for n, values in found.settings.items() if n != name}
+    change = search.residuals.at(kept) - found.residual
+    return Signature(name, tuple(_in_units(search, change)), rest.rss - found.rss)
 
 
 def _gap(search: Search, found: Fit, held: HeldOut | None) -> Gap:
@@ -145,13 +219,30 @@ def _gap(search: Search, found: Fit, held: HeldOut | None) -> Gap:
     unit = data[0].unit
     counted = np.concatenate([np.full(len(s), s.unit == unit) for s in data])
     weights = search.residuals.weights
-    rms = [
-        math.sqrt(float(np.mean((f.residual / weights)[counted] ** 2)))
-        for f in (search.null, found)
-    ]
+
+    def rms(residual: Floats, mask: Floats = counted) -> float:
+        return math.sqrt(float(np.mean((residual / weights)[mask] ** 2)))
+
     noises = [s.sigma for s in data if s.unit == unit and s.sigma is not None]
     noise = math.sqrt(sum(n**2 for n in noises) / len(noises)) if noises else None
-    held_out = None
-    if held is not None and all(s.unit == unit for s in data):
-        held_out = math.sqrt(held.after) * (noise or 1.0)
-    return Gap(unit, rms[0], rms[1], noise, held_out)
+    ends = np.cumsum([0, *map(len, data)]).tolist()
+    masks = []
+    for first, last in pairwise(ends):
+        mask = np.zeros(ends[-1], dtype=bool)
+        mask[first:last] = True
+        masks.append(mask)
+    return Gap(
+        unit=unit,
+        before_rms=rms(search.null.residual),
+        after_rms=rms(found.residual),
+        noise_rms=noise,
+        held_out_rms=None if held is None else rms(held.residual),
+        runs=tuple(
+            RunGap(
+                s.run, s.sensor, s.unit, rms(search.null.residual, mask),
+                rms(found.residual, mask), None if held is None else rms(held.residual, mask),
+                s.sigma,
+            )
+            for s, mask in zip(data, masks, strict=True)
+        ),
+    )  # fmt: skip

@@ -3,53 +3,69 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 from scipy import optimize, stats
 
-from mopro.diagnosis.model import Candidate, Floats, Parameter, Settings
+from mopro.diagnosis.model import Candidate, Floats, Parameter, Role, Settings
 from mopro.diagnosis.residual import Residuals
 
-# A finite difference this share of a parameter's range is small against any curvature
-# that a fit can follow, and large against an integrator's rounding.
-_DIFFERENCE = 1e-4
-_SCANNED = 25
 _NEAR_BOUND = 1e-3
-# A parameter that its range holds back speaks against its effect: odds of 150 to 1.
-_BOUND_PRICE = 10.0
+# What a fit may still be off its minimum, in chi-squared.
+_CLOSE_ENOUGH = 0.01
+_MOST_EVALUATIONS = 25
+# A value that its range holds back, or that is clearly implausible: odds of 150 to 1.
+IMPLAUSIBLE_PRICE = 10.0
+_CLEARLY = 2.0
+# What an angle costs that may be anything: its prior is bounded, and a line that is seen
+# at all fixes it within about a fifth of a radian (2 ln of 2π over that, times √2π).
+_PHASE_PRICE = 5.0
 
 
 @dataclass(frozen=True)
 class Fit:
     """Effects fitted together; `residual` is whitened, `jacobian` its derivative.
 
-    Rows of `jacobian` are samples, columns the parameters in `order`.
+    Rows of `jacobian` are samples, columns the parameters in `order`; `held` counts those
+    that were found otherwise.
     """
 
     candidates: tuple[Candidate, ...]
     order: tuple[tuple[str, Parameter], ...]
-    values: Floats
+    settings: Settings
     residual: Floats
     jacobian: Floats
     known_noise: bool
     count: int
+    held: int = 0
 
     @property
     def names(self) -> frozenset[str]:
         return frozenset(candidate.name for candidate in self.candidates)
 
     @property
-    def settings(self) -> Settings:
-        return settings_of(self.order, self.values)
+    def key(self) -> frozenset[tuple[str, str]]:
+        return frozenset(candidate.key for candidate in self.candidates)
+
+    @property
+    def values(self) -> Floats:
+        return np.array([self.settings[effect][p.name] for effect, p in self.order])
 
     @cached_property
     def rss(self) -> float:
         """Sum of squares of the whitened residual: chi-squared where the noise is known."""
         return float(self.residual @ self.residual)
+
+    @property
+    def misfit(self) -> float:
+        """-2 log likelihood but for a constant."""
+        if self.known_noise:
+            return self.rss
+        n = max(self.count, 1)
+        return n * math.log(max(self.rss, 1e-300) / n)
 
     def cost(self, pool: int) -> float:
         """-2 log likelihood, and the price of each parameter and of having had `pool` choices.
@@ -57,115 +73,148 @@ class Fit:
         The extended Bayesian information criterion of Chen and Chen (2008): k ln n + 2 ln
         of the number of ways to choose so many effects.
         """
-        n = max(self.count, 1)
-        misfit = self.rss if self.known_noise else n * math.log(max(self.rss, 1e-300) / n)
         ways = math.comb(max(pool, len(self.candidates)), len(self.candidates))
-        price = len(self.order) * math.log(n) + 2 * math.log(ways)
-        return misfit + price + _BOUND_PRICE * len(self.at_bound())
+        return self.misfit + self.price + 2 * math.log(ways) + self._implausible
 
-    def intervals(self, level: float = 0.95) -> list[tuple[float, float]]:
-        """Confidence intervals of the parameters, in `order`; infinite if not identifiable."""
+    @property
+    def price(self) -> float:
+        """What the parameters cost."""
+        own = sum(price(parameter, self.count) for _, parameter in self.order)
+        return own + self.held * math.log(max(self.count, 2))
+
+    @cached_property
+    def _implausible(self) -> float:
+        clearly = _CLEARLY * self.deviations()
+        values = zip(self.order, self.values.tolist(), clearly.tolist(), strict=True)
+        beyond = sum(p.beyond(value) > c for (_, p), value, c in values)
+        return IMPLAUSIBLE_PRICE * float(len(self.at_bound()) + beyond)
+
+    @property
+    def plausible(self) -> bool:
+        """Whether every parameter is within its plausible range, errors allowed for."""
+        return self._implausible == 0
+
+    def deviations(self) -> Floats:
+        """The parameters' standard deviations, in `order`; infinite if not identifiable."""
         freedom = max(self.count - len(self.order), 1)
         variance = 1.0 if self.known_noise else self.rss / freedom
-        quantile = stats.norm.ppf((1 + level) / 2)
-        if not self.known_noise:
-            quantile = stats.t.ppf((1 + level) / 2, freedom)
         spans = np.array([p.high - p.low for _, p in self.order])
         scaled = self.jacobian * spans
-        try:
-            covariance = np.linalg.inv(scaled.T @ scaled) * variance
-        except np.linalg.LinAlgError:
-            return [(-math.inf, math.inf)] * len(self.order)
-        half = quantile * np.sqrt(np.maximum(np.diag(covariance), 0)) * spans
-        return [(v - h, v + h) for v, h in zip(self.values, half, strict=True)]
+        strengths = np.linalg.norm(scaled, axis=0)
+        if not len(spans) or not strengths.all() or not np.isfinite(strengths).all():
+            return np.full(len(spans), math.inf)
+        units = scaled / strengths
+        gram = units.T @ units
+        if np.linalg.cond(gram) > 1e12:
+            return np.full(len(spans), math.inf)
+        own = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * variance)
+        deviations: Floats = own / strengths * spans
+        return deviations
+
+    def intervals(self, level: float = 0.95) -> list[tuple[float, float]]:
+        """Confidence intervals of the parameters, in `order`."""
+        freedom = max(self.count - len(self.order), 1)
+        spread = stats.norm if self.known_noise else stats.t(freedom)
+        half = spread.ppf((1 + level) / 2) * self.deviations()
+        return [(v - h, v + h) for v, h in zip(self.values.tolist(), half.tolist(), strict=True)]
 
     def at_bound(self) -> list[str]:
-        """The parameters that the data would push out of their plausible range."""
+        """The parameters that the data would push out of their range."""
         return [
             f"{effect}.{p.name}"
             for (effect, p), value in zip(self.order, self.values, strict=True)
-            if min(value - p.low, p.high - value) < _NEAR_BOUND * (p.high - p.low)
+            if p.role is not Role.PHASE and min(s := p.scaled(float(value)), 1 - s) < _NEAR_BOUND
         ]
 
 
-def settings_of(order: Sequence[tuple[str, Parameter]], values: Iterable[float]) -> Settings:
-    settings: dict[str, dict[str, float]] = {}
-    for (effect, parameter), value in zip(order, values, strict=True):
-        settings.setdefault(effect, {})[parameter.name] = float(value)
-    return settings
+def price(parameter: Parameter, count: int) -> float:
+    """What a parameter must gain in chi-squared to be worth having, with `count` samples."""
+    return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, 2))
 
 
 def fit(residuals: Residuals, candidates: Sequence[Candidate], starts: Sequence[Settings]) -> Fit:
-    """The best fit of `candidates` from any of `starts`, each parameter within its range."""
-    order = tuple((c.name, p) for c in candidates for p in c.parameters)
-    if not order:
-        residual = residuals.at({})
-        empty = np.zeros((len(residual), 0))
-        values = np.zeros(0)
-        return Fit((), (), values, residual, empty, residuals.known, residuals.count)
-    problem = _Problem(residuals, order)
-    vectors = [problem.vector(start) for start in starts]
-    rough = [i for i, (name, _) in enumerate(order) if not _named(candidates, name).smooth]
-    found = min((problem.solve(vector, rough) for vector in vectors), key=lambda f: f[0])
-    _, values, residual, jacobian = found
-    return Fit(
-        tuple(candidates), order, values, residual, jacobian, residuals.known, residuals.count
-    )
+    """The best fit of `candidates` from any of `starts`, each parameter within its range.
 
-
-def _named(candidates: Sequence[Candidate], name: str) -> Candidate:
-    return next(candidate for candidate in candidates if candidate.name == name)
+    A start has a value for every parameter; those that are held keep it.
+    """
+    problems = [_Problem(residuals, candidates, start) for start in starts]
+    return min((problem.solve() for problem in problems), key=lambda found: found.rss)
 
 
 class _Problem:
-    """Least squares in parameters scaled to their ranges."""
+    """Least squares from one start, in parameters scaled to their ranges."""
 
-    def __init__(self, residuals: Residuals, order: Sequence[tuple[str, Parameter]]) -> None:
+    def __init__(
+        self, residuals: Residuals, candidates: Sequence[Candidate], start: Settings
+    ) -> None:
         self._residuals = residuals
-        self._order = order
-        self._low = np.array([p.low for _, p in order])
-        self._span = np.array([p.high - p.low for _, p in order])
+        self._candidates = tuple(candidates)
+        all_of_them = [(c.name, p) for c in candidates for p in c.parameters]
+        self._order = tuple((n, p) for n, p in all_of_them if p.role is not Role.HELD)
+        self._held = len(all_of_them) - len(self._order)
+        self._start = start
+        self._last: tuple[tuple[float, ...], Floats] | None = None
 
-    def vector(self, settings: Settings) -> Floats:
-        """A start within the open range, in units of it."""
-        values = [settings[effect][p.name] for effect, p in self._order]
-        scaled: Floats = np.clip((np.array(values) - self._low) / self._span, 1e-6, 1 - 1e-6)
-        return scaled
-
-    def solve(self, start: Floats, rough: list[int]) -> tuple[float, Floats, Floats, Floats]:
-        """Cost, values, residual and jacobian; parameters in `rough` are scanned first."""
-        for index in rough:
-            start = self._scanned(start, index)
+    def solve(self) -> Fit:
+        scaled = np.array([p.scaled(self._start[name][p.name]) for name, p in self._order])
+        low, high = self._limits()
+        if not self._order:
+            return self._fit(scaled, self._residual(scaled), np.zeros((0, 0)))
         result = optimize.least_squares(
-            self._residual, start, jac=self._jacobian, bounds=(0.0, 1.0), xtol=1e-10, ftol=1e-10,
-            max_nfev=40,
+            self._residual, np.clip(scaled, low + 1e-6, high - 1e-6), jac=self._jacobian,
+            bounds=(low, high), xtol=1e-9, gtol=1e-12, x_scale="jac",
+            ftol=_CLOSE_ENOUGH / max(self._residuals.count, 1), max_nfev=_MOST_EVALUATIONS,
         )  # fmt: skip
-        values = self._low + result.x * self._span
-        return float(result.cost), values, result.fun, result.jac / self._span
+        return self._fit(result.x, result.fun, result.jac)
+
+    def _limits(self) -> tuple[Floats, Floats]:
+        """An angle may go once around either way."""
+        turns = np.array([1.0 if p.role is Role.PHASE else 0.0 for _, p in self._order])
+        return -turns, 1 + turns
+
+    def _fit(self, scaled: Floats, residual: Floats, jacobian: Floats) -> Fit:
+        if not self._order:
+            jacobian = np.zeros((len(residual), 0))
+        places = list(zip((p for _, p in self._order), scaled.tolist(), strict=True))
+        slopes = np.array([(p.value(s + 1e-6) - p.value(s - 1e-6)) / 2e-6 for p, s in places])
+        return Fit(
+            candidates=self._candidates,
+            order=self._order,
+            settings=self._settings([p.within(p.value(s)) for p, s in places]),
+            residual=residual,
+            jacobian=jacobian / slopes if len(slopes) else jacobian,
+            known_noise=self._residuals.known,
+            count=self._residuals.count,
+            held=self._held,
+        )
+
+    def _settings(self, values: Sequence[float]) -> Settings:
+        settings: dict[str, dict[str, float]] = {
+            c.name: {**c.fixed, **_held(c, self._start)} for c in self._candidates
+        }
+        for (effect, parameter), value in zip(self._order, values, strict=True):
+            settings[effect][parameter.name] = float(value)
+        return settings
 
     def _residual(self, scaled: Floats) -> Floats:
-        return self._residuals.at(settings_of(self._order, self._low + scaled * self._span))
+        """The residual; the last one is kept, as the solver asks for its slope next."""
+        asked = tuple(scaled.tolist())
+        if self._last is None or self._last[0] != asked:
+            values = [p.value(s) for (_, p), s in zip(self._order, asked, strict=True)]
+            self._last = asked, self._residuals.at(self._settings(values))
+        return self._last[1]
 
     def _jacobian(self, scaled: Floats) -> Floats:
         here = self._residual(scaled)
         columns = np.empty((len(here), len(scaled)))
-        for i, value in enumerate(scaled):
-            step = -_DIFFERENCE if value > 0.5 else _DIFFERENCE
+        for i, (_, parameter) in enumerate(self._order):
+            step = parameter.difference * (-1 if scaled[i] > 0.5 else 1)
             moved = scaled.copy()
             moved[i] += step
             columns[:, i] = (self._residual(moved) - here) / step
         return columns
 
-    def _scanned(self, start: Floats, index: int) -> Floats:
-        trials = np.repeat(start[None, :], _SCANNED, axis=0)
-        trials[:, index] = np.linspace(0.002, 0.998, _SCANNED)
-        costs = [float(r @ r) for r in map(self._residual, trials)]
-        best: Floats = trials[int(np.argmin(costs))]
-        return best
 
-
-def probes(candidate: Candidate) -> list[Settings]:
-    """Settings to try a candidate at: every combination of its parameters' starts."""
-    names = [p.name for p in candidate.parameters]
-    choices = product(*(p.starts for p in candidate.parameters))
-    return [{candidate.name: dict(zip(names, choice, strict=True))} for choice in choices]
+def _held(candidate: Candidate, start: Settings) -> Mapping[str, float]:
+    names = [p.name for p in candidate.parameters if p.role is Role.HELD]
+    return {name: start[candidate.name][name] for name in names}

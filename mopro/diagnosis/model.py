@@ -6,8 +6,10 @@ have shown in a run, for given parameters of given effects.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
@@ -20,35 +22,113 @@ Mask = NDArray[np.bool_]
 Settings = Mapping[str, Mapping[str, float]]
 
 
+class Role(StrEnum):
+    """How the response follows a parameter.
+
+    An AMPLITUDE has a value (`null`) at which the effect is off, and the response grows
+    nearly in proportion from there. A SHAPE (a period, a corner) decides the form of what
+    the amplitudes multiply. A PHASE is an angle in radians: the response at any is a sum
+    of those at 0 and at π/2. A HELD one is found by the candidate's own search, and least
+    squares leaves it alone (a count, the moment of a step).
+    """
+
+    AMPLITUDE = "amplitude"
+    SHAPE = "shape"
+    PHASE = "phase"
+    HELD = "held"
+
+
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect, within its plausible range [`low`, `high`].
+    """One number of an effect, fitted within [`low`, `high`].
 
-    An `amplitude` is 0 where the effect is off, and the response is nearly proportional
-    to it when it is small; the others (a period, a phase) shape what it multiplies and
-    are tried at each of `starts`.
+    `starts` are the values to try it at. `plausible` is the range to expect it in, the
+    whole one unless given: a value clearly outside of it speaks against the effect.
+    `inverse` fits one over the value (a corner frequency, a period), and `difference` is
+    the share of the range that finite differences take: small against what the response
+    can follow evenly, large against the rounding of a simulation.
     """
 
     name: str
     unit: str
     low: float
     high: float
-    starts: tuple[float, ...]
-    amplitude: bool = True
+    starts: tuple[float, ...] = ()
+    role: Role = Role.AMPLITUDE
+    null: float = 0.0
+    plausible: tuple[float, float] | None = None
+    inverse: bool = False
+    difference: float = 1e-3
+
+    def scaled(self, value: float) -> float:
+        """`value` as a share of the range, 0 to 1."""
+        low, high = self._coordinate(self.low), self._coordinate(self.high)
+        return (self._coordinate(value) - low) / (high - low)
+
+    def value(self, scaled: float) -> float:
+        """What `scaled` gives."""
+        low, high = self._coordinate(self.low), self._coordinate(self.high)
+        return self._coordinate(low + scaled * (high - low))
+
+    def _coordinate(self, value: float) -> float:
+        return 1 / value if self.inverse else value
+
+    def beyond(self, value: float) -> float:
+        """By how much `value` is outside the plausible range; 0 inside."""
+        low, high = self.plausible or (self.low, self.high)
+        return max(low - value, value - high, 0.0)
+
+    def within(self, value: float) -> float:
+        """The nearest value in the range; an angle is turned into ±π first."""
+        if self.role is Role.PHASE:
+            value = math.remainder(value, 2 * math.pi)
+        return min(max(value, self.low), self.high)
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What a candidate's own search is shown: the data, and what a fit leaves of them.
+
+    `residuals` are one array a series, in standard deviations; `predictions` what the
+    model says there, in the series' units. `misfit(settings)` is the sum of squares that
+    the whole residual would have with `settings` besides what is fitted already.
+    """
+
+    data: Sequence[Series]
+    residuals: Sequence[Floats]
+    predictions: Sequence[Floats]
+    misfit: Callable[[Settings], float]
+
+
+Seek = Callable[[Leftover], Iterable[Mapping[str, float]]]
 
 
 @dataclass(frozen=True)
 class Candidate:
     """An effect that the model may lack.
 
-    A rough response (steps) has `smooth` false; a `flexible` one (a free period) can
-    mimic much that is in no catalogue, and is believed only if it leaves nothing.
+    Where honest people write an effect differently there are several `form`s of one name,
+    of which the evidence picks one; `fixed` are the parameters that a form does not fit.
+    A form that `refines` another (by its form) frees more of it, and is tried only when
+    that one has been found. A `flexible` effect (a free period) can mimic much that is in
+    no catalogue, and is believed only if it leaves nothing. `seek` looks for starts in
+    what is left over, where a few fixed ones cannot find it.
     """
 
     name: str
     parameters: tuple[Parameter, ...]
-    smooth: bool = True
+    form: str = ""
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    refines: str | None = None
     flexible: bool = False
+    seek: Seek | None = None
+
+    @property
+    def key(self) -> tuple[str, str]:
+        return self.name, self.form
+
+    def settings(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        return {self.name: {**self.fixed, **values}}
 
 
 @dataclass(frozen=True)
@@ -58,7 +138,9 @@ class Series:
     `sigma` is its noise (standard deviation, in `unit`), or None where it is unknown and
     the fit must tell. `time_s` and `folds` have the values' length: folds number the
     parts (moves) that can be held out. `nuisances` (length x count) are shapes that
-    nobody would call an effect, fitted always; a constant offset unless given.
+    nobody would call an effect, fitted always; a constant offset unless given. `labels`
+    are further arrays of that length (`position` in `position_unit`, `velocity`,
+    `acceleration`) that help to describe what no effect accounts for.
     """
 
     run: str
@@ -70,6 +152,7 @@ class Series:
     folds: NDArray[np.int64] | None = None
     nuisances: Floats | None = None
     labels: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
+    position_unit: str = "m"
 
     def __len__(self) -> int:
         return len(self.values)
@@ -79,6 +162,10 @@ class Series:
 
 
 class Simulate(Protocol):
-    """Predict each series, in their order and of their lengths, with effects as set."""
+    """Predict each series, in their order and of their lengths, with effects as set.
+
+    Must be deterministic, and safe to call from several threads at once if `reconcile`
+    is given more than one job.
+    """
 
     def __call__(self, settings: Settings) -> Sequence[Floats]: ...

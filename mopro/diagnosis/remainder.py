@@ -3,27 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
-from scipy import signal, stats
+from scipy import fft, stats
 
 from mopro.diagnosis.model import Floats, Series
+from mopro.diagnosis.spectrum import position_spectrum
 
 # A false alarm in one of a thousand remainders that are noise, over all tests together.
 FALSE_ALARMS = 1e-3
+# Nobody knows a sensor's noise better than this; what is white and no larger is noise.
+NOISE_TOLERANCE = 0.05
 _FEWEST = 60
-_POSITION_LINES = 2000
+# Fewer cycles than these in all the data are no line, but a bend.
+_FEWEST_CYCLES = 4
+_BINS = (8, 16, 32, 64)
 
 
 @dataclass(frozen=True)
 class Remainder:
-    """Whether what is left is more than noise, and the most telling shape in it."""
+    """Whether what is left is more than noise, and the most telling shape in it.
+
+    `scatter` is its root mean square in standard deviations of the sensors' noise.
+    """
 
     significant: bool
     description: str | None
     p_value: float
+    scatter: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -32,52 +42,91 @@ class _Finding:
     description: str | None
 
 
+@dataclass(frozen=True)
+class _Left:
+    """What is left of one series, in standard deviations."""
+
+    series: Series
+    z: Floats
+
+    def label(self, name: str) -> Floats | None:
+        label = self.series.labels.get(name)
+        return None if label is None else np.asarray(label, dtype=float)
+
+
 def examine(data: Sequence[Series], residual: Floats, parameters: int) -> Remainder:
     """Test the whitened `residual` of series with known noise.
 
     `parameters` is how many numbers were fitted to it. Series with unknown noise have
     nothing to be compared with, and are left out.
     """
-    tests = [_excess(residual, parameters)] if all(s.sigma for s in data) else []
-    start = 0
+    lefts, start = [], 0
     for series in data:
         own = residual[start : start + len(series)]
         start += len(series)
         if series.sigma is not None and len(series) >= _FEWEST:
-            tests.extend(_shapes(series, own))
+            lefts.append(_Left(series, own))
+    tests = [_excess(residual, parameters)] if all(s.sigma for s in data) else []
+    tests += [test for left in lefts for test in _own_shapes(left)]
+    for _, group in groupby(sorted(lefts, key=_sensor), key=_sensor):
+        tests += _common_shapes(list(group))
     if not tests:
         return Remainder(False, None, 1.0)
-    worst = min(test.p_value for test in tests)
-    p_value = min(1.0, worst * len(tests))
+    scatter = math.sqrt(float(np.mean(residual**2)))
+    p_value = min(1.0, min(test.p_value for test in tests) * len(tests))
     if p_value >= FALSE_ALARMS:
-        return Remainder(False, None, p_value)
+        return Remainder(False, None, p_value, scatter)
+    return Remainder(True, _words(tests, scatter), p_value, scatter)
+
+
+def _words(tests: Sequence[_Finding], scatter: float) -> str:
     described = [test for test in tests if test.description]
     telling = min(described, key=lambda test: test.p_value, default=None)
-    clear = telling is not None and telling.p_value * len(tests) < FALSE_ALARMS
-    words = telling.description if telling and clear else "more scatter than the sensor's noise"
-    return Remainder(True, words, p_value)
+    if telling and telling.description and telling.p_value * len(tests) < FALSE_ALARMS:
+        return telling.description
+    return f"more scatter than the sensor's noise, {scatter:.3g} times as much"
+
+
+def _sensor(left: _Left) -> str:
+    return left.series.sensor
 
 
 def _excess(residual: Floats, parameters: int) -> _Finding:
     freedom = max(len(residual) - parameters, 1)
-    return _Finding(float(stats.chi2.sf(residual @ residual, freedom)), None)
+    allowed = (1 + NOISE_TOLERANCE) ** 2
+    return _Finding(float(stats.chi2.sf(residual @ residual / allowed, freedom)), None)
 
 
-def _shapes(series: Series, z: Floats) -> Iterator[_Finding]:
-    yield _memory(z)
+# -- in one series ---------------------------------------------------------------
+
+
+def _own_shapes(left: _Left) -> Iterator[_Finding]:
+    series, z = left.series, left.z
+    yield _memory(left)
     if series.time_s is not None:
         yield _drift(series, series.time_s, z)
-        yield _line_in_time(series, series.time_s, z)
-    position = series.labels.get("position")
-    if position is not None and np.ptp(position) > 0:
-        yield _line_in_position(series, np.asarray(position, dtype=float), z)
+        yield _step(series, series.time_s, z)
+        yield _line_in_time([left])
 
 
-def _memory(z: Floats) -> _Finding:
+def _memory(left: _Left) -> _Finding:
     """Bartlett's test (1955): the cumulative periodogram of white noise is a straight line."""
-    power = np.abs(np.fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
+    z = left.z
+    power = np.abs(fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
     shares = np.cumsum(power)[:-1] / (power.sum() or 1.0)
-    return _Finding(float(stats.kstest(shares, "uniform", method="asymp").pvalue), None)
+    p_value = float(stats.kstest(shares, "uniform", method="asymp").pvalue)
+    return _Finding(p_value, None if shares[len(shares) // 2] < 0.5 else _wander(left, shares))
+
+
+def _wander(left: _Left, shares: Floats) -> str | None:
+    """Words for power that gathers at low frequencies, without being a line there."""
+    time_s = left.series.time_s
+    if time_s is None:
+        return None
+    spread = np.linspace(0, 1, len(shares))
+    edge = int(np.argmax(shares - spread)) + 1
+    slowest = edge / (len(left.z) * float(np.median(np.diff(time_s))))
+    return f"a slow wander in time, below {slowest:.2g} Hz, in {left.series.run}"
 
 
 def _drift(series: Series, time_s: Floats, z: Floats) -> _Finding:
@@ -89,28 +138,120 @@ def _drift(series: Series, time_s: Floats, z: Floats) -> _Finding:
     return _Finding(float(2 * stats.norm.sf(strength)), words)
 
 
-def _line_in_time(series: Series, time_s: Floats, z: Floats) -> _Finding:
-    """The strongest line of the periodogram (evenly sampled)."""
+def _step(series: Series, time_s: Floats, z: Floats) -> _Finding:
+    """The place where the means before and after differ the most."""
     n = len(z)
-    power = np.abs(np.fft.rfft(z - z.mean()))[1 : (n + 1) // 2] ** 2 / n
+    before = np.arange(1, n)
+    contrast = np.cumsum(z - z.mean())[:-1] / np.sqrt(before * (n - before) / n)
+    at = int(np.argmax(np.abs(contrast)))
+    height = -contrast[at] * math.sqrt(n / ((at + 1) * (n - at - 1))) * (series.sigma or 1.0)
+    words = f"a step of {height:.3g} {series.unit} at {time_s[at]:.3g} s in {series.run}"
+    return _Finding(min(1.0, n * float(2 * stats.norm.sf(abs(contrast[at])))), words)
+
+
+# -- in all series of one sensor ---------------------------------------------------
+
+
+def _common_shapes(lefts: Sequence[_Left]) -> Iterator[_Finding]:
+    timed = [left for left in lefts if left.series.time_s is not None]
+    if len(timed) > 1:
+        yield _line_in_time(timed)
+    placed = [left for left in lefts if _reach(left) > 0]
+    if placed:
+        yield _line_in_position(placed)
+        yield _bump(placed)
+    for name, shape in _LAWS.items():
+        if all(left.label(shape[0]) is not None for left in lefts):
+            yield _law(lefts, name, *shape)
+
+
+def _reach(left: _Left) -> float:
+    position = left.label("position")
+    return 0.0 if position is None else float(np.ptp(position))
+
+
+def _line_in_time(lefts: Sequence[_Left]) -> _Finding:
+    """The strongest line of the periodograms (evenly sampled), summed over the runs."""
+    length = fft.next_fast_len(max(len(left.z) for left in lefts))
+    powers = [np.abs(fft.rfft(left.z, length)[1:]) ** 2 / len(left.z) for left in lefts]
+    summed = np.sum(powers, axis=0)
+    summed[: _FEWEST_CYCLES - 1] = 0.0
+    at = int(np.argmax(summed))
+    times = lefts[0].series.time_s
+    assert times is not None, "only series with times are asked for lines in time"
+    frequency = (at + 1) / (length * float(np.median(np.diff(times))))
+    amplitude = 2 * math.sqrt(summed[at] / sum(len(left.z) for left in lefts))
+    series = lefts[0].series
+    where = series.run if len(lefts) == 1 else "all runs"
+    words = (
+        f"a line at {frequency:.3g} Hz in time, "
+        f"{amplitude * (series.sigma or 1.0):.2g} {series.unit}, in {where}"
+    )
+    return _Finding(_line_chance(float(summed[at]), len(summed), len(lefts)), words)
+
+
+def _line_in_position(lefts: Sequence[_Left]) -> _Finding:
+    positions = [np.asarray(left.label("position")) for left in lefts]
+    cycles, power = position_spectrum(positions, [left.z for left in lefts])
+    power[cycles * max(np.ptp(x) for x in positions) < _FEWEST_CYCLES] = 0.0
     at = int(np.argmax(power))
-    frequency = (at + 1) / (n * float(np.median(np.diff(time_s))))
-    amplitude = 2 * math.sqrt(power[at] / n) * (series.sigma or 1.0)
-    words = f"a line at {frequency:.3g} Hz in time, {amplitude:.2g} {series.unit}, in {series.run}"
-    return _Finding(_line_chance(float(power[at]), len(power)), words)
+    series = lefts[0].series
+    words = f"a line in position with a period of {1 / cycles[at]:.3g} {series.position_unit}"
+    return _Finding(_line_chance(float(power[at]), len(cycles), len(lefts)), words)
 
 
-def _line_in_position(series: Series, position: Floats, z: Floats) -> _Finding:
-    """The strongest line over position, down to a period of four mean sample distances."""
-    reach = float(np.ptp(position))
-    finest = 4 * float(np.mean(np.abs(np.diff(position))) or reach)
-    cycles = np.linspace(1 / reach, max(2 / reach, 1 / finest), _POSITION_LINES)
-    power = signal.lombscargle(position, z - z.mean(), 2 * math.pi * cycles)
-    at = int(np.argmax(power))
-    words = f"a line in position with a period of {1 / cycles[at]:.3g} in {series.run}"
-    return _Finding(_line_chance(float(power[at]), len(cycles)), words)
+def _line_chance(power: float, lines: int, runs: int) -> float:
+    """How often the strongest of `lines` summed lines of unit white noise is as strong."""
+    return min(1.0, lines * float(stats.gamma.sf(power, runs)))
 
 
-def _line_chance(power: float, lines: int) -> float:
-    """How often the strongest of `lines` lines of white noise of variance 1 is as strong."""
-    return float(-math.expm1(lines * math.log1p(-math.exp(-power)))) if power > 0 else 1.0
+def _bump(lefts: Sequence[_Left]) -> _Finding:
+    """The stretch of the way whose mean is furthest off."""
+    position = np.concatenate([np.asarray(left.label("position")) for left in lefts])
+    z = np.concatenate([left.z for left in lefts])
+    low, reach = float(position.min()), float(np.ptp(position))
+    best, chances = (0.0, 0.0, 0.0, 1.0), 0
+    for bins in _BINS:
+        place = np.minimum((bins * (position - low) / reach).astype(int), bins - 1)
+        counts, sums = np.bincount(place, minlength=bins), np.bincount(place, z, bins)
+        means = sums / np.sqrt(np.maximum(counts, 1))
+        at = int(np.argmax(np.abs(means)))
+        chances += int((counts > 0).sum())
+        if abs(means[at]) > abs(best[0]):
+            best = (float(means[at]), at, bins, float(counts[at]))
+    strength, at_bin, of_bins, count = best
+    series = lefts[0].series
+    height = strength / math.sqrt(count) * (series.sigma or 1.0)
+    middle, width = low + (at_bin + 0.5) * reach / max(of_bins, 1), reach / max(of_bins, 1)
+    words = (
+        f"a local bump of {height:.2g} {series.unit} in position, at {middle:.3g} "
+        f"{series.position_unit}, about {width:.2g} {series.position_unit} wide"
+    )
+    return _Finding(min(1.0, chances * float(2 * stats.norm.sf(abs(strength)))), words)
+
+
+# words -> (label, what is taken of it)
+_LAWS: dict[str, tuple[str, Callable[[Floats], Floats]]] = {
+    "a law in velocity v": ("velocity", lambda v: v),
+    "a law in velocity v|v|": ("velocity", lambda v: v * np.abs(v)),
+    "the direction of motion sgn v": ("velocity", np.sign),
+    "a law in acceleration a": ("acceleration", lambda a: a),
+    "a law in position x": ("position", lambda x: x),
+    "a law in position x³": ("position", lambda x: (x - (x.max() + x.min()) / 2) ** 3),
+}
+
+
+def _law(
+    lefts: Sequence[_Left], name: str, label: str, shape: Callable[[Floats], Floats]
+) -> _Finding:
+    values = [shape(np.asarray(left.label(label))) for left in lefts]
+    parts = np.concatenate([v - v.mean() for v in values])
+    z = np.concatenate([left.z for left in lefts])
+    strength = math.sqrt(float(parts @ parts))
+    if not strength:
+        return _Finding(1.0, None)
+    slope = float(parts @ z) / strength
+    series = lefts[0].series
+    size = abs(slope) * float(np.abs(parts).max()) / strength * (series.sigma or 1.0)
+    words = f"{name}, up to {size:.2g} {series.unit}"
+    return _Finding(float(2 * stats.norm.sf(abs(slope))), words)

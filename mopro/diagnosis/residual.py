@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,39 +26,60 @@ class Residuals:
         self.keep = np.ones(sum(map(len, data)), dtype=bool) if keep is None else keep
         self.measured = np.concatenate([series.values for series in data])
         self.weights = np.concatenate([np.full(len(s), 1 / (s.sigma or 1.0)) for s in data])
-        self._basis = self._nuisance_basis()
-        self.count = int(self.keep.sum()) - self._basis.shape[1]
+        self.basis = self.nuisance_basis(self.keep)
+        self.count = int(self.keep.sum()) - self.basis.shape[1]
 
     def subset(self, keep: Mask) -> Residuals:
         return Residuals(self._simulate, self.data, keep)
 
     def at(self, settings: Settings) -> Floats:
         """The whitened residual of the kept samples with `settings`."""
-        predicted = np.concatenate([np.asarray(p, dtype=float) for p in self._simulate(settings)])
-        if predicted.shape != self.measured.shape:
+        return self.cleaned((self.measured - self.predicted(settings)) * self.weights)
+
+    def predicted(self, settings: Settings) -> Floats:
+        """All series one after the other, in their units."""
+        parts = [np.asarray(p, dtype=float) for p in self._simulate(settings)]
+        predicted = np.concatenate(parts) if parts else np.zeros(0)
+        if [len(part) for part in parts] != [len(series) for series in self.data]:
             message = (
                 f"the model predicts {predicted.size} values for {self.measured.size} measured"
             )
             raise ValueError(message)
-        return self.cleaned((self.measured - predicted) * self.weights)
+        return predicted
 
     def cleaned(self, whitened: Floats) -> Floats:
         """The kept part of a whitened vector, nuisances projected out."""
-        kept = whitened[self.keep]
-        cleaned: Floats = kept - self._basis @ (self._basis.T @ kept)
-        return cleaned
+        return projected_out(self.basis, whitened[self.keep])
 
-    def _nuisance_basis(self) -> Floats:
-        """An orthonormal basis of all nuisances on the kept samples."""
-        total = sum(series.nuisance_shapes().shape[1] for series in self.data)
-        shapes = np.zeros((len(self.measured), total))
-        row = column = 0
+    def split(self, joined: Floats) -> list[Floats]:
+        """A vector over all series as one array for each."""
+        ends = np.cumsum([0, *map(len, self.data)])
+        return [joined[a:b] for a, b in pairwise(ends.tolist())]
+
+    def nuisance_basis(self, keep: Mask) -> Floats:
+        """An orthonormal basis (kept samples x count) of all nuisances."""
+        columns = []
+        end = 0
         for series in self.data:
-            own = series.nuisance_shapes()
-            shapes[row : row + len(series), column : column + own.shape[1]] = own
-            row, column = row + len(series), column + own.shape[1]
-        kept = (shapes * self.weights[:, None])[self.keep]
-        left, strength, _ = np.linalg.svd(kept, full_matrices=False)
-        independent = strength > 1e-9 * max(strength.max(initial=0.0), 1e-300)
-        basis: Floats = left[:, independent]
-        return basis
+            own = np.arange(end, end + len(series))
+            end += len(series)
+            shapes = series.nuisance_shapes()
+            for shape in _orthonormal(shapes[keep[own]]).T:
+                column = np.zeros(len(keep))
+                column[own[keep[own]]] = shape
+                columns.append(column[keep])
+        return np.array(columns).T if columns else np.zeros((int(keep.sum()), 0))
+
+
+def projected_out(basis: Floats, vector: Floats) -> Floats:
+    """`vector`, or each column of a matrix, without its part in an orthonormal `basis`."""
+    cleaned: Floats = vector - basis @ (basis.T @ vector)
+    return cleaned
+
+
+def _orthonormal(shapes: Floats) -> Floats:
+    """A basis of the columns; a series has one sigma, so weighing changes nothing."""
+    left, strength, _ = np.linalg.svd(shapes, full_matrices=False)
+    independent = strength > 1e-9 * max(strength.max(initial=0.0), 1e-300)
+    basis: Floats = left[:, independent]
+    return basis

@@ -1,58 +1,53 @@
-"""Which effects, if any: signatures, shortlist, forward and backward steps, held-out parts."""
+"""Which effects, if any: a shortlist by score, a beam of fits forward, swaps, and back."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 import numpy as np
 from scipy import stats
 
-from mopro.diagnosis.fit import Fit, fit, probes
-from mopro.diagnosis.model import Candidate, Floats, Mask, Settings
+from mopro.diagnosis.fit import Fit, fit, price
+from mopro.diagnosis.heldout import HeldOut, held_out
+from mopro.diagnosis.model import Candidate, Role, Settings
 from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.signature import Group, Scored, score, signatures, sought
 
 _SHORTLIST = 6
 _BEAM = 3
 _MOST_EFFECTS = 3
-_STARTS_KEPT = 2
-# A rival that explains as well as this much in chi-squared cannot be told apart.
+_FORMS_OF_A_NAME = 2
+_MOST_SWAPS = 3
+_RIVALS_TRIED = 6
+# An effect that is no dearer than this (chi-squared and price) cannot be told apart.
 RIVAL_MARGIN = 10.0
+# How far a signature may misjudge what a fit will gain, as a share of that gain.
+_MISJUDGED = 0.1
 
-
-@dataclass(frozen=True)
-class Scored:
-    """A candidate's promise: the drop in chi-squared that its signature predicts.
-
-    `starts` are the settings that fit best along the signatures.
-    """
-
-    candidate: Candidate
-    gain: float
-    starts: tuple[Settings, ...]
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """Misfit of parts that were not fitted: mean square of the whitened residual."""
-
-    before: float
-    after: float
-    without: dict[str, float]
-
-    def supports(self, effect: str) -> bool:
-        """Whether the held-out parts fit better with `effect` than without it."""
-        return self.after < self.without[effect]
+T = TypeVar("T")
+R = TypeVar("R")
+Progress = Callable[[str], None]
 
 
 class Search:
     """Looks through a catalogue for the effects that account for a residual."""
 
-    def __init__(self, residuals: Residuals, catalogue: Sequence[Candidate]) -> None:
+    def __init__(
+        self,
+        residuals: Residuals,
+        catalogue: Sequence[Candidate],
+        jobs: int = 1,
+        progress: Progress = lambda _: None,
+    ) -> None:
         self.residuals = residuals
         self.catalogue = tuple(catalogue)
-        self._fits: dict[frozenset[str], Fit] = {}
+        self._jobs = jobs
+        self._progress = progress
+        self._fits: dict[frozenset[tuple[str, str]], Fit] = {}
+        self._groups: dict[tuple[frozenset[tuple[str, str]], tuple[str, str]], list[Group]] = {}
 
     @property
     def null(self) -> Fit:
@@ -63,54 +58,119 @@ class Search:
 
     def fitted(self, candidates: Sequence[Candidate], starts: Sequence[Settings]) -> Fit:
         """The fit of a set of effects; each set is fitted once."""
-        key = frozenset(candidate.name for candidate in candidates)
+        key = frozenset(candidate.key for candidate in candidates)
         if key not in self._fits:
+            if candidates:
+                self._progress("fitting " + " + ".join(sorted(c.name for c in candidates)))
             self._fits[key] = fit(self.residuals, candidates, starts)
         return self._fits[key]
 
+    def _each(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
+        """`function` of all items, in several threads if there is more than one job."""
+        if self._jobs == 1:
+            return [function(item) for item in items]
+        with ThreadPoolExecutor(self._jobs) as pool:
+            return list(pool.map(function, items))
+
     # -- signatures ------------------------------------------------------------
 
-    def scores(self, base: Fit) -> list[Scored]:
-        """All candidates not in `base`, the most promising first (score test)."""
-        others = [c for c in self.catalogue if c.name not in base.names]
-        tangent, _ = np.linalg.qr(base.jacobian)
-        scored = [self._score(base, tangent, candidate) for candidate in others]
-        return sorted(scored, key=lambda s: -s.gain)
+    def scores(self, base: Fit, at: Fit | None = None) -> list[Scored]:
+        """All candidates that may join `base`, the most promising first (score test).
 
-    def _score(self, base: Fit, tangent: Floats, candidate: Candidate) -> Scored:
-        """Each probe's signature, free in size, against what `base` leaves."""
-        trials: list[tuple[float, Settings]] = []
-        for probe in probes(candidate):
-            moved = base.residual - self.residuals.at({**base.settings, **probe})
-            signature = moved - tangent @ (tangent.T @ moved)
-            strength = float(signature @ signature)
-            if strength <= 0:
-                continue
-            size = float(signature @ base.residual) / strength
-            start = _resized(candidate, probe, size)
-            trials.append((size**2 * strength if start else 0.0, start or probe))
-        trials.sort(key=lambda trial: -trial[0])
-        best = trials[0][0] if trials else 0.0
-        return Scored(candidate, best, tuple(start for _, start in trials[:_STARTS_KEPT]))
+        Signatures are those at `at`, which is `base` itself unless given: those at a fit
+        nearby cost no simulation.
+        """
+        others = [c for c in self.catalogue if c.name not in base.names and c.refines is None]
+        tangent, _ = np.linalg.qr(base.jacobian)
+
+        def scored(candidate: Candidate) -> Scored:
+            groups = self._signatures(at or base, candidate)
+            groups = [*groups, *sought(self.residuals, base, candidate)]
+            return score(base, tangent, candidate, groups)
+
+        found = self._each(scored, others)
+        return sorted(found, key=lambda s: self.predicted(base, s))
+
+    def expected_sigmas(self, at: Fit, candidate: Candidate) -> float | None:
+        """How strong the largest effect to expect would be, or None if nobody can say.
+
+        That is possible for a single amplitude, to which the response is proportional.
+        """
+        amplitudes = [p for p in candidate.parameters if p.role is Role.AMPLITUDE]
+        if len(amplitudes) != 1:
+            return None
+        parameter = amplitudes[0]
+        sizes = [
+            abs(v - parameter.null) for v in parameter.plausible or (parameter.low, parameter.high)
+        ]
+        strongest = 0.0
+        for group in self._signatures(at, candidate):
+            probed = abs(group[0].values[parameter.name] - parameter.null)
+            own = max(float(np.linalg.norm(probe.change)) for probe in group)
+            strongest = max(strongest, own * max(sizes) / probed)
+        return strongest
+
+    def _signatures(self, at: Fit, candidate: Candidate) -> list[Group]:
+        key = (at.key, candidate.key)
+        if key not in self._groups:
+            self._progress(f"the signature of {candidate.name}")
+            self._groups[key] = signatures(self.residuals, at, candidate)
+        return self._groups[key]
+
+    def predicted(self, base: Fit, scored: Scored) -> float:
+        """The cost that `base` and a candidate together promise to come to."""
+        left = max(base.rss - scored.gain, 1e-300)
+        misfit = left if base.known_noise else base.count * math.log(left / max(base.count, 1))
+        return self.cost(base) - base.misfit + misfit + self.dearer(base, scored.candidate)
+
+    def dearer(self, base: Fit, candidate: Candidate) -> float:
+        """What a candidate must gain in chi-squared beside `base` to pay for itself."""
+        own = sum(price(parameter, base.count) for parameter in candidate.parameters)
+        pool, count = len(self.catalogue), len(base.candidates)
+        return own + 2 * (_log_ways(pool, count + 1) - _log_ways(pool, count))
 
     # -- steps -----------------------------------------------------------------
 
     def run(self) -> Fit:
-        """The cheapest set of effects by forward steps of a beam, then backward."""
+        """The cheapest set of effects: forward steps of a beam, forms, swaps, and back."""
         best, beam = self.null, [self.null]
         for _ in range(_MOST_EFFECTS):
-            grown = {f.names: f for base in beam for f in self._extended(base)}
-            beam = sorted(grown.values(), key=self.cost)[:_BEAM]
+            grown = {f.key: f for base in beam for f in self._extended(base)}
+            beam = _apart(sorted(grown.values(), key=self.cost))[:_BEAM]
             if not beam or self.cost(beam[0]) >= self.cost(best):
                 break
-            best = beam[0]
-        return self._pruned(best)
+            best = self.refined(beam[0])
+            beam = [best, *(b for b in beam if b.names != best.names)][:_BEAM]
+        return self._swapped(self._pruned(best))
 
-    def _extended(self, base: Fit) -> Iterator[Fit]:
-        for scored in self.scores(base)[:_SHORTLIST]:
-            if scored.starts:
-                starts = [{**base.settings, **start} for start in scored.starts]
-                yield self.fitted((*base.candidates, scored.candidate), starts)
+    def _extended(self, base: Fit) -> list[Fit]:
+        """`base` with each of the candidates that promise to pay for themselves."""
+        chosen: list[Scored] = []
+        for scored in self.scores(base):
+            forms = sum(c.candidate.name == scored.candidate.name for c in chosen)
+            worth = scored.starts and self.predicted(base, scored) < self.cost(base)
+            if worth and forms < _FORMS_OF_A_NAME:
+                chosen.append(scored)
+        return self._each(lambda scored: self._joined(base, scored), chosen[:_SHORTLIST])
+
+    def _joined(self, base: Fit, scored: Scored) -> Fit:
+        starts = [{**base.settings, **start} for start in scored.starts]
+        return self.fitted((*base.candidates, scored.candidate), starts)
+
+    def refined(self, found: Fit) -> Fit:
+        """`found` with those of its effects freed further for which it pays."""
+        for candidate in found.candidates:
+            for finer in self.catalogue:
+                if (finer.name, finer.refines) != candidate.key:
+                    continue
+                kept = [c for c in found.candidates if c.name != finer.name]
+                values = {p.name: p.null for p in finer.parameters}
+                start = {**values, **{p.name: p.starts[0] for p in finer.parameters if p.starts}}
+                joined = finer.settings(start | dict(found.settings[finer.name]))
+                trial = self.fitted((*kept, finer), [{**found.settings, **joined}])
+                if self.cost(trial) < self.cost(found):
+                    return self.refined(trial)
+        return found
 
     def _pruned(self, found: Fit) -> Fit:
         """`found` without the effects that do not pay for themselves."""
@@ -121,36 +181,60 @@ class Search:
             found = cheaper
         return found
 
+    def _swapped(self, found: Fit) -> Fit:
+        """`found` with an effect replaced by a rival as long as that is better."""
+        for _ in range(_MOST_SWAPS):
+            swaps = [swap for name in found.names for swap in self._swaps(found, name)]
+            better = min(swaps, key=self.cost, default=found)
+            if self.cost(better) >= self.cost(found):
+                break
+            found = self._pruned(self.refined(better))
+        return found
+
     def without(self, found: Fit, name: str) -> Fit:
         kept = tuple(c for c in found.candidates if c.name != name)
         return self.fitted(kept, [{c.name: found.settings[c.name] for c in kept}])
 
-    def rivals(self, found: Fit, name: str) -> list[tuple[str, float]]:
-        """Effects that do as well in the place of `name`, and how much worse they fit."""
+    def _swaps(self, found: Fit, name: str) -> list[Fit]:
+        """Fits with the likeliest rivals in the place of `name`."""
         rest = self.without(found, name)
-        as_good = []
-        for scored in self.scores(rest):
-            if scored.candidate.name == name or not scored.starts:
-                continue
-            starts = [{**rest.settings, **start} for start in scored.starts]
-            swapped = self.fitted((*rest.candidates, scored.candidate), starts)
-            worse = misfit(swapped) - misfit(found)
-            as_well = worse < RIVAL_MARGIN and not swapped.at_bound()
-            if as_well and not _contains(swapped, found):
-                as_good.append((scored.candidate.name, worse))
-        return sorted(as_good, key=lambda rival: rival[1])
+        scored = self.scores(rest, None if self._looked_at(rest) else self.null)
+        gain = rest.rss - found.rss
+        enough = gain - 4 * RIVAL_MARGIN - _MISJUDGED * gain
+        close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
+        close.sort(key=lambda s: -s.gain)
+        return self._each(lambda s: self._joined(rest, s), close[:_RIVALS_TRIED])
 
-    # -- held out --------------------------------------------------------------
+    def _looked_at(self, base: Fit) -> bool:
+        return any(at == base.key for at, _ in self._groups)
+
+    def rivals(self, found: Fit, name: str) -> list[tuple[str, float]]:
+        """Effects that do as well in the place of `name`, and how much dearer they are."""
+        as_good: dict[str, float] = {}
+        for swapped in self._swaps(found, name):
+            (rival,) = swapped.names - found.names
+            worse = self.cost(swapped) - self.cost(found)
+            as_well = worse < RIVAL_MARGIN and swapped.plausible
+            if as_well and not _contains(swapped, found):
+                as_good[rival] = min(worse, as_good.get(rival, worse))
+        return sorted(as_good.items(), key=lambda rival: rival[1])
 
     def held_out(self, found: Fit) -> HeldOut:
-        """Each fold predicted by a fit of the others, with and without each effect."""
-        folds = list(_folds(self.residuals))
-        sets = {name: self.without(found, name) for name in found.names}
-        return HeldOut(
-            before=_misfit_of_folds(self.residuals, self.null, folds),
-            after=_misfit_of_folds(self.residuals, found, folds),
-            without={n: _misfit_of_folds(self.residuals, f, folds) for n, f in sets.items()},
-        )
+        """How parts that were not fitted are predicted, with and without each effect."""
+        without = {name: self.without(found, name) for name in found.names}
+        return held_out(self.residuals, self.null, found, without)
+
+
+def _log_ways(pool: int, count: int) -> float:
+    return math.log(math.comb(max(pool, count), count))
+
+
+def _apart(fits: Sequence[Fit]) -> list[Fit]:
+    """The first of each set of names: two forms of one effect are one way to go on."""
+    first: dict[frozenset[str], Fit] = {}
+    for each in fits:
+        first.setdefault(each.names, each)
+    return list(first.values())
 
 
 def _contains(wider: Fit, found: Fit) -> bool:
@@ -158,51 +242,9 @@ def _contains(wider: Fit, found: Fit) -> bool:
 
     Then it is no other explanation, only a roomier one.
     """
-    extra = len(wider.order) - len(found.order)
+    extra = len(wider.order) + wider.held - len(found.order) - found.held
     if extra <= 0:
         return False
     apart = wider.residual - found.residual
     scale = 1.0 if found.known_noise else found.rss / found.count
     return float(apart @ apart) / scale < float(stats.chi2.ppf(0.999, extra))
-
-
-def misfit(found: Fit) -> float:
-    """-2 log likelihood but for a constant."""
-    if found.known_noise:
-        return found.rss
-    return found.count * math.log(max(found.rss, 1e-300) / found.count)
-
-
-def _resized(candidate: Candidate, probe: Settings, size: float) -> Settings | None:
-    """`probe` with its amplitudes times `size`, or None if that leaves their ranges."""
-    values = dict(probe[candidate.name])
-    for parameter in candidate.parameters:
-        if parameter.amplitude:
-            values[parameter.name] *= size
-            slack = 0.05 * (parameter.high - parameter.low)
-            if not parameter.low - slack <= values[parameter.name] <= parameter.high + slack:
-                return None
-    return {candidate.name: values}
-
-
-def _folds(residuals: Residuals) -> Iterator[Mask]:
-    """Masks of the parts to hold out: a run's moves, or whole runs, whichever are given."""
-    labels = []
-    for index, series in enumerate(residuals.data):
-        own = np.full(len(series), index) if series.folds is None else series.folds
-        labels.append(own)
-    joined = np.concatenate(labels)
-    for label in np.unique(joined):
-        yield joined == label
-
-
-def _misfit_of_folds(residuals: Residuals, found: Fit, folds: Sequence[Mask]) -> float:
-    total = 0.0
-    for mask in folds:
-        settings: Settings = {}
-        if found.candidates:
-            training = residuals.subset(~mask)
-            settings = fit(training, found.candidates, [found.settings]).settings
-        left = residuals.subset(mask).at(settings)
-        total += float(left @ left)
-    return total / sum(int(mask.sum()) for mask in folds)

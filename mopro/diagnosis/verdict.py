@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from mopro.diagnosis.model import Settings
+from mopro.diagnosis.model import Floats, Settings
 from mopro.diagnosis.remainder import Remainder
 
 
@@ -21,16 +21,21 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that is believed, and what cannot be told from it on these data.
+    """An effect that is believed, in which form, and what cannot be told from it.
 
-    `log10_bayes_factor` weighs the model with it against the one without, its price
-    paid; `held_out` tells whether parts that were not fitted gain by it.
+    `rivals` says how much dearer each of those is, in chi-squared with its price.
+    `log10_bayes_factor` weighs the model with the effect against the one without, its
+    price paid, `sigmas` is the size of what it explains in standard deviations of the
+    noise, and `held_out` tells whether parts that were not fitted gain by it.
     """
 
     name: str
+    form: str
     parameters: dict[str, Estimate]
     indistinguishable_from: list[str]
+    rivals: dict[str, float]
     log10_bayes_factor: float
+    sigmas: float
     held_out: bool
 
 
@@ -44,6 +49,19 @@ class Rejected:
 
 
 @dataclass(frozen=True)
+class BelowResolution:
+    """An effect that these data could not show at any size to expect.
+
+    The largest would come to `expected_sigmas` standard deviations in all; `needed_sigmas`
+    are what it takes to be seen.
+    """
+
+    name: str
+    expected_sigmas: float
+    needed_sigmas: float
+
+
+@dataclass(frozen=True)
 class Where:
     """How far one series is off before anything is added."""
 
@@ -51,6 +69,19 @@ class Where:
     sensor: str
     rms: float
     sigma: float | None
+
+
+@dataclass(frozen=True)
+class RunGap:
+    """The gap of one series, in its own unit."""
+
+    run: str
+    sensor: str
+    unit: str
+    before_rms: float
+    after_rms: float
+    held_out_rms: float | None
+    noise_rms: float | None
 
 
 @dataclass(frozen=True)
@@ -62,19 +93,39 @@ class Gap:
     after_rms: float
     noise_rms: float | None
     held_out_rms: float | None
+    runs: tuple[RunGap, ...] = ()
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What a named effect adds to each series, in its unit, and the chi-squared it takes away."""
+
+    name: str
+    changes: tuple[Floats, ...]
+    gain: float
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """`none`, `named`, `ambiguous` or `unexplained`, and the grounds for it."""
+    """`none`, `named`, `ambiguous` or `unexplained`, and the grounds for it.
+
+    `before` and `after` are what is left of each series, in its unit, without and with
+    the effects named; `next_experiment` is the text of a program that would tell rivals
+    apart, if whoever asked can write one.
+    """
 
     verdict: str
     effects: tuple[Named, ...]
     rejected: tuple[Rejected, ...]
+    below_resolution: tuple[BelowResolution, ...]
     where: tuple[Where, ...]
     gap: Gap
     remainder: Remainder
     settings: Settings
+    before: tuple[Floats, ...] = ()
+    after: tuple[Floats, ...] = ()
+    signatures: tuple[Signature, ...] = ()
+    next_experiment: str | None = None
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -88,19 +139,23 @@ class Verdict:
                 "noise_rms": self.gap.noise_rms,
                 "held_out": self.gap.held_out_rms is not None,
                 "held_out_rms": self.gap.held_out_rms,
+                "runs": [vars(run) for run in self.gap.runs],
             },
             "remainder": {
                 "significant": self.remainder.significant,
                 "description": self.remainder.description,
+                "scatter_sigma": self.remainder.scatter,
             },
             "rejected": [vars(rejected) for rejected in self.rejected],
-            "next_experiment": None,
+            "below_resolution": [vars(faint) for faint in self.below_resolution],
+            "next_experiment": self.next_experiment,
         }
 
 
 def _effect_json(effect: Named) -> dict[str, Any]:
     return {
         "name": effect.name,
+        "form": effect.form,
         "indistinguishable_from": effect.indistinguishable_from,
         "parameters": {
             name: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95), "at_bound": e.at_bound}
@@ -108,6 +163,8 @@ def _effect_json(effect: Named) -> dict[str, Any]:
         },
         "evidence": {
             "log10_bayes_factor": effect.log10_bayes_factor,
+            "sigmas": effect.sigmas,
             "held_out": effect.held_out,
+            "rivals": effect.rivals,
         },
     }

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis import Candidate, Parameter, Role, Series
 
 MASS_KG = 2.0
 SMOOTHING_M_S = 1e-3
@@ -23,16 +23,24 @@ CATALOGUE = (
         "stribeck",
         (
             Parameter("Fs", "N", 0, 10, (1.0,)),
-            Parameter("v0", "m/s", 0.02, 1.0, (0.05, 0.2, 0.6), amplitude=False),
+            Parameter("v0", "m/s", 0.02, 1.0, (0.05, 0.2, 0.6), Role.SHAPE),
         ),
     ),
     Candidate("inertia", (Parameter("dM", "kg", -1, 1, (0.1,)),)),
     Candidate(
         "position_ripple",
         (
-            Parameter("sine", "N", -5, 5, (1e-9, 1.0)),
-            Parameter("cosine", "N", -5, 5, (1e-9, 1.0)),
-            Parameter("period", "m", 0.004, 0.06, tuple(np.linspace(0.005, 0.055, 21)), False),
+            Parameter("sine", "N", -5, 5, (1.0,)),
+            Parameter("cosine", "N", -5, 5, (1.0,)),
+            Parameter(
+                "period",
+                "m",
+                0.004,
+                0.06,
+                tuple(1 / np.linspace(17, 250, 60)),
+                Role.SHAPE,
+                inverse=True,
+            ),
         ),
         flexible=True,
     ),

@@ -1,0 +1,100 @@
+"""Parts that are held out: predicted from fits of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mopro.diagnosis.fit import Fit, fit
+from mopro.diagnosis.model import Floats, Mask
+from mopro.diagnosis.residual import Residuals, projected_out
+
+_MOST_FOLDS = 12
+# Below so many samples a problem is refitted in earnest; above, the slopes at the fit
+# tell what leaving a part out would have changed, as it is a small change.
+_FEW = 1000
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Misfit of parts that were not fitted: mean square of the whitened residual.
+
+    `residual` is the misfit itself, sample by sample.
+    """
+
+    before: float
+    after: float
+    without: dict[str, float]
+    residual: Floats
+
+    def supports(self, effect: str) -> bool:
+        """Whether the held-out parts fit better with `effect` than without it."""
+        return self.after < self.without[effect]
+
+
+def held_out(residuals: Residuals, null: Fit, found: Fit, without: dict[str, Fit]) -> HeldOut:
+    """Each part predicted by a fit of the others, with and without each effect."""
+    parts = folds(residuals)
+    after = _predicted(residuals, found, parts)
+    return HeldOut(
+        before=_mean_square(_predicted(residuals, null, parts)),
+        after=_mean_square(after),
+        without={
+            name: _mean_square(_predicted(residuals, other, parts))
+            for name, other in without.items()
+        },
+        residual=after,
+    )
+
+
+def folds(residuals: Residuals) -> list[Mask]:
+    """Masks of the parts: a run's moves, or whole runs, whichever are given.
+
+    Many small parts go together, so that there are a dozen at most.
+    """
+    labels, first = [], 0
+    for series in residuals.data:
+        own = np.zeros(len(series), int) if series.folds is None else np.asarray(series.folds)
+        _, numbers = np.unique(own, return_inverse=True)
+        labels.append(first + numbers)
+        first += int(numbers.max()) + 1
+    joined = np.concatenate(labels)
+    if first > _MOST_FOLDS and len(joined) > _FEW:
+        joined = joined % _MOST_FOLDS
+    return [joined == label for label in np.unique(joined)]
+
+
+def _mean_square(residual: Floats) -> float:
+    return float(np.mean(residual**2))
+
+
+def _predicted(residuals: Residuals, found: Fit, parts: Sequence[Mask]) -> Floats:
+    left = np.empty(len(residuals.measured))
+    for part in parts:
+        if len(left) <= _FEW:
+            left[part] = _refitted(residuals, found, part)
+        else:
+            left[part] = _extrapolated(residuals, found, part)
+    return left
+
+
+def _refitted(residuals: Residuals, found: Fit, part: Mask) -> Floats:
+    settings = found.settings
+    if found.candidates:
+        settings = fit(residuals.subset(~part), found.candidates, [settings]).settings
+    return residuals.subset(part).at(settings)
+
+
+def _extrapolated(residuals: Residuals, found: Fit, part: Mask) -> Floats:
+    """By the fit's slopes: what the other parts alone would have moved its parameters."""
+    inner, outer = residuals.nuisance_basis(part), residuals.nuisance_basis(~part)
+    own, others = found.residual[part], projected_out(outer, found.residual[~part])
+    if not len(found.order):
+        return projected_out(inner, own)
+    slopes = projected_out(outer, found.jacobian[~part])
+    scale = np.linalg.norm(slopes, axis=0)
+    scale[scale == 0] = 1.0
+    change = np.linalg.lstsq(slopes / scale, -others, rcond=1e-9)[0] / scale
+    return projected_out(inner, own + found.jacobian[part] @ change)

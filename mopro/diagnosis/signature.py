@@ -1,0 +1,159 @@
+"""Signatures: the change that one extra simulation shows, and what it promises (score test)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from mopro.diagnosis.fit import Fit
+from mopro.diagnosis.model import Candidate, Floats, Leftover, Parameter, Role, Settings
+from mopro.diagnosis.residual import Residuals, projected_out
+
+_STARTS_KEPT = 2
+_QUARTER_TURN = np.pi / 2
+# A signature whose remains beside the others are a smaller share is rounding.
+_INDEPENDENT = 1e-6
+# A probe without an amplitude is what it is; a shape not yet fitted may be off by this.
+_MOST_OF_A_SHAPE = 3.0
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A candidate's promise: the drop in chi-squared that its signature predicts.
+
+    `starts` are the settings that fit best along the signatures.
+    """
+
+    candidate: Candidate
+    gain: float
+    starts: tuple[Settings, ...]
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Settings to try a candidate at, and the whitened change that they make.
+
+    `moved` names what was set away from its null: an amplitude, and the angle it has.
+    """
+
+    values: Mapping[str, float]
+    moved: tuple[str, str | None]
+    change: Floats
+
+
+# Probes whose changes add up: one for each amplitude and each quarter of an angle.
+Group = tuple[Probe, ...]
+
+
+def signatures(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]:
+    """One group of probes for each combination of the shapes' starts, at `base`."""
+
+    def probe(values: dict[str, float], moved: tuple[str, str | None]) -> Probe:
+        settings = {**base.settings, **candidate.settings(values)}
+        return Probe(values, moved, base.residual - residuals.at(settings))
+
+    return [tuple(probe(values, moved) for values, moved in group) for group in _groups(candidate)]
+
+
+def _groups(
+    candidate: Candidate,
+) -> Iterator[list[tuple[dict[str, float], tuple[str, str | None]]]]:
+    own = candidate.parameters
+    amplitudes = [p for p in own if p.role is Role.AMPLITUDE]
+    shapes = [p for p in own if p.role in (Role.SHAPE, Role.HELD)]
+    phases = [p.name for p in own if p.role is Role.PHASE]
+    null = {p.name: p.null for p in amplitudes} | dict.fromkeys(phases, 0.0)
+    for shape in product(*(p.starts for p in shapes)):
+        form = null | {p.name: v for p, v in zip(shapes, shape, strict=True)}
+        if not amplitudes:
+            yield [(form, ("", None))]
+        for sizes in _sizes(amplitudes):
+            yield [
+                (form | {name: size} | turned, (name, angle))
+                for name, size in sizes.items()
+                for turned, angle in _turns(phases)
+            ]
+
+
+def _sizes(amplitudes: Sequence[Parameter]) -> list[dict[str, float]]:
+    """A single amplitude is tried at each of its starts, several together at their first."""
+    if len(amplitudes) == 1:
+        return [{amplitudes[0].name: start} for start in amplitudes[0].starts]
+    return [{p.name: p.starts[0] for p in amplitudes}] if amplitudes else []
+
+
+def _turns(phases: Sequence[str]) -> list[tuple[dict[str, float], str | None]]:
+    if not phases:
+        return [({}, None)]
+    (phase,) = phases
+    return [({phase: 0.0}, phase), ({phase: _QUARTER_TURN}, phase)]
+
+
+def score(base: Fit, tangent: Floats, candidate: Candidate, groups: Sequence[Group]) -> Scored:
+    """How much of what `base` leaves the signatures take away, free in size.
+
+    `tangent` is an orthonormal basis of what the effects of `base` can move themselves.
+    """
+    trials = [_trial(base.residual, tangent, candidate, group) for group in groups]
+    trials.sort(key=lambda trial: -trial[0])
+    starts = tuple(candidate.settings(values) for gain, values in trials[:_STARTS_KEPT] if gain > 0)
+    return Scored(candidate, trials[0][0] if trials else 0.0, starts)
+
+
+def _trial(
+    left: Floats, tangent: Floats, candidate: Candidate, group: Group
+) -> tuple[float, dict[str, float]]:
+    changes = np.array([probe.change for probe in group]).T
+    apart = projected_out(tangent, changes)
+    strengths, whole = np.linalg.norm(apart, axis=0), np.linalg.norm(changes, axis=0)
+    seen = strengths > _INDEPENDENT * np.maximum(whole, 1e-300)
+    sizes = np.zeros(len(group))
+    if seen.any():
+        sizes[seen] = np.linalg.lstsq(apart[:, seen], left, rcond=1e-6)[0]
+    values, sizes = _resized(candidate, group, sizes)
+    explained = apart @ sizes
+    return float(2 * explained @ left - explained @ explained), values
+
+
+def _resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str, float], Floats]:
+    """The start that `sizes` times the probes come to, and the sizes that its range allows."""
+    values = dict(group[0].values)
+    by_name = {p.name: p for p in candidate.parameters}
+    allowed = sizes.copy()
+    if group[0].moved[0] == "":
+        allowed = np.clip(sizes, 0.0, _MOST_OF_A_SHAPE)
+    for name in {probe.moved[0] for probe in group} - {""}:
+        own = [i for i, probe in enumerate(group) if probe.moved[0] == name]
+        parameter, angle = by_name[name], group[own[0]].moved[1]
+        probed = group[own[0]].values[name] - parameter.null
+        size = float(np.hypot(*sizes[own])) if angle else float(sizes[own[0]])
+        values[name] = parameter.within(parameter.null + size * probed)
+        if angle:
+            values[angle] = float(np.arctan2(sizes[own[1]], sizes[own[0]]))
+        if size:
+            allowed[own] *= (values[name] - parameter.null) / (size * probed)
+    return values, allowed
+
+
+def sought(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]:
+    """What the candidate's own search finds in what `base` leaves, each as a probe."""
+    if candidate.seek is None:
+        return []
+    predicted = residuals.predicted(base.settings)
+    whole = (residuals.measured - predicted) * residuals.weights
+    left = Leftover(
+        residuals.data,
+        residuals.split(projected_out(residuals.basis, whole)),
+        residuals.split(predicted),
+        lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
+    )
+    groups: list[Group] = []
+    for values in candidate.seek(left):
+        settings = {**base.settings, **candidate.settings(values)}
+        change = base.residual - residuals.at(settings)
+        amplitude = next((p.name for p in candidate.parameters if p.role is Role.AMPLITUDE), "")
+        groups.append((Probe(dict(values), (amplitude, None), change),))
+    return groups
