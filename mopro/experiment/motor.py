@@ -92,9 +92,7 @@ class Motor:
 
     # -- one reading -----------------------------------------------------------
 
-    def _reading(
-        self, index: int, trial: Trial, reading: Reading, settings: Settings
-    ) -> Floats:
+    def _reading(self, index: int, trial: Trial, reading: Reading, settings: Settings) -> Floats:
         active = self.active(index, settings)
         motion = self._motion(index, _of_the_motion(active))
         if reading.sensor.quantity == TEMPERATURE:
@@ -194,9 +192,7 @@ def _axes(sensors: Sequence[Sensor], active: Sequence[Active]) -> set[int]:
     return set(AXES) if seen else set()
 
 
-def _position(
-    motion: Motion, reading: Reading, active: tuple[Active, ...], air_C: float
-) -> Floats:
+def _position(motion: Motion, reading: Reading, active: tuple[Active, ...], air_C: float) -> Floats:
     """What the sensor shows at its stamps, in its unit."""
     sensor = reading.sensor
     chain = on_axis(active, sensor.axis)

@@ -1,5 +1,7 @@
 """Hours of short moves: the cost is the hours', and the temperature the exact one."""
 
+import math
+
 import numpy as np
 import pytest
 from paths import PROGRAMS
@@ -38,7 +40,7 @@ def exact_C(moves, conductance, per_metre, per_hertz, until_s, times):
     air = temperature = MACHINE.heat.ambient_C
     found = np.empty(len(times))
     for balance, start, end in zip(balances, starts, [*starts[1:], until_s], strict=True):
-        out = balance.conductance_W_K + conductance + per_metre * sum(balance.lengths_m)
+        out = balance.conductance_W_K + conductance + per_metre * math.hypot(*balance.lengths_m)
         hertz = sum(balance.speeds_m_s) / MACHINE.axis.pitch_m
         final, rate = air + (balance.power_W + per_hertz * hertz) / out, out / CAPACITY_J_K
         here = (times >= start) & (times <= end)
