@@ -128,13 +128,13 @@ def _resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[st
     for name in {probe.moved[0] for probe in group} - {""}:
         own = [i for i, probe in enumerate(group) if probe.moved[0] == name]
         parameter, angle = by_name[name], group[own[0]].moved[1]
-        probed = group[own[0]].values[name] - parameter.null
+        probed = group[own[0]].values[name]
         size = float(np.hypot(*sizes[own])) if angle else float(sizes[own[0]])
-        values[name] = parameter.within(parameter.null + size * probed)
+        values[name] = parameter.within(parameter.grown(probed, size))
         if angle:
             values[angle] = float(np.arctan2(sizes[own[1]], sizes[own[0]]))
         if size:
-            allowed[own] *= (values[name] - parameter.null) / (size * probed)
+            allowed[own] *= parameter.size(values[name], of=probed) / size
     return values, allowed
 
 

@@ -52,6 +52,11 @@ class Sensor:
             raise DataError(message, "wrong-unit")
         return float(factor)
 
+    @property
+    def sigma(self) -> float:
+        """The standard deviation of a reading: its noise and the converter's rounding."""
+        return math.hypot(self.noise_rms, self.adc_step / math.sqrt(12))
+
 
 def measure(
     recording: Recording,

@@ -79,7 +79,17 @@ class Motor:
 
     def schedule(self, index: int) -> Schedule:
         """What run number `index` commands without further effects."""
-        return self._motion(index, self.active(index, {})).staging.schedule
+        return self._motion(index, _of_the_motion(self._own)).staging.schedule
+
+    def way_m(self) -> tuple[float, float]:
+        """The least and the greatest position that any sensor was to see."""
+        places = [
+            self._motion(index, _of_the_motion(self._own)).position_m[reading.sensor.axis]
+            for index, trial in enumerate(self.experiment.trials)
+            for reading in trial.readings
+            if reading.sensor.quantity != TEMPERATURE
+        ]
+        return min(float(x.min()) for x in places), max(float(x.max()) for x in places)
 
     def active(self, index: int, settings: Settings) -> tuple[Active, ...]:
         """The machine's effects and those in `settings`, as they are in run `index`."""
@@ -99,7 +109,7 @@ class Motor:
             return self._temperature(index, reading, active)
         return _position(motion, reading, active, self.experiment.machine.heat.ambient_C)
 
-    def _temperature(self, index: int, reading: Reading, active: Sequence[Active]) -> Floats:
+    def _temperature(self, index: int, reading: Reading, active: tuple[Active, ...]) -> Floats:
         """Sensed on a grid of its own, as a thermocouple is slow against the motion."""
         heat = self._staging(index, active).heat
         end_s = float(reading.time_s[-1])
