@@ -13,6 +13,7 @@ from dataclasses import replace
 from mopro.diagnosis import Candidate, Parameter, Role
 from mopro.emulator.effects import catalogue
 from mopro.emulator.measured import POSITION, TEMPERATURE
+from mopro.experiment import thermal
 from mopro.experiment.model import Experiment
 from mopro.experiment.motor import AXIS, RUN, Motor, angle_in
 from mopro.experiment.seek import Seeker
@@ -28,8 +29,10 @@ def candidates(motor: Motor) -> list[Candidate]:
     found: list[Candidate] = []
     if POSITION in quantities:
         found += _of_position(motor)
+    if TEMPERATURE in quantities or experiment.tables:
+        found += thermal.candidates(experiment.machine)
     if TEMPERATURE in quantities:
-        found += _of_heat(experiment)
+        found += _of_warming()
     return [_from_the_machine(candidate, experiment) for candidate in found]
 
 
@@ -201,8 +204,10 @@ def _lines(motor: Motor) -> Iterator[Candidate]:
 # -- stage T -----------------------------------------------------------------------
 
 
-def _of_heat(experiment: Experiment) -> Iterator[Candidate]:
-    return iter(())
+def _of_warming() -> Iterator[Candidate]:
+    """What shows on the way to a steady state only."""
+    yield _one("ambient_drift", "r", 1e-4)
+    yield _one("thermocouple_lag", "tau", 10.0)
 
 
 # -- parameters --------------------------------------------------------------------

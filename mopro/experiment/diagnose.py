@@ -13,7 +13,8 @@ from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcil
 from mopro.experiment.catalogue import candidates
 from mopro.experiment.model import Experiment, Floats
 from mopro.experiment.motor import COARSE_STEP_S, FINE_STEP_S, Motor
-from mopro.experiment.series import series_of, table_series
+from mopro.experiment import thermal
+from mopro.experiment.series import series_of
 from mopro.experiment.steady import rises
 
 OFFSET = "sensor_offset"
@@ -36,7 +37,7 @@ class Model:
         return [*self.motor(settings), *tables]
 
     def series(self) -> list[Series]:
-        return [*series_of(self.motor), *map(table_series, self.experiment.tables)]
+        return [*series_of(self.motor), *map(thermal.series, self.experiment.tables)]
 
 
 def diagnose(

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from mopro.diagnosis import Series
 from mopro.experiment.labels import labels_of
-from mopro.experiment.model import Reading, SteadyTable
+from mopro.experiment.model import Reading
 from mopro.experiment.motor import Motor
 
 # Moves are numbered apart in each run.
@@ -41,18 +39,4 @@ def _series(motor: Motor, index: int, reading: Reading) -> Series:
             "acceleration": labels.acceleration_m_s2 * scale,
         },
         position_unit=unit,
-    )
-
-
-def table_series(table: SteadyTable) -> Series:
-    """The rises of a table, each row a part of its own; they have no offset to fit."""
-    rows = len(table.rise_K)
-    return Series(
-        run=table.name,
-        sensor="table",
-        unit="K",
-        values=table.rise_K,
-        sigma=table.noise_K,
-        folds=np.arange(rows),
-        nuisances=np.zeros((rows, 0)),
     )
