@@ -97,6 +97,10 @@ class DataError(MoproError):
     rule = "bad-data"
 
 
+class DataFileError(LocatedError, DataError):
+    """Findings at places of a data file."""
+
+
 class LinkError(MoproError):
     """The conversation with a controller failed; `rule` says in which way."""
 

@@ -19,7 +19,9 @@ from mopro.emulator.effects import Active, on_axis
 from mopro.emulator.effects.base import Scene
 from mopro.errors import DataError
 from mopro.machine import Machine
+from mopro.program import AXES
 from mopro.recording import Recording
+from mopro.recording.record import Columns
 from mopro.units import UNITS
 
 POSITION, TEMPERATURE = "position", "temperature"
@@ -69,15 +71,32 @@ def measure(
 
     Noise needs a `generator`. Before and after the recording everything stands still.
     """
+    end_s = float(recording["time_s"][-1])
+    stamps = np.arange(math.floor(end_s * sensor.rate_hz + 1e-6) + 1) / sensor.rate_hz
+    seen = measured_at(recording.columns, sensor, machine, active, stamps)
+    return stamps, _converted(seen, sensor, generator)
+
+
+def measured_at(
+    columns: Columns,
+    sensor: Sensor,
+    machine: Machine,
+    active: Sequence[Active],
+    stamps: Floats,
+) -> Floats:
+    """The reading for each stamp (s), in the column's unit; no noise, no converter's step.
+
+    `columns` are those of a recording, evenly sampled; for a temperature `time_s` and
+    `temperature_C` will do.
+    """
     chain = tuple(active)
     if sensor.quantity == POSITION:
         chain = on_axis(chain, sensor.axis)
-    dense = recording["time_s"]
-    seen = _target(recording, sensor, machine, chain)
+    dense = columns["time_s"]
+    seen = _target(columns, sensor, machine, chain)
     for a in chain:
         lag_s = a.effect.bandwidth_s(sensor.quantity, *a.values)
         seen = _first_order(dense, seen, lag_s) if lag_s > 0 else seen
-    stamps = np.arange(math.floor(float(dense[-1]) * sensor.rate_hz + 1e-6) + 1) / sensor.rate_hz
     taken = stamps
     for a in chain:
         taken = a.effect.sampled_at(taken, *a.values)
@@ -85,22 +104,20 @@ def measure(
     if sensor.quantity == POSITION:
         for a in chain:
             reading = a.effect.electronics(reading, taken, *a.values)
-    return stamps, _converted(reading / sensor.unit_si, sensor, generator)
+    return reading / sensor.unit_si
 
 
-def _target(
-    recording: Recording, sensor: Sensor, machine: Machine, chain: Sequence[Active]
-) -> Floats:
+def _target(columns: Columns, sensor: Sensor, machine: Machine, chain: Sequence[Active]) -> Floats:
     if sensor.quantity == TEMPERATURE:
-        temperature: Floats = recording["temperature_C"]
+        temperature: Floats = columns["temperature_C"]
         return temperature
-    x: Floats = recording[f"position_{sensor.axis}_m"]
-    others = [n for n in recording.axes if n != sensor.axis]
+    x: Floats = columns[f"position_{sensor.axis}_m"]
+    others = [n for n in AXES if n != sensor.axis and f"position_{n}_m" in columns]
     scene = Scene(
-        time_s=recording["time_s"],
-        own_velocity_m_s=recording[f"velocity_{sensor.axis}_m_s"],
-        other_m=recording[f"position_{others[0]}_m"] if others else np.zeros_like(x),
-        temperature_C=recording["temperature_C"],
+        time_s=columns["time_s"],
+        own_velocity_m_s=columns[f"velocity_{sensor.axis}_m_s"],
+        other_m=columns[f"position_{others[0]}_m"] if others else np.zeros_like(x),
+        temperature_C=columns["temperature_C"],
         air_C=machine.heat.ambient_C,
     )
     for a in chain:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mopro.emulator.measured import Sensor
 from mopro.machine import Machine
 from mopro.program import Program
-from mopro.source import Source
+from mopro.source import Source, Span
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +41,8 @@ class LoggedCommand:
 class Trial:
     """One run of an experiment; `name` is its data file as the experiment names it.
 
-    It has a program or a logged command, never both.
+    It has a program or a logged command, never both. `span` is the place of its data in
+    the experiment file; data of a run that is `partial` may end before its program does.
     """
 
     name: str
@@ -49,6 +50,8 @@ class Trial:
     command: LoggedCommand | None
     payload_kg: float
     readings: tuple[Reading, ...]
+    span: Span = field(default=Span(1, 1, 1), compare=False)
+    partial: bool = False
 
     @property
     def duration_s(self) -> float:
@@ -76,9 +79,13 @@ class SteadyTable:
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment file with all that it names read."""
+    """An experiment file with all that it names read.
+
+    `notes` are what a person should know of the data though nothing is wrong with them.
+    """
 
     source: Source
     machine: Machine
     trials: tuple[Trial, ...]
     tables: tuple[SteadyTable, ...]
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,100 @@
+"""`mopro compare`."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import click
+
+from mopro.cli.main import EXIT_FAILED
+
+if TYPE_CHECKING:
+    from mopro.experiment.compare import Comparison, Place, SeriesTest
+
+_MOST_ROWS = 40
+_PLACES = ("run", "line", "phase", "axis", "way", "sensor", "samples", "mean", "rms", "sigma", "")
+_SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "size p", "memory p", "noise only")
+
+
+@click.command()
+@click.argument("experiment", type=click.Path())
+@click.option("--seed", type=int, default=0, show_default=True, help="For ties of a coarse ADC.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(experiment: str, seed: int, as_json: bool) -> int:
+    """Show where simulation and data disagree: by run, line, phase, direction and axis.
+
+    Residuals are measured less simulated, each sensor's offset taken out. Exits with 1 if
+    they are more than the sensors' noise.
+
+    Example: mopro compare experiment.toml
+    """
+    import numpy as np
+
+    from mopro.experiment import load_experiment
+    from mopro.experiment.compare import DISAGREEMENT, compare
+
+    loaded = load_experiment(experiment)
+    for note in loaded.notes:
+        click.echo(note, err=True)
+    found = compare(loaded, np.random.default_rng(seed))
+    if as_json:
+        answer = {"experiment": experiment, "machine": loaded.machine.name, **found.as_json()}
+        click.echo(json.dumps(answer, indent=1))
+    else:
+        _print(found)
+    return EXIT_FAILED if found.verdict == DISAGREEMENT else 0
+
+
+def _print(found: Comparison) -> None:
+    from mopro.cli.table import print_table
+
+    print_table(_SERIES, map(_series_cells, found.series), _MOST_ROWS)
+    print_table(_PLACES, map(_place_cells, found.where), _MOST_ROWS)
+    click.echo(f"{found.verdict}{_because(found)}")
+
+
+def _because(found: Comparison) -> str:
+    """What a verdict without figures of its own needs to be understood."""
+    places = sum(place.significant for place in found.where)
+    if places:
+        return f" in {places} of {len(found.where)} places"
+    if any(series.white is False for series in found.series):
+        return ": what is left has memory, or is too large, over a whole run"
+    if any(series.white is None for series in found.series):
+        return ": the noise of a table is unknown; a [[sensor]] of a temperature would state it"
+    return ""
+
+
+def _place_cells(place: Place) -> list[str]:
+    return [
+        place.run,
+        str(place.line),
+        place.phase,
+        "-" if place.axis is None else str(place.axis),
+        "-" if not place.direction else f"{place.direction:+d}",
+        place.sensor,
+        str(place.count),
+        f"{place.mean:+.3g} {place.unit}",
+        f"{place.rms:.3g} {place.unit}",
+        _figure(place.sigma),
+        "*" if place.significant else "",
+    ]
+
+
+def _series_cells(series: SeriesTest) -> list[str]:
+    return [
+        series.run,
+        series.sensor,
+        str(series.count),
+        f"{series.rms:.3g} {series.unit}",
+        "-" if series.noise_rms is None else f"{series.noise_rms:.3g} {series.unit}",
+        _figure(series.sigma),
+        _figure(series.size_p),
+        _figure(series.memory_p),
+        {True: "yes", False: "no", None: "unknown"}[series.white],
+    ]
+
+
+def _figure(number: float | None) -> str:
+    return "-" if number is None else f"{number:.3g}"

@@ -1,0 +1,254 @@
+"""Data files: columns of numbers, each fault told at its file, line and column.
+
+CSV with a header (lines that begin with # before it are skipped), or a recording of mopro.
+An empty cell, or `nan`, is a sample that the file lacks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import NoReturn, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.errors import DataFileError, Diagnostic
+from mopro.experiment.model import Floats
+from mopro.source import Source, Span
+
+TIME = "time_s"
+MOST_CHARACTERS = 10_000
+MOST_ROWS = 20_000_000
+_MOST_FOUND = 50
+_DOS_END_OF_FILE = "\x1a"
+_FILE = Span(1, 1, 1)
+_RECORDINGS = (".parquet", ".npz")
+
+
+@dataclass(frozen=True)
+class FileSource(Source):
+    """A file too long to be kept as a text; a message reads the line that it shows."""
+
+    path: Path = field(default=Path())
+
+    def line(self, number: int) -> str:
+        if self.path.suffix.lower() in _RECORDINGS:
+            return ""
+        try:
+            with _opened(self.path) as file:
+                return next((text for n, text in _lines(file) if n == number), "").rstrip("\r\n")
+        except OSError:
+            return ""
+
+
+@dataclass(frozen=True)
+class DataFile:
+    """Columns of equal length with the line that each row stands in.
+
+    `names` are all columns of the file, `columns` those that were asked for and are there.
+    """
+
+    source: FileSource
+    names: tuple[str, ...]
+    header_line: int
+    columns: Mapping[str, Floats]
+    lines: NDArray[np.int64]
+
+    def place(self, row: int, column: str) -> Span:
+        """Where the cell of `column` stands in data row `row`."""
+        line = int(self.lines[row])
+        return cell_span(self.source.line(line), line, self.names.index(column))
+
+    def refuse(
+        self, rule: str, message: str, row: int, column: str, hint: str | None = None
+    ) -> NoReturn:
+        finding = Diagnostic(rule, message, self.place(row, column), hint=hint)
+        raise DataFileError(self.source, [finding])
+
+    def refuse_header(self, rule: str, message: str, hint: str | None = None) -> NoReturn:
+        header = self.source.line(self.header_line)
+        span = Span(self.header_line, 1, max(2, len(header) + 1))
+        raise DataFileError(self.source, [Diagnostic(rule, message, span, hint=hint)])
+
+    def require(self, column: str) -> Floats:
+        """The column; DataFileError that suggests what may be meant if it is not there."""
+        if column not in self.columns:
+            self._refuse_lacking(column)
+        return self.columns[column]
+
+    def _refuse_lacking(self, column: str) -> NoReturn:
+        other = other_unit(column, self.names)
+        if other:
+            message = f"the file has {other}, and {column} was expected"
+            hint = "units are not guessed: name the column as it is, or convert the data"
+            self.refuse_header("mixed-units", message, hint)
+        near = get_close_matches(column, self.names, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        self.refuse_header(
+            "missing-column",
+            f"there is no column {column}",
+            f"{hint}The file has {', '.join(self.names)}",
+        )
+
+
+def other_unit(column: str, names: Iterable[str]) -> str | None:
+    """The column of `names` that is `column` in another unit."""
+    stem = column.rsplit("_", 1)[0]
+    for name in names:
+        if name != column and name.rpartition("_")[0] == stem:
+            return name
+    return None
+
+
+def cell_span(text: str, line: int, nth: int) -> Span:
+    """The place of the `nth` cell in a line of comma-separated ones."""
+    cells = text.split(",")
+    if nth >= len(cells):
+        return Span(line, len(text) + 1, len(text) + 2)
+    start = sum(len(cell) + 1 for cell in cells[:nth]) + 1
+    lead = len(cells[nth]) - len(cells[nth].lstrip())
+    return Span(line, start + lead, start + max(len(cells[nth]), lead + 1))
+
+
+def read_data(path: Path, name: str, wanted: Collection[str]) -> DataFile:
+    """The columns of `wanted` that file `path` has; `name` stands for it in messages.
+
+    Raises DataFileError with all findings, or DataError for a recording that is none.
+    """
+    if path.suffix.lower() in _RECORDINGS:
+        return _from_recording(path, name, wanted)
+    source = FileSource(name, "", path=path)
+    try:
+        with _opened(path) as file:
+            return _Rows(source, wanted).read(file)
+    except OSError as error:
+        raise refused(source, "unreadable", f"cannot be read: {error.strerror}") from error
+
+
+def refused(
+    source: Source, rule: str, message: str, hint: str | None = None, span: Span = _FILE
+) -> DataFileError:
+    """The error of a file as a whole, or at one place."""
+    return DataFileError(source, [Diagnostic(rule, message, span, hint=hint)])
+
+
+def _from_recording(path: Path, name: str, wanted: Collection[str]) -> DataFile:
+    from mopro.recording import read
+
+    recording = read(path)
+    columns = {c: np.asarray(v, float) for c, v in recording.columns.items() if c in wanted}
+    lines = np.arange(1, len(recording) + 1)
+    return DataFile(FileSource(name, "", path=path), tuple(recording.columns), 1, columns, lines)
+
+
+def _opened(path: Path) -> TextIO:
+    return open(path, encoding="utf-8-sig", errors="replace", newline=None)
+
+
+def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
+    """Numbered lines, each read no further than a line may be long, to DOS's end of file."""
+    number = 0
+    while text := file.readline(MOST_CHARACTERS):
+        number += 1
+        text, end, _ = text.partition(_DOS_END_OF_FILE)
+        yield number, text
+        if end:
+            return
+
+
+class _Rows:
+    """Takes a CSV file apart, and gathers what is wrong with it."""
+
+    def __init__(self, source: FileSource, wanted: Collection[str]) -> None:
+        self._source = source
+        self._wanted = wanted
+        self._found: list[Diagnostic] = []
+
+    def read(self, file: TextIO) -> DataFile:
+        lines = self._significant(file)
+        header_line, header = next(lines, (1, ""))
+        names = self._header(header_line, header)
+        used = [(i, name) for i, name in enumerate(names) if name in self._wanted]
+        numbers: list[int] = []
+        values: list[list[float]] = [[] for _ in used]
+        for number, text in lines:
+            cells = text.split(",")
+            if len(cells) != len(names):
+                self._report("wrong-cells", _cells_message(cells, names), number, text, 0)
+                continue
+            numbers.append(number)
+            if len(numbers) > MOST_ROWS:
+                raise refused(self._source, "too-long", f"more than {MOST_ROWS} rows")
+            for kept, (i, _) in zip(values, used, strict=True):
+                kept.append(self._number(cells[i], number, text, i))
+        if not numbers and not self._found:
+            self._report("empty-file", "there are no data below the header", header_line, header, 0)
+        self._check()
+        columns = {name: np.array(v) for v, (_, name) in zip(values, used, strict=True)}
+        return DataFile(self._source, names, header_line, columns, np.array(numbers))
+
+    def _significant(self, file: TextIO) -> Iterator[tuple[int, str]]:
+        """Lines that say something, without their ends; comments only stand at the top."""
+        at_top = True
+        for number, text in _lines(file):
+            comment = at_top and text.startswith("#")
+            if len(text) >= MOST_CHARACTERS and not comment:
+                message = f"a line of more than {MOST_CHARACTERS - 1} characters"
+                self._report("too-long", message, number, text[:200], 0)
+                self._check()
+            text = text.rstrip("\r\n")
+            if text.strip() and not comment:
+                at_top = False
+                yield number, text
+
+    def _header(self, line: int, text: str) -> tuple[str, ...]:
+        names = tuple(cell.strip().strip('"') for cell in text.split(","))
+        if not text:
+            self._report("empty-file", "the file is empty: expected a header and data", 1, "", 0)
+        elif all(_as_number(name) is not None for name in names):
+            hint = f"name the columns in the first line, such as {TIME},position_1_in"
+            self._report("no-header", "expected a header, found numbers", line, text, 0, hint)
+        for i, name in enumerate(names):
+            if name and name in names[:i]:
+                self._report("double-column", f"there are two columns {name}", line, text, i)
+        self._check()
+        return names
+
+    def _number(self, cell: str, line: int, text: str, nth: int) -> float:
+        """The cell's number; NaN for one that is empty."""
+        word = cell.strip().strip('"')
+        if not word:
+            return math.nan
+        number = _as_number(word)
+        if number is None or math.isinf(number):
+            hint = "an empty cell stands for a sample that is not there"
+            message = f"'{word[:40]}' is no number that can be measured"
+            self._report("not-a-number", message, line, text, nth, hint)
+            return math.nan
+        return number
+
+    def _report(
+        self, rule: str, message: str, line: int, text: str, nth: int, hint: str | None = None
+    ) -> None:
+        self._found.append(Diagnostic(rule, message, cell_span(text, line, nth), hint=hint))
+        if len(self._found) >= _MOST_FOUND:
+            self._check()
+
+    def _check(self) -> None:
+        if self._found:
+            raise DataFileError(self._source, self._found)
+
+
+def _cells_message(cells: list[str], names: tuple[str, ...]) -> str:
+    return f"{len(cells)} cells, expected {len(names)} as in the header"
+
+
+def _as_number(word: str) -> float | None:
+    try:
+        return None if "_" in word else float(word)
+    except ValueError:
+        return None

@@ -1,0 +1,20 @@
+"""An experiment from its file, read and looked through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mopro.experiment.file import read_experiment
+from mopro.experiment.model import Experiment
+from mopro.experiment.suspicion import check
+
+
+def load_experiment(path: str | Path) -> Experiment:
+    """The experiment in file `path` with all its data, which belong to their programs.
+
+    Raises ModelError, SourceError, MotionError and DataError, each with all findings of
+    its kind; nothing is guessed.
+    """
+    experiment = read_experiment(path)
+    check(experiment)
+    return experiment
