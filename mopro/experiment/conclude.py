@@ -52,11 +52,11 @@ def conclude(
     """Diagnose `experiment` and draw the conclusions; raises MotionError, ModelError."""
     progress("comparing")
     places = compare(experiment, np.random.default_rng(_SEED)).where
-    model = Model(experiment)
-    verdict = diagnose(experiment, jobs, progress)
+    diagnosis = diagnose(experiment, jobs, progress)
+    verdict, series = diagnosis.verdict, diagnosis.series
     progress("running the experiment again with what was found")
-    again = Model(replace(experiment, machine=machine_with(experiment, verdict)))
-    series = tuple(model.series())
+    machine = machine_with(experiment, verdict)
+    again = Model(replace(experiment, machine=machine), resolved=diagnosis.resolved)
     proposal = None
     if verdict.verdict == "ambiguous":
         progress("looking for an experiment that tells the rivals apart")
@@ -67,9 +67,7 @@ def conclude(
         verdict=verdict,
         where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
         machine_text=machine_text(experiment, verdict),
-        rerun_rms=tuple(
-            _rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)
-        ),
+        rerun_rms=tuple(_rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)),
         next_experiment=proposal,
     )
 

@@ -1,19 +1,20 @@
-"""An experiment through the diagnosis: model, candidates and data joined, the answer rounded off."""
+"""An experiment through the diagnosis: its model, its candidates and its data joined."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
+from mopro.diagnosis.residual import Residuals
+from mopro.experiment import thermal
 from mopro.experiment.catalogue import candidates
 from mopro.experiment.model import Experiment, Floats
 from mopro.experiment.motor import COARSE_STEP_S, FINE_STEP_S, Motor
-from mopro.experiment import thermal
 from mopro.experiment.series import series_of
 from mopro.experiment.steady import rises
 
@@ -22,14 +23,22 @@ OFFSET = "sensor_offset"
 _CLEARLY = 6.0
 _THE_SAME = 1e-3
 _FEWEST_RUNS = 2
+# What microsteps must take away in chi-squared before they are taken to show.
+_STEPS_SHOW = 10.0
 
 
 class Model:
     """Everything that an experiment measured, as effects would have it."""
 
-    def __init__(self, experiment: Experiment, max_step_s: float = COARSE_STEP_S) -> None:
+    def __init__(
+        self,
+        experiment: Experiment,
+        max_step_s: float = COARSE_STEP_S,
+        resolved: bool = False,
+    ) -> None:
         self.experiment = experiment
-        self.motor = Motor(experiment, max_step_s)
+        self.resolved = resolved
+        self.motor = Motor(experiment, max_step_s, resolved)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         machine = self.experiment.machine
@@ -40,24 +49,51 @@ class Model:
         return [*series_of(self.motor), *map(thermal.series, self.experiment.tables)]
 
 
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict, the data that it is about, and whether the drive's microsteps show in them."""
+
+    verdict: Verdict
+    series: tuple[Series, ...]
+    resolved: bool
+
+
 def diagnose(
     experiment: Experiment, jobs: int = 1, progress: Callable[[str], None] = lambda _: None
-) -> Verdict:
+) -> Diagnosis:
     """What the machine's model lacks that the experiment's data show.
 
-    Raises MotionError for a program that cannot be run.
+    A drive whose microsteps show is another model of the same motor: the one that fits
+    better is taken. Raises MotionError for a program that cannot be run.
     """
-    model = Model(experiment)
+    smooth = _judged(Model(experiment), jobs, progress)
+    stepped = Model(experiment, resolved=True)
+    with_steps = _misfit(stepped, smooth.series, smooth.verdict.settings)
+    if (
+        with_steps
+        > _misfit(Model(experiment), smooth.series, smooth.verdict.settings) - _STEPS_SHOW
+    ):
+        return smooth
+    return _judged(stepped, jobs, progress)
+
+
+def _judged(model: Model, jobs: int, progress: Callable[[str], None]) -> Diagnosis:
     data = model.series()
     verdict = reconcile(
         model,
         candidates(model.motor),
         data,
-        finer=Model(experiment, FINE_STEP_S),
+        finer=Model(model.experiment, FINE_STEP_S, model.resolved),
         jobs=jobs,
         progress=progress,
     )
-    return _with_offset(verdict, data, model({})) if verdict.verdict == "none" else verdict
+    if verdict.verdict == "none":
+        verdict = _with_offset(verdict, data, model({}))
+    return Diagnosis(verdict, tuple(data), model.resolved)
+
+
+def _misfit(model: Model, data: Sequence[Series], settings: Settings) -> float:
+    return float(np.sum(Residuals(model, data).at(settings) ** 2))
 
 
 def _with_offset(verdict: Verdict, data: Sequence[Series], predicted: Sequence[Floats]) -> Verdict:

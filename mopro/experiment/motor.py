@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Lock
 
 import numpy as np
@@ -61,11 +61,21 @@ class Motion:
 
 
 class Motor:
-    """Predicts every reading of an experiment's runs, in their order."""
+    """Predicts every reading of an experiment's runs, in their order.
 
-    def __init__(self, experiment: Experiment, max_step_s: float = COARSE_STEP_S) -> None:
+    `resolved` tells whether the drive's angle moves in whole microsteps; a fine sensor
+    sees the difference.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        max_step_s: float = COARSE_STEP_S,
+        resolved: bool = False,
+    ) -> None:
         self.experiment = experiment
         self._max_step_s = max_step_s
+        self._resolved = resolved
         self._own = active_effects(experiment.machine, catalogue())
         self._motions: OrderedDict[object, Motion] = OrderedDict()
         self._lock = Lock()
@@ -149,8 +159,10 @@ class Motor:
 
     def _staging(self, index: int, active: tuple[Active, ...]) -> Staging:
         trial, machine = self.experiment.trials[index], self.experiment.machine
-        how = EmulatorSettings(machine, trial.payload_kg, True, self._max_step_s, True)
-        return staged(self._planned(trial, active), how, active)
+        how = EmulatorSettings(machine, trial.payload_kg, self._resolved, self._max_step_s, True)
+        schedule = self._planned(trial, active)
+        lasting = max(schedule.duration_s, trial.duration_s)
+        return staged(replace(schedule, duration_s=lasting), how, active)
 
     def _planned(self, trial: Trial, active: tuple[Active, ...]) -> Schedule:
         machine = self.experiment.machine
@@ -160,7 +172,7 @@ class Motor:
             for a in active:
                 schedule = a.effect.schedule(schedule, *a.values)
             return schedule
-        for_s = trial.duration_s if trial.program.loops_forever else None
+        for_s = trial.duration_s if trial.program.loops_forever or trial.partial else None
         return planned(trial.program, machine, active, for_s)
 
 

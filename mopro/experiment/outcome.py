@@ -42,7 +42,9 @@ def machine_text(experiment: Experiment, verdict: Verdict) -> str:
 
 def machine_with(experiment: Experiment, verdict: Verdict) -> Machine:
     """The machine that `machine_text` describes, read as any other file is."""
-    return read_machine(Source(f"{experiment.machine.name} (reconciled)", machine_text(experiment, verdict)))
+    return read_machine(
+        Source(f"{experiment.machine.name} (reconciled)", machine_text(experiment, verdict))
+    )
 
 
 def _without(source: Source, effects: set[str]) -> Iterator[str]:
