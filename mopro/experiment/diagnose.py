@@ -68,11 +68,7 @@ def diagnose(
     """
     smooth = _judged(Model(experiment), jobs, progress)
     stepped = Model(experiment, resolved=True)
-    with_steps = _misfit(stepped, smooth.series, smooth.verdict.settings)
-    if (
-        with_steps
-        > _misfit(Model(experiment), smooth.series, smooth.verdict.settings) - _STEPS_SHOW
-    ):
+    if _misfit(smooth, stepped) > _misfit(smooth, Model(experiment)) - _STEPS_SHOW:
         return smooth
     return _judged(stepped, jobs, progress)
 
@@ -92,8 +88,9 @@ def _judged(model: Model, jobs: int, progress: Callable[[str], None]) -> Diagnos
     return Diagnosis(verdict, tuple(data), model.resolved)
 
 
-def _misfit(model: Model, data: Sequence[Series], settings: Settings) -> float:
-    return float(np.sum(Residuals(model, data).at(settings) ** 2))
+def _misfit(found: Diagnosis, model: Model) -> float:
+    """Chi-squared of what was found, under another model of the same motor."""
+    return float(np.sum(Residuals(model, found.series).at(found.verdict.settings) ** 2))
 
 
 def _with_offset(verdict: Verdict, data: Sequence[Series], predicted: Sequence[Floats]) -> Verdict:
