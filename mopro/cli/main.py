@@ -32,6 +32,7 @@ COMMANDS = {
     "machine": "mopro.cli.machine",
     "measure": "mopro.cli.measure",
     "ports": "mopro.cli.ports",
+    "reconcile": "mopro.cli.reconcile",
     "run": "mopro.cli.run",
     "serve": "mopro.cli.serve",
     "thesis": "mopro.cli.thesis",

@@ -16,7 +16,7 @@ from mopro.diagnosis.residual import Residuals
 _NEAR_BOUND = 1e-3
 # What a fit may still be off its minimum, in chi-squared.
 _CLOSE_ENOUGH = 0.01
-_MOST_EVALUATIONS = 25
+_MOST_EVALUATIONS = 15
 # A value that its range holds back, or that is clearly implausible: odds of 150 to 1.
 IMPLAUSIBLE_PRICE = 10.0
 _CLEARLY = 2.0

@@ -70,6 +70,19 @@ class Parameter:
         low, high = self._coordinate(self.low), self._coordinate(self.high)
         return self._coordinate(low + scaled * (high - low))
 
+    def grown(self, value: float, size: float) -> float:
+        """The value whose distance from the null is `size` times that of `value`."""
+        null = self._coordinate(self.null)
+        coordinate = null + size * (self._coordinate(value) - null)
+        if self.inverse and coordinate <= 0:
+            return max(self.low, self.high)
+        return self._coordinate(coordinate)
+
+    def size(self, value: float, of: float) -> float:
+        """How many times as far from the null `value` is as `of`."""
+        null = self._coordinate(self.null)
+        return (self._coordinate(value) - null) / (self._coordinate(of) - null)
+
     def _coordinate(self, value: float) -> float:
         return 1 / value if self.inverse else value
 

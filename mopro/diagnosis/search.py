@@ -13,6 +13,7 @@ from scipy import stats
 from mopro.diagnosis.fit import Fit, fit, price
 from mopro.diagnosis.heldout import HeldOut, held_out
 from mopro.diagnosis.model import Candidate, Role, Settings
+from mopro.diagnosis.remainder import examine
 from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.signature import Group, Scored, score, signatures, sought
 
@@ -26,10 +27,15 @@ _RIVALS_TRIED = 6
 RIVAL_MARGIN = 10.0
 # How far a signature may misjudge what a fit will gain, as a share of that gain.
 _MISJUDGED = 0.1
+# A residual this many times as large as noise may be too far off for signatures to rank.
+_ROUGHLY = 100.0
+_MORE_IF_ROUGH = 4
 
 T = TypeVar("T")
 R = TypeVar("R")
 Progress = Callable[[str], None]
+# A set of effects in their forms.
+Key = frozenset[tuple[str, str]]
 
 
 class Search:
@@ -46,8 +52,9 @@ class Search:
         self.catalogue = tuple(catalogue)
         self._jobs = jobs
         self._progress = progress
-        self._fits: dict[frozenset[tuple[str, str]], Fit] = {}
-        self._groups: dict[tuple[frozenset[tuple[str, str]], tuple[str, str]], list[Group]] = {}
+        self._fits: dict[Key, Fit] = {}
+        self._scores: dict[tuple[Key, Key], list[Scored]] = {}
+        self._groups: dict[tuple[Key, tuple[str, str]], list[Group]] = {}
 
     @property
     def null(self) -> Fit:
@@ -80,11 +87,17 @@ class Search:
         Signatures are those at `at`, which is `base` itself unless given: those at a fit
         nearby cost no simulation.
         """
+        key = base.key, (at or base).key
+        if key not in self._scores:
+            self._scores[key] = self._scored(base, at or base)
+        return self._scores[key]
+
+    def _scored(self, base: Fit, at: Fit) -> list[Scored]:
         others = [c for c in self.catalogue if c.name not in base.names and c.refines is None]
         tangent, _ = np.linalg.qr(base.jacobian)
 
         def scored(candidate: Candidate) -> Scored:
-            groups = self._signatures(at or base, candidate)
+            groups = self._signatures(at, candidate)
             groups = [*groups, *sought(self.residuals, base, candidate)]
             return score(base, tangent, candidate, groups)
 
@@ -100,14 +113,13 @@ class Search:
         if len(amplitudes) != 1:
             return None
         parameter = amplitudes[0]
-        sizes = [
-            abs(v - parameter.null) for v in parameter.plausible or (parameter.low, parameter.high)
-        ]
+        ends = parameter.plausible or (parameter.low, parameter.high)
         strongest = 0.0
         for group in self._signatures(at, candidate):
-            probed = abs(group[0].values[parameter.name] - parameter.null)
+            probed = group[0].values[parameter.name]
             own = max(float(np.linalg.norm(probe.change)) for probe in group)
-            strongest = max(strongest, own * max(sizes) / probed)
+            sizes = (abs(parameter.size(end, of=probed)) for end in ends)
+            strongest = max(strongest, own * max(sizes))
         return strongest
 
     def _signatures(self, at: Fit, candidate: Candidate) -> list[Group]:
@@ -135,23 +147,41 @@ class Search:
         """The cheapest set of effects: forward steps of a beam, forms, swaps, and back."""
         best, beam = self.null, [self.null]
         for _ in range(_MOST_EFFECTS):
-            grown = {f.key: f for base in beam for f in self._extended(base)}
-            beam = _apart(sorted(grown.values(), key=self.cost))[:_BEAM]
-            if not beam or self.cost(beam[0]) >= self.cost(best):
+            grown = {f.key: f for base in beam for f in self._extended(base, best)}
+            ranked = _apart(sorted(grown.values(), key=self.cost))
+            if not ranked or self.cost(ranked[0]) >= self.cost(best):
                 break
-            best = self.refined(beam[0])
-            beam = [best, *(b for b in beam if b.names != best.names)][:_BEAM]
+            best = self.refined(ranked[0])
+            beam = [best, *(f for f in ranked if f.names != best.names)][:_BEAM]
+            if self._settled(best):
+                break
         return self._swapped(self._pruned(best))
 
-    def _extended(self, base: Fit) -> list[Fit]:
-        """`base` with each of the candidates that promise to pay for themselves."""
+    def _settled(self, found: Fit) -> bool:
+        """Whether nothing is left over that any candidate promises to account for."""
+        if examine(self.residuals.data, found.residual, len(found.order)).significant:
+            return False
+        scored = self.scores(found, self.null)
+        return all(self.predicted(found, s) >= self.cost(found) for s in scored)
+
+    def _extended(self, base: Fit, best: Fit) -> list[Fit]:
+        """`base` with each of the candidates that promise to beat `best`.
+
+        Signatures are taken anew at the best fit alone; elsewhere those at the null will do.
+        """
+        scored = self.scores(base, base if base.key == best.key else self.null)
+        worth = [s for s in scored if s.starts and self.predicted(base, s) < self.cost(base)]
+        rough = base.rss > _ROUGHLY * base.count
         chosen: list[Scored] = []
-        for scored in self.scores(base):
-            forms = sum(c.candidate.name == scored.candidate.name for c in chosen)
-            worth = scored.starts and self.predicted(base, scored) < self.cost(base)
-            if worth and forms < _FORMS_OF_A_NAME:
-                chosen.append(scored)
-        return self._each(lambda scored: self._joined(base, scored), chosen[:_SHORTLIST])
+        for s in worth:
+            forms = sum(c.candidate.name == s.candidate.name for c in chosen)
+            slack = 4 * RIVAL_MARGIN + _MISJUDGED * s.gain
+            hopeful = rough or self.predicted(base, s) < self.cost(best) + slack
+            near = len(chosen) < _BEAM or rough or s.gain > (1 - _MISJUDGED) * worth[0].gain
+            if forms < _FORMS_OF_A_NAME and hopeful and near:
+                chosen.append(s)
+        most = _SHORTLIST + _MORE_IF_ROUGH * rough
+        return self._each(lambda s: self._joined(base, s), chosen[:most])
 
     def _joined(self, base: Fit, scored: Scored) -> Fit:
         starts = [{**base.settings, **start} for start in scored.starts]
@@ -198,15 +228,12 @@ class Search:
     def _swaps(self, found: Fit, name: str) -> list[Fit]:
         """Fits with the likeliest rivals in the place of `name`."""
         rest = self.without(found, name)
-        scored = self.scores(rest, None if self._looked_at(rest) else self.null)
+        scored = self.scores(rest, rest if (rest.key, rest.key) in self._scores else self.null)
         gain = rest.rss - found.rss
         enough = gain - 4 * RIVAL_MARGIN - _MISJUDGED * gain
         close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
         close.sort(key=lambda s: -s.gain)
         return self._each(lambda s: self._joined(rest, s), close[:_RIVALS_TRIED])
-
-    def _looked_at(self, base: Fit) -> bool:
-        return any(at == base.key for at, _ in self._groups)
 
     def rivals(self, found: Fit, name: str) -> list[tuple[str, float]]:
         """Effects that do as well in the place of `name`, and how much dearer they are."""

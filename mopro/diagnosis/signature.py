@@ -111,7 +111,9 @@ def _trial(
     strengths, whole = np.linalg.norm(apart, axis=0), np.linalg.norm(changes, axis=0)
     seen = strengths > _INDEPENDENT * np.maximum(whole, 1e-300)
     sizes = np.zeros(len(group))
-    if seen.any():
+    if len(group) == 1 and seen[0]:
+        sizes[0] = float(apart[:, 0] @ left) / float(strengths[0]) ** 2
+    elif seen.any():
         sizes[seen] = np.linalg.lstsq(apart[:, seen], left, rcond=1e-6)[0]
     values, sizes = _resized(candidate, group, sizes)
     explained = apart @ sizes
@@ -128,13 +130,13 @@ def _resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[st
     for name in {probe.moved[0] for probe in group} - {""}:
         own = [i for i, probe in enumerate(group) if probe.moved[0] == name]
         parameter, angle = by_name[name], group[own[0]].moved[1]
-        probed = group[own[0]].values[name] - parameter.null
+        probed = group[own[0]].values[name]
         size = float(np.hypot(*sizes[own])) if angle else float(sizes[own[0]])
-        values[name] = parameter.within(parameter.null + size * probed)
+        values[name] = parameter.within(parameter.grown(probed, size))
         if angle:
             values[angle] = float(np.arctan2(sizes[own[1]], sizes[own[0]]))
         if size:
-            allowed[own] *= (values[name] - parameter.null) / (size * probed)
+            allowed[own] *= parameter.size(values[name], of=probed) / size
     return values, allowed
 
 

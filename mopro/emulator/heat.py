@@ -11,7 +11,7 @@ far too fast for the forcer's heat capacity and is left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,12 +78,11 @@ class HeatHistory:
         self._starts_s = np.array(starts)
         self._final_C = np.array([machine.heat.ambient_C + b.rise_K for b in balances])
         self._rate_1_s = np.array([b.conductance_W_K for b in balances]) / self._capacity_J_K
-        self._initial_C = np.empty(len(starts))
-        temperature = machine.heat.ambient_C
-        for i in range(len(starts)):
-            self._initial_C[i] = temperature
-            if i + 1 < len(starts):
-                temperature = float(self._solution(i, self._starts_s[i + 1]))
+        decays = np.exp(-np.diff(self._starts_s) * self._rate_1_s[:-1]).tolist()
+        temperatures = [machine.heat.ambient_C]
+        for final, decay in zip(self._final_C.tolist(), decays, strict=False):
+            temperatures.append(final + (temperatures[-1] - final) * decay)
+        self._initial_C = np.array(temperatures)
 
     def temperature_C(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         piece = np.searchsorted(self._starts_s, time_s, side="right") - 1
@@ -102,33 +101,40 @@ def heat_pieces(
     machine: Machine, moves: Iterable[PlannedMove]
 ) -> tuple[list[float], list[HeatBalance]]:
     """The times at which the heating changes, and the balance from each on."""
-    changes: list[tuple[float, int, PlannedMove]] = []
-    for number, move in enumerate(moves):
-        if move.profile.distance:
-            changes += [(move.start_s, number, move), (move.end_s, number, move)]
-    changes.sort(key=lambda change: change[:2])
+    moving = [move for move in moves if move.profile.distance]
+    times_s = np.array([move.start_s for move in moving] + [move.end_s for move in moving])
+    numbers = np.tile(np.arange(len(moving)), 2)
+    order = np.lexsort((numbers, times_s))
     starts, balances = [0.0], [heat_balance(machine, 0, 0.0, 0.0)]
-    under_way: dict[int, PlannedMove] = {}
-    for time_s, number, move in changes:
+    under_way: dict[int, _Motion] = {}
+    known: dict[tuple[_Motion, ...], HeatBalance] = {(): balances[0]}
+    for time_s, number in zip(times_s[order].tolist(), numbers[order].tolist(), strict=True):
         if under_way.pop(number, None) is None:
-            under_way[number] = move
+            under_way[number] = _motion(moving[number])
+        motions = tuple(under_way.values())
+        if motions not in known:
+            known[motions] = _balance_of(machine, motions)
         if time_s > starts[-1]:
             starts.append(time_s)
-            balances.append(balances[-1])
-        balances[-1] = _balance_of(machine, list(under_way.values()))
+            balances.append(known[motions])
+        balances[-1] = known[motions]
     return starts, balances
 
 
-def _balance_of(machine: Machine, moves: list[PlannedMove]) -> HeatBalance:
+# A move's peak velocity over its distance, and each axis' way (microsteps, seconds).
+_Motion = tuple[float, tuple[int, ...]]
+
+
+def _motion(move: PlannedMove) -> _Motion:
+    lengths = tuple(abs(stroke.length_u) for stroke in move.strokes)
+    return move.profile.peak_velocity / move.profile.distance, lengths
+
+
+def _balance_of(machine: Machine, motions: Sequence[_Motion]) -> HeatBalance:
     """Moves at their peak velocity along their path (eq. 3.18 ignores the ramps)."""
     scale = machine.microstep_m
-    lengths = [
-        stroke.length_u * scale for move in moves for stroke in move.strokes if stroke.length_u
-    ]
-    speeds = [
-        move.profile.peak_velocity * abs(stroke.length_u) / move.profile.distance * scale
-        for move in moves
-        for stroke in move.strokes
-    ]
-    balance = heat_balance(machine, len(lengths), math.hypot(*speeds), math.hypot(*lengths))
-    return replace(balance, speeds_m_s=tuple(speeds), lengths_m=tuple(map(abs, lengths)))
+    ways = [(rate, length * scale) for rate, lengths in motions for length in lengths if length]
+    speeds = tuple(rate * length for rate, length in ways)
+    lengths_m = tuple(length for _, length in ways)
+    balance = heat_balance(machine, len(ways), math.hypot(*speeds), math.hypot(*lengths_m))
+    return replace(balance, speeds_m_s=speeds, lengths_m=lengths_m)

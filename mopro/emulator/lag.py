@@ -17,5 +17,6 @@ def first_order(interval_s: float, x: Floats, lag_s: float) -> Floats:
     decay = math.exp(-interval_s / lag_s)
     mean = lag_s / interval_s * (1 - decay)
     new, old = 1 - mean, mean - decay
-    followed, _ = lfilter([new, old], [1, -decay], x, zi=[(old + decay) * float(x[0])])
+    filtered, _ = lfilter([new, old], [1, -decay], x, zi=[(old + decay) * float(x[0])])
+    followed: Floats = filtered
     return followed

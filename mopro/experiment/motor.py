@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Lock
 
 import numpy as np
@@ -61,11 +61,21 @@ class Motion:
 
 
 class Motor:
-    """Predicts every reading of an experiment's runs, in their order."""
+    """Predicts every reading of an experiment's runs, in their order.
 
-    def __init__(self, experiment: Experiment, max_step_s: float = COARSE_STEP_S) -> None:
+    `resolved` tells whether the drive's angle moves in whole microsteps; a fine sensor
+    sees the difference.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        max_step_s: float = COARSE_STEP_S,
+        resolved: bool = False,
+    ) -> None:
         self.experiment = experiment
         self._max_step_s = max_step_s
+        self._resolved = resolved
         self._own = active_effects(experiment.machine, catalogue())
         self._motions: OrderedDict[object, Motion] = OrderedDict()
         self._lock = Lock()
@@ -79,7 +89,17 @@ class Motor:
 
     def schedule(self, index: int) -> Schedule:
         """What run number `index` commands without further effects."""
-        return self._motion(index, self.active(index, {})).staging.schedule
+        return self._motion(index, _of_the_motion(self._own)).staging.schedule
+
+    def way_m(self) -> tuple[float, float]:
+        """The least and the greatest position that any sensor was to see."""
+        places = [
+            self._motion(index, _of_the_motion(self._own)).position_m[reading.sensor.axis]
+            for index, trial in enumerate(self.experiment.trials)
+            for reading in trial.readings
+            if reading.sensor.quantity != TEMPERATURE
+        ]
+        return min(float(x.min()) for x in places), max(float(x.max()) for x in places)
 
     def active(self, index: int, settings: Settings) -> tuple[Active, ...]:
         """The machine's effects and those in `settings`, as they are in run `index`."""
@@ -92,16 +112,14 @@ class Motor:
 
     # -- one reading -----------------------------------------------------------
 
-    def _reading(
-        self, index: int, trial: Trial, reading: Reading, settings: Settings
-    ) -> Floats:
+    def _reading(self, index: int, trial: Trial, reading: Reading, settings: Settings) -> Floats:
         active = self.active(index, settings)
         motion = self._motion(index, _of_the_motion(active))
         if reading.sensor.quantity == TEMPERATURE:
             return self._temperature(index, reading, active)
         return _position(motion, reading, active, self.experiment.machine.heat.ambient_C)
 
-    def _temperature(self, index: int, reading: Reading, active: Sequence[Active]) -> Floats:
+    def _temperature(self, index: int, reading: Reading, active: tuple[Active, ...]) -> Floats:
         """Sensed on a grid of its own, as a thermocouple is slow against the motion."""
         heat = self._staging(index, active).heat
         end_s = float(reading.time_s[-1])
@@ -141,8 +159,10 @@ class Motor:
 
     def _staging(self, index: int, active: tuple[Active, ...]) -> Staging:
         trial, machine = self.experiment.trials[index], self.experiment.machine
-        how = EmulatorSettings(machine, trial.payload_kg, True, self._max_step_s, True)
-        return staged(self._planned(trial, active), how, active)
+        how = EmulatorSettings(machine, trial.payload_kg, self._resolved, self._max_step_s, True)
+        schedule = self._planned(trial, active)
+        lasting = max(schedule.duration_s, trial.duration_s)
+        return staged(replace(schedule, duration_s=lasting), how, active)
 
     def _planned(self, trial: Trial, active: tuple[Active, ...]) -> Schedule:
         machine = self.experiment.machine
@@ -152,7 +172,7 @@ class Motor:
             for a in active:
                 schedule = a.effect.schedule(schedule, *a.values)
             return schedule
-        for_s = trial.duration_s if trial.program.loops_forever else None
+        for_s = trial.duration_s if trial.program.loops_forever or trial.partial else None
         return planned(trial.program, machine, active, for_s)
 
 
@@ -194,9 +214,7 @@ def _axes(sensors: Sequence[Sensor], active: Sequence[Active]) -> set[int]:
     return set(AXES) if seen else set()
 
 
-def _position(
-    motion: Motion, reading: Reading, active: tuple[Active, ...], air_C: float
-) -> Floats:
+def _position(motion: Motion, reading: Reading, active: tuple[Active, ...], air_C: float) -> Floats:
     """What the sensor shows at its stamps, in its unit."""
     sensor = reading.sensor
     chain = on_axis(active, sensor.axis)

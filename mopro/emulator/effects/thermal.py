@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from mopro.emulator.effects.base import Effect, Parameter, Stage, Surroundings
 
 _STEFAN_BOLTZMANN = 5.670374419e-8
@@ -12,9 +14,9 @@ _COPPER_1_K = 0.00393
 class PlatenConduction(Effect):
     """Heat flows through the air gap into the platen.
 
-    P' = P - (G + g s)(T - T_p): G in W/K, g in W/(m K) with s the sum of the strokes (the
-    swept area grows with it), T_p in °C. Source: chapter 3.4, "it should consider heat
-    loss by conduction".
+    P' = P - (G + g s)(T - T_p): G in W/K, g in W/(m K) with s the length of the path, as in
+    the Reynolds number (the swept strip grows with it), T_p in °C. Source: chapter 3.4,
+    "it should consider heat loss by conduction".
     """
 
     name = "platen_conduction"
@@ -23,13 +25,13 @@ class PlatenConduction(Effect):
         Parameter("G", "W/K", "thermal conductance", 4.0, (1.0, 40.0), 0.0, 500.0, "at rest"),
         Parameter(
             "g", "W/(m K)", "thermal conductivity", 0.0, (0.0, 40.0), 0.0, 500.0,
-            "more of it per metre of stroke",
+            "more of it per metre of path",
         ),
         Parameter("T_p", "C", "temperature", 24.87, (15, 40), -50, 150, "platen", null=24.87),
     )  # fmt: skip
 
     def heat(self, here: Surroundings, *p: float) -> None:
-        conductance = p[0] + p[1] * sum(here.lengths_m)
+        conductance = p[0] + p[1] * math.hypot(*here.lengths_m)
         here.extra_W -= conductance * (here.temperature_C - p[2])
 
 

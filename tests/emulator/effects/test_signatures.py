@@ -372,7 +372,7 @@ def early_W(unheated, temperature):
 
 
 def test_without_effects_the_stepped_solution_is_the_exact_one(schedule, unheated):
-    assert heated(schedule, {}) == pytest.approx(unheated, abs=1e-9)
+    assert heated(schedule, {}) == pytest.approx(unheated, abs=1e-6)
 
 
 def test_speed_dependent_heat_adds_its_watts(schedule, unheated):

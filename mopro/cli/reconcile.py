@@ -1,0 +1,128 @@
+"""`mopro reconcile`."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mopro.cli.main import EXIT_FAILED
+from mopro.cli.options import OutputFile
+
+if TYPE_CHECKING:
+    from mopro.diagnosis import Named, Verdict
+    from mopro.experiment.conclude import Conclusion
+
+_MOST_ROWS = 40
+_EFFECTS = ("effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes", "held out")
+_GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise")
+
+
+@click.command()
+@click.argument("experiment", type=click.Path())
+@click.option("--out", type=OutputFile(".toml"), help="The machine file with the effects added.")
+@click.option("--report", type=OutputFile(".html"), help="A page that shows the evidence.")
+@click.option("--jobs", type=click.IntRange(1, 64), help="Simulations at once (as many as cores).")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(
+    experiment: str, out: Path | None, report: Path | None, jobs: int | None, as_json: bool
+) -> int:
+    """Name what the machine's model lacks, add it, and show the gap shrink.
+
+    Exits with 1 if something is left that no effect of the catalogue accounts for.
+
+    Example: mopro reconcile experiment.toml --out machine.toml --report why.html
+    """
+    from mopro.experiment import load_experiment
+    from mopro.experiment.conclude import conclude
+    from mopro.recording.atomic import written_beside
+
+    loaded = load_experiment(experiment)
+    for note in loaded.notes:
+        click.echo(note, err=True)
+    with ExitStack() as files:
+        machine_draft = files.enter_context(written_beside(out)) if out else None
+        report_draft = files.enter_context(written_beside(report)) if report else None
+        with _progress() as progress:
+            found = conclude(loaded, jobs or os.cpu_count() or 1, progress)
+        if machine_draft:
+            machine_draft.write_text(found.machine_text, encoding="utf-8")
+        if report_draft:
+            from mopro.plot.diagnosis import diagnosis_page
+
+            report_draft.write_text(diagnosis_page(found), encoding="utf-8")
+    if as_json:
+        answer = {"experiment": experiment, "machine": loaded.machine.name, **found.as_json()}
+        click.echo(json.dumps(answer, indent=1, default=float))
+    else:
+        _tell(found)
+    return EXIT_FAILED if found.verdict.verdict == "unexplained" else 0
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str], None]]:
+    """What is being done, on a terminal; nowhere else."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda _: None
+        return
+    with console.status("simulating") as status:
+        yield status.update
+
+
+def _tell(found: Conclusion) -> None:
+    from mopro.cli.table import print_table
+
+    verdict = found.verdict
+    if verdict.effects:
+        rows = [row for effect in verdict.effects for row in _effect_rows(effect)]
+        print_table(_EFFECTS, rows, _MOST_ROWS)
+    print_table(_GAPS, _gap_rows(found), _MOST_ROWS)
+    click.echo(_sentence(verdict))
+    for effect in verdict.effects:
+        if effect.indistinguishable_from:
+            others = ", ".join(effect.indistinguishable_from)
+            click.echo(f"These data cannot tell {effect.name} from {others}.")
+    if verdict.below_resolution:
+        names = ", ".join(faint.name for faint in verdict.below_resolution)
+        click.echo(f"Below what the sensors resolve, so neither present nor absent: {names}.")
+    if found.next_experiment:
+        click.echo(f"This program would tell them apart ({found.next_experiment.summary}):\n")
+        click.echo(found.next_experiment.text)
+
+
+def _sentence(verdict: Verdict) -> str:
+    names = ", ".join(effect.name for effect in verdict.effects)
+    if verdict.verdict == "unexplained":
+        beside = f" beside {names}" if names else ""
+        return f"Unexplained{beside}: what is left looks like {verdict.remainder.description}."
+    if verdict.verdict == "none":
+        return "None: simulation and data agree within the sensors' noise."
+    return f"{verdict.verdict.capitalize()}: {names}."
+
+
+def _effect_rows(effect: Named) -> Iterator[list[str]]:
+    evidence = [
+        f"{effect.sigmas:.3g}",
+        f"{effect.log10_bayes_factor:.3g}",
+        "gains" if effect.held_out else "no gain",
+    ]
+    name = f"{effect.name} ({effect.form})" if effect.form else effect.name
+    for parameter, e in effect.parameters.items():
+        low, high = e.ci95
+        interval = f"{low:.4g} to {high:.4g}" + (" (at its bound)" if e.at_bound else "")
+        yield [name, parameter, f"{e.value:.4g} {e.unit}", interval, *evidence]
+        name, evidence = "", ["", "", ""]
+
+
+def _gap_rows(found: Conclusion) -> Iterator[list[str]]:
+    for run, rerun in zip(found.verdict.gap.runs, found.rerun_rms, strict=True):
+        figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
+        yield [run.run, run.sensor, *("-" if f is None else f"{f:.3g} {run.unit}" for f in figures)]

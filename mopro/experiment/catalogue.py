@@ -1,0 +1,254 @@
+"""The emulator's effects as candidates of the diagnosis: what is fitted of each, and where from.
+
+An effect states its parameters and their plausible ranges; here stands which of them a
+measurement can tell, in which forms, and where a fit begins.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from mopro.diagnosis import Candidate, Parameter, Role
+from mopro.emulator.effects import catalogue
+from mopro.emulator.measured import POSITION, TEMPERATURE
+from mopro.experiment import thermal
+from mopro.experiment.model import Experiment
+from mopro.experiment.motor import AXIS, RUN, Motor, angle_in
+from mopro.experiment.seek import Seeker
+
+# A range is fitted this far beyond what is plausible, so that its ends can be told.
+_WIDER = 1.5
+
+
+def candidates(motor: Motor) -> list[Candidate]:
+    """What the experiment's sensors could show, in all forms."""
+    experiment = motor.experiment
+    quantities = {r.sensor.quantity for t in experiment.trials for r in t.readings}
+    found: list[Candidate] = []
+    if POSITION in quantities:
+        found += _of_position(motor)
+    if TEMPERATURE in quantities or experiment.tables:
+        found += thermal.candidates(experiment.machine)
+    if TEMPERATURE in quantities:
+        found += _of_warming()
+    return [_from_the_machine(candidate, experiment) for candidate in found]
+
+
+def _of_position(motor: Motor) -> Iterator[Candidate]:
+    experiment = motor.experiment
+    yield from _forces(experiment)
+    yield from _drive()
+    yield from _commands(motor)
+    seen = {
+        r.sensor.axis
+        for t in experiment.trials
+        for r in t.readings
+        if r.sensor.quantity == POSITION
+    }
+    for candidate in _measurements(motor):
+        yield candidate
+        for axis in sorted(seen) if len(seen) > 1 else ():
+            yield _on_one(candidate, axis)
+
+
+def _on_one(candidate: Candidate, axis: int) -> Candidate:
+    """The same on one axis alone, as each has a sensor of its own."""
+    form = f"{candidate.form}, axis {axis}".removeprefix(", ")
+    refines = f"{candidate.refines}, axis {axis}".removeprefix(", ")
+    return replace(
+        candidate,
+        form=form,
+        fixed={**candidate.fixed, AXIS: axis},
+        refines=None if candidate.refines is None else refines,
+    )
+
+
+# -- stage D -----------------------------------------------------------------------
+
+
+def _forces(experiment: Experiment) -> Iterator[Candidate]:
+    machine = experiment.machine
+    yield _one("payload_mass", "dm", 0.3)
+    yield _one("viscous_drag", "b", 3.0)
+    yield _one("quadratic_drag", "c", 1.5)
+    coulomb = _one("coulomb_friction", "Fc", 1.0, fixed={"delta": 5e-6})
+    yield coulomb
+    presliding = Parameter("delta", "m", 5e-7, 5e-5, (5e-6,), Role.SHAPE, plausible=(1e-6, 2e-5))
+    yield replace(
+        coulomb, parameters=(*coulomb.parameters, presliding), fixed={},
+        form="presliding fitted", refines="",
+    )  # fmt: skip
+    yield _one("umbilical_spring", "k_h", 10.0, fixed={"x_h": 0.0})
+    yield _one("constant_force", "F_b", 1.0)
+    ratio = machine.axis.damping_ratio
+    damping = _own("electrical_damping", "zeta", ratio / 2, 2 * ratio)
+    yield Candidate("electrical_damping", (replace(damping, low=0.0, null=ratio),))
+    yield _one("force_constant", "e", 0.05)
+    yield _one(
+        "force_constant_temperature", "alpha", 5e-4, fixed={"T0": machine.heat.ambient_C}
+    )  # fmt: skip
+    yield Candidate(
+        "detent_force",
+        (_own("detent_force", "Fd", 3.0), _angle("phi")),
+        fixed={"pitch": machine.axis.pitch_m},
+    )
+
+
+def _drive() -> Iterator[Candidate]:
+    yield _one("phase_gain_imbalance", "eps", 0.03)
+    yield _one("quadrature_error", "phi", 0.02)
+    offsets = [_own("phase_current_offset", name, 0.01) for name in ("o_a", "o_b")]
+    yield Candidate("phase_current_offset", tuple(offsets))
+    yield _one("current_third_harmonic", "s", 0.01)
+    # A shorter lag would need shorter steps than anybody waits for, and is a mere delay.
+    lag = replace(_own("current_loop_lag", "tau", 5e-5, 3e-4), low=1e-5)
+    yield Candidate("current_loop_lag", (lag,))
+    supply = Parameter(
+        "Vb", "V", 25.0, 225.0, (50.0, 90.0), Role.SHAPE,
+        plausible=(40.0, 150.0), inverse=True,
+    )  # fmt: skip
+    yield Candidate("voltage_saturation", (supply,))
+    held = Parameter("h", "1", 0.1, 1.0, (0.5,), null=1.0, plausible=(0.3, 1.0))
+    after = Parameter("t_h", "s", 0.02, 6.0, (0.05, 0.2, 0.7, 2.0), Role.SHAPE)
+    yield Candidate("hold_current_reduction", (held, after))
+
+
+# -- stage C -----------------------------------------------------------------------
+
+
+def _commands(motor: Motor) -> Iterator[Candidate]:
+    """A logged command has no program that a controller could take in another way."""
+    yield _one("controller_clock", "e", 3e-4)
+    seek = Seeker(motor)
+    tick = Parameter("T", "s", 1e-4, 0.015, role=Role.HELD, plausible=(2.5e-4, 0.0125))
+    for form, interpolate in (("interpolated", 1.0), ("held", 0.0)):
+        yield Candidate(
+            "profile_tick", (tick,), form, {"interpolate": interpolate},
+            seek=seek.interpolated_tick if interpolate else seek.held_tick,
+        )  # fmt: skip
+    if any(trial.program is None for trial in motor.experiment.trials):
+        return
+    yield _one("acceleration_scale", "e", 0.02, -0.1, 0.1, -0.35, 0.4)
+    yield _one("velocity_scale", "e", 1e-3, -0.01, 0.015)
+    delay = _own("start_delay", "d", 1e-3, 8e-3)
+    yield Candidate("start_delay", (delay,), "once", {"every_move": 0.0})
+    yield Candidate("start_delay", (delay,), "each move", {"every_move": 1.0})
+    numbers = [Parameter(name, "1", -1e9, 1e9, role=Role.HELD) for name in ("n", "move", "at", RUN)]
+    yield Candidate("lost_steps", tuple(numbers), seek=seek.lost_steps)
+
+
+# -- stage M -----------------------------------------------------------------------
+
+
+def _measurements(motor: Motor) -> Iterator[Candidate]:
+    steel = _value("platen_expansion", "alpha")
+    yield _one("pitch_scale", "e", 1e-4)
+    yield _one("platen_expansion", "dT", 10.0, fixed={"share": 0.0, "alpha": steel})
+    yield replace(
+        _one("platen_expansion", "share", 0.5, fixed={"dT": 0.0, "alpha": steel}),
+        form="with the forcer",
+    )
+    yield _one("sensor_gain", "g", 1e-3)
+    yield _one("cross_axis_coupling", "gamma", 2e-4)
+    yield _one("backlash", "B", 3e-6, 3e-5)
+    corner = Parameter(
+        "f_c", "Hz", 33.0, 1e7, (150.0, 500.0), plausible=(50.0, 2e4), inverse=True, null=math.inf
+    )
+    yield Candidate("sensor_bandwidth", (corner,))
+    yield _one("trigger_delay", "t_d", 1e-3)
+    yield _one("sample_clock", "e", 3e-4)
+    yield from _bends(motor)
+    yield from _lines(motor)
+
+
+def _bends(motor: Motor) -> Iterator[Candidate]:
+    """The middle of a range that nobody stated is taken to be the middle of the way."""
+    low, high = motor.way_m()
+    middle, half = (low + high) / 2, max((high - low) / 2, 1e-3)
+    fixed = {"c5": 0.0, "mid": middle, "half": half}
+    cubic = replace(_own("sensor_nonlinearity", "c3", 1e-3), low=-0.1, high=0.1)
+    cubic = replace(cubic, plausible=(-0.05, 0.05))
+    yield Candidate("sensor_nonlinearity", (cubic,), "cubic", fixed)
+    quintic = replace(cubic, name="c5")
+    yield Candidate(
+        "sensor_nonlinearity", (cubic, quintic), "cubic and quintic",
+        {"mid": middle, "half": half}, refines="cubic", flexible=True,
+    )  # fmt: skip
+    mid = Parameter("mid", "m", low - half, high + half, (middle,), Role.SHAPE, null=middle)
+    yield Candidate(
+        "sensor_nonlinearity", (cubic, mid), "cubic, middle fitted",
+        {"c5": 0.0, "half": half}, refines="cubic", flexible=True,
+    )  # fmt: skip
+
+
+def _lines(motor: Motor) -> Iterator[Candidate]:
+    seek = Seeker(motor)
+    period = Parameter(
+        "lambda", "m", 8e-5, 0.15, role=Role.SHAPE, inverse=True, difference=1e-6,
+        plausible=(1e-4, 0.1),
+    )  # fmt: skip
+    amplitude = Parameter("A", "m", 0.0, 1e-2)
+    yield Candidate(
+        "periodic_error", (amplitude, period, _angle("phi")), flexible=True, seek=seek.period
+    )
+    angles = [_angle(angle_in(run)) for run in range(len(motor.experiment.trials))]
+    for mains in (50.0, 60.0):
+        yield Candidate(
+            "hum", (amplitude, *angles), f"{mains:g} Hz",
+            {"f": mains, "A3": 0.0, "phi3": 0.0}, seek=seek.hum(mains),
+        )  # fmt: skip
+
+
+# -- stage T -----------------------------------------------------------------------
+
+
+def _of_warming() -> Iterator[Candidate]:
+    """What shows on the way to a steady state only."""
+    yield _one("ambient_drift", "r", 1e-4)
+    yield _one("thermocouple_lag", "tau", 10.0)
+
+
+# -- parameters --------------------------------------------------------------------
+
+
+def _one(
+    name: str, parameter: str, *starts: float, fixed: Mapping[str, float] | None = None
+) -> Candidate:
+    return Candidate(name, (_own(name, parameter, *starts),), fixed=fixed or {})
+
+
+def _own(name: str, parameter: str, *starts: float) -> Parameter:
+    """The effect's parameter, in a range somewhat wider than the plausible one."""
+    (stated,) = (p for p in catalogue()[name].parameters if p.name == parameter)
+    low, high = stated.plausible
+    low = low if low < 0 else 0.0
+    wider = (_WIDER * low, _WIDER * high)
+    return Parameter(
+        parameter, stated.unit, max(wider[0], stated.low), min(wider[1], stated.high),
+        starts, plausible=(low, high),
+    )  # fmt: skip
+
+
+def _angle(name: str) -> Parameter:
+    return Parameter(name, "rad", -math.pi, math.pi, role=Role.PHASE)
+
+
+def _value(name: str, parameter: str) -> float:
+    (stated,) = (p for p in catalogue()[name].parameters if p.name == parameter)
+    return stated.default
+
+
+def _from_the_machine(candidate: Candidate, experiment: Experiment) -> Candidate:
+    """An effect that the machine has already is off where it is what the machine says."""
+    for stated in experiment.machine.effects:
+        if stated.name == candidate.name:
+            own = tuple(
+                replace(p, null=stated.values[p.name].number)
+                if p.name in stated.values and p.role is Role.AMPLITUDE
+                else p
+                for p in candidate.parameters
+            )
+            candidate = replace(candidate, parameters=own)
+    return candidate

@@ -1,0 +1,81 @@
+"""What comes of a diagnosis: the machine file, the gap with it, the places, the next experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mopro.diagnosis import Series, Verdict
+from mopro.experiment.compare import Place, compare
+from mopro.experiment.diagnose import Model, diagnose
+from mopro.experiment.model import Experiment
+from mopro.experiment.outcome import machine_text, machine_with
+from mopro.experiment.proposal import Proposal, propose
+
+_MOST_PLACES = 40
+# The comparison draws the place of a reading within a coarse converter's step.
+_SEED = 0
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """A verdict and what follows from it.
+
+    `rerun_rms` is the gap of each series, in its unit, when the experiment is run again
+    on the machine that `machine_text` describes.
+    """
+
+    experiment: Experiment
+    series: tuple[Series, ...]
+    verdict: Verdict
+    where: tuple[Place, ...]
+    machine_text: str
+    rerun_rms: tuple[float, ...]
+    next_experiment: Proposal | None
+
+    def as_json(self) -> dict[str, Any]:
+        answer = self.verdict.as_json()
+        answer["where"] = [asdict(place) for place in self.where]
+        answer["gap"]["rerun_rms"] = list(self.rerun_rms)
+        if self.next_experiment:
+            answer["next_experiment"] = self.next_experiment.text
+            answer["next_experiment_separations"] = self.next_experiment.separations
+        return answer
+
+
+def conclude(
+    experiment: Experiment, jobs: int = 1, progress: Callable[[str], None] = lambda _: None
+) -> Conclusion:
+    """Diagnose `experiment` and draw the conclusions; raises MotionError, ModelError."""
+    progress("comparing")
+    places = compare(experiment, np.random.default_rng(_SEED)).where
+    diagnosis = diagnose(experiment, jobs, progress)
+    verdict, series = diagnosis.verdict, diagnosis.series
+    progress("running the experiment again with what was found")
+    machine = machine_with(experiment, verdict)
+    again = Model(replace(experiment, machine=machine), resolved=diagnosis.resolved)
+    proposal = None
+    if verdict.verdict == "ambiguous":
+        progress("looking for an experiment that tells the rivals apart")
+        proposal = propose(experiment, verdict)
+    return Conclusion(
+        experiment=experiment,
+        series=series,
+        verdict=verdict,
+        where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
+        machine_text=machine_text(experiment, verdict),
+        rerun_rms=tuple(_rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)),
+        next_experiment=proposal,
+    )
+
+
+def _rms(series: Series, predicted: np.ndarray[Any, np.dtype[np.float64]]) -> float:
+    """The residual's, without what nobody would call an effect."""
+    left = series.values - predicted
+    shapes = series.nuisance_shapes()
+    if shapes.shape[1]:
+        left = left - shapes @ np.linalg.lstsq(shapes, left, rcond=None)[0]
+    return float(np.sqrt(np.mean(left**2)))

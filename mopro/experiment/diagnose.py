@@ -1,0 +1,128 @@
+"""An experiment through the diagnosis: its model, its candidates and its data joined."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
+from mopro.diagnosis.residual import Residuals
+from mopro.experiment import thermal
+from mopro.experiment.catalogue import candidates
+from mopro.experiment.model import Experiment, Floats
+from mopro.experiment.motor import COARSE_STEP_S, FINE_STEP_S, Motor
+from mopro.experiment.series import series_of
+from mopro.experiment.steady import rises
+
+OFFSET = "sensor_offset"
+# An offset this many standard deviations clear of zero, and the same in all runs, is one.
+_CLEARLY = 6.0
+_THE_SAME = 1e-3
+_FEWEST_RUNS = 2
+# What microsteps must take away in chi-squared before they are taken to show.
+_STEPS_SHOW = 10.0
+
+
+class Model:
+    """Everything that an experiment measured, as effects would have it."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        max_step_s: float = COARSE_STEP_S,
+        resolved: bool = False,
+    ) -> None:
+        self.experiment = experiment
+        self.resolved = resolved
+        self.motor = Motor(experiment, max_step_s, resolved)
+
+    def __call__(self, settings: Settings) -> list[Floats]:
+        machine = self.experiment.machine
+        tables = [rises(table, machine, settings) for table in self.experiment.tables]
+        return [*self.motor(settings), *tables]
+
+    def series(self) -> list[Series]:
+        return [*series_of(self.motor), *map(thermal.series, self.experiment.tables)]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict, the data that it is about, and whether the drive's microsteps show in them."""
+
+    verdict: Verdict
+    series: tuple[Series, ...]
+    resolved: bool
+
+
+def diagnose(
+    experiment: Experiment, jobs: int = 1, progress: Callable[[str], None] = lambda _: None
+) -> Diagnosis:
+    """What the machine's model lacks that the experiment's data show.
+
+    A drive whose microsteps show is another model of the same motor: the one that fits
+    better is taken. Raises MotionError for a program that cannot be run.
+    """
+    smooth = _judged(Model(experiment), jobs, progress)
+    stepped = Model(experiment, resolved=True)
+    if _misfit(smooth, stepped) > _misfit(smooth, Model(experiment)) - _STEPS_SHOW:
+        return smooth
+    return _judged(stepped, jobs, progress)
+
+
+def _judged(model: Model, jobs: int, progress: Callable[[str], None]) -> Diagnosis:
+    data = model.series()
+    verdict = reconcile(
+        model,
+        candidates(model.motor),
+        data,
+        finer=Model(model.experiment, FINE_STEP_S, model.resolved),
+        jobs=jobs,
+        progress=progress,
+    )
+    if verdict.verdict == "none":
+        verdict = _with_offset(verdict, data, model({}))
+    return Diagnosis(verdict, tuple(data), model.resolved)
+
+
+def _misfit(found: Diagnosis, model: Model) -> float:
+    """Chi-squared of what was found, under another model of the same motor."""
+    return float(np.sum(Residuals(model, found.series).at(found.verdict.settings) ** 2))
+
+
+def _with_offset(verdict: Verdict, data: Sequence[Series], predicted: Sequence[Floats]) -> Verdict:
+    """`verdict` with an offset that all runs share, if that is all there is to find."""
+    for sensor in dict.fromkeys(s.sensor for s in data):
+        rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
+        found = _common_offset([data[i] for i in rows], [predicted[i] for i in rows])
+        if found is not None:
+            return replace(verdict, verdict="named", effects=(found,))
+    return verdict
+
+
+def _common_offset(data: Sequence[Series], predicted: Sequence[Floats]) -> Named | None:
+    """The offset of one sensor; where a run stood at its start is no offset."""
+    if len(data) < _FEWEST_RUNS:
+        return None
+    means = np.array([np.mean(s.values - p) for s, p in zip(data, predicted, strict=True)])
+    errors = np.array([(s.sigma or 0.0) / math.sqrt(len(s)) for s in data])
+    weights = 1 / errors**2
+    offset, error = float(means @ weights / weights.sum()), 1 / math.sqrt(weights.sum())
+    scatter = float(((means - offset) ** 2) @ weights)
+    if abs(offset) < _CLEARLY * error or stats.chi2.sf(scatter, len(data) - 1) < _THE_SAME:
+        return None
+    sigmas = abs(offset) / error
+    interval = (offset - 1.96 * error, offset + 1.96 * error)
+    return Named(
+        name=OFFSET,
+        form="",
+        parameters={"o": Estimate(offset, data[0].unit, interval, False)},
+        indistinguishable_from=[],
+        rivals={},
+        log10_bayes_factor=(sigmas**2 - math.log(sum(map(len, data)))) / (2 * math.log(10)),
+        sigmas=sigmas,
+        held_out=True,
+    )

@@ -1,0 +1,190 @@
+"""Searches for effects that no fixed start finds: periods, lines, steps, ticks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.diagnosis import Leftover, Series
+from mopro.diagnosis.model import Seek
+from mopro.diagnosis.spectrum import position_spectrum
+from mopro.experiment.model import Floats
+from mopro.experiment.motor import RUN, Motor, angle_in
+from mopro.motion import PlannedMove
+
+_PERIODS_TRIED = 3
+_FINEST_PERIOD_M = 1e-4
+_FEWEST_PERIODS = 2.0
+# A delay this many standard deviations clear of zero may be a tick.
+_CLEARLY = 5.0
+_TICKS_TRIED = 21
+_WHOLE = 0.25
+_CONTRAST = 6.0
+
+Values = Mapping[str, float]
+
+
+class Seeker:
+    """Searches in what a fit leaves of the readings of `motor`'s experiment."""
+
+    def __init__(self, motor: Motor) -> None:
+        self._motor = motor
+        self._readings = [
+            (run, reading)
+            for run, trial in enumerate(motor.experiment.trials)
+            for reading in trial.readings
+        ]
+
+    # -- lines -------------------------------------------------------------------
+
+    def period(self, left: Leftover) -> Iterator[Values]:
+        """The strongest lines in position, their amplitudes and angles."""
+        rows = [i for i, place in enumerate(self._places(left)) if np.ptp(place) > 0]
+        if not rows:
+            return
+        places = [self._places(left)[i] for i in rows]
+        cycles, power = position_spectrum(
+            places, [left.residuals[i] for i in rows], _FINEST_PERIOD_M
+        )
+        reach = max(float(np.ptp(place)) for place in places)
+        power[cycles * reach < _FEWEST_PERIODS] = 0.0
+        for peak in _peaks(power)[:_PERIODS_TRIED]:
+            q = 2 * math.pi * float(cycles[peak])
+            x = np.concatenate(places)
+            r = np.concatenate([self._metres(left, i) for i in rows])
+            sine, cosine = _sinusoid(q * x, r)
+            yield {
+                "A": math.hypot(sine, cosine),
+                "lambda": 2 * math.pi / q,
+                "phi": math.atan2(cosine, sine),
+            }
+
+    def hum(self, mains_hz: float) -> Seek:
+        """A line of `mains_hz` in time, its angle free in each run."""
+
+        def seek(left: Leftover) -> Iterator[Values]:
+            angles = {angle_in(run): 0.0 for run in range(len(self._motor.experiment.trials))}
+            sizes = []
+            for row, (run, reading) in enumerate(self._readings):
+                phase = 2 * math.pi * mains_hz * reading.time_s
+                sine, cosine = _sinusoid(phase, self._metres(left, row))
+                angles[angle_in(run)] = math.atan2(cosine, sine)
+                sizes.append(math.hypot(sine, cosine))
+            yield {"A": float(np.sqrt(np.mean(np.square(sizes)))), **angles}
+
+        return seek
+
+    # -- ticks -------------------------------------------------------------------
+
+    def interpolated_tick(self, left: Leftover) -> Iterator[Values]:
+        """Late by a tick: all the delay that is left."""
+        return self._ticks(left, 1.0, 1.0)
+
+    def held_tick(self, left: Leftover) -> Iterator[Values]:
+        """Late by half a tick."""
+        return self._ticks(left, 2.0, 0.0)
+
+    def _ticks(self, left: Leftover, ticks: float, interpolate: float) -> Iterator[Values]:
+        """Around the delay, the tick that fits best: its grid decides, so it is scanned."""
+        delay_s, error_s = self._delay(left)
+        tick_s = ticks * delay_s
+        if not (delay_s > _CLEARLY * error_s and 1e-4 < tick_s < 0.015):
+            return
+        last_s = max(float(reading.time_s[-1]) for _, reading in self._readings)
+        reach_s = max(ticks * 2 * error_s, tick_s**2 / last_s)
+        around = np.linspace(tick_s - reach_s, tick_s + reach_s, _TICKS_TRIED)
+        trials = [float(t) for t in (*around, *_round_numbers(tick_s)) if 1e-4 < t < 0.015]
+        fixed = {"interpolate": interpolate}
+        costs = [left.misfit({"profile_tick": {"T": t, **fixed}}) for t in trials]
+        yield {"T": trials[int(np.argmin(costs))]}
+
+    def _delay(self, left: Leftover) -> tuple[float, float]:
+        """By how much the data are late against the model (s), and its standard deviation."""
+        lateness = strength = 0.0
+        for series, z, predicted in zip(left.data, left.residuals, left.predictions, strict=True):
+            if series.time_s is None:
+                continue
+            speed = np.gradient(predicted, series.time_s) / (series.sigma or 1.0)
+            lateness -= float(speed @ z)
+            strength += float(speed @ speed)
+        return lateness / max(strength, 1e-300), 1 / math.sqrt(max(strength, 1e-300))
+
+    # -- steps -------------------------------------------------------------------
+
+    def lost_steps(self, left: Leftover) -> Iterator[Values]:
+        """Steps of whole pitches that stay, in one run or in the same move of all."""
+        found: list[dict[str, float]] = []
+        pitch_m = self._motor.experiment.machine.axis.pitch_m
+        for row, (run, reading) in enumerate(self._readings):
+            step = _step(left.residuals[row], self._metres(left, row), reading.time_s)
+            if step is None:
+                continue
+            time_s, height_m = step
+            pitches = round(-height_m / pitch_m)
+            if not pitches or abs(-height_m / pitch_m - pitches) > _WHOLE * max(1, abs(pitches)):
+                continue
+            moves = [m for m in self._motor.schedule(run).moves if reading.sensor.axis in m.axes]
+            found.append({"n": float(pitches), **_place(moves, time_s), RUN: float(run)})
+        yield from found
+        alike = {(f["n"], f["move"]) for f in found}
+        if len(found) > 1 and len(found) == len(self._readings) and len(alike) == 1:
+            yield {**found[0], RUN: -1.0}
+
+    # -- readings ------------------------------------------------------------------
+
+    def _metres(self, left: Leftover, row: int) -> Floats:
+        series: Series = left.data[row]
+        metres: Floats = left.residuals[row] * (series.sigma or 1.0)
+        return metres * self._readings[row][1].sensor.unit_si
+
+    def _places(self, left: Leftover) -> list[Floats]:
+        """The predicted position of each sample, from the start (m)."""
+        return [
+            p * reading.sensor.unit_si
+            for p, (_, reading) in zip(left.predictions, self._readings, strict=True)
+        ]
+
+
+def _sinusoid(phase: Floats, values: Floats) -> tuple[float, float]:
+    """The sizes of sine and cosine in `values` that fit best, a constant left free."""
+    shapes = np.column_stack([np.sin(phase), np.cos(phase), np.ones(len(phase))])
+    sine, cosine, _ = np.linalg.lstsq(shapes, values, rcond=None)[0]
+    return float(sine), float(cosine)
+
+
+def _peaks(power: Floats) -> NDArray[np.intp]:
+    """Local maxima, the highest first."""
+    inner = power[1:-1]
+    peaks = 1 + np.flatnonzero((inner >= power[:-2]) & (inner > power[2:]))
+    return peaks[np.argsort(power[peaks])[::-1]]
+
+
+def _round_numbers(tick_s: float) -> set[float]:
+    """Ticks near `tick_s` that a person would set."""
+    grids = (1e-4, 2.5e-4, 5e-4, 1e-3)
+    near = {round(tick_s / grid) * grid for grid in grids}
+    return {t for t in near if abs(t - tick_s) < 0.01 * tick_s}
+
+
+def _step(z: Floats, metres: Floats, time_s: Floats) -> tuple[float, float] | None:
+    """Time and height (m) of the step that divides the samples best, if there is one."""
+    n = len(z)
+    before = np.arange(1, n)
+    contrast = np.cumsum(z - z.mean())[:-1] / np.sqrt(before * (n - before) / n)
+    at = int(np.argmax(np.abs(contrast)))
+    if abs(contrast[at]) < _CONTRAST:
+        return None
+    height = float(metres[at + 1 :].mean() - metres[: at + 1].mean())
+    return float(time_s[at] + time_s[at + 1]) / 2, height
+
+
+def _place(moves: Sequence[PlannedMove], time_s: float) -> dict[str, float]:
+    """Which of the moves, and at which share of it."""
+    begun = [i for i, move in enumerate(moves) if move.start_s <= time_s]
+    index = begun[-1] if begun else 0
+    move = moves[index]
+    share = (time_s - move.start_s) / move.profile.duration_s
+    return {"move": index + 1.0, "at": min(max(share, 0.0), 1.0)}

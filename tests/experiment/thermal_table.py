@@ -1,0 +1,31 @@
+"""The source's table of final temperatures, as programs/thermal has it."""
+
+import csv
+
+import numpy as np
+from paths import PROGRAMS
+
+from mopro.experiment.model import SteadyTable
+from mopro.machine import load_machine
+
+MACHINE = load_machine("chow1992")
+INCH = 0.0254
+AIR = 24.87
+CYCLE_M = 1.016e-3
+
+
+def source_table():
+    """What is in programs/thermal, as numbers of its columns."""
+    with open(PROGRAMS / "thermal" / "table-3-2.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def table(rise=None, noise=1.0, rows=slice(None)):
+    columns = source_table()
+    v, a, x, y = (
+        columns[name][rows] * INCH
+        for name in ("velocity_in_s", "acceleration_in_s2", "x_in", "y_in")
+    )
+    measured = columns["temperature_rise_C"][rows] if rise is None else rise
+    return SteadyTable("table-3-2.csv", v, a, x, y, measured, noise)
