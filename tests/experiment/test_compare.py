@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from laboratory import LASER
+from laboratory import PROGRAMS as PROGRAMS_OF_LAB
 from paths import PROGRAMS
 
 import mopro
@@ -169,6 +170,18 @@ def test_a_slow_sensor_beside_a_fast_one_leaves_cells_empty(lab):
     found = compare(experiment, np.random.default_rng(0))
     assert found.verdict == "no disagreement"
     assert found.series[1].unit == "C"
+
+
+@pytest.mark.parametrize("resolved", [True, False])
+def test_a_drive_with_or_without_microsteps_is_the_same_machine(lab, resolved):
+    """A sensor of 0.1 µm sees the microsteps; which drive it was is no disagreement."""
+    recording = mopro.emulate(mopro.compile(PROGRAMS_OF_LAB["slow.CMD"]), resolved=resolved)
+    lab.program("slow.CMD")
+    noise = np.random.default_rng(2).normal(0, 4e-6, len(recording))
+    position = recording["position_1_m"] / 0.0254 + noise
+    lab.csv("slow.csv", {"time_s": recording["time_s"], "position_1_in": position})
+    lab.experiment(['program = "slow.CMD"\ndata = "slow.csv"'], LASER.replace("2e-5", "4e-6"))
+    assert compared(lab).verdict == "no disagreement"
 
 
 def test_a_stated_payload_is_simulated(lab):
