@@ -164,7 +164,7 @@ class _Reader(TomlReader):
         before = len(self._found)
         self._known("sensor", entry, _SENSOR_KEYS, nth=nth)
         kind = entry.get("kind")
-        if kind is not None and kind not in KINDS:
+        if kind is not None and kind not in list(KINDS):
             self._wrong("sensor", "kind", f"expected one of {', '.join(KINDS)}", nth)
             return None
         stated = {key: entry[key] for key in _SENSOR_KEYS & entry.keys() if key != "kind"}

@@ -228,6 +228,7 @@ def test_many_scattered_gaps_are_too_many(fast):
         ("noise_rms", "noise_rsm", "did you mean `noise_rms`?"),
         ('"position_1_in"', '"position_1_C"', "column position_1_C has no unit of a position"),
         ('"laser"\n', '"laser"\nkind = "radar"\n', "expected one of lvdt, thermocouple"),
+        ('"laser"\n', '"laser"\nkind = []\n', "expected one of lvdt, thermocouple"),
         ('data = "fast.csv"', "", ":12:1: the run has no data [missing-key]"),
         ('data = "fast.csv"', 'data = "no.csv"', "there is no file "),
         ('program = "fast.CMD"', "", "expected one of program, command, table, found none"),

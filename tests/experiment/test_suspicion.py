@@ -195,3 +195,16 @@ def test_data_may_go_on_after_the_program(lab):
     lab.write("fast.csv", "\n".join(rows) + "\n")
     lab.experiment(['program = "fast.CMD"\ndata = "fast.csv"'])
     assert lab.load().trials[0].duration_s == pytest.approx(last_s + 1999 / 2000)
+
+
+def test_a_motion_without_end_lasts_as_long_as_its_data(lab):
+    """Of the extended grammar: a velocity that is never taken back."""
+    lab.program("on.CMD", "UU012500/1\nVEL1 4.0\nACC1 0.1\nMC1 4.0\n")
+    t = np.arange(0, 2.0, 0.0005)
+    position = np.where(t < 0.04, 50 * t**2, 4 * t - 0.08)
+    lab.csv("on.csv", {"time_s": t, "position_1_in": position})
+    path = lab.experiment(['program = "on.CMD"\ndata = "on.csv"\npartial = true'])
+    path.write_text(f'grammar = "extended"\n{path.read_text()}')
+    experiment = lab.load()
+    assert experiment.trials[0].duration_s == pytest.approx(1.9995)
+    assert experiment.notes == ()
