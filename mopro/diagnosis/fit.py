@@ -23,6 +23,9 @@ _CLEARLY = 2.0
 # What an angle costs that may be anything: its prior is bounded, and a line that is seen
 # at all fixes it within about a fifth of a radian (2 ln of 2π over that, times √2π).
 _PHASE_PRICE = 5.0
+# A parameter costs no less than among so many samples, however few there are: a handful of
+# precise ones fixes it to a tenth of what it might have been, and ln n forgets that.
+_FEWEST = 100
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ class Fit:
     def price(self) -> float:
         """What the parameters cost."""
         own = sum(price(parameter, self.count) for _, parameter in self.order)
-        return own + self.held * math.log(max(self.count, 2))
+        return own + self.held * math.log(max(self.count, _FEWEST))
 
     @cached_property
     def _implausible(self) -> float:
@@ -129,7 +132,7 @@ class Fit:
 
 def price(parameter: Parameter, count: int) -> float:
     """What a parameter must gain in chi-squared to be worth having, with `count` samples."""
-    return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, 2))
+    return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, _FEWEST))
 
 
 def fit(residuals: Residuals, candidates: Sequence[Candidate], starts: Sequence[Settings]) -> Fit:

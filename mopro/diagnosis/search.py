@@ -148,11 +148,11 @@ class Search:
         best, beam = self.null, [self.null]
         for _ in range(_MOST_EFFECTS):
             grown = {f.key: f for base in beam for f in self._extended(base, best)}
-            ranked = _apart(sorted(grown.values(), key=self.cost))
-            if not ranked or self.cost(ranked[0]) >= self.cost(best):
+            ranked = _apart(sorted(grown.values(), key=self.cost))[:_BEAM]
+            beam = sorted(map(self.refined, ranked), key=self.cost)
+            if not beam or self.cost(beam[0]) >= self.cost(best):
                 break
-            best = self.refined(ranked[0])
-            beam = [best, *(f for f in ranked if f.names != best.names)][:_BEAM]
+            best = beam[0]
             if self._settled(best):
                 break
         return self._swapped(self._pruned(best))
@@ -188,19 +188,29 @@ class Search:
         return self.fitted((*base.candidates, scored.candidate), starts)
 
     def refined(self, found: Fit) -> Fit:
-        """`found` with those of its effects freed further for which it pays."""
+        """`found` with its effects freed further, or less far, as long as that pays."""
         for candidate in found.candidates:
-            for finer in self.catalogue:
-                if (finer.name, finer.refines) != candidate.key:
-                    continue
-                kept = [c for c in found.candidates if c.name != finer.name]
-                values = {p.name: p.null for p in finer.parameters}
-                start = {**values, **{p.name: p.starts[0] for p in finer.parameters if p.starts}}
-                joined = finer.settings(start | dict(found.settings[finer.name]))
-                trial = self.fitted((*kept, finer), [{**found.settings, **joined}])
+            for form in self._forms_beside(candidate):
+                kept = [c for c in found.candidates if c.name != form.name]
+                values = {p.name: p.null for p in form.parameters}
+                start = {**values, **{p.name: p.starts[0] for p in form.parameters if p.starts}}
+                own = {n: v for n, v in found.settings[form.name].items() if n in start}
+                joined = form.settings(start | own)
+                trial = self.fitted((*kept, form), [{**found.settings, **joined}])
                 if self.cost(trial) < self.cost(found):
                     return self.refined(trial)
         return found
+
+    def _forms_beside(self, candidate: Candidate) -> list[Candidate]:
+        """The forms that free more of an effect, and those that free less of a freed one."""
+        own = {p.name for p in candidate.parameters}
+        return [
+            form
+            for form in self.catalogue
+            if (form.name, form.refines) == candidate.key
+            or (candidate.refines is not None and form.name == candidate.name
+                and {p.name for p in form.parameters} < own)
+        ]  # fmt: skip
 
     def _pruned(self, found: Fit) -> Fit:
         """`found` without the effects that do not pay for themselves."""
@@ -230,20 +240,24 @@ class Search:
         rest = self.without(found, name)
         scored = self.scores(rest, rest if (rest.key, rest.key) in self._scores else self.null)
         gain = rest.rss - found.rss
-        enough = gain - 4 * RIVAL_MARGIN - _MISJUDGED * gain
+        # Where signatures bend, they promise the effect itself less than it gains.
+        promised = max((s.gain for s in scored if s.candidate.name == name), default=gain)
+        enough = min(gain, promised) - 4 * RIVAL_MARGIN - _MISJUDGED * gain
         close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
         close.sort(key=lambda s: -s.gain)
-        return self._each(lambda s: self._joined(rest, s), close[:_RIVALS_TRIED])
+        joined = self._each(lambda s: self._joined(rest, s), close[:_RIVALS_TRIED])
+        return [*joined, *self._each(self.refined, joined)]
 
     def rivals(self, found: Fit, name: str) -> list[tuple[str, float]]:
         """Effects that do as well in the place of `name`, and how much dearer they are."""
         as_good: dict[str, float] = {}
         for swapped in self._swaps(found, name):
-            (rival,) = swapped.names - found.names
+            (rival,) = (c for c in swapped.candidates if c.name not in found.names)
             worse = self.cost(swapped) - self.cost(found)
             as_well = worse < RIVAL_MARGIN and swapped.plausible
-            if as_well and not _contains(swapped, found):
-                as_good[rival] = min(worse, as_good.get(rival, worse))
+            # What a form was freed further for, it needs: that is no roominess.
+            if as_well and (rival.refines or not _contains(swapped, found)):
+                as_good[rival.name] = min(worse, as_good.get(rival.name, worse))
         return sorted(as_good.items(), key=lambda rival: rival[1])
 
     def held_out(self, found: Fit) -> HeldOut:
