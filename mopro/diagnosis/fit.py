@@ -122,6 +122,62 @@ class Fit:
         return [(v - h, v + h) for v, h in zip(self.values.tolist(), half.tolist(), strict=True)]
 
     def at_bound(self) -> list[str]:
+        """The parameters that the data would push out of their range.
+
+        Near a bound, and not clear of it by what they are known to.
+        """
+        names = []
+        known = self.deviations().tolist()
+        for (effect, p), value, error in zip(self.order, self.values.tolist(), known, strict=True):
+            nearest = min((p.low, p.high), key=lambda bound: abs(p.scaled(value) - p.scaled(bound)))
+            near = abs(p.scaled(value) - p.scaled(nearest)) < _NEAR_BOUND
+            if p.role is not Role.PHASE and near and abs(value - nearest) < error:
+                names.append(f"{effect}.{p.name}")
+        return names
+
+
+def price(self) -> float:
+        """What the parameters cost."""
+        own = sum(price(parameter, self.count) for _, parameter in self.order)
+        return own + self.held * math.log(max(self.count, _FEWEST))
+
+    @cached_property
+    def _implausible(self) -> float:
+        clearly = _CLEARLY * self.deviations()
+        values = zip(self.order, self.values.tolist(), clearly.tolist(), strict=True)
+        beyond = sum(p.beyond(value) > c for (_, p), value, c in values)
+        return IMPLAUSIBLE_PRICE * float(len(self.at_bound()) + beyond)
+
+    @property
+    def plausible(self) -> bool:
+        """Whether every parameter is within its plausible range, errors allowed for."""
+        return self._implausible == 0
+
+    def deviations(self) -> Floats:
+        """The parameters' standard deviations, in `order`; infinite if not identifiable."""
+        freedom = max(self.count - len(self.order), 1)
+        variance = 1.0 if self.known_noise else self.rss / freedom
+        spans = np.array([p.high - p.low for _, p in self.order])
+        scaled = self.jacobian * spans
+        strengths = np.linalg.norm(scaled, axis=0)
+        if not len(spans) or not strengths.all() or not np.isfinite(strengths).all():
+            return np.full(len(spans), math.inf)
+        units = scaled / strengths
+        gram = units.T @ units
+        if np.linalg.cond(gram) > 1e12:
+            return np.full(len(spans), math.inf)
+        own = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * variance)
+        deviations: Floats = own / strengths * spans
+        return deviations
+
+    def intervals(self, level: float = 0.95) -> list[tuple[float, float]]:
+        """Confidence intervals of the parameters, in `order`."""
+        freedom = max(self.count - len(self.order), 1)
+        spread = stats.norm if self.known_noise else stats.t(freedom)
+        half = spread.ppf((1 + level) / 2) * self.deviations()
+        return [(v - h, v + h) for v, h in zip(self.values.tolist(), half.tolist(), strict=True)]
+
+    def at_bound(self) -> list[str]:
         """The parameters that the data would push out of their range."""
         return [
             f"{effect}.{p.name}"
