@@ -136,56 +136,6 @@ class Fit:
         return names
 
 
-def price(self) -> float:
-        """What the parameters cost."""
-        own = sum(price(parameter, self.count) for _, parameter in self.order)
-        return own + self.held * math.log(max(self.count, _FEWEST))
-
-    @cached_property
-    def _implausible(self) -> float:
-        clearly = _CLEARLY * self.deviations()
-        values = zip(self.order, self.values.tolist(), clearly.tolist(), strict=True)
-        beyond = sum(p.beyond(value) > c for (_, p), value, c in values)
-        return IMPLAUSIBLE_PRICE * float(len(self.at_bound()) + beyond)
-
-    @property
-    def plausible(self) -> bool:
-        """Whether every parameter is within its plausible range, errors allowed for."""
-        return self._implausible == 0
-
-    def deviations(self) -> Floats:
-        """The parameters' standard deviations, in `order`; infinite if not identifiable."""
-        freedom = max(self.count - len(self.order), 1)
-        variance = 1.0 if self.known_noise else self.rss / freedom
-        spans = np.array([p.high - p.low for _, p in self.order])
-        scaled = self.jacobian * spans
-        strengths = np.linalg.norm(scaled, axis=0)
-        if not len(spans) or not strengths.all() or not np.isfinite(strengths).all():
-            return np.full(len(spans), math.inf)
-        units = scaled / strengths
-        gram = units.T @ units
-        if np.linalg.cond(gram) > 1e12:
-            return np.full(len(spans), math.inf)
-        own = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * variance)
-        deviations: Floats = own / strengths * spans
-        return deviations
-
-    def intervals(self, level: float = 0.95) -> list[tuple[float, float]]:
-        """Confidence intervals of the parameters, in `order`."""
-        freedom = max(self.count - len(self.order), 1)
-        spread = stats.norm if self.known_noise else stats.t(freedom)
-        half = spread.ppf((1 + level) / 2) * self.deviations()
-        return [(v - h, v + h) for v, h in zip(self.values.tolist(), half.tolist(), strict=True)]
-
-    def at_bound(self) -> list[str]:
-        """The parameters that the data would push out of their range."""
-        return [
-            f"{effect}.{p.name}"
-            for (effect, p), value in zip(self.order, self.values, strict=True)
-            if p.role is not Role.PHASE and min(s := p.scaled(float(value)), 1 - s) < _NEAR_BOUND
-        ]
-
-
 def price(parameter: Parameter, count: int) -> float:
     """What a parameter must gain in chi-squared to be worth having, with `count` samples."""
     return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, _FEWEST))
