@@ -159,12 +159,14 @@ def _named(search: Search, found: Fit, held: HeldOut | None, candidate: Candidat
         estimates[p.name] = Estimate(value, p.unit, interval, stopped)
     without = search.without(found, candidate.name)
     dearer = search.cost(without) - search.cost(found)
+    rivals = search.rivals(found, candidate.name)
     return Named(
         name=candidate.name,
         form=candidate.form,
         parameters=estimates,
-        indistinguishable_from=[name for name, _ in search.rivals(found, candidate.name)],
-        rivals=dict(search.rivals(found, candidate.name)),
+        indistinguishable_from=[rival.name for rival in rivals],
+        rivals={rival.name: rival.dearer for rival in rivals},
+        alternatives={rival.name: rival.settings for rival in rivals},
         log10_bayes_factor=dearer / (2 * math.log(10)),
         sigmas=math.sqrt(max(without.rss - found.rss, 0.0)),
         held_out=held is not None and held.supports(candidate.name),

@@ -23,6 +23,9 @@ _CLEARLY = 2.0
 # What an angle costs that may be anything: its prior is bounded, and a line that is seen
 # at all fixes it within about a fifth of a radian (2 ln of 2π over that, times √2π).
 _PHASE_PRICE = 5.0
+# A parameter costs no less than among so many samples, however few there are: a handful of
+# precise ones fixes it to a tenth of what it might have been, and ln n forgets that.
+_FEWEST = 100
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ class Fit:
     def price(self) -> float:
         """What the parameters cost."""
         own = sum(price(parameter, self.count) for _, parameter in self.order)
-        return own + self.held * math.log(max(self.count, 2))
+        return own + self.held * math.log(max(self.count, _FEWEST))
 
     @cached_property
     def _implausible(self) -> float:
@@ -119,17 +122,23 @@ class Fit:
         return [(v - h, v + h) for v, h in zip(self.values.tolist(), half.tolist(), strict=True)]
 
     def at_bound(self) -> list[str]:
-        """The parameters that the data would push out of their range."""
-        return [
-            f"{effect}.{p.name}"
-            for (effect, p), value in zip(self.order, self.values, strict=True)
-            if p.role is not Role.PHASE and min(s := p.scaled(float(value)), 1 - s) < _NEAR_BOUND
-        ]
+        """The parameters that the data would push out of their range.
+
+        Near a bound, and not clear of it by what they are known to.
+        """
+        names = []
+        known = self.deviations().tolist()
+        for (effect, p), value, error in zip(self.order, self.values.tolist(), known, strict=True):
+            nearest = min((p.low, p.high), key=lambda bound: abs(p.scaled(value) - p.scaled(bound)))
+            near = abs(p.scaled(value) - p.scaled(nearest)) < _NEAR_BOUND
+            if p.role is not Role.PHASE and near and abs(value - nearest) < error:
+                names.append(f"{effect}.{p.name}")
+        return names
 
 
 def price(parameter: Parameter, count: int) -> float:
     """What a parameter must gain in chi-squared to be worth having, with `count` samples."""
-    return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, 2))
+    return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, _FEWEST))
 
 
 def fit(residuals: Residuals, candidates: Sequence[Candidate], starts: Sequence[Settings]) -> Fit:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -27,6 +28,8 @@ _RIVALS_TRIED = 6
 RIVAL_MARGIN = 10.0
 # How far a signature may misjudge what a fit will gain, as a share of that gain.
 _MISJUDGED = 0.1
+# What is no stronger than 20 standard deviations in all is small, and so linear.
+_WEAK = 400.0
 # A residual this many times as large as noise may be too far off for signatures to rank.
 _ROUGHLY = 100.0
 _MORE_IF_ROUGH = 4
@@ -36,6 +39,19 @@ R = TypeVar("R")
 Progress = Callable[[str], None]
 # A set of effects in their forms.
 Key = frozenset[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that does as well as another: how much dearer, and with all settings."""
+
+    name: str
+    dearer: float
+    settings: Settings
+
+
+def _dearer(rival: Rival) -> float:
+    return rival.dearer
 
 
 class Search:
@@ -148,11 +164,11 @@ class Search:
         best, beam = self.null, [self.null]
         for _ in range(_MOST_EFFECTS):
             grown = {f.key: f for base in beam for f in self._extended(base, best)}
-            ranked = _apart(sorted(grown.values(), key=self.cost))
-            if not ranked or self.cost(ranked[0]) >= self.cost(best):
+            ranked = _apart(sorted(grown.values(), key=self.cost))[:_BEAM]
+            beam = sorted(map(self.refined, ranked), key=self.cost)
+            if not beam or self.cost(beam[0]) >= self.cost(best):
                 break
-            best = self.refined(ranked[0])
-            beam = [best, *(f for f in ranked if f.names != best.names)][:_BEAM]
+            best = beam[0]
             if self._settled(best):
                 break
         return self._swapped(self._pruned(best))
@@ -188,19 +204,29 @@ class Search:
         return self.fitted((*base.candidates, scored.candidate), starts)
 
     def refined(self, found: Fit) -> Fit:
-        """`found` with those of its effects freed further for which it pays."""
+        """`found` with its effects freed further, or less far, as long as that pays."""
         for candidate in found.candidates:
-            for finer in self.catalogue:
-                if (finer.name, finer.refines) != candidate.key:
-                    continue
-                kept = [c for c in found.candidates if c.name != finer.name]
-                values = {p.name: p.null for p in finer.parameters}
-                start = {**values, **{p.name: p.starts[0] for p in finer.parameters if p.starts}}
-                joined = finer.settings(start | dict(found.settings[finer.name]))
-                trial = self.fitted((*kept, finer), [{**found.settings, **joined}])
+            for form in self._forms_beside(candidate):
+                kept = [c for c in found.candidates if c.name != form.name]
+                values = {p.name: p.null for p in form.parameters}
+                start = {**values, **{p.name: p.starts[0] for p in form.parameters if p.starts}}
+                own = {n: v for n, v in found.settings[form.name].items() if n in start}
+                joined = form.settings(start | own)
+                trial = self.fitted((*kept, form), [{**found.settings, **joined}])
                 if self.cost(trial) < self.cost(found):
                     return self.refined(trial)
         return found
+
+    def _forms_beside(self, candidate: Candidate) -> list[Candidate]:
+        """The forms that free more of an effect, and those that free less of a freed one."""
+        own = {p.name for p in candidate.parameters}
+        return [
+            form
+            for form in self.catalogue
+            if (form.name, form.refines) == candidate.key
+            or (candidate.refines is not None and form.name == candidate.name
+                and {p.name for p in form.parameters} < own)
+        ]  # fmt: skip
 
     def _pruned(self, found: Fit) -> Fit:
         """`found` without the effects that do not pay for themselves."""
@@ -227,24 +253,45 @@ class Search:
 
     def _swaps(self, found: Fit, name: str) -> list[Fit]:
         """Fits with the likeliest rivals in the place of `name`."""
-        rest = self.without(found, name)
-        scored = self.scores(rest, rest if (rest.key, rest.key) in self._scores else self.null)
+        rest, scored = self._in_place_of(found, name)
         gain = rest.rss - found.rss
-        enough = gain - 4 * RIVAL_MARGIN - _MISJUDGED * gain
+        # Where signatures bend, they promise the effect itself less than it gains.
+        promised = max((s.gain for s in scored if s.candidate.name == name), default=gain)
+        enough = min(gain, promised) - 4 * RIVAL_MARGIN - _MISJUDGED * gain
+        if gain < _WEAK:
+            enough = min(gain, promised)
         close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
         close.sort(key=lambda s: -s.gain)
-        return self._each(lambda s: self._joined(rest, s), close[:_RIVALS_TRIED])
+        joined = self._each(lambda s: self._joined(rest, s), close[:_RIVALS_TRIED])
+        return [*joined, *self._each(self.refined, joined)]
 
-    def rivals(self, found: Fit, name: str) -> list[tuple[str, float]]:
-        """Effects that do as well in the place of `name`, and how much dearer they are."""
-        as_good: dict[str, float] = {}
+    def _in_place_of(self, found: Fit, name: str) -> tuple[Fit, list[Scored]]:
+        """`found` without `name`, and what promises to take its place."""
+        rest = self.without(found, name)
+        anew = (rest.key, rest.key) in self._scores
+        return rest, self.scores(rest, rest if anew else self.null)
+
+    def rivals(self, found: Fit, name: str) -> list[Rival]:
+        """Effects that do as well in the place of `name`, the cheapest first.
+
+        Those of a weak effect are judged by their signatures: they are many, and bend little.
+        """
+        as_good: dict[str, Rival] = {}
         for swapped in self._swaps(found, name):
-            (rival,) = swapped.names - found.names
+            (rival,) = (c for c in swapped.candidates if c.name not in found.names)
             worse = self.cost(swapped) - self.cost(found)
             as_well = worse < RIVAL_MARGIN and swapped.plausible
-            if as_well and not _contains(swapped, found):
-                as_good[rival] = min(worse, as_good.get(rival, worse))
-        return sorted(as_good.items(), key=lambda rival: rival[1])
+            # What a form was freed further for, it needs: that is no roominess.
+            if as_well and (rival.refines or not _contains(swapped, found)):
+                other = Rival(rival.name, worse, swapped.settings)
+                as_good[rival.name] = min(other, as_good.get(rival.name, other), key=_dearer)
+        rest, scored = self._in_place_of(found, name)
+        for s in scored if rest.rss - found.rss < _WEAK else ():
+            worse = self.predicted(rest, s) - self.cost(found)
+            if s.candidate.name != name and worse < RIVAL_MARGIN and _plausible(s):
+                settings = {**rest.settings, **s.starts[0]}
+                as_good.setdefault(s.candidate.name, Rival(s.candidate.name, worse, settings))
+        return sorted(as_good.values(), key=_dearer)
 
     def held_out(self, found: Fit) -> HeldOut:
         """How parts that were not fitted are predicted, with and without each effect."""
@@ -254,6 +301,14 @@ class Search:
 
 def _log_ways(pool: int, count: int) -> float:
     return math.log(math.comb(max(pool, count), count))
+
+
+def _plausible(scored: Scored) -> bool:
+    """Whether the size that the signature asks for is one to expect."""
+    if not scored.starts:
+        return False
+    values = scored.starts[0][scored.candidate.name]
+    return not any(p.beyond(values[p.name]) for p in scored.candidate.parameters)
 
 
 def _apart(fits: Sequence[Fit]) -> list[Fit]:

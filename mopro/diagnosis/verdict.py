@@ -23,7 +23,8 @@ class Estimate:
 class Named:
     """An effect that is believed, in which form, and what cannot be told from it.
 
-    `rivals` says how much dearer each of those is, in chi-squared with its price.
+    `rivals` says how much dearer each of those is, in chi-squared with its price, and
+    `alternatives` are all settings with the rival in the place of the effect.
     `log10_bayes_factor` weighs the model with the effect against the one without, its
     price paid, `sigmas` is the size of what it explains in standard deviations of the
     noise, and `held_out` tells whether parts that were not fitted gain by it.
@@ -34,6 +35,7 @@ class Named:
     parameters: dict[str, Estimate]
     indistinguishable_from: list[str]
     rivals: dict[str, float]
+    alternatives: dict[str, Settings]
     log10_bayes_factor: float
     sigmas: float
     held_out: bool

@@ -80,7 +80,13 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
         coulomb, parameters=(*coulomb.parameters, presliding), fixed={},
         form="presliding fitted", refines="",
     )  # fmt: skip
-    yield _one("umbilical_spring", "k_h", 10.0, fixed={"x_h": 0.0})
+    spring = _one("umbilical_spring", "k_h", 10.0, fixed={"x_h": 0.0})
+    yield spring
+    free_end = Parameter("x_h", "m", -0.9, 0.9, (0.0,), Role.SHAPE, plausible=(-0.6, 0.6))
+    yield replace(
+        spring, parameters=(*spring.parameters, free_end), fixed={},
+        form="free end fitted", refines="",
+    )  # fmt: skip
     yield _one("constant_force", "F_b", 1.0)
     ratio = machine.axis.damping_ratio
     damping = _own("electrical_damping", "zeta", ratio / 2, 2 * ratio)

@@ -122,6 +122,7 @@ def _common_offset(data: Sequence[Series], predicted: Sequence[Floats]) -> Named
         parameters={"o": Estimate(offset, data[0].unit, interval, False)},
         indistinguishable_from=[],
         rivals={},
+        alternatives={},
         log10_bayes_factor=(sigmas**2 - math.log(sum(map(len, data)))) / (2 * math.log(10)),
         sigmas=sigmas,
         held_out=True,
