@@ -16,7 +16,15 @@ from mopro.diagnosis.heldout import HeldOut, held_out
 from mopro.diagnosis.model import Candidate, Role, Settings
 from mopro.diagnosis.remainder import examine
 from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.signature import Group, Scored, score, signatures, sought
+from mopro.diagnosis.signature import (
+    Group,
+    Scored,
+    far_from_probes,
+    probed_at,
+    score,
+    signatures,
+    sought,
+)
 
 _SHORTLIST = 6
 _BEAM = 3
@@ -28,6 +36,9 @@ _RIVALS_TRIED = 6
 RIVAL_MARGIN = 10.0
 # How far a signature may misjudge what a fit will gain, as a share of that gain.
 _MISJUDGED = 0.1
+# Where a signature promises this much, at a size far from the one that it was taken at,
+# one is taken there.
+_WORTH_ANOTHER_LOOK = 6.0
 # What is no stronger than 20 standard deviations in all is small, and so linear.
 _WEAK = 400.0
 # A residual this many times as large as noise may be too far off for signatures to rank.
@@ -115,7 +126,11 @@ class Search:
         def scored(candidate: Candidate) -> Scored:
             groups = self._signatures(at, candidate)
             groups = [*groups, *sought(self.residuals, base, candidate)]
-            return score(base, tangent, candidate, groups)
+            first = score(base, tangent, candidate, groups)
+            if first.gain < _WORTH_ANOTHER_LOOK or not far_from_probes(first, groups):
+                return first
+            closer = probed_at(self.residuals, at, candidate, first.starts[0])
+            return score(base, tangent, candidate, [*groups, closer])
 
         found = self._each(scored, others)
         return sorted(found, key=lambda s: self.predicted(base, s))

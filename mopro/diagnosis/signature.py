@@ -16,6 +16,8 @@ _STARTS_KEPT = 2
 _QUARTER_TURN = np.pi / 2
 # A signature whose remains beside the others are a smaller share is rounding.
 _INDEPENDENT = 1e-6
+# A response may bend between sizes this many times apart.
+_FAR = 3.0
 # A probe without an amplitude is what it is; a shape not yet fitted may be off by this.
 _MOST_OF_A_SHAPE = 3.0
 
@@ -138,6 +140,26 @@ def _resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[st
         if size:
             allowed[own] *= parameter.size(values[name], of=probed) / size
     return values, allowed
+
+
+def far_from_probes(scored: Scored, groups: Sequence[Group]) -> bool:
+    """Whether the best start is of quite another size than what was simulated."""
+    amplitudes = [p for p in scored.candidate.parameters if p.role is Role.AMPLITUDE]
+    if len(amplitudes) != 1 or not scored.starts:
+        return False
+    (own,) = amplitudes
+    value = scored.starts[0][scored.candidate.name][own.name]
+    probed = [group[0].values[own.name] for group in groups]
+    ratios = [abs(own.size(value, of=p)) for p in probed if p != own.null]
+    return value != own.null and not any(1 / _FAR < ratio < _FAR for ratio in ratios)
+
+
+def probed_at(residuals: Residuals, at: Fit, candidate: Candidate, start: Settings) -> Group:
+    """The signature of a candidate at the size and shape of `start`."""
+    values = dict(start[candidate.name])
+    amplitude = next(p.name for p in candidate.parameters if p.role is Role.AMPLITUDE)
+    change = at.residual - residuals.at({**at.settings, **start})
+    return (Probe(values, (amplitude, None), change),)
 
 
 def sought(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]:

@@ -70,7 +70,7 @@ def _on_one(candidate: Candidate, axis: int) -> Candidate:
 
 def _forces(experiment: Experiment) -> Iterator[Candidate]:
     machine = experiment.machine
-    yield _one("payload_mass", "dm", 0.3)
+    yield _one("payload_mass", "dm", 0.02, 0.5)
     yield _one("viscous_drag", "b", 3.0)
     yield _one("quadratic_drag", "c", 1.5)
     coulomb = _one("coulomb_friction", "Fc", 1.0, fixed={"delta": 5e-6})
@@ -91,7 +91,7 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
     ratio = machine.axis.damping_ratio
     damping = _own("electrical_damping", "zeta", ratio / 2, 2 * ratio)
     yield Candidate("electrical_damping", (replace(damping, low=0.0, null=ratio),))
-    yield _one("force_constant", "e", 0.05)
+    yield _one("force_constant", "e", 0.003, -0.05)
     yield _one(
         "force_constant_temperature", "alpha", 5e-4, fixed={"T0": machine.heat.ambient_C}
     )  # fmt: skip
