@@ -17,6 +17,7 @@ import numpy as np
 from mopro.emulator.command import Floats
 from mopro.emulator.effects import Active, on_axis
 from mopro.emulator.effects.base import Scene
+from mopro.emulator.lag import first_order
 from mopro.errors import DataError
 from mopro.machine import Machine
 from mopro.program import AXES
@@ -86,8 +87,8 @@ def measured_at(
 ) -> Floats:
     """The reading for each stamp (s), in the column's unit; no noise, no converter's step.
 
-    `columns` are those of a recording, evenly sampled; for a temperature `time_s` and
-    `temperature_C` will do.
+    `columns` are those of a recording, evenly sampled from 0 on; for a temperature
+    `time_s` and `temperature_C` will do.
     """
     chain = tuple(active)
     if sensor.quantity == POSITION:
@@ -96,7 +97,7 @@ def measured_at(
     seen = _target(columns, sensor, machine, chain)
     for a in chain:
         lag_s = a.effect.bandwidth_s(sensor.quantity, *a.values)
-        seen = _first_order(dense, seen, lag_s) if lag_s > 0 else seen
+        seen = first_order(float(dense[1]), seen, lag_s) if lag_s > 0 else seen
     taken = stamps
     for a in chain:
         taken = a.effect.sampled_at(taken, *a.values)
@@ -115,7 +116,6 @@ def _target(columns: Columns, sensor: Sensor, machine: Machine, chain: Sequence[
     others = [n for n in AXES if n != sensor.axis and f"position_{n}_m" in columns]
     scene = Scene(
         time_s=columns["time_s"],
-        own_velocity_m_s=columns[f"velocity_{sensor.axis}_m_s"],
         other_m=columns[f"position_{others[0]}_m"] if others else np.zeros_like(x),
         temperature_C=columns["temperature_C"],
         air_C=machine.heat.ambient_C,
@@ -125,20 +125,6 @@ def _target(columns: Columns, sensor: Sensor, machine: Machine, chain: Sequence[
     for a in chain:
         x = a.effect.reading(x, scene, *a.values)
     return x
-
-
-def _first_order(time_s: Floats, x: Floats, lag_s: float) -> Floats:
-    """The response of a first-order lag, exact for what is linear between samples."""
-    followed = np.empty_like(x)
-    y = float(x[0])
-    followed[0] = y
-    for i in range(len(x) - 1):
-        h = float(time_s[i + 1] - time_s[i])
-        decay = math.exp(-h / lag_s)
-        slope = float(x[i + 1] - x[i]) / h
-        y = x[i + 1] - slope * lag_s + (y - x[i] + slope * lag_s) * decay
-        followed[i + 1] = y
-    return followed
 
 
 def interpolated(time_s: Floats, values: Floats, at_s: Floats) -> Floats:

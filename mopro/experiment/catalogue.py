@@ -92,9 +92,11 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
     damping = _own("electrical_damping", "zeta", ratio / 2, 2 * ratio)
     yield Candidate("electrical_damping", (replace(damping, low=0.0, null=ratio),))
     yield _one("force_constant", "e", 0.003, -0.05)
-    yield _one(
-        "force_constant_temperature", "alpha", 5e-4, fixed={"T0": machine.heat.ambient_C}
-    )  # fmt: skip
+    air_C = machine.heat.ambient_C
+    yield _one("force_constant_temperature", "alpha", 5e-4, fixed={"T0": air_C})
+    # Magnets that were measured cooler are weaker from the start.
+    cooler = _one("force_constant_temperature", "alpha", 5e-4, fixed={"T0": air_C - 10.0})
+    yield replace(cooler, form="measured 10 K cooler")
     yield Candidate(
         "detent_force",
         (_own("detent_force", "Fd", 3.0), _angle("phi")),

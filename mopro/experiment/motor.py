@@ -9,24 +9,24 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from threading import Lock
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from mopro.diagnosis import Settings
-from mopro.emulator.effects import Active, Effect, Stage, catalogue, on_axis
-from mopro.emulator.effects.base import Scene
+from mopro.emulator.effects import Active, Effect, Stage, catalogue
 from mopro.emulator.effects.resolve import active_effects
-from mopro.emulator.lag import first_order
-from mopro.emulator.measured import TEMPERATURE, Sensor, interpolated
+from mopro.emulator.measured import TEMPERATURE, measured_at
 from mopro.emulator.setup import Settings as EmulatorSettings
 from mopro.emulator.setup import Staging, planned, staged
 from mopro.experiment.logged import schedule_of
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.motion import Schedule
 from mopro.program import AXES
+from mopro.recording.record import Columns
 
 # RK4 at this step is within 0.02 µm, and twice as quick as what a run takes.
 COARSE_STEP_S = 1e-4
@@ -53,11 +53,33 @@ def angle_in(run: int) -> str:
 
 @dataclass(frozen=True)
 class Motion:
-    """The true motion of one run: positions (m) of each axis at `time_s`, and the heat."""
+    """The true motion of one run: its schedule, and columns as a recording has them."""
 
-    time_s: Floats
-    position_m: Mapping[int, Floats]
-    staging: Staging
+    schedule: Schedule
+    columns: Columns
+
+
+T = TypeVar("T")
+
+
+class _Kept(Generic[T]):
+    """The latest results by what they were made for; two threads may both make the same."""
+
+    def __init__(self) -> None:
+        self._results: OrderedDict[object, T] = OrderedDict()
+        self._lock = Lock()
+
+    def get(self, key: object, make: Callable[[], T]) -> T:
+        with self._lock:
+            if key in self._results:
+                self._results.move_to_end(key)
+                return self._results[key]
+        result = make()
+        with self._lock:
+            self._results[key] = result
+            while len(self._results) > _KEPT:
+                self._results.popitem(last=False)
+        return result
 
 
 class Motor:
@@ -77,24 +99,26 @@ class Motor:
         self._max_step_s = max_step_s
         self._resolved = resolved
         self._own = active_effects(experiment.machine, catalogue())
-        self._motions: OrderedDict[object, Motion] = OrderedDict()
-        self._lock = Lock()
+        self._motions: _Kept[Motion] = _Kept()
+        self._schedules: _Kept[Schedule] = _Kept()
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [
-            self._reading(index, trial, reading, settings)
+            self._reading(index, reading, settings)
             for index, trial in enumerate(self.experiment.trials)
             for reading in trial.readings
         ]
 
     def schedule(self, index: int) -> Schedule:
         """What run number `index` commands without further effects."""
-        return self._motion(index, _of_the_motion(self._own)).staging.schedule
+        return self._motion(index, _of_the_motion(self._own)).schedule
 
     def way_m(self) -> tuple[float, float]:
         """The least and the greatest position that any sensor was to see."""
         places = [
-            self._motion(index, _of_the_motion(self._own)).position_m[reading.sensor.axis]
+            self._motion(index, _of_the_motion(self._own)).columns[
+                f"position_{reading.sensor.axis}_m"
+            ]
             for index, trial in enumerate(self.experiment.trials)
             for reading in trial.readings
             if reading.sensor.quantity != TEMPERATURE
@@ -112,59 +136,50 @@ class Motor:
 
     # -- one reading -----------------------------------------------------------
 
-    def _reading(self, index: int, trial: Trial, reading: Reading, settings: Settings) -> Floats:
-        active = self.active(index, settings)
-        motion = self._motion(index, _of_the_motion(active))
+    def _reading(self, index: int, reading: Reading, settings: Settings) -> Floats:
+        active, machine = self.active(index, settings), self.experiment.machine
         if reading.sensor.quantity == TEMPERATURE:
-            return self._temperature(index, reading, active)
-        return _position(motion, reading, active, self.experiment.machine.heat.ambient_C)
+            columns = self._warmth(index, float(reading.time_s[-1]), active)
+        else:
+            columns = self._motion(index, _of_the_motion(active)).columns
+        return measured_at(columns, reading.sensor, machine, active, reading.time_s)
 
-    def _temperature(self, index: int, reading: Reading, active: tuple[Active, ...]) -> Floats:
-        """Sensed on a grid of its own, as a thermocouple is slow against the motion."""
+    def _warmth(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
+        """On a grid of its own, as a thermocouple is slow against the motion."""
         heat = self._staging(index, active).heat
-        end_s = float(reading.time_s[-1])
         grid = np.linspace(0.0, end_s, max(2, math.ceil(end_s) + 1))
-        seen = _followed(float(grid[1]), heat.temperature_C(grid), reading.sensor, active)
-        return interpolated(grid, seen, reading.time_s)
+        return {"time_s": grid, "temperature_C": heat.temperature_C(grid)}
 
     # -- one motion --------------------------------------------------------------
 
     def _motion(self, index: int, active: tuple[Active, ...]) -> Motion:
-        """Kept for the latest settings; two threads may both work out the same one."""
-        key = index, tuple((a.name, a.values, a.axes) for a in active)
-        with self._lock:
-            if key in self._motions:
-                self._motions.move_to_end(key)
-                return self._motions[key]
-        motion = self._moved(index, active)
-        with self._lock:
-            self._motions[key] = motion
-            while len(self._motions) > _KEPT:
-                self._motions.popitem(last=False)
-        return motion
+        return self._motions.get((index, *_key(active)), lambda: self._moved(index, active))
 
     def _moved(self, index: int, active: tuple[Active, ...]) -> Motion:
         trial = self.experiment.trials[index]
         staging = self._staging(index, _padded(active))
-        sensors = [reading.sensor for reading in trial.readings]
-        axes = _axes(sensors, active)
-        end_s = trial.duration_s if axes else 0.0
+        seen = any(r.sensor.quantity != TEMPERATURE for r in trial.readings)
+        end_s = trial.duration_s if seen else 0.0
         times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
-        positions = {
-            axis.number: axis.advance(times, float(times[-1])).position_m
-            for axis in staging.axes
-            if axis.number in axes
-        }
-        return Motion(times, positions, staging)
+        columns: Columns = {"time_s": times}
+        for axis in staging.axes if seen else ():
+            samples = axis.advance(times, float(times[-1]))
+            columns[f"position_{axis.number}_m"] = samples.position_m
+        columns["temperature_C"] = staging.heat.temperature_C(times)
+        return Motion(staging.schedule, columns)
 
     def _staging(self, index: int, active: tuple[Active, ...]) -> Staging:
         trial, machine = self.experiment.trials[index], self.experiment.machine
         how = EmulatorSettings(machine, trial.payload_kg, self._resolved, self._max_step_s, True)
-        schedule = self._planned(trial, active)
+        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
+        schedule = self._schedules.get(
+            (index, *_key(commanding)), lambda: self._planned(trial, commanding)
+        )
         lasting = max(schedule.duration_s, trial.duration_s)
         return staged(replace(schedule, duration_s=lasting), how, active)
 
     def _planned(self, trial: Trial, active: tuple[Active, ...]) -> Schedule:
+        """What `trial` commands; only effects of the command change it."""
         machine = self.experiment.machine
         if trial.program is None:
             assert trial.command is not None, "a run has a program or a logged command"
@@ -184,6 +199,10 @@ def _active(effect: Effect, values: Mapping[str, float], index: int) -> Active:
     numbers = tuple(float(own.get(p.name, p.default)) for p in effect.parameters)
     axis = int(values.get(AXIS, 0))
     return Active(effect, numbers, (axis,) if axis else AXES)
+
+
+def _key(active: Sequence[Active]) -> tuple[object, ...]:
+    return tuple((a.name, a.values, a.axes) for a in active)
 
 
 def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:
@@ -206,46 +225,3 @@ def _padded(active: tuple[Active, ...]) -> tuple[Active, ...]:
     ]
     order = list(catalogue())
     return tuple(sorted((*active, *padding), key=lambda a: order.index(a.name)))
-
-
-def _axes(sensors: Sequence[Sensor], active: Sequence[Active]) -> set[int]:
-    """The axes whose motion is wanted: those seen, or both if one may show in the other."""
-    seen = {s.axis for s in sensors if s.quantity != TEMPERATURE}
-    return set(AXES) if seen else set()
-
-
-def _position(motion: Motion, reading: Reading, active: tuple[Active, ...], air_C: float) -> Floats:
-    """What the sensor shows at its stamps, in its unit."""
-    sensor = reading.sensor
-    chain = on_axis(active, sensor.axis)
-    measuring = [a for a in chain if a.effect.stage is Stage.MEASUREMENT]
-    x = motion.position_m[sensor.axis]
-    if measuring:
-        (other,) = set(AXES) - {sensor.axis}
-        scene = Scene(
-            time_s=motion.time_s,
-            own_velocity_m_s=np.zeros(len(x)),
-            other_m=motion.position_m[other],
-            temperature_C=motion.staging.heat.temperature_C(motion.time_s),
-            air_C=air_C,
-        )
-        for a in measuring:
-            x = a.effect.geometry(x, scene, *a.values)
-        for a in measuring:
-            x = a.effect.reading(x, scene, *a.values)
-        x = _followed(1 / DENSE_HZ, x, sensor, measuring)
-    taken = reading.time_s
-    for a in measuring:
-        taken = a.effect.sampled_at(taken, *a.values)
-    seen = interpolated(motion.time_s, x, taken)
-    for a in measuring:
-        seen = a.effect.electronics(seen, taken, *a.values)
-    return seen / sensor.unit_si
-
-
-def _followed(interval_s: float, x: Floats, sensor: Sensor, active: Sequence[Active]) -> Floats:
-    """Evenly sampled `x` as slowly as the sensor follows it."""
-    for a in active:
-        lag_s = a.effect.bandwidth_s(sensor.quantity, *a.values)
-        x = first_order(interval_s, x, lag_s) if lag_s > 0 else x
-    return x

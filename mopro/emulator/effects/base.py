@@ -98,7 +98,6 @@ class Scene:
     """What surrounds a measurement: samples of the true run on one axis and its other."""
 
     time_s: Floats
-    own_velocity_m_s: Floats
     other_m: Floats
     temperature_C: Floats
     air_C: float
