@@ -1,0 +1,195 @@
+"""The motor's catalogue through the engine: what a recording holds is named, and no more."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import mopro
+from mopro.diagnosis import Role
+from mopro.emulator.effects import catalogue
+from mopro.emulator.measured import Sensor
+from mopro.experiment.catalogue import candidates
+from mopro.experiment.diagnose import diagnose
+from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial
+from mopro.experiment.motor import FINE_STEP_S, Motor
+from mopro.machine import load_machine
+from mopro.motion import plan
+from mopro.source import Source
+
+MACHINE = load_machine("chow1992")
+HEAD = "UU012500/1\nVEL1 {}\nACC1 {}\nPARA1{}\nWT50\n"
+PROGRAMS = tuple(
+    mopro.compile(HEAD.format(v, a, p) + "".join(f"MRI1 {w}\nWX1\nWT250\n" for w in ways))
+    for v, a, p, ways in ((20, 0.2, "-", (4.0, -4.0)), (30, 0.4, "+", (5.0, -2.0, -3.0)))
+)
+FINE = Sensor("laser", "position", "position_1_in", 1000.0, 1, 2e-5)
+COARSE = dataclasses.replace(FINE, name="coarse", noise_rms=5e-3)
+
+
+def experiment(truth, seed=0, sensor=FINE, machine=MACHINE, offset=0.0, extra=lambda t, x: 0.0):
+    """Two runs with `truth` in them, seen with seeded noise."""
+    rng = np.random.default_rng(seed)
+    ends = [plan(program).duration_s + 0.2 for program in PROGRAMS]
+    stamps = [np.arange(int(end * sensor.rate_hz)) / sensor.rate_hz for end in ends]
+    blank = [trial(i, t, np.zeros(len(t)), sensor) for i, t in enumerate(stamps)]
+    bare = Experiment(Source("experiment.toml", ""), machine, tuple(blank), ())
+    seen = Motor(bare, FINE_STEP_S)(truth)
+    trials = [
+        trial(
+            i, t, x + extra(t, x) + offset + sensor.noise_rms * rng.standard_normal(len(t)), sensor
+        )
+        for i, (t, x) in enumerate(zip(stamps, seen, strict=True))
+    ]
+    return dataclasses.replace(bare, trials=tuple(trials))
+
+
+def trial(index, stamps, values, sensor):
+    reading = Reading(sensor, stamps, values)
+    return Trial(f"run{index}.csv", PROGRAMS[index], None, 0.0, (reading,))
+
+
+def verdict(truth, **how):
+    return diagnose(experiment(truth, **how), jobs=2).verdict
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("payload_mass", {"dm": 0.1}),
+        ("coulomb_friction", {"Fc": 2.0, "delta": 5e-6}),
+        ("umbilical_spring", {"k_h": 30.0, "x_h": 0.1}),
+        ("detent_force", {"Fd": 4.0, "phi": 1.0, "pitch": 1.016e-3}),
+        ("current_loop_lag", {"tau": 1e-4}),
+        ("acceleration_scale", {"e": -0.3}),
+        ("start_delay", {"d": 4e-3, "every_move": 1.0}),
+        ("lost_steps", {"n": 2.0, "move": 2.0, "at": 0.4, "run": 1.0}),
+        ("backlash", {"B": 1e-5}),
+        ("periodic_error", {"A": 3e-6, "lambda": 2.4e-3, "phi": 0.5}),
+        ("sensor_bandwidth", {"f_c": 400.0}),
+        ("hum", {"A": 4e-6, "f": 60.0, "phi": 1.0, "A3": 0.0, "phi3": 0.0}),
+    ],
+)
+def test_a_recording_that_holds_only_it_is_named(name, values):
+    found = verdict({name: values})
+    (effect,) = found.effects
+    assert (found.verdict, effect.name) == ("named", name)
+    assert effect.held_out
+    assert found.gap.after_rms < 1.05 * FINE.noise_rms < found.gap.before_rms
+    for key, estimate in effect.parameters.items():
+        low, high = estimate.ci95
+        truth = values.get(key, values.get("phi"))
+        assert low - (high - low) - 1e-3 <= truth <= high + (high - low) + 1e-3
+
+
+def test_a_recording_without_any_is_none():
+    verdicts = [verdict({}, seed=seed).verdict for seed in range(3)]
+    assert verdicts == ["none"] * 3
+
+
+def test_two_effects_are_named_together():
+    found = verdict({"viscous_drag": {"b": 4.0}, "trigger_delay": {"t_d": 1e-3}})
+    assert {effect.name for effect in found.effects} == {"viscous_drag", "trigger_delay"}
+
+
+def test_what_a_coarse_sensor_cannot_tell_apart_is_a_family():
+    found = verdict({"trigger_delay": {"t_d": 2e-3}}, sensor=COARSE)
+    (effect,) = found.effects
+    family = {effect.name, *effect.indistinguishable_from}
+    assert found.verdict == "ambiguous"
+    assert {"trigger_delay", "start_delay"} <= family
+    assert set(effect.alternatives) == set(effect.indistinguishable_from)
+
+
+def test_what_a_coarse_sensor_cannot_see_is_said_to_be_below_its_resolution():
+    found = verdict({}, sensor=COARSE)
+    faint = {each.name: each for each in found.below_resolution}
+    assert found.verdict == "none"
+    assert {"viscous_drag", "backlash", "phase_gain_imbalance"} <= faint.keys()
+    assert "acceleration_scale" not in faint
+    assert all(each.expected_sigmas < each.needed_sigmas for each in faint.values())
+
+
+def test_a_bump_is_unexplained_and_placed():
+    found = verdict({}, extra=lambda t, x: 1e-4 * np.exp(-(((x - 2.0) / 0.2) ** 2)))
+    assert found.verdict == "unexplained"
+    assert "bump" in found.remainder.description
+    assert not found.effects
+
+
+def test_an_offset_of_all_runs_is_named_only_when_nothing_else_is_there():
+    alone = verdict({}, offset=0.01)
+    beside = verdict({"sensor_gain": {"g": 1e-3}}, offset=0.01)
+    assert [effect.name for effect in alone.effects] == ["sensor_offset"]
+    low, high = alone.effects[0].parameters["o"].ci95
+    assert low < 0.01 < high
+    assert "sensor_offset" not in {effect.name for effect in beside.effects}
+
+
+def test_half_the_step_and_other_order_and_units_do_not_change_the_verdict():
+    truth = {"viscous_drag": {"b": 2.0}}
+    data = experiment(truth)
+    turned = dataclasses.replace(data, trials=data.trials[::-1])
+    in_mm = dataclasses.replace(FINE, column="position_1_mm", noise_rms=25.4 * FINE.noise_rms)
+    metric = dataclasses.replace(
+        data,
+        trials=tuple(
+            dataclasses.replace(
+                each,
+                readings=(Reading(in_mm, each.readings[0].time_s, 25.4 * each.readings[0].values),),
+            )
+            for each in data.trials
+        ),
+    )
+    plain = diagnose(data).verdict
+    for other in (turned, metric):
+        found = diagnose(other).verdict
+        assert [e.name for e in found.effects] == [e.name for e in plain.effects]
+        assert found.effects[0].parameters["b"].value == pytest.approx(
+            plain.effects[0].parameters["b"].value, rel=1e-3
+        )
+
+
+def test_a_logged_command_serves_where_there_is_no_program():
+    data = experiment({"viscous_drag": {"b": 3.0}})
+    motor = Motor(data)
+    logged = []
+    for index, each in enumerate(data.trials):
+        stamps = np.arange(0, each.duration_s, 1e-3)
+        track = motor.schedule(index).tracks[1]
+        way = np.array([track.state(t).position for t in stamps.tolist()]) * MACHINE.microstep_m
+        command = LoggedCommand(stamps, {1: way})
+        logged.append(dataclasses.replace(each, program=None, command=command))
+    found = diagnose(dataclasses.replace(data, trials=tuple(logged))).verdict
+    assert "viscous_drag" in {effect.name for effect in found.effects}
+
+
+def test_an_effect_that_the_machine_has_already_is_measured_against_it():
+    machine = MACHINE.with_effects({"viscous_drag": {"b": 5.0}})
+    data = experiment({"viscous_drag": {"b": 5.0}}, machine=MACHINE)
+    assert diagnose(dataclasses.replace(data, machine=machine)).verdict.verdict == "none"
+    more = experiment({"viscous_drag": {"b": 8.0}}, machine=MACHINE)
+    (effect,) = diagnose(dataclasses.replace(more, machine=machine)).verdict.effects
+    assert effect.name == "viscous_drag"
+    assert effect.parameters["b"].value == pytest.approx(8.0, rel=0.02)
+
+
+class TestCandidates:
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def offered():
+        return candidates(Motor(experiment({})))
+
+    def test_every_effect_of_position_is_offered(self, offered):
+        unseen = {"sensor_offset", "thermocouple_lag", "hold_current_reduction"}
+        expected = {e.name for e in catalogue().values() if e.stage != "T"} - unseen
+        assert expected <= {candidate.name for candidate in offered}
+
+    def test_parameters_are_the_effects_own(self, offered):
+        for candidate in offered:
+            own = {p.name: p for p in catalogue()[candidate.name].parameters}
+            for parameter in candidate.parameters:
+                if parameter.name in own and parameter.role is not Role.HELD:
+                    stated = own[parameter.name]
+                    assert parameter.unit == stated.unit
+                    assert stated.low <= parameter.low < parameter.high <= stated.high
