@@ -1,0 +1,68 @@
+"""`mopro blind`: experiments with hidden effects, and how well they are named."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+T = TypeVar("T")
+
+_GRIDS = ("smoke", "small", "full")
+_MOST_SEED = 2**63 - 1
+
+
+@click.group()
+def command() -> None:
+    """Make experiments whose answers are hidden, and score `mopro reconcile` on them.
+
+    Example: mopro blind make --seed 1 --grid smoke --out cases
+    """
+
+
+@command.command()
+@click.option("--seed", type=click.IntRange(0, _MOST_SEED), required=True, help="Of all draws.")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True)
+@click.option("--grid", type=click.Choice(_GRIDS), default="small", show_default=True)
+@click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True)
+def make(seed: int, out: Path, grid: str, cases: str | None, jobs: int) -> None:
+    """Write a grid of experiments under --out, and their answers apart.
+
+    Each case is a folder with experiment.toml, programs and data. answers.json holds
+    what is hidden in them; its SHA-256 is printed, so that it can be told from another.
+
+    Example: mopro blind make --seed 1 --grid small --out cases
+    """
+    from mopro.blind.grid import specs
+    from mopro.blind.make import ANSWERS
+    from mopro.blind.make import make as write_cases
+
+    only = frozenset(f"{int(c):03d}" for c in _numbers(cases))
+    count = len(specs(grid, seed))
+    if beyond := sorted(c for c in only if not 1 <= int(c) <= count):
+        raise click.BadParameter(
+            f"{beyond[0]}: the grid {grid} has cases 1 to {count}", param_hint="--cases"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    steps = write_cases(seed, grid, out, only, jobs)
+    *made, seal = _shown(steps, (len(only) or count) + 1, "making")
+    click.echo(f"{len(made)} cases in {out}")
+    click.echo(f"{out / ANSWERS} sha256 {seal}")
+
+
+def _shown(steps: Iterable[T], count: int, label: str) -> list[T]:
+    """All of `steps`, with a bar on a terminal."""
+    quiet = not sys.stderr.isatty()
+    with click.progressbar(steps, count, label, file=sys.stderr, hidden=quiet) as bar:
+        return list(bar)
+
+
+def _numbers(cases: str | None) -> list[str]:
+    parts = [part.strip() for part in (cases or "").split(",") if part.strip()]
+    if wrong := [part for part in parts if not part.isdecimal()]:
+        raise click.BadParameter(f"'{wrong[0]}' is no case's number", param_hint="--cases")
+    return parts
