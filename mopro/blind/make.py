@@ -187,7 +187,7 @@ def _trial(g: Generator, spec: Spec) -> Trial:
 def _target(g: Generator, size: str) -> float:
     """A total size to aim at; either end of the plausible range for `ends`."""
     if size == "ends":
-        return float(g.choice([1e-6, 1e9]))
+        return float(g.choice([0.0, math.inf]))
     low, high = CLASSES[size]
     return float(np.exp(g.uniform(math.log(low * 1.05), math.log(high * 0.95))))
 

@@ -68,7 +68,13 @@ class Bench:
 def strength_for(
     bench: Bench, name: str, drawn: Drawn, target: float, least: float
 ) -> tuple[float, float]:
-    """The strength in [least, 1] whose total is nearest to `target`, and that total."""
+    """The strength in [least, 1] whose total is nearest to `target`, and that total.
+
+    A target of 0 or infinity stands for the near and the far end of the range; the far
+    one is drawn in where the axis would stall.
+    """
+    if target in (0.0, math.inf):
+        return _end(bench, name, drawn, least if target == 0.0 else 1.0)
     low, high = least, 1.0
     strength = min(max(0.2, least), 1.0)
     best = (least, math.inf)
@@ -87,6 +93,15 @@ def strength_for(
             break
         strength = wanted
     return best
+
+
+def _end(bench: Bench, name: str, drawn: Drawn, strength: float) -> tuple[float, float]:
+    for _ in range(_TRIES):
+        total = bench.total_sigma({name: drawn(strength)})
+        if math.isfinite(total):
+            break
+        strength *= 0.7
+    return strength, total
 
 
 def _next(strength: float, total: float, target: float, low: float, high: float) -> float:

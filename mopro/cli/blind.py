@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
 import click
+
+from mopro.cli.options import OutputFile
 
 T = TypeVar("T")
 
@@ -57,7 +60,7 @@ def make(seed: int, out: Path, grid: str, cases: str | None, jobs: int) -> None:
 def _shown(steps: Iterable[T], count: int, label: str) -> list[T]:
     """All of `steps`, with a bar on a terminal."""
     quiet = not sys.stderr.isatty()
-    with click.progressbar(steps, count, label, file=sys.stderr, hidden=quiet) as bar:
+    with click.progressbar(steps, count or None, label, file=sys.stderr, hidden=quiet) as bar:
         return list(bar)
 
 
@@ -66,3 +69,42 @@ def _numbers(cases: str | None) -> list[str]:
     if wrong := [part for part in parts if not part.isdecimal()]:
         raise click.BadParameter(f"'{wrong[0]}' is no case's number", param_hint="--cases")
     return parts
+
+
+@command.command()
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
+@click.option("--again", is_flag=True, help="Ask again where a verdict is kept already.")
+@click.option("--follow/--no-follow", default=True, help="Run the experiments proposed.")
+@click.option("--answers-from", type=click.Path(path_type=Path, file_okay=False), hidden=True)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--report", type=OutputFile(".md"), help="Write the tables to a Markdown file.")
+def score(
+    folder: Path,
+    jobs: int,
+    again: bool,
+    follow: bool,
+    answers_from: Path | None,
+    as_json: bool,
+    report: Path | None,
+) -> None:
+    """Ask `mopro reconcile` about each case of FOLDER and compare with the answers.
+
+    Verdicts are kept as verdict.json beside each experiment, so that an interrupted score
+    goes on where it was. An ambiguous look-alike is followed up: the experiment that
+    reconcile proposes is run on the hidden plant and the question is put again.
+
+    Example: mopro blind score cases --report score.md
+    """
+    from mopro.blind.page import page
+    from mopro.blind.score import Score
+    from mopro.cli.blind_score import Asker, Ground, followed, judged
+
+    ground = Ground.read(folder)
+    asker = Asker(again, answers_from)
+    cases = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
+    after = _shown(followed(ground, asker, cases), 0, "following up") if follow else []
+    result = Score(tuple(cases), tuple(after))
+    if report:
+        report.write_text(page(result), encoding="utf-8")
+    click.echo(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)
