@@ -165,7 +165,7 @@ ENTRIES = {
         Entry("speed_dependent_heat", _core, family="core", thermal=True),
         Entry("convection_scale", _convection, family="loss", thermal=True),
         Entry("resistance_tempco", _copper, 0.999, "copper", True),
-        Entry("radiation", _sized("eps", 0.95), 0.02, "loss", True),
+        Entry("radiation", _sized("eps", 0.95), 0.02 / 0.95, "loss", True),
         Entry("ambient_drift", _sized("r", 5.6e-4, signed=True), family="drift", thermal=True),
         Entry("thermocouple_lag", _sized("tau", 60.0), 2 / 60, "early", True),
     )

@@ -91,6 +91,7 @@ def make(
         yield number
     document = {"seed": seed, "grid": grid, "cases": dict(sorted(answers.items()))}
     text = json.dumps(document, indent=1) + "\n"
+    out.mkdir(parents=True, exist_ok=True)
     (out / ANSWERS).write_text(text, encoding="utf-8")
     yield hashlib.sha256(text.encode()).hexdigest()
 
@@ -224,6 +225,8 @@ def _offsets(g: Generator, case: Case) -> list[float]:
 def write(case: Case, folder: Path, generator: Generator) -> None:
     """The experiment: its file, programs and data; nothing of what is hidden."""
     folder.mkdir(parents=True, exist_ok=True)
+    for name in hashes(folder):
+        (folder / name).unlink()
     plant = Plant(case.effects, case.strange)
     for i, trial in enumerate(case.trials, start=1):
         (folder / f"run{i}.CMD").write_text(trial.text, encoding="ascii")

@@ -50,7 +50,6 @@ def make(seed: int, out: Path, grid: str, cases: str | None, jobs: int) -> None:
         raise click.BadParameter(
             f"{beyond[0]}: the grid {grid} has cases 1 to {count}", param_hint="--cases"
         )
-    out.mkdir(parents=True, exist_ok=True)
     steps = write_cases(seed, grid, out, only, jobs)
     *made, seal = _shown(steps, (len(only) or count) + 1, "making")
     click.echo(f"{len(made)} cases in {out}")

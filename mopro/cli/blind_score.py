@@ -61,7 +61,7 @@ class Asker:
     """Whom to ask: `mopro reconcile`, or a folder of replies (`NNN.json`).
 
     Replies are kept beside the experiments and taken from there the next time, unless
-    `again`.
+    `again` or the experiment's files are others.
     """
 
     again: bool = False
@@ -72,9 +72,12 @@ class Asker:
         if self.replies is not None:
             return _read(self.replies / f"{number}.json")
         kept = experiment.with_name(VERDICT)
+        files = hashes(experiment.parent)
         if kept.exists() and not self.again:
-            return _read(kept)
-        reply = _reconcile(experiment)
+            known = _read(kept)
+            if known.get("files") == files:
+                return known
+        reply = {**_reconcile(experiment), "files": files}
         kept.write_text(json.dumps(reply, indent=1) + "\n", encoding="utf-8")
         return reply
 
