@@ -60,13 +60,17 @@ def specs(grid: str, seed: int) -> list[Spec]:
 def _single(name: str, size: str, sensor: str, runs: int = 5, run_s: float = 5.0) -> Spec:
     style = "two axes" if name == "cross_axis_coupling" else "strokes"
     if ENTRIES[name].thermal:
-        return Spec("single", THERMOCOUPLE, ((name, size),), style="cycles", runs=2)
+        return _warm("single", (name, size))
     return Spec("single", sensor, ((name, size),), style=style, runs=runs, run_s=run_s)
+
+
+def _warm(group: str, *effects: tuple[str, str], runs: int = 2, run_s: float = 3600.0) -> Spec:
+    return Spec(group, THERMOCOUPLE, effects, style="cycles", runs=runs, run_s=run_s)
 
 
 def _null(sensor: str, style: str = "strokes", runs: int = 5, run_s: float = 5.0) -> Spec:
     if sensor == THERMOCOUPLE:
-        return Spec("none", sensor, style="cycles", runs=2)
+        return _warm("none")
     return Spec("none", sensor, style=style, runs=runs, run_s=run_s)
 
 
@@ -99,6 +103,8 @@ def _full(g: np.random.Generator) -> Iterator[Spec]:
         yield from (_null(sensor) for _ in range(count))
     yield from (_null(LASER, "two axes") for _ in range(6))
     yield from (_several(g, 2) for _ in range(30))
+    for name in ("platen_conduction", "convection_scale"):
+        yield _warm("pair", (name, "clear"), ("speed_dependent_heat", "strong"))
     yield from (_several(g, 3) for _ in range(12))
     for name in strange.NAMES:
         for sensor in (LASER, LASER, ENCODER, LVDT):
@@ -140,7 +146,7 @@ def _smoke(g: np.random.Generator) -> Iterator[Spec]:
         yield _single(name, "strong", LASER, **short)  # type: ignore[arg-type]
     yield _single("acceleration_scale", "strong", LVDT, **short)  # type: ignore[arg-type]
     yield _single("coulomb_friction", "strong", ENCODER, **short)  # type: ignore[arg-type]
-    yield _single("platen_conduction", "strong", THERMOCOUPLE)
+    yield _warm("single", ("platen_conduction", "strong"), runs=1, run_s=1200.0)
     yield _null(LASER, **short)  # type: ignore[arg-type]
     yield _null(ENCODER, **short)  # type: ignore[arg-type]
     yield _several(g, 2, **short)  # type: ignore[arg-type]

@@ -23,7 +23,6 @@ from mopro.blind.reference.sensors import Instrument, stored
 from mopro.blind.sizes import CLASSES, Bench, class_of, strength_for
 
 ANSWERS = "answers.json"
-_LASTS_S = (3600.0, 5400.0)
 _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
 _ROOMS = {LVDT: programs.Range(-9.0, 9.0)}
 _COARSER = {LASER: ENCODER, ENCODER: LVDT}
@@ -43,6 +42,7 @@ class Case:
     instruments: list[Instrument]
     effects: dict[str, Parameters] = field(default_factory=dict)
     sizes: dict[str, float] = field(default_factory=dict)
+    alone: dict[str, float] = field(default_factory=dict)
     strange: Strange | None = None
     offsets: list[float] = field(default_factory=list)
     total_sigma: float = 0.0
@@ -59,6 +59,7 @@ class Case:
         """What the sealed file says of it."""
         effects = [
             {"name": name, "parameters": values, "total_sigma": self.sizes[name],
+                "alone_sigma": self.alone[name],
              "class": class_of(self.sizes[name])}
             for name, values in self.effects.items()
         ]  # fmt: skip
@@ -141,6 +142,7 @@ def _attempt(g: Generator, number: str, spec: Spec) -> Case:
         case.sizes[name] = total
     if spec.effects:
         case.total_sigma = bench.total_sigma(case.effects)
+        case.alone = bench.alone_sigma(case.effects)
     return case
 
 
@@ -177,7 +179,7 @@ def _trials(g: Generator, spec: Spec) -> list[Trial]:
 def _trial(g: Generator, spec: Spec) -> Trial:
     room = _ROOMS.get(spec.sensor, programs.Range())
     if spec.style == "cycles":
-        return Trial(programs.cycles(g, bool(g.random() < 0.3)), 0.0, float(g.choice(_LASTS_S)))
+        return Trial(programs.cycles(g, bool(g.random() < 0.3)), 0.0, spec.run_s)
     if spec.style == "one speed":
         return Trial(programs.one_speed(g, spec.run_s, room))
     payload = float(g.choice(_PAYLOADS_KG))
@@ -195,17 +197,18 @@ def _target(g: Generator, size: str) -> float:
 
 def _disturb(g: Generator, case: Case) -> None:
     """Draw a disturbance off the catalogue, its rms in the data some share of σ."""
+    instrument = case.instruments[0]
+    series = Bench(case.trials, case.instruments)
+    plain = series.clean(Plant({}))
+    within = g.uniform(plain[0].min(), plain[0].max()) * instrument.unit
     numbers = {
-        "local_bump": {"at": g.uniform(1.0, 6.0) * INCH_M, "width": g.uniform(0.1, 0.8) * INCH_M},
+        "local_bump": {"at": within, "width": g.uniform(0.1, 0.8) * INCH_M},
         "time_drift": {"tau": g.uniform(0.5, 5.0)},
         "frame_sway": {"f": g.uniform(2.0, 8.0), "zeta": g.uniform(0.03, 0.2)},
         "random_walk": {},
     }[case.spec.strange]
     numbers = {name: float(value) for name, value in numbers.items()}
-    instrument = case.instruments[0]
     rms_m = float(g.choice(_OFF_RMS)) * instrument.sigma * instrument.unit
-    series = Bench(case.trials, case.instruments)
-    plain = series.clean(Plant({}))
     shown = series.clean(Plant({}, Strange(case.spec.strange, numbers, 1.0)))
     square = [float(np.var(a - b)) * instrument.unit**2 for a, b in zip(shown, plain, strict=True)]
     sign = float(g.choice([-1.0, 1.0]))

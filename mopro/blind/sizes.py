@@ -50,19 +50,38 @@ class Bench:
 
         A sensor's offset alone is measured whole: nothing of it would be left.
         """
+        change = self._change(effects)
+        return math.inf if change is None else float(np.linalg.norm(change))
+
+    def alone_sigma(self, effects: dict[str, dict[str, float]]) -> dict[str, float]:
+        """The size of what each effect shows that the others together cannot mimic."""
+        shown = {name: self._change({name: values}) for name, values in effects.items()}
+        found = {}
+        for name, own in shown.items():
+            others = [c for other, c in shown.items() if other != name and c is not None]
+            if own is None or not others:
+                found[name] = math.inf if own is None else float(np.linalg.norm(own))
+                continue
+            basis = np.column_stack(others)
+            share = np.linalg.lstsq(basis, own, rcond=None)[0]
+            found[name] = float(np.linalg.norm(own - basis @ share))
+        return found
+
+    def _change(self, effects: dict[str, dict[str, float]]) -> Floats | None:
+        """What the effects change, in σ, each series less its mean; None for a stall."""
         if self._plain is None:
             self._plain = self.clean(Plant({}))
         plant = Plant(effects)
         shown = self.clean(plant)
         if plant.stalled:
-            return math.inf
+            return None
         whole = set(effects) == {"sensor_offset"}
         sigmas = [i.sigma for _ in self.trials for i in self.instruments]
-        total = 0.0
+        changes = []
         for series, plain, sigma in zip(shown, self._plain, sigmas, strict=True):
             change = (series - plain) / sigma
-            total += float(np.sum((change - (0.0 if whole else change.mean())) ** 2))
-        return math.sqrt(total)
+            changes.append(change - (0.0 if whole else change.mean()))
+        return np.concatenate(changes)
 
 
 def strength_for(
