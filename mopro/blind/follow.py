@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mopro.blind.make import measured, run_text, write_data
+from mopro.blind.make import data_name, measured, run_text, write_data
 from mopro.blind.reference.experiment import Plant, Strange, Trial
 from mopro.blind.reference.sensors import Instrument
 
@@ -37,9 +37,11 @@ def proposed(
     if plant.stalled:
         raise ValueError("the proposed program makes the hidden plant lose its lock")
     (copy / "proposed.CMD").write_text(text, encoding="utf-8")
-    write_data(copy / "proposed.csv", instruments, *data)
+    write_data(copy / data_name("proposed", instruments), instruments, *data)
     file = copy / "experiment.toml"
-    file.write_text(file.read_text() + "\n" + run_text("proposed", 0.0), encoding="utf-8")
+    file.write_text(
+        file.read_text() + "\n" + run_text("proposed", 0.0, instruments), encoding="utf-8"
+    )
     return file
 
 

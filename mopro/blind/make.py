@@ -27,6 +27,7 @@ _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
 _ROOMS = {LVDT: programs.Range(-9.0, 9.0)}
 _COARSER = {LASER: ENCODER, ENCODER: LVDT}
 _ATTEMPTS = 5
+_SUFFIXES = (".toml", ".CMD", ".csv", ".DAT")
 _OFF_RMS = (0.3, 1.0, 2.0, 3.0)
 
 Generator = np.random.Generator
@@ -234,14 +235,14 @@ def write(case: Case, folder: Path, generator: Generator) -> None:
     for i, trial in enumerate(case.trials, start=1):
         (folder / f"run{i}.CMD").write_text(trial.text, encoding="ascii")
         data = measured(plant, trial, case.instruments, case.offsets, generator)
-        write_data(folder / f"run{i}.csv", case.instruments, *data)
+        write_data(folder / data_name(f"run{i}", case.instruments), case.instruments, *data)
     (folder / "experiment.toml").write_text(experiment_text(case), encoding="utf-8")
     case.files = hashes(folder)
 
 
 def hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of the experiment's files by name."""
-    files = [p for p in sorted(folder.iterdir()) if p.suffix in (".toml", ".CMD", ".csv")]
+    files = [p for p in sorted(folder.iterdir()) if p.suffix in _SUFFIXES]
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
@@ -261,29 +262,42 @@ def measured(
     return stamps, readings
 
 
+def data_name(run: str, sensors: list[Instrument]) -> str:
+    """The data file of a run: a thermocouple's is raw, as the laboratory stored it."""
+    return f"{run}.{'DAT' if sensors[0].quantity == 'temperature' else 'csv'}"
+
+
 def write_data(path: Path, sensors: list[Instrument], stamps: Floats, series: list[Floats]) -> None:
-    """A run's data: time and a column for each sensor."""
+    """A run's data: time and a column for each sensor; raw, temperature and time a line."""
+    if path.suffix == ".DAT":
+        raw = np.column_stack([*series, stamps])
+        np.savetxt(path, raw, fmt=" %.7g ", delimiter="", newline="\r\n")
+        return
     header = ",".join(["time_s", *(s.column for s in sensors)])
     table = np.column_stack([stamps, *series])
-    formats = ["%.7g"] + ["%.3f" if s.quantity == "temperature" else "%.7f" for s in sensors]
+    formats = ["%.7g"] + ["%.7f"] * len(sensors)
     np.savetxt(path, table, fmt=formats, delimiter=",", header=header, comments="")
 
 
 def experiment_text(case: Case) -> str:
     """experiment.toml."""
-    parts = ['machine = "chow1992"\n']
-    for s in case.instruments:
-        axis = f"axis = {s.axis}\n" if s.quantity == "position" else ""
-        parts.append(
-            f'[[sensor]]\nname = "{s.name}"\nquantity = "{s.quantity}"\n{axis}'
-            f'column = "{s.column}"\nrate_hz = {s.rate_hz}\nnoise_rms = {s.noise_rms}\n'
-            f"adc_step = {s.adc_step}\n"
-        )
+    parts = ['machine = "chow1992"\n', *map(_sensor_text, case.instruments)]
     for i, trial in enumerate(case.trials, start=1):
-        parts.append(run_text(f"run{i}", trial.payload_kg))
+        parts.append(run_text(f"run{i}", trial.payload_kg, case.instruments))
     return "\n".join(parts)
 
 
-def run_text(name: str, payload_kg: float) -> str:
+def _sensor_text(s: Instrument) -> str:
+    noise = f"noise_rms = {s.noise_rms}\nadc_step = {s.adc_step}\n"
+    if s.quantity == "temperature":
+        return f'[[sensor]]\nname = "{s.name}"\nkind = "thermocouple"\n{noise}'
+    return (
+        f'[[sensor]]\nname = "{s.name}"\nquantity = "{s.quantity}"\naxis = {s.axis}\n'
+        f'column = "{s.column}"\nrate_hz = {s.rate_hz}\n{noise}'
+    )
+
+
+def run_text(name: str, payload_kg: float, sensors: list[Instrument]) -> str:
     """One run of experiment.toml."""
-    return f'[[run]]\nprogram = "{name}.CMD"\ndata = "{name}.csv"\npayload_kg = {payload_kg}\n'
+    data = data_name(name, sensors)
+    return f'[[run]]\nprogram = "{name}.CMD"\ndata = "{data}"\npayload_kg = {payload_kg}\n'

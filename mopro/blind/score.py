@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
+from mopro.blind.grid import LASER
 from mopro.blind.judge import FAILED, FAMILY, GOOD, NONE, PARTLY, RIGHT, UNEXPLAINED, WRONG
 from mopro.blind.judge import Judgement as J
 from mopro.blind.sizes import BELOW
@@ -109,7 +110,8 @@ def _figures(score: Score) -> list[Line]:
     main = [c.inside for j in cases for c in j.covered if c.main]
     every = [c.inside for j in cases for c in j.covered]
     named = [j for j in cases if j.truth and j.outcome in GOOD and j.gap_after is not None]
-    long = [j.seconds for j in cases if j.seconds is not None]
+    timed = [j for j in cases if j.sensor == LASER and j.group != "alike"]
+    long = [j.seconds for j in timed if j.seconds is not None]
     share = sum(main) / len(main) if main else 0.0
     low = f"median {median(long):.1f} s, worst {max(long):.1f} s" if long else "-"
     met = median(long) <= 20 and max(long) <= 90 if long else None
@@ -120,8 +122,9 @@ def _figures(score: Score) -> list[Line]:
              _percent(sum(every), len(every)), None),
         _share("held-out gap after, at most 1.1 × noise", named, 1.0,
                lambda j: (j.gap_after or 0.0) <= _LIMIT),
-        Line("gap before → after, median, × noise", "-", len(named), _gaps(named), None),
-        Line("time", "median ≤ 20 s, worst ≤ 90 s", len(long), low, met),
+        Line("gap before → after, median (worst after), × noise", "-", len(named),
+             _gaps(named), None),
+        Line("time of a case with the laser", "median ≤ 20 s, worst ≤ 90 s", len(long), low, met),
     ]  # fmt: skip
 
 
@@ -129,7 +132,8 @@ def _gaps(named: Sequence[J]) -> str:
     if not named:
         return "-"
     before = median(j.gap_before or 0.0 for j in named)
-    return f"{before:.2f} → {median(j.gap_after or 0.0 for j in named):.2f}"
+    after = [j.gap_after or 0.0 for j in named]
+    return f"{before:.2f} → {median(after):.3f} ({max(after):.3f})"
 
 
 def _follow(score: Score) -> Line:

@@ -20,7 +20,7 @@ CLASSES = {
     "huge": (1000.0, math.inf),
 }  # fmt: skip
 _TRIES = 9
-_NEAR = 0.03
+_NEAR = 0.08
 
 
 def class_of(total_sigma: float) -> str:

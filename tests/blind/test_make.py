@@ -12,6 +12,7 @@ from mopro.blind.grid import LASER, Spec, specs
 from mopro.blind.make import drawn, instruments, make, write
 from mopro.blind.reference.listing import timeline
 from mopro.blind.sizes import Bench, class_of
+from mopro.instruments import read_thermocouple
 
 ONE = Spec("single", LASER, (("viscous_drag", "clear"),), runs=1, run_s=1.0)
 
@@ -142,6 +143,17 @@ def test_data_last_as_long_as_the_program(tmp_path):
     assert data["time_s"][0] == 0.0
     assert data["time_s"][-1] == pytest.approx(lasts, abs=5e-4)
     assert data["position_1_in"].std() > 0.1
+
+
+def test_a_thermocouple_s_data_are_a_raw_file_of_the_laboratory(tmp_path):
+    warm = Spec("none", "thermocouple", style="cycles", runs=1, run_s=700.0)
+    case = drawn(1, "001", warm)
+    write(case, tmp_path, np.random.default_rng(1))
+    temperature, time_s = read_thermocouple(tmp_path / "run1.DAT")
+    assert time_s.tolist() == [*range(601), *range(615, 701, 15)]
+    assert 24 < temperature[0] < 26
+    assert temperature[-1] > temperature[0] + 10
+    assert 'kind = "thermocouple"' in (tmp_path / "experiment.toml").read_text()
 
 
 def test_noise_and_converter_are_the_stated_ones():

@@ -122,8 +122,8 @@ def test_the_table_counts():
     assert lines["one effect, 8 σ or more: a wrong name"].met is False
     assert lines["nothing hidden: none"].met is True
     assert lines["two effects, each 20 σ or more: all right"].met is None
-    assert "worst 100.0 s" in lines["time"].reached
-    assert lines["time"].met is False
+    assert "worst 100.0 s" in lines["time of a case with the laser"].reached
+    assert lines["time of a case with the laser"].met is False
     assert [j.number for j in score.wrong()] == ["049"]
     assert score.confusion()["viscous_drag"] == {"right": 49, "wrong: hum": 1}
     text = page(score)
