@@ -124,7 +124,7 @@ ENTRIES = {
         Entry("force_constant", _sized("e", 0.2, signed=True), family="lag"),
         Entry(
             "force_constant_temperature",
-            _sized("alpha", 1.2e-3, T0=_one_of(15.0, 20.0, 30.0)), 0.25, "lag",
+            _sized("alpha", 1.2e-3, T0=_one_of(n.AIR_C, n.AIR_C, 20.0, 30.0)), 0.25, "lag",
         ),
         Entry("detent_force", _sized("Fd", 11.1, phi=_angle), 0.2, "fourth"),
         Entry("phase_gain_imbalance", _sized("eps", 0.1, signed=True), 0.1, "second"),
