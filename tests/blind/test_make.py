@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from mopro.blind import hidden
+from mopro.blind.case import drawn, instruments
 from mopro.blind.grid import LASER, Spec, specs
-from mopro.blind.make import drawn, instruments, make, write
+from mopro.blind.make import make, write
 from mopro.blind.reference.listing import timeline
 from mopro.blind.sizes import Bench, class_of
 from mopro.instruments import read_thermocouple
