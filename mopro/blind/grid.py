@@ -146,7 +146,7 @@ def _smoke(g: np.random.Generator) -> Iterator[Spec]:
         yield _single(name, "strong", LASER, **short)  # type: ignore[arg-type]
     yield _single("acceleration_scale", "strong", LVDT, **short)  # type: ignore[arg-type]
     yield _single("coulomb_friction", "strong", ENCODER, **short)  # type: ignore[arg-type]
-    yield _warm("single", ("platen_conduction", "strong"), runs=1, run_s=1200.0)
+    yield _warm("single", ("platen_conduction", "strong"), runs=1, run_s=600.0)
     yield _null(LASER, **short)  # type: ignore[arg-type]
     yield _null(ENCODER, **short)  # type: ignore[arg-type]
     yield _several(g, 2, **short)  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import click
 
-from mopro.cli.options import OutputFile
+from mopro.cli.options import OutputFile, Quantity
 
 T = TypeVar("T")
 
@@ -75,6 +75,13 @@ def _numbers(cases: str | None) -> list[str]:
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
 @click.option("--again", is_flag=True, help="Ask again where a verdict is kept already.")
 @click.option("--follow/--no-follow", default=True, help="Run the experiments proposed.")
+@click.option(
+    "--patience",
+    type=Quantity("time", "s", positive=True),
+    default="10min",
+    show_default=True,
+    help="How long one case may take.",
+)
 @click.option("--answers-from", type=click.Path(path_type=Path, file_okay=False), hidden=True)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--report", type=OutputFile(".md"), help="Write the tables to a Markdown file.")
@@ -83,6 +90,7 @@ def score(
     jobs: int,
     again: bool,
     follow: bool,
+    patience: float,
     answers_from: Path | None,
     as_json: bool,
     report: Path | None,
@@ -100,7 +108,7 @@ def score(
     from mopro.cli.blind_score import Asker, Ground, followed, judged
 
     ground = Ground.read(folder)
-    asker = Asker(again, answers_from)
+    asker = Asker(again, patience, answers_from)
     cases = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
     after = _shown(followed(ground, asker, cases), 0, "following up") if follow else []
     result = Score(tuple(cases), tuple(after))

@@ -8,12 +8,12 @@ import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from mopro.blind.follow import FOLDER, proposed
-from mopro.blind.judge import Judgement, judge
+from mopro.blind.judge import FAILED, Judgement, judge
 from mopro.blind.make import ANSWERS, hashes
 from mopro.errors import DataError
 
@@ -61,10 +61,12 @@ class Asker:
     """Whom to ask: `mopro reconcile`, or a folder of replies (`NNN.json`).
 
     Replies are kept beside the experiments and taken from there the next time, unless
-    `again` or the experiment's files are others.
+    `again` or the experiment's files are others. What gives no verdict within `patience_s`
+    has failed, and is asked anew the next time.
     """
 
     again: bool = False
+    patience_s: float = 600.0
     replies: Path | None = None
 
     def ask(self, number: str, experiment: Path) -> Reply:
@@ -77,23 +79,28 @@ class Asker:
             known = _read(kept)
             if known.get("files") == files:
                 return known
-        reply = {**_reconcile(experiment), "files": files}
-        kept.write_text(json.dumps(reply, indent=1) + "\n", encoding="utf-8")
+        reply = {**_reconcile(experiment, self.patience_s), "files": files}
+        if reply["verdict"] != FAILED:
+            kept.write_text(json.dumps(reply, indent=1) + "\n", encoding="utf-8")
         return reply
 
 
-def _reconcile(experiment: Path) -> Reply:
+def _reconcile(experiment: Path, patience_s: float) -> Reply:
     start = time.perf_counter()
     command = [sys.executable, "-m", "mopro", "reconcile", str(experiment), "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    seconds = time.perf_counter() - start
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=patience_s
+        )
+    except subprocess.TimeoutExpired:
+        return {"verdict": FAILED, "stderr": f"no answer within {patience_s:g} s"}
     try:
         reply = json.loads(done.stdout)
     except ValueError:
-        reply = {"verdict": "failed"}
-    if not isinstance(reply, dict):
-        reply = {"verdict": "failed"}
-    said = done.stderr[-_SHOWN:]
+        reply = {}
+    if not isinstance(reply, dict) or "verdict" not in reply:
+        reply = {"verdict": FAILED}
+    seconds, said = time.perf_counter() - start, done.stderr[-_SHOWN:]
     return {**reply, "seconds": seconds, "exit_code": done.returncode, "stderr": said}
 
 
@@ -133,11 +140,11 @@ def followed(ground: Ground, asker: Asker, cases: Iterable[Judgement]) -> Iterat
 def _second(ground: Ground, asker: Asker, number: str, reply: Reply) -> Reply:
     text = reply.get("next_experiment")
     if not text:
-        return {"verdict": "failed", "stderr": "no experiment was proposed"}
+        return {"verdict": FAILED, "stderr": "no experiment was proposed"}
     copy = ground.folder / FOLDER / number
     folder, answer = ground.folder / number, ground.cases[number]
     try:
         file = proposed(ground.seed, number, answer, text, folder, copy)
     except ValueError as error:
-        return {"verdict": "failed", "stderr": str(error)}
-    return Asker(asker.again).ask(number, file)
+        return {"verdict": FAILED, "stderr": str(error)}
+    return replace(asker, replies=None).ask(number, file)
