@@ -47,6 +47,7 @@ class Judgement:
     gap_before: float | None
     gap_after: float | None
     seconds: float | None
+    note: str = ""
 
     @property
     def good(self) -> bool:
@@ -73,6 +74,7 @@ def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> J
         gap_before=_ratio(gap.get("before_rms"), noise),
         gap_after=_ratio(gap.get("after_rms"), noise),
         seconds=reply.get("seconds"),
+        note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
     )
 
 

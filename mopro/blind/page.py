@@ -49,7 +49,7 @@ def _cases(cases: Iterable[Judgement]) -> str:
     rows = (
         (
             j.number, j.group, j.sensor, " + ".join(j.truth) or "-",
-            f"{j.least_sigma:.0f}", j.verdict, ", ".join(j.said) or "-",
+            f"{j.least_sigma:.0f}", j.verdict, ", ".join(j.said) or j.note or "-",
         )
         for j in cases
     )  # fmt: skip

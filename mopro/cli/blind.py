@@ -44,7 +44,7 @@ def make(seed: int, out: Path, grid: str, cases: str | None, jobs: int) -> None:
     from mopro.blind.make import ANSWERS
     from mopro.blind.make import make as write_cases
 
-    only = frozenset(f"{int(c):03d}" for c in _numbers(cases))
+    only = _padded(cases)
     count = len(specs(grid, seed))
     if beyond := sorted(c for c in only if not 1 <= int(c) <= count):
         raise click.BadParameter(
@@ -63,16 +63,18 @@ def _shown(steps: Iterable[T], count: int, label: str) -> list[T]:
         return list(bar)
 
 
-def _numbers(cases: str | None) -> list[str]:
+def _padded(cases: str | None) -> frozenset[str]:
+    """The numbers of `--cases` as the folders have them."""
     parts = [part.strip() for part in (cases or "").split(",") if part.strip()]
     if wrong := [part for part in parts if not part.isdecimal()]:
         raise click.BadParameter(f"'{wrong[0]}' is no case's number", param_hint="--cases")
-    return parts
+    return frozenset(f"{int(part):03d}" for part in parts)
 
 
 @command.command()
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
+@click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
 @click.option("--again", is_flag=True, help="Ask again where a verdict is kept already.")
 @click.option("--follow/--no-follow", default=True, help="Run the experiments proposed.")
 @click.option(
@@ -88,6 +90,7 @@ def _numbers(cases: str | None) -> list[str]:
 def score(
     folder: Path,
     jobs: int,
+    cases: str | None,
     again: bool,
     follow: bool,
     patience: float,
@@ -107,11 +110,11 @@ def score(
     from mopro.blind.score import Score
     from mopro.cli.blind_score import Asker, Ground, followed, judged
 
-    ground = Ground.read(folder)
+    ground = Ground.read(folder, _padded(cases))
     asker = Asker(again, patience, answers_from)
-    cases = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
-    after = _shown(followed(ground, asker, cases), 0, "following up") if follow else []
-    result = Score(tuple(cases), tuple(after))
+    told = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
+    after = _shown(followed(ground, asker, told), 0, "following up") if follow else []
+    result = Score(tuple(told), tuple(after))
     if report:
         report.write_text(page(result), encoding="utf-8")
     click.echo(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)

@@ -33,8 +33,11 @@ class Ground:
     cases: Mapping[str, Mapping[str, Any]]
 
     @classmethod
-    def read(cls, folder: Path) -> Ground:
-        """DataError where it is none, or where a case is no longer what was made."""
+    def read(cls, folder: Path, only: frozenset[str] = frozenset()) -> Ground:
+        """The cases of these numbers, or all.
+
+        DataError where there is none such, or where a case is no longer what was made.
+        """
         file = folder / ANSWERS
         try:
             document = json.loads(file.read_text(encoding="utf-8"))
@@ -43,6 +46,10 @@ class Ground:
             raise DataError(f"{file}: cannot be read: {error.strerror}", "unreadable") from error
         except (ValueError, KeyError, TypeError) as error:
             raise DataError(f"{file}: not what `mopro blind make` writes", "bad-answers") from error
+        if missing := sorted(only - set(ground.cases)):
+            raise DataError(f"{file}: there is no case {missing[0]}", "no-such-case")
+        if only:
+            ground = replace(ground, cases={n: ground.cases[n] for n in only})
         for number, answer in ground.cases.items():
             _check(folder / number, answer["files"])
         return ground

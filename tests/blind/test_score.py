@@ -157,6 +157,16 @@ def test_the_command_scores_kept_replies(ground, tmp_path):
     assert {c["outcome"] for c in json.loads(as_json.output)["cases"]} == {"right"}
 
 
+def test_only_some_cases_and_those_must_exist(ground, tmp_path):
+    (tmp_path / "008.json").write_text(json.dumps(reply("none")))
+    args = ["score", str(ground), "--answers-from", str(tmp_path), "--json", "--cases"]
+    done = CliRunner().invoke(command, [*args, "8"])
+    assert [c["number"] for c in json.loads(done.output)["cases"]] == ["008"]
+    other = run("score", str(ground), "--cases", "9")
+    assert other.returncode == 2
+    assert "there is no case 009" in other.stderr
+
+
 def test_a_proposed_experiment_becomes_one_more_run(ground, tmp_path):
     document = answers_of(ground)
     number, case = next((n, c) for n, c in document["cases"].items() if c["effects"])
