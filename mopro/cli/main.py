@@ -21,6 +21,7 @@ EXIT_SIGNAL = 128
 
 # command -> the module that defines it as `command`; loaded when the command is used.
 COMMANDS = {
+    "blind": "mopro.cli.blind",
     "compare": "mopro.cli.compare",
     "compile": "mopro.cli.compile",
     "flash": "mopro.cli.flash",

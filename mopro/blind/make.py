@@ -1,0 +1,137 @@
+"""Draw the cases of a grid and write them as experiments, the answers sealed apart."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mopro.blind.case import Case, Generator, drawn
+from mopro.blind.grid import Spec, specs
+from mopro.blind.reference.experiment import Plant, Trial
+from mopro.blind.reference.motion import Floats
+from mopro.blind.reference.sensors import Instrument, stored
+
+ANSWERS = "answers.json"
+_SUFFIXES = (".toml", ".CMD", ".csv", ".DAT")
+
+
+def make(
+    seed: int, grid: str, out: Path, only: frozenset[str] = frozenset(), jobs: int = 1
+) -> Iterator[str]:
+    """Write the grid's cases under `out`; yields each case's number, last the seal's hash.
+
+    `only` limits the work to cases of these numbers, which are the same as in the whole
+    grid.
+    """
+    numbered = [(f"{i:03d}", spec) for i, spec in enumerate(specs(grid, seed), start=1)]
+    chosen = [(number, spec) for number, spec in numbered if not only or number in only]
+    answers: dict[str, Any] = {}
+    for number, answer in _written(seed, chosen, out, jobs):
+        answers[number] = answer
+        yield number
+    document = {"seed": seed, "grid": grid, "cases": dict(sorted(answers.items()))}
+    text = json.dumps(document, indent=1) + "\n"
+    out.mkdir(parents=True, exist_ok=True)
+    (out / ANSWERS).write_text(text, encoding="utf-8")
+    yield hashlib.sha256(text.encode()).hexdigest()
+
+
+def _written(
+    seed: int, chosen: list[tuple[str, Spec]], out: Path, jobs: int
+) -> Iterable[tuple[str, dict[str, Any]]]:
+    tasks = [(seed, number, spec, out) for number, spec in chosen]
+    if jobs == 1:
+        yield from map(_task, tasks)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        yield from pool.map(_task, tasks)
+
+
+def _task(task: tuple[int, str, Spec, Path]) -> tuple[str, dict[str, Any]]:
+    seed, number, spec, out = task
+    case = drawn(seed, number, spec)
+    write(case, out / number, np.random.default_rng([seed, 3, int(number)]))
+    return number, case.answer()
+
+
+def write(case: Case, folder: Path, generator: Generator) -> None:
+    """The experiment: its file, programs and data; nothing of what is hidden."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in hashes(folder):
+        (folder / name).unlink()
+    plant = Plant(case.effects, case.strange)
+    for i, trial in enumerate(case.trials, start=1):
+        (folder / f"run{i}.CMD").write_text(trial.text, encoding="ascii")
+        data = measured(plant, trial, case.instruments, case.offsets, generator)
+        write_data(folder / data_name(f"run{i}", case.instruments), case.instruments, *data)
+    (folder / "experiment.toml").write_text(experiment_text(case), encoding="utf-8")
+    case.files = hashes(folder)
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of the experiment's files by name."""
+    files = [p for p in sorted(folder.iterdir()) if p.suffix in _SUFFIXES]
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+def measured(
+    plant: Plant,
+    trial: Trial,
+    sensors: list[Instrument],
+    offsets: list[float],
+    generator: Generator,
+) -> tuple[Floats, list[Floats]]:
+    """Time stamps, and the stored readings of each sensor."""
+    stamps, clean = plant.readings(trial, sensors, generator)
+    readings = [
+        stored(series + offset, sensor, generator)
+        for series, sensor, offset in zip(clean, sensors, offsets, strict=True)
+    ]
+    return stamps, readings
+
+
+def data_name(run: str, sensors: list[Instrument]) -> str:
+    """The data file of a run: a thermocouple's is raw, as the laboratory stored it."""
+    return f"{run}.{'DAT' if sensors[0].quantity == 'temperature' else 'csv'}"
+
+
+def write_data(path: Path, sensors: list[Instrument], stamps: Floats, series: list[Floats]) -> None:
+    """A run's data: time and a column for each sensor; raw, temperature and time a line."""
+    if path.suffix == ".DAT":
+        raw = np.column_stack([*series, stamps])
+        np.savetxt(path, raw, fmt=" %.7g ", delimiter="", newline="\r\n")
+        return
+    header = ",".join(["time_s", *(s.column for s in sensors)])
+    table = np.column_stack([stamps, *series])
+    formats = ["%.7g"] + ["%.7f"] * len(sensors)
+    np.savetxt(path, table, fmt=formats, delimiter=",", header=header, comments="")
+
+
+def experiment_text(case: Case) -> str:
+    """experiment.toml."""
+    parts = ['machine = "chow1992"\n', *map(_sensor_text, case.instruments)]
+    for i, trial in enumerate(case.trials, start=1):
+        parts.append(run_text(f"run{i}", trial.payload_kg, case.instruments))
+    return "\n".join(parts)
+
+
+def _sensor_text(s: Instrument) -> str:
+    noise = f"noise_rms = {s.noise_rms}\nadc_step = {s.adc_step}\n"
+    if s.quantity == "temperature":
+        return f'[[sensor]]\nname = "{s.name}"\nkind = "thermocouple"\n{noise}'
+    return (
+        f'[[sensor]]\nname = "{s.name}"\nquantity = "{s.quantity}"\naxis = {s.axis}\n'
+        f'column = "{s.column}"\nrate_hz = {s.rate_hz}\n{noise}'
+    )
+
+
+def run_text(name: str, payload_kg: float, sensors: list[Instrument]) -> str:
+    """One run of experiment.toml."""
+    data = data_name(name, sensors)
+    return f'[[run]]\nprogram = "{name}.CMD"\ndata = "{data}"\npayload_kg = {payload_kg}\n'

@@ -1,0 +1,120 @@
+"""`mopro blind`: experiments with hidden effects, and how well they are named."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+from mopro.cli.options import OutputFile, Quantity
+
+T = TypeVar("T")
+
+_GRIDS = ("smoke", "small", "full")
+_MOST_SEED = 2**63 - 1
+
+
+@click.group()
+def command() -> None:
+    """Make experiments whose answers are hidden, and score `mopro reconcile` on them.
+
+    Example: mopro blind make --seed 1 --grid smoke --out cases
+    """
+
+
+@command.command()
+@click.option("--seed", type=click.IntRange(0, _MOST_SEED), required=True, help="Of all draws.")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True)
+@click.option("--grid", type=click.Choice(_GRIDS), default="small", show_default=True)
+@click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True)
+def make(seed: int, out: Path, grid: str, cases: str | None, jobs: int) -> None:
+    """Write a grid of experiments under --out, and their answers apart.
+
+    Each case is a folder with experiment.toml, programs and data. answers.json holds
+    what is hidden in them; its SHA-256 is printed, so that it can be told from another.
+
+    Example: mopro blind make --seed 1 --grid small --out cases
+    """
+    from mopro.blind.grid import specs
+    from mopro.blind.make import ANSWERS
+    from mopro.blind.make import make as write_cases
+
+    only = _padded(cases)
+    count = len(specs(grid, seed))
+    if beyond := sorted(c for c in only if not 1 <= int(c) <= count):
+        raise click.BadParameter(
+            f"{beyond[0]}: the grid {grid} has cases 1 to {count}", param_hint="--cases"
+        )
+    steps = write_cases(seed, grid, out, only, jobs)
+    *made, seal = _shown(steps, (len(only) or count) + 1, "making")
+    click.echo(f"{len(made)} cases in {out}")
+    click.echo(f"{out / ANSWERS} sha256 {seal}")
+
+
+def _shown(steps: Iterable[T], count: int, label: str) -> list[T]:
+    """All of `steps`, with a bar on a terminal."""
+    quiet = not sys.stderr.isatty()
+    with click.progressbar(steps, count or None, label, file=sys.stderr, hidden=quiet) as bar:
+        return list(bar)
+
+
+def _padded(cases: str | None) -> frozenset[str]:
+    """The numbers of `--cases` as the folders have them."""
+    parts = [part.strip() for part in (cases or "").split(",") if part.strip()]
+    if wrong := [part for part in parts if not part.isdecimal()]:
+        raise click.BadParameter(f"'{wrong[0]}' is no case's number", param_hint="--cases")
+    return frozenset(f"{int(part):03d}" for part in parts)
+
+
+@command.command()
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
+@click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
+@click.option("--again", is_flag=True, help="Ask again where a verdict is kept already.")
+@click.option("--follow/--no-follow", default=True, help="Run the experiments proposed.")
+@click.option(
+    "--patience",
+    type=Quantity("time", "s", positive=True),
+    default="10min",
+    show_default=True,
+    help="How long one case may take.",
+)
+@click.option("--answers-from", type=click.Path(path_type=Path, file_okay=False), hidden=True)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--report", type=OutputFile(".md"), help="Write the tables to a Markdown file.")
+def score(
+    folder: Path,
+    jobs: int,
+    cases: str | None,
+    again: bool,
+    follow: bool,
+    patience: float,
+    answers_from: Path | None,
+    as_json: bool,
+    report: Path | None,
+) -> None:
+    """Ask `mopro reconcile` about each case of FOLDER and compare with the answers.
+
+    Verdicts are kept as verdict.json beside each experiment, so that an interrupted score
+    goes on where it was. An ambiguous look-alike is followed up: the experiment that
+    reconcile proposes is run on the hidden plant and the question is put again.
+
+    Example: mopro blind score cases --report score.md
+    """
+    from mopro.blind.page import page
+    from mopro.blind.score import Score
+    from mopro.cli.blind_score import Asker, Ground, followed, judged
+
+    ground = Ground.read(folder, _padded(cases))
+    asker = Asker(again, patience, answers_from)
+    told = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
+    after = _shown(followed(ground, asker, told), 0, "following up") if follow else []
+    result = Score(tuple(told), tuple(after))
+    if report:
+        report.write_text(page(result), encoding="utf-8")
+    click.echo(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)

@@ -1,0 +1,157 @@
+"""The scoring of `mopro blind`: reconcile as real processes, their replies kept."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from mopro.blind.follow import FOLDER, proposed
+from mopro.blind.judge import FAILED, Judgement, judge
+from mopro.blind.make import ANSWERS, hashes
+from mopro.errors import DataError
+
+VERDICT = "verdict.json"
+_FOLLOWED = "alike"
+_SHOWN = 2000
+
+Reply = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A folder of cases and its answers."""
+
+    folder: Path
+    seed: int
+    cases: Mapping[str, Mapping[str, Any]]
+
+    @classmethod
+    def read(cls, folder: Path, only: frozenset[str] = frozenset()) -> Ground:
+        """The cases of these numbers, or all.
+
+        DataError where there is none such, or where a case is no longer what was made.
+        """
+        file = folder / ANSWERS
+        try:
+            document = json.loads(file.read_text(encoding="utf-8"))
+            ground = cls(folder, document["seed"], document["cases"])
+        except OSError as error:
+            raise DataError(f"{file}: cannot be read: {error.strerror}", "unreadable") from error
+        except (ValueError, KeyError, TypeError) as error:
+            raise DataError(f"{file}: not what `mopro blind make` writes", "bad-answers") from error
+        if missing := sorted(only - set(ground.cases)):
+            raise DataError(f"{file}: there is no case {missing[0]}", "no-such-case")
+        if only:
+            ground = replace(ground, cases={n: ground.cases[n] for n in only})
+        for number, answer in ground.cases.items():
+            _check(folder / number, answer["files"])
+        return ground
+
+
+def _check(folder: Path, files: Mapping[str, str]) -> None:
+    found = hashes(folder) if folder.is_dir() else {}
+    for name in sorted({*files, *found}):
+        if found.get(name) != files.get(name):
+            message = f"{folder / name}: not what was made; make the cases again"
+            raise DataError(message, "case-changed")
+
+
+@dataclass(frozen=True)
+class Asker:
+    """Whom to ask: `mopro reconcile`, or a folder of replies (`NNN.json`).
+
+    Replies are kept beside the experiments and taken from there the next time, unless
+    `again` or the experiment's files are others. What gives no verdict within `patience_s`
+    has failed, and is asked anew the next time.
+    """
+
+    again: bool = False
+    patience_s: float = 600.0
+    replies: Path | None = None
+
+    def ask(self, number: str, experiment: Path) -> Reply:
+        """The reply to one experiment, with `seconds`."""
+        if self.replies is not None:
+            return _read(self.replies / f"{number}.json")
+        kept = experiment.with_name(VERDICT)
+        files = hashes(experiment.parent)
+        if kept.exists() and not self.again:
+            known = _read(kept)
+            if known.get("files") == files:
+                return known
+        reply = {**_reconcile(experiment, self.patience_s), "files": files}
+        if reply["verdict"] != FAILED:
+            kept.write_text(json.dumps(reply, indent=1) + "\n", encoding="utf-8")
+        return reply
+
+
+def _reconcile(experiment: Path, patience_s: float) -> Reply:
+    start = time.perf_counter()
+    command = [sys.executable, "-m", "mopro", "reconcile", str(experiment), "--json"]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=patience_s
+        )
+    except subprocess.TimeoutExpired:
+        return {"verdict": FAILED, "stderr": f"no answer within {patience_s:g} s"}
+    try:
+        reply = json.loads(done.stdout)
+    except ValueError:
+        reply = {}
+    if not isinstance(reply, dict) or "verdict" not in reply:
+        reply = {"verdict": FAILED}
+    seconds, said = time.perf_counter() - start, done.stderr[-_SHOWN:]
+    return {**reply, "seconds": seconds, "exit_code": done.returncode, "stderr": said}
+
+
+def _read(path: Path) -> Reply:
+    try:
+        reply = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}", "unreadable") from error
+    except ValueError as error:
+        raise DataError(f"{path}: no JSON: {error}", "bad-reply") from error
+    if not isinstance(reply, dict):
+        raise DataError(f"{path}: expected what `mopro reconcile --json` prints", "bad-reply")
+    return reply
+
+
+def judged(ground: Ground, asker: Asker, jobs: int) -> Iterator[Judgement]:
+    """Every case asked and judged, `jobs` at a time."""
+
+    def one(number: str) -> Judgement:
+        reply = asker.ask(number, ground.folder / number / "experiment.toml")
+        return judge(number, ground.cases[number], reply)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        yield from pool.map(one, sorted(ground.cases))
+
+
+def followed(ground: Ground, asker: Asker, cases: Iterable[Judgement]) -> Iterator[Judgement]:
+    """The proposed experiment run where a look-alike was called ambiguous, asked again."""
+    for case in cases:
+        answer = ground.cases[case.number]
+        if case.group != _FOLLOWED or case.verdict != "ambiguous":
+            continue
+        reply = asker.ask(case.number, ground.folder / case.number / "experiment.toml")
+        yield judge(case.number, answer, _second(ground, asker, case.number, reply))
+
+
+def _second(ground: Ground, asker: Asker, number: str, reply: Reply) -> Reply:
+    text = reply.get("next_experiment")
+    if not text:
+        return {"verdict": FAILED, "stderr": "no experiment was proposed"}
+    copy = ground.folder / FOLDER / number
+    folder, answer = ground.folder / number, ground.cases[number]
+    try:
+        file = proposed(ground.seed, number, answer, text, folder, copy)
+    except ValueError as error:
+        return {"verdict": FAILED, "stderr": str(error)}
+    return replace(asker, replies=None).ask(number, file)

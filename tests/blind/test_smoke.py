@@ -1,0 +1,30 @@
+"""A dozen hidden-effect cases made, reconciled as real processes and scored."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from mopro.cli.main import COMMANDS
+
+if "reconcile" not in COMMANDS:
+    pytest.skip("`mopro reconcile` is not there yet", allow_module_level=True)
+
+
+def blind(*args):
+    command = [sys.executable, "-m", "mopro", "blind", *map(str, args)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_dozen_hidden_effects(tmp_path):
+    made = blind("make", "--seed", 1, "--grid", "smoke", "--out", tmp_path)
+    assert made.startswith("12 cases")
+    cases = json.loads(blind("score", tmp_path, "--json", "--no-follow"))["cases"]
+    assert len(cases) == 12
+    told = {c["number"]: (c["truth"], c["outcome"], c["said"]) for c in cases}
+    assert not [t for t in told.values() if t[1] in ("wrong", "failed")], told
+    assert sum(outcome in ("right", "family") for _, outcome, _ in told.values()) >= 11, told
+    assert all(c["verdict"] == "none" for c in cases if c["group"] == "none"), told
