@@ -34,6 +34,7 @@ FINE_STEP_S = 2.5e-5
 # Between samples of the true motion a cubic is within 0.03 µm at a jump of acceleration.
 DENSE_HZ = 4000.0
 _KEPT = 96
+_BEYOND = 1.01
 
 # What the diagnosis adds to an effect's own parameters: on which axis alone it acts (0 for
 # all), in which run alone (-1 for all), and an angle that is another one in each run.
@@ -159,7 +160,8 @@ class Motor:
         trial = self.experiment.trials[index]
         staging = self._staging(index, _padded(active))
         seen = any(r.sensor.quantity != TEMPERATURE for r in trial.readings)
-        end_s = trial.duration_s if seen else 0.0
+        # A sample clock that runs slow takes its last samples behind the end.
+        end_s = trial.duration_s * _BEYOND if seen else 0.0
         times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
         columns: Columns = {"time_s": times}
         for axis in staging.axes if seen else ():
