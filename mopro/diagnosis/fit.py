@@ -171,7 +171,7 @@ class _Problem:
             return self._fit(scaled, self._residual(scaled), np.zeros((0, 0)))
         result = optimize.least_squares(
             self._residual, np.clip(scaled, low + 1e-6, high - 1e-6), jac=self._jacobian,
-            bounds=(low, high), xtol=1e-9, gtol=1e-12, x_scale="jac",
+            method="dogbox", bounds=(low, high), xtol=1e-9, gtol=1e-12, x_scale="jac",
             ftol=_CLOSE_ENOUGH / max(self._residuals.count, 1), max_nfev=_MOST_EVALUATIONS,
         )  # fmt: skip
         return self._fit(result.x, result.fun, result.jac)

@@ -199,6 +199,7 @@ class Search:
         """`base` with each of the candidates that promise to beat `best`.
 
         Signatures are taken anew at the best fit alone; elsewhere those at the null will do.
+        One stands for those that the data cannot tell from it; the others come as its rivals.
         """
         scored = self.scores(base, base if base.key == best.key else self.null)
         worth = [s for s in scored if s.starts and self.predicted(base, s) < self.cost(base)]
@@ -209,7 +210,8 @@ class Search:
             slack = 4 * RIVAL_MARGIN + _MISJUDGED * s.gain
             hopeful = rough or self.predicted(base, s) < self.cost(best) + slack
             near = len(chosen) < _BEAM or rough or s.gain > (1 - _MISJUDGED) * worth[0].gain
-            if forms < _FORMS_OF_A_NAME and hopeful and near:
+            told_apart = not any(s.twin_of(c) for c in chosen)
+            if forms < _FORMS_OF_A_NAME and hopeful and near and told_apart:
                 chosen.append(s)
         most = _SHORTLIST + _MORE_IF_ROUGH * rough
         return self._each(lambda s: self._joined(base, s), chosen[:most])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.model import Candidate, Floats, Leftover, Parameter, Role, Settings
@@ -18,6 +19,8 @@ _QUARTER_TURN = np.pi / 2
 _INDEPENDENT = 1e-6
 # A response may bend between sizes this many times apart.
 _FAR = 3.0
+# Predictions closer than this in chi-squared are one.
+_THE_SAME = 1.0
 # A probe without an amplitude is what it is; a shape not yet fitted may be off by this.
 _MOST_OF_A_SHAPE = 3.0
 
@@ -26,12 +29,18 @@ _MOST_OF_A_SHAPE = 3.0
 class Scored:
     """A candidate's promise: the drop in chi-squared that its signature predicts.
 
-    `starts` are the settings that fit best along the signatures.
+    `starts` are the settings that fit best along the signatures, and `explained` is what
+    the first of them would take away.
     """
 
     candidate: Candidate
     gain: float
     starts: tuple[Settings, ...]
+    explained: NDArray[np.float32]
+
+    def twin_of(self, other: Scored) -> bool:
+        """Whether both would take the same away, within what noise hides."""
+        return float(np.sum((self.explained - other.explained) ** 2)) < _THE_SAME
 
 
 @dataclass(frozen=True)
@@ -101,13 +110,17 @@ def score(base: Fit, tangent: Floats, candidate: Candidate, groups: Sequence[Gro
     """
     trials = [_trial(base.residual, tangent, candidate, group) for group in groups]
     trials.sort(key=lambda trial: -trial[0])
-    starts = tuple(candidate.settings(values) for gain, values in trials[:_STARTS_KEPT] if gain > 0)
-    return Scored(candidate, trials[0][0] if trials else 0.0, starts)
+    kept = [trial for trial in trials[:_STARTS_KEPT] if trial[0] > 0]
+    if not kept:
+        return Scored(candidate, 0.0, (), np.zeros(0, dtype=np.float32))
+    starts = tuple(candidate.settings(values) for _, values, _ in kept)
+    return Scored(candidate, kept[0][0], starts, kept[0][2].astype(np.float32))
 
 
 def _trial(
     left: Floats, tangent: Floats, candidate: Candidate, group: Group
-) -> tuple[float, dict[str, float]]:
+) -> tuple[float, dict[str, float], Floats]:
+    """The gain, the settings that it comes from, and what they would take away."""
     changes = np.array([probe.change for probe in group]).T
     apart = projected_out(tangent, changes)
     strengths, whole = np.linalg.norm(apart, axis=0), np.linalg.norm(changes, axis=0)
@@ -119,7 +132,7 @@ def _trial(
         sizes[seen] = np.linalg.lstsq(apart[:, seen], left, rcond=1e-6)[0]
     values, sizes = _resized(candidate, group, sizes)
     explained = apart @ sizes
-    return float(2 * explained @ left - explained @ explained), values
+    return float(2 * explained @ left - explained @ explained), values, explained
 
 
 def _resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str, float], Floats]:

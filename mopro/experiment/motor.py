@@ -159,14 +159,16 @@ class Motor:
     def _moved(self, index: int, active: tuple[Active, ...]) -> Motion:
         trial = self.experiment.trials[index]
         staging = self._staging(index, _padded(active))
-        seen = any(r.sensor.quantity != TEMPERATURE for r in trial.readings)
+        seen = {r.sensor.axis for r in trial.readings if r.sensor.quantity != TEMPERATURE}
         # A sample clock that runs slow takes its last samples behind the end.
         end_s = trial.duration_s * _BEYOND if seen else 0.0
         times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
         columns: Columns = {"time_s": times}
         for axis in staging.axes if seen else ():
-            samples = axis.advance(times, float(times[-1]))
-            columns[f"position_{axis.number}_m"] = samples.position_m
+            # One that is parked and not looked at stays where it is.
+            moving = axis.number in seen or staging.schedule.tracks[axis.number].segments
+            place = axis.advance(times, float(times[-1])).position_m if moving else 0.0 * times
+            columns[f"position_{axis.number}_m"] = place
         columns["temperature_C"] = staging.heat.temperature_C(times)
         return Motion(staging.schedule, columns)
 

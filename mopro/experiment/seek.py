@@ -88,10 +88,13 @@ class Seeker:
         return self._ticks(left, 2.0, 0.0)
 
     def _ticks(self, left: Leftover, ticks: float, interpolate: float) -> Iterator[Values]:
-        """Around the delay, the tick that fits best: its grid decides, so it is scanned."""
+        """The tick that the delay speaks of; where its grid shows, the best one around."""
         delay_s, error_s = self._delay(left)
         tick_s = ticks * delay_s
         if not (delay_s > _CLEARLY * error_s and 1e-4 < tick_s < 0.015):
+            return
+        if self._grid_shows(left, tick_s) < _CLEARLY:
+            yield {"T": tick_s}
             return
         last_s = max(float(reading.time_s[-1]) for _, reading in self._readings)
         reach_s = max(ticks * 2 * error_s, tick_s**2 / last_s)
@@ -100,6 +103,18 @@ class Seeker:
         fixed = {"interpolate": interpolate}
         costs = [left.misfit({"profile_tick": {"T": t, **fixed}}) for t in trials]
         yield {"T": trials[int(np.argmin(costs))]}
+
+    def _grid_shows(self, left: Leftover, tick_s: float) -> float:
+        """How strong, in standard deviations, what lies between chords and curve is.
+
+        A chord over T is a T²/12 from its arc in the mean.
+        """
+        sags = [
+            np.asarray(series.labels["acceleration"], dtype=float) * tick_s**2 / 12
+            / (series.sigma or 1.0)
+            for series in left.data
+        ]  # fmt: skip
+        return math.sqrt(sum(float(sag @ sag) for sag in sags))
 
     def _delay(self, left: Leftover) -> tuple[float, float]:
         """By how much the data are late against the model (s), and its standard deviation."""
