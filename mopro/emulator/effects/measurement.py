@@ -163,7 +163,8 @@ class SensorNonlinearity(Effect):
     def reading(self, x: Floats, scene: Scene, *p: float) -> Floats:
         c3, c5, mid, half = p
         u = (x - mid) / half
-        bent: Floats = x + 2 * half * (c3 * u**3 + c5 * u**5)
+        square = u * u
+        bent: Floats = x + 2 * half * u * square * (c3 + c5 * square)
         return bent
 
 
