@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -14,6 +15,7 @@ from mopro.experiment.diagnose import Model, diagnose
 from mopro.experiment.model import Experiment
 from mopro.experiment.outcome import machine_text, machine_with
 from mopro.experiment.proposal import Proposal, propose
+from mopro.experiment.words import reservations
 
 _MOST_PLACES = 40
 # The comparison draws the place of a reading within a coarse converter's step.
@@ -36,14 +38,23 @@ class Conclusion:
     rerun_rms: tuple[float, ...]
     next_experiment: Proposal | None
 
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """The names of the runs that have time series."""
+        return tuple(trial.name for trial in self.experiment.trials)
+
     def as_json(self) -> dict[str, Any]:
         answer = self.verdict.as_json()
         answer["where"] = [asdict(place) for place in self.where]
-        answer["gap"]["rerun_rms"] = list(self.rerun_rms)
+        answer["reservations"] = list(reservations(self.verdict, self.runs))
+        answer["gap"]["runs"] = [
+            {**run, "rerun_rms": rerun}
+            for run, rerun in zip(answer["gap"]["runs"], self.rerun_rms, strict=True)
+        ]
         if self.next_experiment:
             answer["next_experiment"] = self.next_experiment.text
             answer["next_experiment_separations"] = self.next_experiment.separations
-        return answer
+        return {key: _strict(value) for key, value in answer.items()}
 
 
 def conclude(
@@ -70,6 +81,15 @@ def conclude(
         rerun_rms=tuple(_rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)),
         next_experiment=proposal,
     )
+
+
+def _strict(value: Any) -> Any:
+    """`value` without the numbers that JSON does not have; null stands for them."""
+    if isinstance(value, dict):
+        return {key: _strict(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_strict(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _rms(series: Series, predicted: np.ndarray[Any, np.dtype[np.float64]]) -> float:
