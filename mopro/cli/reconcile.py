@@ -81,7 +81,14 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
 def _tell(found: Conclusion) -> None:
     from mopro.cli.table import print_table
-    from mopro.experiment.words import faint_words, place_words, reservations, sentence
+    from mopro.experiment.words import (
+        NO_PROPOSAL,
+        faint_words,
+        place_words,
+        reservations,
+        sentence,
+        undecided_words,
+    )
 
     verdict = found.verdict
     if verdict.effects:
@@ -93,11 +100,7 @@ def _tell(found: Conclusion) -> None:
         worst = found.where[0]
         size = f"{worst.rms:.3g} {worst.unit}" + (f", {worst.sigma:.3g} σ" if worst.sigma else "")
         click.echo(f"They disagreed most in {worst.run}, {place_words(worst)}: {size}.")
-    for effect in verdict.effects:
-        if effect.indistinguishable_from:
-            others = ", ".join(effect.indistinguishable_from)
-            click.echo(f"These data cannot tell {effect.name} from {others}.")
-    for note in reservations(verdict, found.runs):
+    for note in (*undecided_words(verdict), *reservations(verdict, found.runs)):
         click.echo(note)
     if verdict.below_resolution:
         click.echo("Below what the sensors resolve, so neither present nor absent:")
@@ -106,10 +109,12 @@ def _tell(found: Conclusion) -> None:
     if found.next_experiment:
         click.echo(f"This program would tell them apart ({found.next_experiment.summary}):\n")
         click.echo(found.next_experiment.text)
+    elif verdict.verdict == "ambiguous":
+        click.echo(NO_PROPOSAL)
 
 
 def _effect_rows(effect: Named) -> Iterator[list[str]]:
-    from mopro.experiment.words import effect_words, interval_words, value_words
+    from mopro.experiment.words import effect_words, interval_words, parameters_shown, value_words
 
     evidence = [
         f"{effect.sigmas:.3g}",
@@ -117,7 +122,7 @@ def _effect_rows(effect: Named) -> Iterator[list[str]]:
         "gains" if effect.held_out else "no gain",
     ]
     name = effect_words(effect)
-    for parameter, e in effect.parameters.items():
+    for parameter, e in parameters_shown(effect).items():
         yield [name, f"{parameter} = {value_words(e)}", interval_words(e), *evidence]
         name, evidence = "", ["", "", ""]
 

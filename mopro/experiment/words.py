@@ -9,6 +9,10 @@ from mopro.diagnosis import Estimate, Named, Verdict
 from mopro.experiment.compare import Place
 from mopro.experiment.motor import RUN
 
+NO_PROPOSAL = (
+    "No program was found that would tell them apart with these sensors: measure something "
+    "else, such as another quantity, another sensor, or the controller's own start."
+)
 _OFFSET = "sensor_offset"
 _WAYS = {1: "forward", -1: "backward"}
 
@@ -26,6 +30,11 @@ def sentence(verdict: Verdict) -> str:
 
 def effect_words(effect: Named) -> str:
     return f"{effect.name} ({effect.form})" if effect.form else effect.name
+
+
+def parameters_shown(effect: Named) -> dict[str, Estimate]:
+    """Its parameters but for the number of the run that it happened in, which says nothing."""
+    return {name: e for name, e in effect.parameters.items() if name != RUN}
 
 
 def value_words(estimate: Estimate) -> str:
@@ -73,6 +82,13 @@ def faint_words(verdict: Verdict) -> list[str]:
         f"{f.name} (at most {f.expected_sigmas:.2g} σ in all, {f.needed_sigmas:.2g} σ are needed)"
         for f in nearest
     ]
+
+
+def undecided_words(verdict: Verdict) -> Iterator[str]:
+    """What these data cannot tell apart."""
+    for effect in verdict.effects:
+        if effect.rivals:
+            yield f"These data cannot tell {effect.name} from {rivals_words(effect)}."
 
 
 def reservation(effect: Named, verdict: Verdict, runs: tuple[str, ...]) -> str | None:

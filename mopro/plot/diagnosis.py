@@ -11,12 +11,14 @@ from pathlib import Path
 from mopro.diagnosis import Verdict
 from mopro.experiment.conclude import Conclusion
 from mopro.experiment.words import (
+    NO_PROPOSAL,
     effect_words,
     interval_words,
+    parameters_shown,
     place_words,
     reservations,
-    rivals_words,
     sentence,
+    undecided_words,
     value_words,
 )
 from mopro.plot.page import heading, listing, page, paragraph, picture, table
@@ -65,15 +67,13 @@ def _effects(found: Conclusion) -> Iterator[str]:
         yield paragraph(_UNDECIDED)
         return
     yield table("The effects that are believed", _FOUND, _effect_rows(found.verdict))
-    for effect in found.verdict.effects:
-        if effect.rivals:
-            yield paragraph(f"These data cannot tell {effect.name} from {rivals_words(effect)}.")
+    yield from map(paragraph, undecided_words(found.verdict))
     yield from map(paragraph, reservations(found.verdict, found.runs))
 
 
 def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:
     for effect in verdict.effects:
-        for name, estimate in effect.parameters.items():
+        for name, estimate in parameters_shown(effect).items():
             yield [
                 effect_words(effect),
                 name,
@@ -178,9 +178,12 @@ def _candidates(verdict: Verdict) -> Iterator[list[str]]:
 
 def _next(found: Conclusion) -> Iterator[str]:
     proposal = found.next_experiment
-    if proposal is None:
+    if found.verdict.verdict != "ambiguous":
         return
     yield heading("The next experiment")
+    if proposal is None:
+        yield paragraph(NO_PROPOSAL)
+        return
     yield paragraph(f"This program would tell the rivals apart: {proposal.summary}.")
     yield listing(proposal.text)
     rows = [[pair, f"{sigmas:.3g}"] for pair, sigmas in proposal.separations.items()]
