@@ -121,7 +121,7 @@ def _effect_rows(effect: Named) -> Iterator[list[str]]:
         f"{effect.log10_bayes_factor:.3g}",
         "gains" if effect.held_out else "no gain",
     ]
-    name = effect_words(effect)
+    name = effect_words(effect).replace(" (", "\n(", 1)  # two lines: terminals are narrow
     for parameter, e in parameters_shown(effect).items():
         yield [name, f"{parameter} = {value_words(e)}", interval_words(e), *evidence]
         name, evidence = "", ["", "", ""]
