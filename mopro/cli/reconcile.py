@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -114,17 +115,22 @@ def _tell(found: Conclusion) -> None:
 
 
 def _effect_rows(effect: Named) -> Iterator[list[str]]:
-    from mopro.experiment.words import effect_words, interval_words, parameters_shown, value_words
+    """A row for each parameter; the form is below the name, as terminals are narrow."""
+    from mopro.experiment.words import interval_words, parameters_shown, value_words
 
+    names = [effect.name, f"({effect.form})"] if effect.form else [effect.name]
+    numbers = [
+        [f"{parameter} = {value_words(e)}", interval_words(e)]
+        for parameter, e in parameters_shown(effect).items()
+    ]
     evidence = [
         f"{effect.sigmas:.3g}",
         f"{effect.log10_bayes_factor:.3g}",
         "gains" if effect.held_out else "no gain",
     ]
-    name = effect_words(effect).replace(" (", "\n(", 1)  # two lines: terminals are narrow
-    for parameter, e in parameters_shown(effect).items():
-        yield [name, f"{parameter} = {value_words(e)}", interval_words(e), *evidence]
-        name, evidence = "", ["", "", ""]
+    for name, number in zip_longest(names, numbers):
+        yield [name or "", *(number or ("", "")), *evidence]
+        evidence = ["", "", ""]
 
 
 def _gap_rows(found: Conclusion) -> Iterator[list[str]]:

@@ -79,7 +79,8 @@ def _section(effect: Effect, named: Named, verdict: Verdict, place: str) -> Iter
     if values.get(AXIS):
         yield f"axes = [{int(values[AXIS])}]"
     for parameter in effect.parameters:
-        value = float(values.get(parameter.name, parameter.default))
+        # Eight digits are more than any data know, and the same wherever it is computed.
+        value = float(f"{values.get(parameter.name, parameter.default):.8g}")
         estimate = named.parameters.get(parameter.name)
         origin, words = "assumed", f"with it in {place}"
         if estimate is not None:

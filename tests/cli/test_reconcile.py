@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 import termios
+import tomllib
 from fcntl import ioctl
 from html.parser import HTMLParser
 
@@ -16,7 +17,7 @@ import jsonschema
 import numpy as np
 import pytest
 from laboratory import Lab
-from paths import PROGRAMS
+from paths import PROGRAMS, ROOT
 
 from mopro.emulator.measured import Sensor
 
@@ -279,7 +280,7 @@ def test_a_step_in_one_run_is_no_property_of_the_machine_whatever_names_are_like
 
 def test_an_effect_that_the_machine_has_is_replaced_wherever_it_stands(tmp_path):
     """Also from an experiment whose name would end a text in TOML."""
-    shown = (PROGRAMS.parent / "mopro/machine/machines/chow1992.toml").read_text()
+    shown = (ROOT / "mopro/machine/machines/chow1992.toml").read_text()
     own = "\n[effects]\nviscous_drag = { b = 4.0 }\nconstant_force = { F_b = 0.0 }\n"
     (tmp_path / "own.toml").write_text(shown + own)
     name = 'my "own".toml'
@@ -307,11 +308,31 @@ class TestTheSourcesTable:
         page = Page((tmp_path / "why.html").read_text())
         assert "platen_conduction and speed_dependent_heat" in page.images[0]["alt"]
 
+    def test_prints_what_the_docs_show(self):
+        docs = (ROOT / "docs" / "reconcile.md").read_text()
+        printed = mopro(ROOT, "reconcile", TABLE_3_2.relative_to(ROOT)).stdout
+        assert words_of(printed) == words_of(docs.split("```text\n")[1].split("```")[0])
+
+    def test_writes_the_machine_file_that_the_docs_show(self, tmp_path):
+        docs = (ROOT / "docs" / "reconcile.md").read_text()
+        shown = tomllib.loads(docs.split("```toml\n")[1].split("```")[0])
+        reconciled(tmp_path, "--out", "machine.toml", experiment=TABLE_3_2)
+        name, numbers = shown["effects"].popitem()
+        written = tomllib.loads((tmp_path / "machine.toml").read_text())["effects"][name]
+        assert written.keys() == numbers.keys()
+        for key, number in numbers.items():
+            value = pytest.approx(number["value"], rel=1e-4)
+            assert written[key] == {**number, "value": value}
+
     def test_the_table_loses_no_figure_in_a_narrow_terminal(self):
         narrow, narrowest = (shown_in(columns) for columns in (80, 50))
         assert "…" not in narrow + narrowest
         for words in ("speed_dependent_heat", "0.1423", "3.507", "4.572", "1.46 K", "30.5 K"):
             assert words in narrow
+
+
+def words_of(text):
+    return [line.split() for line in text.splitlines() if line.strip()]
 
 
 def shown_in(columns):
