@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from mopro.diagnosis import Estimate, Named, Verdict
-from mopro.experiment.compare import Place
+from mopro.experiment.compare import STEADY, Place
 from mopro.experiment.motor import RUN
 
 NO_PROPOSAL = (
@@ -66,8 +66,9 @@ def rivals_words(effect: Named) -> str:
 
 
 def place_words(place: Place) -> str:
-    """Where in its run: line, phase, direction and axis."""
-    parts = [f"{'row' if place.phase == 'steady' else 'line'} {place.line}", place.phase]
+    """Where in its run: line (a logged command has none), phase, direction and axis."""
+    parts = [f"{'row' if place.phase == STEADY else 'line'} {place.line}"] if place.line else []
+    parts.append(place.phase)
     parts += [_WAYS[place.direction]] if place.direction else []
     parts += [] if place.axis is None else [f"axis {place.axis}"]
     return ", ".join(parts)

@@ -49,8 +49,9 @@ def plot_residuals(
         if series.sigma:
             reach = _BAND * series.sigma
             panel.axhspan(-reach, reach, color="0.9", zorder=0, label=f"±{_BAND:g} σ of the sensor")
-    if series.time_s is not None and "line" in series.labels:
-        mark_lines(upper, series.time_s.tolist(), np.asarray(series.labels["line"]).tolist())
+    lines = np.asarray(series.labels.get("line", ()))
+    if series.time_s is not None and lines.any():  # a logged command has none
+        mark_lines(upper, series.time_s.tolist(), lines.tolist())
     figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(f"{series.run}, {series.sensor}")
     return figure
