@@ -23,6 +23,8 @@ def sentence(verdict: Verdict) -> str:
     if verdict.verdict == "unexplained":
         beside = f" beside {names}" if names else ""
         return f"Unexplained{beside}: what is left looks like {verdict.remainder.description}."
+    if verdict.verdict == "none" and verdict.gap.noise_rms is None:
+        return "None: no effect is called for, as far as that shows with unknown noise."
     if verdict.verdict == "none":
         return "None: simulation and data agree within the sensors' noise."
     return f"{verdict.verdict.capitalize()}: {names}."

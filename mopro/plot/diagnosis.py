@@ -25,7 +25,7 @@ from mopro.plot.page import heading, listing, page, paragraph, picture, table
 from mopro.plot.residuals import plot_residuals
 
 # A page with more figures than these is no help; those of the worst gaps are kept.
-_MOST_FIGURES = 24
+_MOST_FIGURES = 16
 _DPI = 90
 _FOUND = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes factor", "held out",

@@ -26,9 +26,9 @@ def named(name, rivals=None, **values):
     return Named(name, "", numbers, list(others), others, {}, 10.0, 8.0, True)
 
 
-def verdict(word, *effects, left=None, settings=None, faint=()):
+def verdict(word, *effects, left=None, settings=None, faint=(), noise=1.0):
     remainder = Remainder(left is not None, left, 0.5)
-    gap = Gap("in", 2.0, 1.0, 1.0, None)
+    gap = Gap("in", 2.0, 1.0, noise, None)
     return Verdict(word, effects, (), faint, (), gap, remainder, settings or {})
 
 
@@ -40,6 +40,10 @@ EITHER = named("viscous_drag", {"current_loop_lag": 0.25, "trigger_delay": 4.0},
     ("given", "said"),
     [
         (verdict("none"), "None: simulation and data agree within the sensors' noise."),
+        (
+            verdict("none", noise=None),
+            "None: no effect is called for, as far as that shows with unknown noise.",
+        ),
         (verdict("named", DRAG, STEPS), "Named: viscous_drag, lost_steps."),
         (
             verdict("ambiguous", EITHER, STEPS),
