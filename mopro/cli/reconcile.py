@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,11 +16,11 @@ from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile
 
 if TYPE_CHECKING:
-    from mopro.diagnosis import Named, Verdict
+    from mopro.diagnosis import Named
     from mopro.experiment.conclude import Conclusion
 
 _MOST_ROWS = 40
-_EFFECTS = ("effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes", "held out")
+_EFFECTS = ("effect", "parameter", "95 % interval", "σ in all", "log10 Bayes", "held out")
 _GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise")
 
 
@@ -42,6 +43,8 @@ def command(
     from mopro.experiment.conclude import conclude
     from mopro.recording.atomic import written_beside
 
+    if out and out.resolve() == Path(experiment).resolve():
+        raise click.UsageError("--out would write the machine over the experiment")
     loaded = load_experiment(experiment)
     for note in loaded.notes:
         click.echo(note, err=True)
@@ -58,7 +61,7 @@ def command(
             report_draft.write_text(diagnosis_page(found), encoding="utf-8")
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine.name, **found.as_json()}
-        click.echo(json.dumps(answer, indent=1, default=float))
+        click.echo(json.dumps(answer, indent=1, default=float, allow_nan=False))
     else:
         _tell(found)
     return EXIT_FAILED if found.verdict.verdict == "unexplained" else 0
@@ -79,47 +82,55 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
 def _tell(found: Conclusion) -> None:
     from mopro.cli.table import print_table
+    from mopro.experiment.words import (
+        NO_PROPOSAL,
+        faint_words,
+        place_words,
+        reservations,
+        sentence,
+        undecided_words,
+    )
 
     verdict = found.verdict
     if verdict.effects:
         rows = [row for effect in verdict.effects for row in _effect_rows(effect)]
         print_table(_EFFECTS, rows, _MOST_ROWS)
     print_table(_GAPS, _gap_rows(found), _MOST_ROWS)
-    click.echo(_sentence(verdict))
-    for effect in verdict.effects:
-        if effect.indistinguishable_from:
-            others = ", ".join(effect.indistinguishable_from)
-            click.echo(f"These data cannot tell {effect.name} from {others}.")
+    click.echo(sentence(verdict))
+    if found.where:
+        worst = found.where[0]
+        size = f"{worst.rms:.3g} {worst.unit}" + (f", {worst.sigma:.3g} σ" if worst.sigma else "")
+        click.echo(f"They disagreed most in {worst.run}, {place_words(worst)}: {size}.")
+    for note in (*undecided_words(verdict), *reservations(verdict, found.runs)):
+        click.echo(note)
     if verdict.below_resolution:
-        names = ", ".join(faint.name for faint in verdict.below_resolution)
-        click.echo(f"Below what the sensors resolve, so neither present nor absent: {names}.")
+        click.echo("Below what the sensors resolve, so neither present nor absent:")
+        for faint in faint_words(verdict):
+            click.echo(f"  {faint}")
     if found.next_experiment:
         click.echo(f"This program would tell them apart ({found.next_experiment.summary}):\n")
         click.echo(found.next_experiment.text)
-
-
-def _sentence(verdict: Verdict) -> str:
-    names = ", ".join(effect.name for effect in verdict.effects)
-    if verdict.verdict == "unexplained":
-        beside = f" beside {names}" if names else ""
-        return f"Unexplained{beside}: what is left looks like {verdict.remainder.description}."
-    if verdict.verdict == "none":
-        return "None: simulation and data agree within the sensors' noise."
-    return f"{verdict.verdict.capitalize()}: {names}."
+    elif verdict.verdict == "ambiguous":
+        click.echo(NO_PROPOSAL)
 
 
 def _effect_rows(effect: Named) -> Iterator[list[str]]:
+    """A row for each parameter; the form is below the name, as terminals are narrow."""
+    from mopro.experiment.words import interval_words, parameters_shown, value_words
+
+    names = [effect.name, f"({effect.form})"] if effect.form else [effect.name]
+    numbers = [
+        [f"{parameter} = {value_words(e)}", interval_words(e)]
+        for parameter, e in parameters_shown(effect).items()
+    ]
     evidence = [
         f"{effect.sigmas:.3g}",
         f"{effect.log10_bayes_factor:.3g}",
         "gains" if effect.held_out else "no gain",
     ]
-    name = f"{effect.name} ({effect.form})" if effect.form else effect.name
-    for parameter, e in effect.parameters.items():
-        low, high = e.ci95
-        interval = f"{low:.4g} to {high:.4g}" + (" (at its bound)" if e.at_bound else "")
-        yield [name, parameter, f"{e.value:.4g} {e.unit}", interval, *evidence]
-        name, evidence = "", ["", "", ""]
+    for name, number in zip_longest(names, numbers):
+        yield [name or "", *(number or ("", "")), *evidence]
+        evidence = ["", "", ""]
 
 
 def _gap_rows(found: Conclusion) -> Iterator[list[str]]:

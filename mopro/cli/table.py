@@ -15,7 +15,10 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], most: int
     from rich.table import Table
 
     rows = list(rows)
-    table = Table(*columns, box=box.SIMPLE, pad_edge=False)
+    table = Table(box=box.SIMPLE, pad_edge=False)
+    for index, column in enumerate(columns):
+        # In a narrow terminal figures go on in the next line; names stay whole if they can.
+        table.add_column(column, overflow="fold", no_wrap=not index)
     left_out = len(rows) - most
     for index, row in enumerate(rows):
         if left_out > 0 and index == most // 2:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -14,8 +15,11 @@ from mopro.experiment.diagnose import Model, diagnose
 from mopro.experiment.model import Experiment
 from mopro.experiment.outcome import machine_text, machine_with
 from mopro.experiment.proposal import Proposal, propose
+from mopro.experiment.words import reservations
 
 _MOST_PLACES = 40
+# A program that parts rivals by fewer standard deviations is not worth running.
+_TOLD_APART = 2.0
 # The comparison draws the place of a reading within a coarse converter's step.
 _SEED = 0
 
@@ -36,14 +40,23 @@ class Conclusion:
     rerun_rms: tuple[float, ...]
     next_experiment: Proposal | None
 
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """The names of the runs that have time series."""
+        return tuple(trial.name for trial in self.experiment.trials)
+
     def as_json(self) -> dict[str, Any]:
         answer = self.verdict.as_json()
         answer["where"] = [asdict(place) for place in self.where]
-        answer["gap"]["rerun_rms"] = list(self.rerun_rms)
+        answer["reservations"] = list(reservations(self.verdict, self.runs))
+        answer["gap"]["runs"] = [
+            {**run, "rerun_rms": rerun}
+            for run, rerun in zip(answer["gap"]["runs"], self.rerun_rms, strict=True)
+        ]
         if self.next_experiment:
             answer["next_experiment"] = self.next_experiment.text
             answer["next_experiment_separations"] = self.next_experiment.separations
-        return answer
+        return {key: _strict(value) for key, value in answer.items()}
 
 
 def conclude(
@@ -60,7 +73,7 @@ def conclude(
     proposal = None
     if verdict.verdict == "ambiguous":
         progress("looking for an experiment that tells the rivals apart")
-        proposal = propose(experiment, verdict)
+        proposal = _worthwhile(propose(experiment, verdict))
     return Conclusion(
         experiment=experiment,
         series=series,
@@ -70,6 +83,22 @@ def conclude(
         rerun_rms=tuple(_rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)),
         next_experiment=proposal,
     )
+
+
+def _worthwhile(proposal: Proposal | None) -> Proposal | None:
+    """`proposal` if it tells any pair of rivals apart; some cannot be told by any motion."""
+    if proposal is None or max(proposal.separations.values(), default=0.0) < _TOLD_APART:
+        return None
+    return proposal
+
+
+def _strict(value: Any) -> Any:
+    """`value` without the numbers that JSON does not have; null stands for them."""
+    if isinstance(value, dict):
+        return {key: _strict(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_strict(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _rms(series: Series, predicted: np.ndarray[Any, np.dtype[np.float64]]) -> float:

@@ -2,40 +2,45 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from mopro.diagnosis import Named, Verdict
 from mopro.emulator.effects import catalogue
 from mopro.emulator.effects.base import Effect
 from mopro.experiment.model import Experiment
-from mopro.experiment.motor import AXIS, RUN, angle_in
+from mopro.experiment.motor import AXIS, angle_in
+from mopro.experiment.words import origin_words, reservation
 from mopro.machine import Machine
-from mopro.machine.file import load_machine, read_machine
+from mopro.machine.file import read_machine
 from mopro.source import Source
 
-_SECTION = re.compile(r"\s*\[")
+# A section's head, and the key that a line begins with.
+_HEAD = re.compile(r"\s*\[+([^\]]+)\]")
+_KEY = re.compile(r"""\s*([\w.\-"' \t]+?)\s*=""")
 
 
-def lasting(verdict: Verdict) -> list[Named]:
+def lasting(experiment: Experiment, verdict: Verdict) -> list[Named]:
     """What belongs to the machine; a step in one run, or a sensor's zero, is no property of it."""
+    runs = tuple(trial.name for trial in experiment.trials)
     return [
         effect
         for effect in verdict.effects
-        if effect.name in catalogue() and _values(effect, verdict).get(RUN, -1) == -1
-        and effect.name != "sensor_offset"
-    ]  # fmt: skip
+        if effect.name in catalogue() and reservation(effect, verdict, runs) is None
+    ]
 
 
 def machine_text(experiment: Experiment, verdict: Verdict) -> str:
     """The machine file with the effects that were named, each with its origin."""
     machine = experiment.machine
     source = machine.source or Source(machine.name, "")
-    named = lasting(verdict)
+    named = lasting(experiment, verdict)
     kept = "\n".join(_without(source, {effect.name for effect in named})).rstrip("\n")
+    place = Path(experiment.source.name).name
     sections = [
-        "\n".join(_section(catalogue()[effect.name], effect, verdict, experiment.source.name))
-        for effect in named
+        "\n".join(_section(catalogue()[effect.name], effect, verdict, place)) for effect in named
     ]
     return "\n\n".join([kept, *sections]) + "\n"
 
@@ -48,13 +53,19 @@ def machine_with(experiment: Experiment, verdict: Verdict) -> Machine:
 
 
 def _without(source: Source, effects: set[str]) -> Iterator[str]:
-    """The file's lines without the sections of these effects."""
-    skipping = False
+    """The file's lines without what they say of these effects."""
+    section: list[str] = []
     for line in source.text.splitlines():
-        if _SECTION.match(line):
-            skipping = any(line.strip().startswith(f"[effects.{name}]") for name in effects)
-        if not skipping:
+        head, key = _HEAD.match(line), _KEY.match(line)
+        if head:
+            section = _path(head[1])
+        place = section + (_path(key[1]) if key and not head else [])
+        if place[:1] != ["effects"] or not effects.intersection(place[1:2]):
             yield line
+
+
+def _path(dotted: str) -> list[str]:
+    return [part.strip().strip("\"'") for part in dotted.split(".")]
 
 
 def _values(effect: Named, verdict: Verdict) -> Mapping[str, float]:
@@ -68,13 +79,18 @@ def _section(effect: Effect, named: Named, verdict: Verdict, place: str) -> Iter
     if values.get(AXIS):
         yield f"axes = [{int(values[AXIS])}]"
     for parameter in effect.parameters:
-        value = values.get(parameter.name, parameter.default)
+        # Eight digits are more than any data know, and the same wherever it is computed.
+        value = float(f"{values.get(parameter.name, parameter.default):.8g}")
         estimate = named.parameters.get(parameter.name)
-        origin = f'origin = "assumed", place = "with it in {place}"'
+        origin, words = "assumed", f"with it in {place}"
         if estimate is not None:
-            low, high = estimate.ci95
-            origin = f'origin = "measured", place = "{place}, 95 %: {low:.4g} to {high:.4g}"'
-        yield f'{parameter.name} = {{ value = {value!r}, unit = "{parameter.unit}", {origin} }}'
+            origin, words = "measured", f"{place}, {origin_words(estimate)}"
+            words += "".join(f"; or {rival}" for rival in named.indistinguishable_from)
+        stated = f'unit = "{parameter.unit}", origin = "{origin}", place = {_quoted(words)}'
+        yield f"{parameter.name} = {{ value = {value!r}, {stated} }}"
 
 
-__all__ = ["lasting", "load_machine", "machine_text", "machine_with"]
+def _quoted(text: str) -> str:
+    """A TOML string: those of JSON are, but for one character and for what is no text."""
+    shown = text.encode("utf-8", "replace").decode().replace("\x7f", " ")
+    return json.dumps(shown, ensure_ascii=False)

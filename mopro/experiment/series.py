@@ -37,6 +37,7 @@ def _series(motor: Motor, index: int, reading: Reading) -> Series:
             "position": labels.command_m * scale,
             "velocity": labels.velocity_m_s * scale,
             "acceleration": labels.acceleration_m_s2 * scale,
+            "line": labels.line,
         },
         position_unit=unit,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -49,7 +50,7 @@ def plot_recording(recording: Recording) -> Figure:
         panel.grid(alpha=0.3)
     panels[0].legend(loc="upper right")
     panels[-1].set_xlabel("time (s)")
-    _mark_lines(panels[0], recording)
+    mark_lines(panels[0], time.tolist(), recording["line"].tolist())
     header = recording.header
     figure.suptitle(f"{header.program} on {header.machine}")
     return figure
@@ -60,16 +61,15 @@ def _moving_axes(recording: Recording) -> list[int]:
     return moving or recording.axes
 
 
-def _mark_lines(panel: Axes, recording: Recording) -> None:
+def mark_lines(panel: Axes, time_s: Sequence[float], lines: Sequence[int]) -> None:
     """The running source line above the panel wherever it changes, if there is room."""
-    lines = recording["line"]
     starts = [0]
-    for _, group in groupby(lines.tolist()):
+    for _, group in groupby(lines):
         starts.append(starts[-1] + sum(1 for _ in group))
     if len(starts) > _MOST_LINE_MARKS:
         return
     for start in starts[:-1]:
-        t = float(recording["time_s"][start])
+        t = float(time_s[start])
         panel.axvline(t, color="0.8", linewidth=0.8, zorder=0)
         panel.annotate(
             f"line {lines[start]}", (t, 1.01), xycoords=("data", "axes fraction"), fontsize=7

@@ -1,0 +1,75 @@
+"""The frame of the HTML pages: one file with everything in it, no scripts."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_PAGE = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width">
+<title>{title}</title>
+<style>
+body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; }}
+table {{ border-collapse: collapse; margin: 1rem 0; }}
+caption {{ text-align: left; font-weight: 600; padding: .2rem 0; }}
+td, th {{ padding: .2rem .7rem; text-align: right; border-bottom: 1px solid #ddd; }}
+th:first-child, td:first-child {{ text-align: left; }}
+figure {{ margin: 1rem 0; }}
+img {{ max-width: 100%; }}
+pre {{ overflow-x: auto; background: #f6f6f6; padding: .6rem; }}
+</style>
+<h1>{title}</h1>
+{body}
+</html>
+"""
+
+
+def page(title: str, parts: Iterable[str]) -> str:
+    """A whole page: `title` as text, `parts` as HTML."""
+    return _PAGE.format(title=html.escape(title), body="\n".join(parts))
+
+
+def heading(text: str, level: int = 2) -> str:
+    return f"<h{level}>{html.escape(text)}</h{level}>"
+
+
+def paragraph(text: str) -> str:
+    return f"<p>{html.escape(text)}</p>"
+
+
+def listing(text: str) -> str:
+    """Text that stands as it is: a program, a file."""
+    return f"<pre>{html.escape(text)}</pre>"
+
+
+def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table with a caption; without `columns` the first cell of each row is its head."""
+    lines = [f"<table>\n<caption>{html.escape(caption)}</caption>"]
+    if columns:
+        heads = "".join(f'<th scope="col">{html.escape(c)}</th>' for c in columns)
+        lines.append(f"<tr>{heads}</tr>")
+    lines += [_row(cells, headed=not columns) for cells in rows]
+    return "\n".join([*lines, "</table>"])
+
+
+def picture(figure: Figure, alt: str, dpi: int = 110) -> str:
+    """A figure as a PNG within the page; `alt` says what there is to see."""
+    image = io.BytesIO()
+    figure.savefig(image, format="png", dpi=dpi)
+    data = base64.b64encode(image.getvalue()).decode()
+    source = f"data:image/png;base64,{data}"
+    return f'<figure><img alt="{html.escape(alt)}" src="{source}"></figure>'
+
+
+def _row(cells: Sequence[str], headed: bool) -> str:
+    first, *others = (html.escape(cell) for cell in cells)
+    head = f'<th scope="row">{first}</th>' if headed else f"<td>{first}</td>"
+    return f"<tr>{head}{''.join(f'<td>{cell}</td>' for cell in others)}</tr>"

@@ -1,0 +1,127 @@
+"""Verdicts in words."""
+
+import math
+
+import pytest
+
+from mopro.diagnosis import Estimate, Named, Verdict
+from mopro.diagnosis.remainder import Remainder
+from mopro.diagnosis.verdict import BelowResolution, Gap
+from mopro.experiment.compare import Place
+from mopro.experiment.words import (
+    faint_words,
+    interval_words,
+    origin_words,
+    parameters_shown,
+    place_words,
+    reservations,
+    sentence,
+    undecided_words,
+)
+
+
+def named(name, rivals=None, **values):
+    numbers = {n: Estimate(v, "1", (v - 1, v + 1), False) for n, v in values.items()}
+    others = rivals or {}
+    return Named(name, "", numbers, list(others), others, {}, 10.0, 8.0, True)
+
+
+def verdict(word, *effects, left=None, settings=None, faint=(), noise=1.0):
+    remainder = Remainder(left is not None, left, 0.5)
+    gap = Gap("in", 2.0, 1.0, noise, None)
+    return Verdict(word, effects, (), faint, (), gap, remainder, settings or {})
+
+
+DRAG, STEPS = named("viscous_drag", b=9.0), named("lost_steps", n=3.0, run=1.0)
+EITHER = named("viscous_drag", {"current_loop_lag": 0.25, "trigger_delay": 4.0}, b=9.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (verdict("none"), "None: simulation and data agree within the sensors' noise."),
+        (
+            verdict("none", noise=None),
+            "None: no effect is called for, as far as that shows with unknown noise.",
+        ),
+        (verdict("named", DRAG, STEPS), "Named: viscous_drag, lost_steps."),
+        (
+            verdict("ambiguous", EITHER, STEPS),
+            "Ambiguous: viscous_drag or current_loop_lag or trigger_delay, lost_steps.",
+        ),
+        (
+            verdict("unexplained", left="a line at 11 Hz"),
+            "Unexplained: what is left looks like a line at 11 Hz.",
+        ),
+        (
+            verdict("unexplained", DRAG, left="a line at 11 Hz"),
+            "Unexplained beside viscous_drag: what is left looks like a line at 11 Hz.",
+        ),
+    ],
+)
+def test_each_verdict_is_a_sentence(given, said):
+    assert sentence(given) == said
+
+
+def test_rivals_are_told_with_what_they_cost():
+    assert list(undecided_words(verdict("ambiguous", STEPS, EITHER))) == [
+        "These data cannot tell viscous_drag from current_loop_lag (Δ cost +0.25), "
+        "trigger_delay (Δ cost +4)."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("interval", "at_bound", "words", "origin"),
+    [
+        ((8.5, 9.25), False, "8.5 to 9.25", "95 %: 8.5 to 9.25"),
+        ((8.5, 9.25), True, "8.5 to 9.25 (at its bound)", "95 %: 8.5 to 9.25 (at its bound)"),
+        ((9.0, 9.0), False, "as found by search", "as found by search"),
+        ((-math.inf, math.inf), False, *["these data do not bound it"] * 2),
+    ],
+)
+def test_an_interval_says_how_well_a_number_is_known(interval, at_bound, words, origin):
+    estimate = Estimate(9.0, "N s/m", interval, at_bound)
+    assert (interval_words(estimate), origin_words(estimate)) == (words, origin)
+
+
+@pytest.mark.parametrize(
+    ("line", "phase", "axis", "direction", "words"),
+    [
+        (7, "cruise", 1, -1, "line 7, cruise, backward, axis 1"),
+        (4, "dwell", 2, 0, "line 4, dwell, axis 2"),
+        (0, "cruise", 1, 1, "cruise, forward, axis 1"),
+        (3, "steady", None, 0, "row 3, steady"),
+    ],
+)
+def test_a_place_is_told_as_far_as_it_is_known(line, phase, axis, direction, words):
+    place = Place(
+        "a.csv", line, phase, axis, direction, "laser", "in", 9, 0.0, 1.0, None, None, True
+    )
+    assert place_words(place) == words
+
+
+def test_what_happened_in_one_run_is_reserved_with_its_name():
+    runs = ("a.csv", "b.csv")
+    once = verdict("named", DRAG, STEPS, settings={"lost_steps": {"run": 1.0}})
+    assert list(reservations(once, runs)) == [
+        "lost_steps is not in the machine file: it happened in b.csv alone."
+    ]
+    always = verdict("named", DRAG, STEPS, settings={"lost_steps": {"run": -1.0}})
+    assert not list(reservations(always, runs))
+    assert list(parameters_shown(STEPS)) == ["n"]
+
+
+def test_a_hum_has_a_phase_of_its_own_in_each_run():
+    humming = verdict("named", named("hum", A=1.0))
+    assert not list(reservations(humming, ("a.csv",)))
+    assert list(reservations(humming, ("a.csv", "b.csv"))) == [
+        "hum has another phase in each run; the machine file has that of a.csv."
+    ]
+
+
+def test_what_was_nearly_seen_comes_first_of_what_was_too_faint():
+    faint = (BelowResolution("constant_force", 0.5, 4.0), BelowResolution("backlash", 3.0, 4.0))
+    assert faint_words(verdict("none", faint=faint)) == [
+        "backlash (at most 3 σ in all, 4 σ are needed)",
+        "constant_force (at most 0.5 σ in all, 4 σ are needed)",
+    ]
