@@ -168,7 +168,7 @@ def _named(search: Search, found: Fit, held: HeldOut | None, candidate: Candidat
         rivals={rival.name: rival.dearer for rival in rivals},
         alternatives={rival.name: rival.settings for rival in rivals},
         log10_bayes_factor=dearer / (2 * math.log(10)),
-        sigmas=math.sqrt(max(without.rss - found.rss, 0.0)),
+        sigmas=math.sqrt(max(without.rss - found.rss, 0.0) / found.variance),
         held_out=held is not None and held.supports(candidate.name),
     )
 

@@ -97,10 +97,14 @@ class Fit:
         """Whether every parameter is within its plausible range, errors allowed for."""
         return self._implausible == 0
 
+    @property
+    def variance(self) -> float:
+        """Of the noise in the whitened residual: 1, or what the fit says where it is unknown."""
+        freedom = max(self.count - len(self.order), 1)
+        return 1.0 if self.known_noise else max(self.rss / freedom, 1e-300)
+
     def deviations(self) -> Floats:
         """The parameters' standard deviations, in `order`; infinite if not identifiable."""
-        freedom = max(self.count - len(self.order), 1)
-        variance = 1.0 if self.known_noise else self.rss / freedom
         spans = np.array([p.high - p.low for _, p in self.order])
         scaled = self.jacobian * spans
         strengths = np.linalg.norm(scaled, axis=0)
@@ -110,7 +114,7 @@ class Fit:
         gram = units.T @ units
         if np.linalg.cond(gram) > 1e12:
             return np.full(len(spans), math.inf)
-        own = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * variance)
+        own = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * self.variance)
         deviations: Floats = own / strengths * spans
         return deviations
 

@@ -20,6 +20,8 @@ NOISE_TOLERANCE = 0.05
 _FEWEST = 60
 # Fewer cycles than these in all the data are no line, but a bend.
 _FEWEST_CYCLES = 4
+# Kolmogorov's chance is its first term beyond this.
+_FAR = 3.0
 _BINS = (8, 16, 32, 64)
 
 
@@ -38,7 +40,9 @@ class Remainder:
 
 @dataclass(frozen=True)
 class _Finding:
-    p_value: float
+    """A test's answer: the logarithm of how often noise does as much, and words for it."""
+
+    log_p: float
     description: str | None
 
 
@@ -73,7 +77,8 @@ def examine(data: Sequence[Series], residual: Floats, parameters: int) -> Remain
     if not tests:
         return Remainder(False, None, 1.0)
     scatter = math.sqrt(float(np.mean(residual**2)))
-    p_value = min(1.0, min(test.p_value for test in tests) * len(tests))
+    log_p = min(test.log_p for test in tests) + math.log(len(tests))
+    p_value = math.exp(min(log_p, 0.0))
     if p_value >= FALSE_ALARMS:
         return Remainder(False, None, p_value, scatter)
     return Remainder(True, _words(tests, scatter), p_value, scatter)
@@ -81,8 +86,9 @@ def examine(data: Sequence[Series], residual: Floats, parameters: int) -> Remain
 
 def _words(tests: Sequence[_Finding], scatter: float) -> str:
     described = [test for test in tests if test.description]
-    telling = min(described, key=lambda test: test.p_value, default=None)
-    if telling and telling.description and telling.p_value * len(tests) < FALSE_ALARMS:
+    telling = min(described, key=lambda test: test.log_p, default=None)
+    level = math.log(FALSE_ALARMS / len(tests))
+    if telling and telling.description and telling.log_p < level:
         return telling.description
     return f"more scatter than the sensor's noise, {scatter:.3g} times as much"
 
@@ -94,7 +100,7 @@ def _sensor(left: _Left) -> str:
 def _excess(residual: Floats, parameters: int) -> _Finding:
     freedom = max(len(residual) - parameters, 1)
     allowed = (1 + NOISE_TOLERANCE) ** 2
-    return _Finding(float(stats.chi2.sf(residual @ residual / allowed, freedom)), None)
+    return _Finding(float(stats.chi2.logsf(residual @ residual / allowed, freedom)), None)
 
 
 # -- in one series ---------------------------------------------------------------
@@ -114,8 +120,18 @@ def _memory(left: _Left) -> _Finding:
     z = left.z
     power = np.abs(fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
     shares = np.cumsum(power)[:-1] / (power.sum() or 1.0)
-    p_value = float(stats.kstest(shares, "uniform", method="asymp").pvalue)
-    return _Finding(p_value, None if shares[len(shares) // 2] < 0.5 else _wander(left, shares))
+    distance = float(stats.kstest(shares, "uniform", method="asymp").statistic)
+    return _Finding(
+        _kolmogorov(distance * math.sqrt(len(shares))),
+        None if shares[len(shares) // 2] < 0.5 else _wander(left, shares),
+    )
+
+
+def _kolmogorov(distance: float) -> float:
+    """The log of Kolmogorov's limiting chance, by its first term where that is all of it."""
+    if distance > _FAR:
+        return math.log(2) - 2 * distance**2
+    return float(stats.kstwobign.logsf(distance))
 
 
 def _wander(left: _Left, shares: Floats) -> str | None:
@@ -135,7 +151,7 @@ def _drift(series: Series, time_s: Floats, z: Floats) -> _Finding:
     strength = abs(slope) * math.sqrt(float(centred @ centred))
     total = slope * (series.sigma or 1.0) * float(np.ptp(time_s))
     words = f"a drift in time of {total:.3g} {series.unit} over {series.run}"
-    return _Finding(float(2 * stats.norm.sf(strength)), words)
+    return _Finding(_two_sided(strength), words)
 
 
 def _step(series: Series, time_s: Floats, z: Floats) -> _Finding:
@@ -146,7 +162,7 @@ def _step(series: Series, time_s: Floats, z: Floats) -> _Finding:
     at = int(np.argmax(np.abs(contrast)))
     height = -contrast[at] * math.sqrt(n / ((at + 1) * (n - at - 1))) * (series.sigma or 1.0)
     words = f"a step of {height:.3g} {series.unit} at {time_s[at]:.3g} s in {series.run}"
-    return _Finding(min(1.0, n * float(2 * stats.norm.sf(abs(contrast[at])))), words)
+    return _Finding(_two_sided(float(contrast[at]), n), words)
 
 
 # -- in all series of one sensor ---------------------------------------------------
@@ -201,8 +217,13 @@ def _line_in_position(lefts: Sequence[_Left]) -> _Finding:
 
 
 def _line_chance(power: float, lines: int, runs: int) -> float:
-    """How often the strongest of `lines` summed lines of unit white noise is as strong."""
-    return min(1.0, lines * float(stats.gamma.sf(power, runs)))
+    """How often (log) the strongest of `lines` summed lines of unit white noise is as strong."""
+    return min(0.0, math.log(lines) + float(stats.gamma.logsf(power, runs)))
+
+
+def _two_sided(strength: float, chances: int = 1) -> float:
+    """How often (log) the largest of `chances` standard normals is as far from 0."""
+    return min(0.0, math.log(2 * chances) + float(stats.norm.logsf(abs(strength))))
 
 
 def _bump(lefts: Sequence[_Left]) -> _Finding:
@@ -227,7 +248,7 @@ def _bump(lefts: Sequence[_Left]) -> _Finding:
         f"a local bump of {height:.2g} {series.unit} in position, at {middle:.3g} "
         f"{series.position_unit}, about {width:.2g} {series.position_unit} wide"
     )
-    return _Finding(min(1.0, chances * float(2 * stats.norm.sf(abs(strength)))), words)
+    return _Finding(_two_sided(strength, chances), words)
 
 
 # words -> (label, what is taken of it)
@@ -249,9 +270,9 @@ def _law(
     z = np.concatenate([left.z for left in lefts])
     strength = math.sqrt(float(parts @ parts))
     if not strength:
-        return _Finding(1.0, None)
+        return _Finding(0.0, None)
     slope = float(parts @ z) / strength
     series = lefts[0].series
     size = abs(slope) * float(np.abs(parts).max()) / strength * (series.sigma or 1.0)
     words = f"{name}, up to {size:.2g} {series.unit}"
-    return _Finding(float(2 * stats.norm.sf(abs(slope))), words)
+    return _Finding(_two_sided(slope), words)

@@ -138,10 +138,11 @@ class Search:
     def expected_sigmas(self, at: Fit, candidate: Candidate) -> float | None:
         """How strong the largest effect to expect would be, or None if nobody can say.
 
-        That is possible for a single amplitude, to which the response is proportional.
+        That is possible for a single amplitude, to which the response is proportional, if
+        it does not have to be looked for.
         """
         amplitudes = [p for p in candidate.parameters if p.role is Role.AMPLITUDE]
-        if len(amplitudes) != 1:
+        if len(amplitudes) != 1 or candidate.seek is not None:
             return None
         parameter = amplitudes[0]
         ends = parameter.plausible or (parameter.low, parameter.high)
