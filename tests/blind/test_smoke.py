@@ -4,13 +4,6 @@ import json
 import subprocess
 import sys
 
-import pytest
-
-from mopro.cli.main import COMMANDS
-
-if "reconcile" not in COMMANDS:
-    pytest.skip("`mopro reconcile` is not there yet", allow_module_level=True)
-
 
 def blind(*args):
     command = [sys.executable, "-m", "mopro", "blind", *map(str, args)]
