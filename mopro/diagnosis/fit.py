@@ -65,10 +65,14 @@ class Fit:
     @property
     def misfit(self) -> float:
         """-2 log likelihood but for a constant."""
+        return self.misfit_of(self.rss)
+
+    def misfit_of(self, rss: float) -> float:
+        """The misfit that a sum of squares of `rss` would be."""
         if self.known_noise:
-            return self.rss
+            return rss
         n = max(self.count, 1)
-        return n * math.log(max(self.rss, 1e-300) / n)
+        return n * math.log(max(rss, 1e-300) / n)
 
     def cost(self, pool: int) -> float:
         """-2 log likelihood, and the price of each parameter and of having had `pool` choices.

@@ -25,17 +25,22 @@ from mopro.diagnosis.signature import (
     signatures,
     sought,
 )
+from mopro.diagnosis.sketch import Sketch, Sketcher, distinct
 
-_SHORTLIST = 6
-_BEAM = 3
+_SHORTLIST = 10
+_FITTED_SETS = 3
 _MOST_EFFECTS = 3
+_MOST_STEPS = 4
 _FORMS_OF_A_NAME = 2
 _MOST_SWAPS = 3
-_RIVALS_TRIED = 6
+_RIVALS_TRIED = 5
+# A rival that is cheaper by less is as good, and may as well stay a rival.
+_WORTH_A_SWAP = 2.0
 # An effect that is no dearer than this (chi-squared and price) cannot be told apart.
 RIVAL_MARGIN = 10.0
 # How far a signature may misjudge what a fit will gain, as a share of that gain.
 _MISJUDGED = 0.1
+_LEAST_MISJUDGED = 0.005
 # Where a signature promises this much, at a size far from the one that it was taken at,
 # one is taken there.
 _WORTH_ANOTHER_LOOK = 6.0
@@ -43,7 +48,6 @@ _WORTH_ANOTHER_LOOK = 6.0
 _WEAK = 400.0
 # A residual this many times as large as noise may be too far off for signatures to rank.
 _ROUGHLY = 100.0
-_MORE_IF_ROUGH = 4
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -121,6 +125,22 @@ class Search:
 
     def _scored(self, base: Fit, at: Fit) -> list[Scored]:
         others = [c for c in self.catalogue if c.name not in base.names and c.refines is None]
+        return self._weighed(base, at, others)
+
+    def _fresh(self, base: Fit) -> list[Scored]:
+        """As `scores`, signatures taken anew for those that those at the null speak for.
+
+        Where the null is far off its signatures speak for nobody, and all are taken anew.
+        """
+        if base.key == self.null.key or self.null.rss > _ROUGHLY * self.null.count:
+            return self.scores(base)
+        known = self.scores(base, self.null)
+        limit = self.cost(base) + RIVAL_MARGIN
+        hopeful = [s.candidate for s in known if self.predicted(base, s) < limit]
+        kept = [s for s in known if s.candidate not in hopeful]
+        return [*self._weighed(base, base, hopeful), *kept]
+
+    def _weighed(self, base: Fit, at: Fit, candidates: Sequence[Candidate]) -> list[Scored]:
         tangent, _ = np.linalg.qr(base.jacobian)
 
         def scored(candidate: Candidate) -> Scored:
@@ -132,7 +152,7 @@ class Search:
             closer = probed_at(self.residuals, at, candidate, first.starts[0])
             return score(base, tangent, candidate, [*groups, closer])
 
-        found = self._each(scored, others)
+        found = self._each(scored, candidates)
         return sorted(found, key=lambda s: self.predicted(base, s))
 
     def expected_sigmas(self, at: Fit, candidate: Candidate) -> float | None:
@@ -176,18 +196,44 @@ class Search:
     # -- steps -----------------------------------------------------------------
 
     def run(self) -> Fit:
-        """The cheapest set of effects: forward steps of a beam, forms, swaps, and back."""
-        best, beam = self.null, [self.null]
-        for _ in range(_MOST_EFFECTS):
-            grown = {f.key: f for base in beam for f in self._extended(base, best)}
-            ranked = _apart(sorted(grown.values(), key=self.cost))[:_BEAM]
-            beam = sorted(map(self.refined, ranked), key=self.cost)
-            if not beam or self.cost(beam[0]) >= self.cost(best):
+        """The cheapest set of effects that steps forward, swaps and steps back lead to.
+
+        Where signatures can be trusted whole sets are weighed by them, and the best are
+        fitted; far from the data single effects are fitted instead.
+        """
+        found = self.null
+        for _ in range(_MOST_STEPS):
+            rough = found.rss > _ROUGHLY * found.count
+            grown = self._extended(found) if rough else self._sketched(found)
+            best = min([*grown, *map(self.refined, grown)], key=self.cost, default=found)
+            best = self._pruned(best)
+            if self.cost(best) >= self.cost(found):
                 break
-            best = beam[0]
-            if self._settled(best):
+            found = best
+            if self._settled(found):
                 break
-        return self._swapped(self._pruned(best))
+        return self._swapped(found)
+
+    def _sketched(self, base: Fit) -> list[Fit]:
+        """`base` with the sets of candidates whose signatures promise the most."""
+        most = _MOST_EFFECTS - len(base.candidates)
+        tangent, _ = np.linalg.qr(base.jacobian)
+        sketches = Sketcher(base, tangent, self._fresh(base)).sets(
+            most, lambda members: self._priced(base, members)
+        )
+        worth = [sketch for sketch in sketches if sketch.cost < self.cost(base)]
+        return self._each(lambda sketch: self._drawn(base, sketch), distinct(worth, _FITTED_SETS))
+
+    def _priced(self, base: Fit, members: Sequence[Scored]) -> float:
+        """What `base` and `members` cost besides their misfit."""
+        pool, count = len(self.catalogue), len(base.candidates)
+        ways = _log_ways(pool, count + len(members)) - _log_ways(pool, count)
+        own = sum(price(p, base.count) for m in members for p in m.candidate.parameters)
+        return self.cost(base) - base.misfit + own + 2 * ways
+
+    def _drawn(self, base: Fit, sketch: Sketch) -> Fit:
+        candidates = [member.candidate for member in sketch.members]
+        return self.fitted((*base.candidates, *candidates), [{**base.settings, **sketch.start}])
 
     def _settled(self, found: Fit) -> bool:
         """Whether nothing is left over that any candidate promises to account for."""
@@ -196,26 +242,18 @@ class Search:
         scored = self.scores(found, self.null)
         return all(self.predicted(found, s) >= self.cost(found) for s in scored)
 
-    def _extended(self, base: Fit, best: Fit) -> list[Fit]:
-        """`base` with each of the candidates that promise to beat `best`.
+    def _extended(self, base: Fit) -> list[Fit]:
+        """`base` with each of the candidates that promise to pay for themselves.
 
-        Signatures are taken anew at the best fit alone; elsewhere those at the null will do.
         One stands for those that the data cannot tell from it; the others come as its rivals.
         """
-        scored = self.scores(base, base if base.key == best.key else self.null)
-        worth = [s for s in scored if s.starts and self.predicted(base, s) < self.cost(base)]
-        rough = base.rss > _ROUGHLY * base.count
         chosen: list[Scored] = []
-        for s in worth:
+        for s in self.scores(base) if len(base.candidates) < _MOST_EFFECTS else ():
             forms = sum(c.candidate.name == s.candidate.name for c in chosen)
-            slack = 4 * RIVAL_MARGIN + _MISJUDGED * s.gain
-            hopeful = rough or self.predicted(base, s) < self.cost(best) + slack
-            near = len(chosen) < _BEAM or rough or s.gain > (1 - _MISJUDGED) * worth[0].gain
-            told_apart = not any(s.twin_of(c) for c in chosen)
-            if forms < _FORMS_OF_A_NAME and hopeful and near and told_apart:
+            worth = s.starts and self.predicted(base, s) < self.cost(base)
+            if worth and forms < _FORMS_OF_A_NAME and not any(s.twin_of(c) for c in chosen):
                 chosen.append(s)
-        most = _SHORTLIST + _MORE_IF_ROUGH * rough
-        return self._each(lambda s: self._joined(base, s), chosen[:most])
+        return self._each(lambda s: self._joined(base, s), chosen[:_SHORTLIST])
 
     def _joined(self, base: Fit, scored: Scored) -> Fit:
         starts = [{**base.settings, **start} for start in scored.starts]
@@ -260,7 +298,7 @@ class Search:
         for _ in range(_MOST_SWAPS):
             swaps = [swap for name in found.names for swap in self._swaps(found, name)]
             better = min(swaps, key=self.cost, default=found)
-            if self.cost(better) >= self.cost(found):
+            if self.cost(better) > self.cost(found) - _WORTH_A_SWAP:
                 break
             found = self._pruned(self.refined(better))
         return found
@@ -275,7 +313,8 @@ class Search:
         gain = rest.rss - found.rss
         # Where signatures bend, they promise the effect itself less than it gains.
         promised = max((s.gain for s in scored if s.candidate.name == name), default=gain)
-        enough = min(gain, promised) - 4 * RIVAL_MARGIN - _MISJUDGED * gain
+        misjudged = min(_MISJUDGED, _LEAST_MISJUDGED + 2 * abs(promised / gain - 1))
+        enough = min(gain, promised) - 4 * RIVAL_MARGIN - misjudged * gain
         if gain < _WEAK:
             enough = min(gain, promised)
         close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
@@ -327,14 +366,6 @@ def _plausible(scored: Scored) -> bool:
         return False
     values = scored.starts[0][scored.candidate.name]
     return not any(p.beyond(values[p.name]) for p in scored.candidate.parameters)
-
-
-def _apart(fits: Sequence[Fit]) -> list[Fit]:
-    """The first of each set of names: two forms of one effect are one way to go on."""
-    first: dict[frozenset[str], Fit] = {}
-    for each in fits:
-        first.setdefault(each.names, each)
-    return list(first.values())
 
 
 def _contains(wider: Fit, found: Fit) -> bool:

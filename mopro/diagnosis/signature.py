@@ -29,14 +29,15 @@ _MOST_OF_A_SHAPE = 3.0
 class Scored:
     """A candidate's promise: the drop in chi-squared that its signature predicts.
 
-    `starts` are the settings that fit best along the signatures, and `explained` is what
-    the first of them would take away.
+    `starts` are the settings that fit best along the signatures, `group` the probes that
+    the first of them comes from, and `explained` is what it would take away.
     """
 
     candidate: Candidate
     gain: float
     starts: tuple[Settings, ...]
     explained: NDArray[np.float32]
+    group: Group = ()
 
     def twin_of(self, other: Scored) -> bool:
         """Whether both would take the same away, within what noise hides."""
@@ -108,13 +109,14 @@ def score(base: Fit, tangent: Floats, candidate: Candidate, groups: Sequence[Gro
 
     `tangent` is an orthonormal basis of what the effects of `base` can move themselves.
     """
-    trials = [_trial(base.residual, tangent, candidate, group) for group in groups]
+    trials = [(*_trial(base.residual, tangent, candidate, group), group) for group in groups]
     trials.sort(key=lambda trial: -trial[0])
     kept = [trial for trial in trials[:_STARTS_KEPT] if trial[0] > 0]
     if not kept:
         return Scored(candidate, 0.0, (), np.zeros(0, dtype=np.float32))
-    starts = tuple(candidate.settings(values) for _, values, _ in kept)
-    return Scored(candidate, kept[0][0], starts, kept[0][2].astype(np.float32))
+    starts = tuple(candidate.settings(values) for _, values, _, _ in kept)
+    gain, _, explained, group = kept[0]
+    return Scored(candidate, gain, starts, explained.astype(np.float32), group)
 
 
 def _trial(
@@ -130,12 +132,12 @@ def _trial(
         sizes[0] = float(apart[:, 0] @ left) / float(strengths[0]) ** 2
     elif seen.any():
         sizes[seen] = np.linalg.lstsq(apart[:, seen], left, rcond=1e-6)[0]
-    values, sizes = _resized(candidate, group, sizes)
+    values, sizes = resized(candidate, group, sizes)
     explained = apart @ sizes
     return float(2 * explained @ left - explained @ explained), values, explained
 
 
-def _resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str, float], Floats]:
+def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str, float], Floats]:
     """The start that `sizes` times the probes come to, and the sizes that its range allows."""
     values = dict(group[0].values)
     by_name = {p.name: p for p in candidate.parameters}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,6 +12,24 @@ from mopro.emulator.effects.base import Effect, Floats, Parameter, Scene, Stage
 
 _STEEL_1_K = 11.35e-6
 _LVDT_HALF_RANGE_M = 0.254
+# From this many samples on, importing a compiler pays.
+_LONG = 20_000
+
+
+def _play(x: Floats, half: float, followed: Floats) -> None:
+    """What is dragged along with `half` of play to either side, from the first place on."""
+    at = x[0] if len(x) else 0.0
+    for i in range(len(x)):
+        at = min(max(at, x[i] - half), x[i] + half)
+        followed[i] = at
+
+
+@functools.cache
+def _compiled_play() -> Callable[[Floats, float, Floats], None]:
+    import numba
+
+    compiled: Callable[[Floats, float, Floats], None] = numba.njit(cache=True, nogil=True)(_play)
+    return compiled
 
 
 class PitchScale(Effect):
@@ -67,12 +87,9 @@ class Backlash(Effect):
     parameters = (Parameter("B", "m", "length", 2e-5, (1e-6, 1e-4), 0.0, 0.01, "reversal step"),)
 
     def geometry(self, x: Floats, scene: Scene, *p: float) -> Floats:
-        half = p[0] / 2
         followed = np.empty_like(x)
-        at = float(x[0]) if len(x) else 0.0
-        for i, place in enumerate(x.tolist()):
-            at = min(max(at, place - half), place + half)
-            followed[i] = at
+        play = _compiled_play() if len(x) >= _LONG else _play
+        play(x, p[0] / 2, followed)
         return followed
 
 
