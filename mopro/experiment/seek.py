@@ -123,6 +123,8 @@ class Seeker:
             if series.time_s is None:
                 continue
             speed = np.gradient(predicted, series.time_s) / (series.sigma or 1.0)
+            # The residual has lost its mean to the offset.
+            speed -= speed.mean()
             lateness -= float(speed @ z)
             strength += float(speed @ speed)
         return lateness / max(strength, 1e-300), 1 / math.sqrt(max(strength, 1e-300))
