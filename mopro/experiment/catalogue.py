@@ -130,7 +130,9 @@ def _commands(motor: Motor) -> Iterator[Candidate]:
     """A logged command has no program that a controller could take in another way."""
     yield _one("controller_clock", "e", 3e-4)
     seek = Seeker(motor)
-    tick = Parameter("T", "s", 1e-4, 0.015, role=Role.HELD, plausible=(2.5e-4, 0.0125))
+    tick = Parameter(
+        "T", "s", 1e-4, 0.015, role=Role.SHAPE, plausible=(2.5e-4, 0.0125), difference=1e-6
+    )
     for form, interpolate in (("interpolated", 1.0), ("held", 0.0)):
         yield Candidate(
             "profile_tick", (tick,), form, {"interpolate": interpolate},
