@@ -261,17 +261,21 @@ class Search:
 
     def refined(self, found: Fit) -> Fit:
         """`found` with its effects freed further, or less far, as long as that pays."""
-        for candidate in found.candidates:
-            for form in self._forms_beside(candidate):
-                kept = [c for c in found.candidates if c.name != form.name]
-                values = {p.name: p.null for p in form.parameters}
-                start = {**values, **{p.name: p.starts[0] for p in form.parameters if p.starts}}
-                own = {n: v for n, v in found.settings[form.name].items() if n in start}
-                joined = form.settings(start | own)
-                trial = self.fitted((*kept, form), [{**found.settings, **joined}])
-                if self.cost(trial) < self.cost(found):
-                    return self.refined(trial)
-        return found
+        trials = [
+            self._in_another_form(found, form)
+            for candidate in found.candidates
+            for form in self._forms_beside(candidate)
+        ]
+        best = min(trials, key=self.cost, default=found)
+        return self.refined(best) if self.cost(best) < self.cost(found) else found
+
+    def _in_another_form(self, found: Fit, form: Candidate) -> Fit:
+        kept = [c for c in found.candidates if c.name != form.name]
+        values = {p.name: p.null for p in form.parameters}
+        start = {**values, **{p.name: p.starts[0] for p in form.parameters if p.starts}}
+        own = {n: v for n, v in found.settings[form.name].items() if n in start}
+        joined = form.settings(start | own)
+        return self.fitted((*kept, form), [{**found.settings, **joined}])
 
     def _forms_beside(self, candidate: Candidate) -> list[Candidate]:
         """The forms that free more of an effect, and those that free less of a freed one."""
