@@ -46,6 +46,7 @@ _LEAST_MISJUDGED = 0.005
 _WORTH_ANOTHER_LOOK = 6.0
 # What is no stronger than 20 standard deviations in all is small, and so linear.
 _WEAK = 400.0
+_CLEARLY = 2.0
 # A residual this many times as large as noise may be too far off for signatures to rank.
 _ROUGHLY = 100.0
 
@@ -365,11 +366,14 @@ def _log_ways(pool: int, count: int) -> float:
 
 
 def _plausible(scored: Scored) -> bool:
-    """Whether the size that the signature asks for is one to expect."""
+    """Whether the size that the signature asks for is one to expect, errors allowed for."""
     if not scored.starts:
         return False
     values = scored.starts[0][scored.candidate.name]
-    return not any(p.beyond(values[p.name]) for p in scored.candidate.parameters)
+    known = _CLEARLY / math.sqrt(max(scored.gain, 1.0))
+    return not any(
+        p.beyond(values[p.name]) > known * abs(values[p.name]) for p in scored.candidate.parameters
+    )
 
 
 def _contains(wider: Fit, found: Fit) -> bool:
