@@ -69,12 +69,24 @@ def _film_W_m2_K(machine: Machine, air_m_s: float, length_m: float) -> float:
     return nusselt * heat.air_conductivity_W_m_K / heat.forcer_side_m
 
 
-class HeatHistory:
-    """Temperature over a schedule's moves, from the ambient one at time 0."""
+# Times at which the heating changes, and the balance from each on.
+HeatPieces = tuple[list[float], list[HeatBalance]]
 
-    def __init__(self, machine: Machine, moves: Iterable[PlannedMove]) -> None:
+
+class HeatHistory:
+    """Temperature over a schedule's moves, from the ambient one at time 0.
+
+    `pieces` are what `heat_pieces` makes of the moves, for whoever needs them again.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        moves: Iterable[PlannedMove],
+        pieces: HeatPieces | None = None,
+    ) -> None:
         self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
-        starts, balances = heat_pieces(machine, moves)
+        starts, balances = pieces or heat_pieces(machine, moves)
         self._starts_s = np.array(starts)
         self._final_C = np.array([machine.heat.ambient_C + b.rise_K for b in balances])
         self._rate_1_s = np.array([b.conductance_W_K for b in balances]) / self._capacity_J_K
@@ -97,9 +109,7 @@ class HeatHistory:
         return solution
 
 
-def heat_pieces(
-    machine: Machine, moves: Iterable[PlannedMove]
-) -> tuple[list[float], list[HeatBalance]]:
+def heat_pieces(machine: Machine, moves: Iterable[PlannedMove]) -> HeatPieces:
     """The times at which the heating changes, and the balance from each on."""
     moving = [move for move in moves if move.profile.distance]
     times_s = np.array([move.start_s for move in moving] + [move.end_s for move in moving])

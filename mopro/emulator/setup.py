@@ -13,7 +13,7 @@ from mopro.emulator.axis import EmulatedAxis
 from mopro.emulator.command import CommandTable, Floats
 from mopro.emulator.effects import Active, Stage, on_axis
 from mopro.emulator.engine import AssembledEngine, Engine, Integrate, NominalEngine, Strength
-from mopro.emulator.heat import HeatHistory
+from mopro.emulator.heat import HeatHistory, HeatPieces
 from mopro.emulator.plant import PlantNumbers
 from mopro.emulator.stepped_heat import SteppedHeat
 from mopro.emulator.trips import (
@@ -89,9 +89,20 @@ def stage(
 def staged(schedule: Schedule, settings: Settings, active: tuple[Active, ...]) -> Staging:
     """The dynamics under `schedule` as it stands: whoever asks has the trips in hand."""
     strengths = {axis: _hold(schedule, axis, on_axis(active, axis)) for axis in AXES}
-    heat = _heat(settings.machine, schedule, active, strengths)
+    heat = heat_of(schedule, settings.machine, active)
     axes = [_axis(n, settings, schedule, heat, on_axis(active, n), strengths[n]) for n in AXES]
     return Staging(schedule, heat, axes, None)
+
+
+def heat_of(
+    schedule: Schedule,
+    machine: Machine,
+    active: tuple[Active, ...],
+    pieces: HeatPieces | None = None,
+) -> Heat:
+    """The forcer's temperature under `schedule`, which needs no equation of motion."""
+    strengths = {axis: _hold(schedule, axis, on_axis(active, axis)) for axis in AXES}
+    return _heat(machine, schedule, active, strengths, pieces)
 
 
 def planned(
@@ -134,11 +145,13 @@ def _heat(
     schedule: Schedule,
     active: Sequence[Active],
     strengths: Mapping[int, Strength],
+    pieces: HeatPieces | None = None,
 ) -> Heat:
     effects = [a for a in active if a.effect.stage is Stage.HEAT]
     if not effects and all(s.always_full for s in strengths.values()):
-        return HeatHistory(machine, schedule.moves)
-    return SteppedHeat(machine, schedule.moves, effects, strengths, schedule.duration_s)
+        return HeatHistory(machine, schedule.moves, pieces)
+    lasting_s = schedule.duration_s
+    return SteppedHeat(machine, schedule.moves, effects, strengths, lasting_s, pieces)
 
 
 def _too_hot(machine: Machine, schedule: Schedule, heat: Heat) -> Trip | None:

@@ -22,7 +22,7 @@ from mopro.emulator.command import Floats
 from mopro.emulator.effects import Active
 from mopro.emulator.effects.base import Surroundings
 from mopro.emulator.engine import Strength
-from mopro.emulator.heat import HeatBalance, heat_pieces
+from mopro.emulator.heat import HeatBalance, HeatPieces, heat_pieces
 from mopro.machine import Machine
 from mopro.motion import PlannedMove
 
@@ -52,11 +52,12 @@ class SteppedHeat:
         effects: Sequence[Active],
         strengths: Mapping[int, Strength],
         until_s: float,
+        pieces: HeatPieces | None = None,
     ) -> None:
         self._machine = machine
         self._effects = effects
         self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
-        starts, balances = heat_pieces(machine, moves)
+        starts, balances = pieces or heat_pieces(machine, moves)
         until_s = max(until_s, 1e-3)
         changes = _changes(starts, strengths, until_s)
         steps = _steps(changes, until_s)

@@ -11,6 +11,7 @@ from scipy import stats
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
 from mopro.diagnosis.residual import Residuals
+from mopro.emulator.measured import POSITION
 from mopro.experiment import thermal
 from mopro.experiment.catalogue import candidates
 from mopro.experiment.model import Experiment, Floats
@@ -67,8 +68,9 @@ def diagnose(
     better is taken. Raises MotionError for a program that cannot be run.
     """
     smooth = _judged(Model(experiment), jobs, progress)
+    moving = any(r.sensor.quantity == POSITION for t in experiment.trials for r in t.readings)
     stepped = Model(experiment, resolved=True)
-    if _misfit(smooth, stepped) > _misfit(smooth, Model(experiment)) - _STEPS_SHOW:
+    if not moving or _misfit(smooth, stepped) > _misfit(smooth, Model(experiment)) - _STEPS_SHOW:
         return smooth
     return _judged(stepped, jobs, progress)
 

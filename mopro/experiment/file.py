@@ -38,8 +38,8 @@ class SensorEntry:
 
     @property
     def regular(self) -> bool:
-        """Whether it samples at one rate; the thermocouple slows down."""
-        return self.kind != "thermocouple"
+        """Whether it samples at one rate; temperatures are taken now and then."""
+        return self.sensor.quantity == POSITION
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,10 @@ import numpy as np
 from mopro.diagnosis import Settings
 from mopro.emulator.effects import Active, Effect, Stage, catalogue
 from mopro.emulator.effects.resolve import active_effects
+from mopro.emulator.heat import HeatPieces, heat_pieces
 from mopro.emulator.measured import TEMPERATURE, measured_at
 from mopro.emulator.setup import Settings as EmulatorSettings
-from mopro.emulator.setup import Staging, planned, staged
+from mopro.emulator.setup import Staging, heat_of, planned, staged
 from mopro.experiment.logged import schedule_of
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.motion import Schedule
@@ -54,9 +55,8 @@ def angle_in(run: int) -> str:
 
 @dataclass(frozen=True)
 class Motion:
-    """The true motion of one run: its schedule, and columns as a recording has them."""
+    """The true motion of one run: columns as a recording has them."""
 
-    schedule: Schedule
     columns: Columns
 
 
@@ -102,6 +102,7 @@ class Motor:
         self._own = active_effects(experiment.machine, catalogue())
         self._motions: _Kept[Motion] = _Kept()
         self._schedules: _Kept[Schedule] = _Kept()
+        self._pieces: _Kept[HeatPieces] = _Kept()
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [
@@ -112,7 +113,7 @@ class Motor:
 
     def schedule(self, index: int) -> Schedule:
         """What run number `index` commands without further effects."""
-        return self._motion(index, _of_the_motion(self._own)).schedule
+        return self._schedule(index, self._own)
 
     def way_m(self) -> tuple[float, float]:
         """The least and the greatest position that any sensor was to see."""
@@ -147,7 +148,12 @@ class Motor:
 
     def _warmth(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
         """On a grid of its own, as a thermocouple is slow against the motion."""
-        heat = self._staging(index, active).heat
+        machine, schedule = self.experiment.machine, self._schedule(index, active)
+        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
+        pieces = self._pieces.get(
+            (index, *_key(commanding)), lambda: heat_pieces(machine, schedule.moves)
+        )
+        heat = heat_of(schedule, machine, active, pieces)
         grid = np.linspace(0.0, end_s, max(2, math.ceil(end_s) + 1))
         return {"time_s": grid, "temperature_C": heat.temperature_C(grid)}
 
@@ -170,17 +176,23 @@ class Motor:
             place = axis.advance(times, float(times[-1])).position_m if moving else 0.0 * times
             columns[f"position_{axis.number}_m"] = place
         columns["temperature_C"] = staging.heat.temperature_C(times)
-        return Motion(staging.schedule, columns)
+        return Motion(columns)
 
     def _staging(self, index: int, active: tuple[Active, ...]) -> Staging:
         trial, machine = self.experiment.trials[index], self.experiment.machine
         how = EmulatorSettings(machine, trial.payload_kg, self._resolved, self._max_step_s, True)
+        return staged(self._schedule(index, active), how, active)
+
+    def _schedule(self, index: int, active: tuple[Active, ...]) -> Schedule:
+        """What run `index` commands, as long as its data last."""
+        trial = self.experiment.trials[index]
         commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
-        schedule = self._schedules.get(
-            (index, *_key(commanding)), lambda: self._planned(trial, commanding)
-        )
-        lasting = max(schedule.duration_s, trial.duration_s)
-        return staged(replace(schedule, duration_s=lasting), how, active)
+
+        def lasting() -> Schedule:
+            schedule = self._planned(trial, commanding)
+            return replace(schedule, duration_s=max(schedule.duration_s, trial.duration_s))
+
+        return self._schedules.get((index, *_key(commanding)), lasting)
 
     def _planned(self, trial: Trial, active: tuple[Active, ...]) -> Schedule:
         """What `trial` commands; only effects of the command change it."""
