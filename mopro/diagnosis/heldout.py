@@ -61,7 +61,7 @@ def folds(residuals: Residuals) -> list[Mask]:
         labels.append(first + numbers)
         first += int(numbers.max()) + 1
     joined = np.concatenate(labels)
-    if first > _MOST_FOLDS and len(joined) > _FEW:
+    if first > _MOST_FOLDS:
         joined = joined % _MOST_FOLDS
     return [joined == label for label in np.unique(joined)]
 

@@ -11,7 +11,9 @@ from mopro.experiment.diagnose import diagnose
 from mopro.instruments import Thermocouple
 from mopro.machine import load_machine
 
-PROGRAM = "UU012500/1\nVEL2 {}\nACC2 0.2\n:B1\nMRI2 {}\nWX2\nMRI2 -{}\nWX2\nJUMP B1\n"
+PROGRAM = (
+    "UU012500/1\nVEL2 {}\nACC2 0.2\n:B1\nMRI2 {}\nWX2\nWT4000\nMRI2 -{}\nWX2\nWT4000\nJUMP B1\n"
+)
 EXPERIMENT = """
 machine = "chow1992"
 
@@ -30,7 +32,7 @@ def laboratory(folder, effects, seed=0):
     rng = np.random.default_rng(seed)
     stamps = Thermocouple().times_s(2400.0)
     text = EXPERIMENT
-    for name, speed, stroke in (("slow", 5.0, 4.0), ("fast", 24.0, 12.0)):
+    for name, speed, stroke in (("slow", 2.0, 20.0), ("fast", 24.0, 20.0)):
         (folder / f"{name}.CMD").write_text(PROGRAM.format(speed, stroke, stroke))
         emulator = Emulator(load_machine("chow1992"), effects=effects)
         schedule = emulator.plan(mopro.compile((folder / f"{name}.CMD").read_text()), 2401.0)
