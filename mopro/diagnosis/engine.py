@@ -154,7 +154,7 @@ def _named(search: Search, found: Fit, held: HeldOut | None, candidate: Candidat
     estimates = {}
     for p in candidate.parameters:
         value = float(values[p.name])
-        interval = intervals.get((candidate.name, p), (value, value))
+        interval = intervals.get((candidate.name, p), (-math.inf, math.inf))
         stopped = f"{candidate.name}.{p.name}" in bounds
         estimates[p.name] = Estimate(value, p.unit, interval, stopped)
     without = search.without(found, candidate.name)

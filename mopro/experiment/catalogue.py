@@ -92,16 +92,23 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
     damping = _own("electrical_damping", "zeta", ratio / 2, 2 * ratio)
     yield Candidate("electrical_damping", (replace(damping, low=0.0, null=ratio),))
     yield _one("force_constant", "e", 0.003, -0.05)
-    air_C = machine.heat.ambient_C
-    yield _one("force_constant_temperature", "alpha", 5e-4, fixed={"T0": air_C})
-    # Magnets that were measured cooler are weaker from the start.
-    cooler = _one("force_constant_temperature", "alpha", 5e-4, fixed={"T0": air_C - 10.0})
-    yield replace(cooler, form="measured 10 K cooler")
+    yield from _weakening(machine.heat.ambient_C)
     yield Candidate(
         "detent_force",
         (_own("detent_force", "Fd", 3.0), _angle("phi")),
         fixed={"pitch": machine.axis.pitch_m},
     )
+
+
+def _weakening(air_C: float) -> Iterator[Candidate]:
+    """Magnets weaken from the air's temperature on, or from where they were measured."""
+    own = _one("force_constant_temperature", "alpha", 5e-4, fixed={"T0": air_C})
+    yield own
+    (reference,) = (
+        p for p in catalogue()["force_constant_temperature"].parameters if p.name == "T0"
+    )
+    for measured_C in reference.plausible:
+        yield replace(own, form=f"measured at {measured_C:g} C", fixed={"T0": measured_C})
 
 
 def _drive() -> Iterator[Candidate]:
@@ -174,9 +181,9 @@ def _measurements(motor: Motor) -> Iterator[Candidate]:
 
 
 def _bends(motor: Motor) -> Iterator[Candidate]:
-    """The middle of a range that nobody stated is taken to be the middle of the way."""
+    """Shares of the range that the effect states, about the middle of the way at first."""
     low, high = motor.way_m()
-    middle, half = (low + high) / 2, max((high - low) / 2, 1e-3)
+    middle, half = (low + high) / 2, _value("sensor_nonlinearity", "half")
     fixed = {"c5": 0.0, "mid": middle, "half": half}
     cubic = replace(_own("sensor_nonlinearity", "c3", 1e-3), low=-0.1, high=0.1)
     cubic = replace(cubic, plausible=(-0.05, 0.05))
