@@ -153,7 +153,7 @@ def _commands(motor: Motor) -> Iterator[Candidate]:
     yield Candidate("start_delay", (delay,), "once", {"every_move": 0.0})
     yield Candidate("start_delay", (delay,), "each move", {"every_move": 1.0})
     numbers = [Parameter(name, "1", -1e9, 1e9, role=Role.HELD) for name in ("n", "move", "at", RUN)]
-    yield Candidate("lost_steps", tuple(numbers), seek=seek.lost_steps)
+    yield Candidate("lost_steps", tuple(numbers), flexible=True, seek=seek.lost_steps)
 
 
 # -- stage M -----------------------------------------------------------------------

