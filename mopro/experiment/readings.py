@@ -59,8 +59,6 @@ def reading(file: DataFile, sensor: Sensor, regular: bool = True) -> tuple[Readi
     if regular:
         _check_rate(file, sensor, time_s, present)
         notes += _gaps(file, sensor, time_s, present)
-    elif blank := len(values) - early - len(present):
-        notes.append(f"{file.source.name}: {blank} rows have no {sensor.column}")
     return Reading(sensor, time_s[present], values[present]), notes
 
 
