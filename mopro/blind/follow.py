@@ -19,7 +19,13 @@ _LASTS_S = 3600.0
 
 
 def proposed(
-    seed: int, number: str, answer: Mapping[str, Any], text: str, folder: Path, copy: Path
+    seed: int,
+    number: str,
+    answer: Mapping[str, Any],
+    text: str,
+    folder: Path,
+    copy: Path,
+    payload_kg: float = 0.0,
 ) -> Path:
     """A copy of the case with the program `text` as one more run; its experiment file.
 
@@ -30,7 +36,7 @@ def proposed(
         shutil.copyfile(folder / name, copy / name)
     instruments = [Instrument(**i) for i in answer["instruments"]]
     hot = instruments[0].quantity == "temperature"
-    trial = Trial(text, 0.0, _LASTS_S if hot else None)
+    trial = Trial(text, payload_kg, _LASTS_S if hot else None)
     generator = np.random.default_rng([seed, 4, int(number)])
     plant = hidden_plant(answer)
     data = measured(plant, trial, instruments, answer["offsets"], generator)
@@ -40,7 +46,7 @@ def proposed(
     write_data(copy / data_name("proposed", instruments), instruments, *data)
     file = copy / "experiment.toml"
     file.write_text(
-        file.read_text() + "\n" + run_text("proposed", 0.0, instruments), encoding="utf-8"
+        file.read_text() + "\n" + run_text("proposed", payload_kg, instruments), encoding="utf-8"
     )
     return file
 

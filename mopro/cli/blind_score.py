@@ -150,8 +150,9 @@ def _second(ground: Ground, asker: Asker, number: str, reply: Reply) -> Reply:
         return {"verdict": FAILED, "stderr": "no experiment was proposed"}
     copy = ground.folder / FOLDER / number
     folder, answer = ground.folder / number, ground.cases[number]
+    payload_kg = reply.get("next_experiment_payload_kg", 0.0)
     try:
-        file = proposed(ground.seed, number, answer, text, folder, copy)
+        file = proposed(ground.seed, number, answer, text, folder, copy, payload_kg)
     except ValueError as error:
         return {"verdict": FAILED, "stderr": str(error)}
     return replace(asker, replies=None).ask(number, file)

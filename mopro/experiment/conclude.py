@@ -18,8 +18,6 @@ from mopro.experiment.proposal import Proposal, propose
 from mopro.experiment.words import reservations
 
 _MOST_PLACES = 40
-# A program that parts rivals by fewer standard deviations is not worth running.
-_TOLD_APART = 2.0
 # The comparison draws the place of a reading within a coarse converter's step.
 _SEED = 0
 
@@ -56,6 +54,7 @@ class Conclusion:
         if self.next_experiment:
             answer["next_experiment"] = self.next_experiment.text
             answer["next_experiment_separations"] = self.next_experiment.separations
+            answer["next_experiment_payload_kg"] = self.next_experiment.payload_kg
         return {key: _strict(value) for key, value in answer.items()}
 
 
@@ -73,7 +72,7 @@ def conclude(
     proposal = None
     if verdict.verdict == "ambiguous":
         progress("looking for an experiment that tells the rivals apart")
-        proposal = _worthwhile(propose(experiment, verdict))
+        proposal = propose(experiment, verdict)
     return Conclusion(
         experiment=experiment,
         series=series,
@@ -83,13 +82,6 @@ def conclude(
         rerun_rms=tuple(_rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)),
         next_experiment=proposal,
     )
-
-
-def _worthwhile(proposal: Proposal | None) -> Proposal | None:
-    """`proposal` if it tells any pair of rivals apart; some cannot be told by any motion."""
-    if proposal is None or max(proposal.separations.values(), default=0.0) < _TOLD_APART:
-        return None
-    return proposal
 
 
 def _strict(value: Any) -> Any:

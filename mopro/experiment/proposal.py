@@ -1,71 +1,44 @@
 """The experiment that would tell rivals apart.
 
-Short pieces of motion that bring out different things (speed, acceleration, stroke,
-resonance, a long wait) are each tried on the model under every rival; those that part the
-rivals best are put together into one program.
+Pieces of motion are each tried on the model under every rival. For a position sensor
+those that part the rivals best, for the time that they take, are put together into one
+program; for a thermometer the best one is repeated for ever.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
 from mopro.api import compile as compile_text
 from mopro.diagnosis import Named, Settings, Verdict
-from mopro.emulator.measured import POSITION, Sensor
+from mopro.emulator.measured import POSITION, TEMPERATURE, Sensor
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.motor import Motor
-from mopro.machine import Machine
+from mopro.experiment.pieces import Bounds, Piece, moving_pieces, text_of, warming_pieces
 from mopro.motion import plan
-from mopro.units import INCH_M
 
-# A rival is parted at five standard deviations; more of it is worth little.
-_PARTED = 5.0
-_MOST_PIECES = 8
+# A rival counts as parted here: ten in chi-squared (the margin) are then all but certain.
+_PARTED = 6.0
+# What no program of bearable length parts by this much is not worth its time.
+_TOLD_APART = 2.0
+_LONGEST_S = 60.0
+_WARMING_S = 3600.0
 _MOST_RIVALS = 8
 _AFTER_S = 0.3
-_REST_MS = 300
-_LONGEST_IN = 15.0
-_SHARE_OF_TRAVEL = 0.7
-_SHARE_OF_FORCE = 0.35
-_FASTEST_IN_S = 30.0
-
-
-@dataclass(frozen=True)
-class Piece:
-    """One motion forth and back, in inches and seconds; `wait_ms` goes before and between."""
-
-    what: str
-    distance: float
-    velocity: float
-    acceleration: float
-    parabolic: bool = False
-    wait_ms: int = _REST_MS
-    both_axes: bool = False
-
-    def statements(self, axis: int) -> Iterator[str]:
-        yield f"; {self.what}"
-        axes = (axis, 3 - axis) if self.both_axes else (axis,)
-        for n in axes:
-            yield f"VEL{n} {self.velocity:.5f}"
-            yield f"ACC{n} {self.acceleration / 1000:.5f}"
-            yield f"PARA{n}{'+' if self.parabolic else '-'}"
-        for way in (self.distance, -self.distance):
-            yield f"WT{self.wait_ms}"
-            yield from (f"MRI{n} {way:.4f}" for n in axes)
-            yield from (f"WX{n}" for n in axes)
-        yield f"WT{_REST_MS}"
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A program to run, and by how many σ it separates each rival from what was named."""
+    """A program to run, with what payload, and by how many σ it parts each rival."""
 
     text: str
     summary: str
+    payload_kg: float
     separations: dict[str, float]
 
 
@@ -82,26 +55,17 @@ class _Contest:
 def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
     """The program that separates the named effects best from their rivals.
 
-    None where there is no position sensor to see a motion with.
+    None where no motion would be seen to tell any of them apart.
     """
-    sensors = [r.sensor for t in experiment.trials for r in t.readings]
-    sensor = next((s for s in sensors if s.quantity == POSITION), None)
     contests = [c for effect in verdict.effects for c in _contests(verdict, effect)]
-    if sensor is None or not contests:
-        return None
-    payload_kg = experiment.trials[0].payload_kg
-    pieces = _pieces(experiment.machine, payload_kg)
-    parted = {p: _parted(experiment, sensor, payload_kg, [p], contests) for p in pieces}
-    chosen: list[Piece] = []
-    so_far = np.zeros(len(contests))
-    while len(chosen) < _MOST_PIECES:
-        # One that is repeated tells more each time.
-        best = max(pieces, key=lambda p: _worth(so_far + parted[p] ** 2))
-        if so_far.min() > _PARTED**2:
-            break
-        chosen.append(best)
-        so_far = so_far + parted[best] ** 2
-    return _proposal(experiment, sensor, payload_kg, chosen, contests)
+    sensors = [r.sensor for t in experiment.trials for r in t.readings]
+    for quantity in (POSITION, TEMPERATURE):
+        sensor = next((s for s in sensors if s.quantity == quantity), None)
+        if sensor is not None and contests:
+            proposal = _Planner(experiment, sensor, contests).proposal()
+            if proposal is not None:
+                return proposal
+    return None
 
 
 def _contests(verdict: Verdict, effect: Named) -> list[_Contest]:
@@ -110,40 +74,165 @@ def _contests(verdict: Verdict, effect: Named) -> list[_Contest]:
     return [_Contest(name, verdict.settings, settings, known) for name, settings in others]
 
 
-def _worth(squares: Floats) -> float:
-    """How well everything is parted: the first σ of each rival count most."""
-    return float(np.sum(np.minimum(squares, _PARTED**2)) + 1e-3 * np.sum(np.log1p(squares)))
+class _Planner:
+    """Puts a program together for one sensor."""
+
+    def __init__(
+        self, experiment: Experiment, sensor: Sensor, contests: Sequence[_Contest]
+    ) -> None:
+        self._experiment = experiment
+        self._sensor = sensor
+        self._contests = contests
+        self._payload_kg = min(trial.payload_kg for trial in experiment.trials)
+
+    def proposal(self) -> Proposal | None:
+        """The best program, or None if it would tell no rival from what was named."""
+        bounds = self._bounds()
+        if self._sensor.quantity == TEMPERATURE:
+            chosen = self._warmest_contrast(warming_pieces(bounds))
+        else:
+            chosen = self._put_together(moving_pieces(bounds))
+        if not chosen:
+            return None
+        separations: dict[str, float] = {}
+        parted = self._parted(self._imagined(chosen)).tolist()
+        for contest, apart in zip(self._contests, parted, strict=True):
+            separations[contest.rival] = min(apart, separations.get(contest.rival, math.inf))
+        if max(separations.values()) <= _TOLD_APART:
+            return None
+        summary = self._summary(separations)
+        head = f"; {summary}\n; {self._way(chosen)}\n"
+        return Proposal(head + self._text(chosen), summary, self._payload_kg, separations)
+
+    def _bounds(self) -> Bounds:
+        """What the motor may be asked for under the least favourable of the rivals."""
+        every = [side for c in self._contests for side in (c.settings, c.other)]
+        masses = [side.get("payload_mass", {}).get("dm", 0.0) for side in every]
+        forces = [side.get("force_constant", {}).get("e", 0.0) for side in every]
+        machine = self._experiment.machine
+        mass_kg = machine.axis.moving_mass_kg + self._payload_kg + max(masses)
+        return Bounds.of(machine, mass_kg, 1 + min(*forces, 0.0))
+
+    # -- which pieces ------------------------------------------------------------
+
+    def _put_together(self, pieces: Sequence[Piece]) -> list[Piece]:
+        """The pieces that part the most for their time, in the order they were chosen.
+
+        A piece that is repeated tells more each time.
+        """
+        trials = [self._imagined([piece]) for piece in pieces]
+        lengths = np.array([trial.duration_s for trial in trials])
+        squares = np.array([self._parted(trial) for trial in trials]) ** 2
+        within_reach = (squares * (_LONGEST_S / lengths)[:, None]).max(axis=0)
+        wanted = within_reach > _TOLD_APART**2
+        squares = squares[:, wanted]
+        chosen: list[int] = []
+        so_far = np.zeros(squares.shape[1])
+        while so_far.min(initial=math.inf) < _PARTED**2:
+            worth = _worth(so_far + squares) - _worth(so_far)
+            worth[lengths + lengths[chosen].sum() > _LONGEST_S] = 0.0
+            best = int(np.argmax(worth / lengths))
+            if not worth[best]:
+                break
+            chosen.append(best)
+            so_far = so_far + squares[best]
+        return [pieces[i] for i in sorted(chosen)]
+
+    def _warmest_contrast(self, pieces: Iterable[Piece]) -> list[Piece]:
+        """The one that parts the most without growing too hot under any rival."""
+        limit_C = self._experiment.machine.heat.rated_C
+        told: list[tuple[float, Piece]] = []
+        for piece in pieces:
+            predictions = self._predictions(self._imagined([piece]))
+            parted = predictions.parted()
+            if predictions.most() < limit_C and parted.max() > _TOLD_APART:
+                told.append((float(_worth(parted**2)), piece))
+        return [max(told, key=lambda pair: pair[0])[1]] if told else []
+
+    # -- what a program would show --------------------------------------------------
+
+    def _parted(self, trial: Trial) -> Floats:
+        return self._predictions(trial).parted()
+
+    def _predictions(self, trial: Trial) -> _Predictions:
+        motor = Motor(replace(self._experiment, trials=(trial,), tables=()))
+        return _Predictions(motor, self._sensor.sigma, self._contests)
+
+    def _imagined(self, pieces: Sequence[Piece]) -> Trial:
+        """The run that the pieces would be, its data still to come."""
+        program = compile_text(self._text(pieces), "next.CMD")
+        end_s = _WARMING_S
+        if not program.loops_forever:
+            end_s = plan(program).duration_s + _AFTER_S
+        times = np.arange(math.floor(end_s * self._sensor.rate_hz)) / self._sensor.rate_hz
+        reading = Reading(self._sensor, times, np.zeros(len(times)))
+        return Trial("next.csv", program, None, self._payload_kg, (reading,))
+
+    # -- its text ------------------------------------------------------------------
+
+    def _text(self, pieces: Sequence[Piece]) -> str:
+        return text_of(self._experiment.machine, self._sensor.axis, _joined(pieces))
+
+    def _summary(self, separations: dict[str, float]) -> str:
+        told = [f"{n} by {s:.3g} σ" for n, s in separations.items() if s > _TOLD_APART]
+        alike = [name for name, s in separations.items() if s <= _TOLD_APART]
+        summary = f"with {self._payload_kg:g} kg it should separate {', '.join(told)}"
+        return summary + (f"; no motion tells {', '.join(alike)}" if alike else "")
+
+    def _way(self, chosen: Sequence[Piece]) -> str:
+        longest = max(piece.distance for piece in chosen)
+        way = f"Goes forth and back by up to {longest:.3g} in from where it starts"
+        return f"{way}, for {_WARMING_S / 60:g} min." if chosen[0].endless else f"{way}."
 
 
-def _parted(
-    experiment: Experiment,
-    sensor: Sensor,
-    payload_kg: float,
-    pieces: Sequence[Piece],
-    contests: Sequence[_Contest],
-) -> Floats:
-    """By how many σ the pieces separate the two sides of each contest.
+class _Predictions:
+    """What a run would show under each side of each contest."""
 
-    The size of an effect is as well known as the data so far tell it; a constant offset
-    tells nothing.
-    """
-    motor = Motor(_imagined(experiment, sensor, payload_kg, pieces))
-    seen: dict[str, Floats] = {}
+    def __init__(self, motor: Motor, sigma: float, contests: Sequence[_Contest]) -> None:
+        self._motor = motor
+        self._sigma = sigma
+        self._contests = contests
+        self._seen: dict[str, Floats] = {}
 
-    def prediction(settings: Settings) -> Floats:
+    def under(self, settings: Settings) -> Floats:
+        """In the sensor's unit."""
         key = repr(sorted((n, sorted(v.items())) for n, v in settings.items()))
-        if key not in seen:
-            (values,) = motor(settings)
-            seen[key] = (values - values.mean()) / sensor.sigma
-        return seen[key]
+        if key not in self._seen:
+            (self._seen[key],) = self._motor(settings)
+        return self._seen[key]
 
-    nothing = prediction({})
-    return np.array(
-        [
-            _distance(prediction(c.settings) - nothing, prediction(c.other) - nothing, c.known)
-            for c in contests
-        ]
-    )
+    def most(self) -> float:
+        """The largest reading to expect."""
+        sides = [side for c in self._contests for side in (c.settings, c.other)]
+        return max(float(self.under(side).max()) for side in sides)
+
+    def parted(self) -> Floats:
+        """By how many σ the two sides of each contest differ.
+
+        The size of an effect is as well known as the data so far tell it; a constant
+        offset tells nothing.
+        """
+        return np.array(
+            [_distance(self._change(c.settings), self._change(c.other), c.known)
+             for c in self._contests]
+        )  # fmt: skip
+
+    def _change(self, settings: Settings) -> Floats:
+        change = (self.under(settings) - self.under({})) / self._sigma
+        without_offset: Floats = change - change.mean()
+        return without_offset
+
+
+def _joined(pieces: Sequence[Piece]) -> Iterator[Piece]:
+    """Equal neighbours as one that is done so many more times."""
+    for piece, same in groupby(pieces):
+        yield replace(piece, times=piece.times * len(list(same)))
+
+
+def _worth(squares: Floats) -> Floats:
+    """How well everything is parted (contests along the last axis): the first σ count most."""
+    worth: Floats = np.sum(np.minimum(squares, _PARTED**2), axis=-1)
+    return worth
 
 
 def _distance(one: Floats, other: Floats, known: float) -> float:
@@ -152,83 +241,3 @@ def _distance(one: Floats, other: Floats, known: float) -> float:
     alpha = float(other @ (one - other)) / (strength + 1 / known**2)
     apart = one - (1 + alpha) * other
     return math.sqrt(float(apart @ apart) + (alpha / known) ** 2)
-
-
-def _imagined(
-    experiment: Experiment, sensor: Sensor, payload_kg: float, pieces: Sequence[Piece]
-) -> Experiment:
-    """The experiment that the pieces would be, its data still to come."""
-    program = compile_text(_text(experiment.machine, sensor.axis, pieces), "next.CMD")
-    end_s = plan(program).duration_s + _AFTER_S
-    times = np.arange(math.floor(end_s * sensor.rate_hz)) / sensor.rate_hz
-    reading = Reading(sensor, times, np.zeros(len(times)))
-    trial = Trial("next.csv", program, None, payload_kg, (reading,))
-    return replace(experiment, trials=(trial,), tables=())
-
-
-def _text(machine: Machine, axis: int, pieces: Sequence[Piece]) -> str:
-    per_inch = round(float(INCH_M) / machine.microstep_m)
-    lines = [f"UU{per_inch:06d}/1"]
-    for piece in pieces:
-        lines += piece.statements(axis)
-    return "\n".join(lines) + "\n"
-
-
-def _pieces(machine: Machine, payload_kg: float) -> list[Piece]:
-    """Motions within travel, speed and force, the bare motor's resonance among them."""
-    inch = float(INCH_M)
-    shortest_way = min(high - low for low, high in machine.travel_u().values())
-    stroke = min(_LONGEST_IN, _SHARE_OF_TRAVEL * shortest_way * machine.microstep_m / inch)
-    force = _SHARE_OF_FORCE * machine.axis.pull_out_force_N
-    hardest = force / (machine.axis.moving_mass_kg + payload_kg) / inch
-    natural_hz = math.sqrt(
-        machine.axis.stiffness_N_m / (machine.axis.moving_mass_kg + payload_kg)
-    ) / (2 * math.pi)
-    resonant = machine.axis.pitch_m / inch * natural_hz
-    middling, gentle = min(200.0, hardest), min(50.0, hardest)
-    mid = stroke / 2
-    speeds = (2.0, 6.0, 15.0, _FASTEST_IN_S)
-    return [
-        *(Piece(f"speed {v:g} in/s", min(mid, 2 * v), v, middling) for v in speeds),
-        *(
-            Piece(f"acceleration {a:.0f} in/s2", mid, 25.0, a)
-            for a in (gentle, hardest / 2, hardest)
-        ),
-        *(Piece(f"stroke {s:.3g} in", s, 15.0, middling) for s in (1.0, stroke)),
-        *(
-            Piece(f"slow scan {v:.3g} in/s, resonance of order {h}", 1.5, v, gentle)
-            for h in (1, 2, 4)
-            for v in (resonant / h,)
-        ),
-        Piece("parabolic ramps", stroke, _FASTEST_IN_S, hardest, parabolic=True),
-        Piece("a long wait", mid, 15.0, middling, wait_ms=10_000),
-        Piece("both axes", mid, 15.0, middling, both_axes=True),
-    ]
-
-
-def _proposal(
-    experiment: Experiment,
-    sensor: Sensor,
-    payload_kg: float,
-    chosen: Sequence[Piece],
-    contests: Sequence[_Contest],
-) -> Proposal:
-    parted = _parted(experiment, sensor, payload_kg, chosen, contests)
-    separations: dict[str, float] = {}
-    for contest, apart in zip(contests, parted.tolist(), strict=True):
-        separations[contest.rival] = min(apart, separations.get(contest.rival, math.inf))
-    words = ", ".join(f"{name} by {apart:.3g} σ" for name, apart in separations.items())
-    summary = f"with {payload_kg:g} kg it should separate {words}"
-    return Proposal(_commented(experiment, sensor, summary, chosen), summary, separations)
-
-
-def _commented(
-    experiment: Experiment, sensor: Sensor, summary: str, chosen: Sequence[Piece]
-) -> str:
-    head = f"; {summary}\n; {_way(chosen)}\n"
-    return head + _text(experiment.machine, sensor.axis, chosen)
-
-
-def _way(chosen: Sequence[Piece]) -> str:
-    longest = max(piece.distance for piece in chosen)
-    return f"Goes forth and back by up to {longest:.3g} in from where it starts."

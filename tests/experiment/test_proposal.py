@@ -1,0 +1,139 @@
+"""The next experiment: it parts what can be parted, by as much as it says, and breaks nothing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import mopro
+from mopro.diagnosis import Estimate, Named, Verdict
+from mopro.diagnosis.remainder import Remainder
+from mopro.diagnosis.verdict import Gap
+from mopro.emulator import Emulator
+from mopro.emulator.measured import Sensor, measure
+from mopro.emulator.trips import limit_trip, switches_u
+from mopro.experiment.model import Experiment, Reading, Trial
+from mopro.experiment.pieces import Bounds, moving_pieces, text_of, warming_pieces
+from mopro.experiment.proposal import propose
+from mopro.machine import load_machine
+from mopro.motion import plan
+from mopro.recording import MemorySink
+from mopro.source import Source
+
+MACHINE = load_machine("chow1992")
+LASER = Sensor("laser", "position", "position_1_in", 1000.0, 1, 2e-5)
+THERMOCOUPLE = Sensor("thermocouple", "temperature", "temperature_C", 0.1, 1, 0.5)
+PROGRAM = mopro.compile("UU012500/1\nVEL1 5.0\nACC1 0.1\nMRI1 1.0\nWX1\n")
+BARE = Bounds.of(MACHINE, MACHINE.axis.moving_mass_kg)
+
+
+def experiment(sensor, payload_kg=0.0):
+    reading = Reading(sensor, np.arange(5.0), np.zeros(5))
+    trial = Trial("run.csv", PROGRAM, None, payload_kg, (reading,))
+    return Experiment(Source("experiment.toml", ""), MACHINE, (trial,), ())
+
+
+def ambiguous(one, others, sigmas=50.0):
+    """`one` and each of `others` as effect name to parameters: the verdict on them."""
+    ((name, values),) = one.items()
+    named = Named(
+        name, "", {p: Estimate(v, "1", (v, v), False) for p, v in values.items()},
+        [n for other in others for n in other], {n: 0.0 for other in others for n in other},
+        {n: other for other in others for n in other}, 100.0, sigmas, True,
+    )  # fmt: skip
+    gap = Gap("in", 1.0, 1.0, 1.0, None)
+    return Verdict("ambiguous", (named,), (), (), (), gap, Remainder(False, None, 1.0), one)
+
+
+def seen(program, effects, sensor, for_s=None, payload_kg=0.0):
+    """What `sensor` shows without noise, by the command's own emulator; and the run."""
+    emulator = Emulator(MACHINE, payload_kg, rate_hz=1.0 if for_s else 4000.0, effects=effects)
+    sink = MemorySink()
+    run = emulator.run(program, sink, for_s)
+    recording = sink.recording(emulator.header(program), run)
+    return measure(recording, sensor, MACHINE, emulator.active)[1], run
+
+
+def apart(one, other, sensor):
+    """By how many σ, where the size of an effect and an offset tell nothing."""
+    difference = (one - other) - (one - other).mean()
+    shape = other - other.mean()
+    return float(np.linalg.norm(difference - shape * (shape @ difference) / (shape @ shape))) / (
+        sensor.sigma
+    )
+
+
+DRAG = {"viscous_drag": {"b": 2.0}}
+# As late at constant speed as that drag makes the forcer lag: b v / (k v).
+LATE = {"trigger_delay": {"t_d": 2.0 / MACHINE.axis.stiffness_N_m}}
+
+
+def test_a_drag_and_a_delay_are_parted_by_as_much_as_is_said():
+    proposal = propose(experiment(LASER), ambiguous(DRAG, [LATE]))
+    promised = proposal.separations["trigger_delay"]
+    assert promised >= 6.0
+    program = mopro.compile(proposal.text)
+    (nothing, _), (drag, _), (late, _) = (
+        seen(program, effects, LASER) for effects in (None, DRAG, LATE)
+    )
+    count = min(map(len, (nothing, drag, late)))
+    measured = apart((drag - nothing)[:count], (late - nothing)[:count], LASER)
+    assert promised == pytest.approx(measured, rel=0.15)
+    assert f"trigger_delay by {promised:.3g} σ" in proposal.text.splitlines()[0]
+
+
+def test_what_no_motion_can_part_gets_no_program():
+    late = {"start_delay": {"d": 0.002, "every_move": 0.0}}
+    assert propose(experiment(LASER), ambiguous(late, [{"trigger_delay": {"t_d": 0.002}}])) is None
+
+
+def test_twins_do_not_keep_the_others_from_being_parted():
+    twin = {"start_delay": {"d": LATE["trigger_delay"]["t_d"], "every_move": 0.0}}
+    verdict = ambiguous(LATE, [DRAG, twin])
+    proposal = propose(experiment(LASER), verdict)
+    assert proposal.separations["viscous_drag"] >= 6.0
+    assert proposal.separations["start_delay"] < 0.5
+    assert "no motion tells start_delay" in proposal.summary
+
+
+def test_it_lasts_no_longer_than_it_must_and_never_beyond_a_minute():
+    """The better the sensor, the shorter; at its limit as long as a person waits."""
+    lasting = {}
+    for noise in (2e-5, 4e-5, 2e-4):
+        sensor = dataclasses.replace(LASER, noise_rms=noise)
+        proposal = propose(experiment(sensor), ambiguous(DRAG, [LATE]))
+        lasting[noise] = mopro.emulate(mopro.compile(proposal.text)).columns["time_s"][-1]
+    assert lasting[2e-5] <= lasting[4e-5] <= lasting[2e-4] <= 61.0
+
+
+@pytest.mark.parametrize("payload_kg", [0.0, 2.268])
+def test_no_piece_stalls_even_with_a_fifth_less_force(payload_kg):
+    bounds = Bounds.of(MACHINE, MACHINE.axis.moving_mass_kg + payload_kg)
+    pieces = [piece for piece in moving_pieces(bounds) if piece.wait_ms < 1000]
+    program = mopro.compile(text_of(MACHINE, 1, pieces))
+    weak = {"force_constant": {"e": -0.2}}
+    _, run = seen(program, weak, LASER, payload_kg=payload_kg)
+    assert not run.stalled
+    assert min(move.stall_margin for move in run.moves) > 0.05
+    assert all(move.lost_pitches == 0 for move in run.moves)
+
+
+def test_pieces_stay_within_the_travel_on_both_axes():
+    for piece in (*moving_pieces(BARE), *warming_pieces(BARE)):
+        schedule = plan(mopro.compile(text_of(MACHINE, 1, [piece])), for_s=30.0)
+        switches = switches_u(schedule, MACHINE.travel_u())
+        assert limit_trip(schedule, switches) is None, piece.what
+
+
+STROKED = {"platen_conduction": {"G": 0.0, "g": 20.0, "T_p": MACHINE.heat.ambient_C}}
+FLOW = {"convection_scale": {"e": 0.5}}
+
+
+def test_a_thermometer_gets_a_motion_for_ever_that_is_not_too_hot():
+    proposal = propose(experiment(THERMOCOUPLE), ambiguous(STROKED, [FLOW]))
+    program = mopro.compile(proposal.text)
+    assert program.loops_forever
+    assert proposal.separations["convection_scale"] > 2.0
+    assert "for 60 min" in proposal.text.splitlines()[1]
+    warm, _ = seen(program, STROKED, THERMOCOUPLE, for_s=3600.0)
+    assert MACHINE.heat.ambient_C + 5 < warm.max() < MACHINE.heat.rated_C
