@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from mopro.blind.judge import Judgement
-from mopro.blind.score import OUTCOMES, Score
+from mopro.blind.score import OUTCOMES, Followed, Score
 
 
 def page(score: Score) -> str:
@@ -23,7 +23,7 @@ def page(score: Score) -> str:
     if missed := [j for j in score.cases if not j.good and j not in wrong]:
         parts += ["Not named, or not all:\n", _cases(missed)]
     if score.followed:
-        parts += ["After the proposed experiment:\n", _cases(score.followed)]
+        parts += ["After the proposed experiment:\n", _followed(score.followed)]
     return "\n".join(parts)
 
 
@@ -54,6 +54,19 @@ def _cases(cases: Iterable[Judgement]) -> str:
         for j in cases
     )  # fmt: skip
     return _table(("case", "group", "sensor", "truth", "least σ", "verdict", "said"), rows)
+
+
+def _followed(cases: Iterable[Followed]) -> str:
+    rows = (
+        (
+            f.before.number, f.before.sensor, " + ".join(f.before.truth), ", ".join(f.before.said),
+            ", ".join(f"{name} {sigma:.2g}" for name, sigma in f.promised.items()) or "-",
+            ", ".join(f.after.said) or f.after.note or f.after.verdict,
+        )
+        for f in cases
+    )  # fmt: skip
+    heads = ("case", "sensor", "truth", "said", "to be parted by σ", "then said")
+    return _table(heads, rows)
 
 
 def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

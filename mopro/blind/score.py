@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
-from typing import Any
+from typing import Any, TypeVar
 
 from mopro.blind.grid import LASER
 from mopro.blind.judge import FAILED, FAMILY, GOOD, NONE, PARTLY, RIGHT, UNEXPLAINED, WRONG
@@ -16,6 +16,10 @@ from mopro.blind.sizes import BELOW
 _CLEAR = 20.0
 OUTCOMES = (RIGHT, FAMILY, PARTLY, WRONG, NONE, UNEXPLAINED, FAILED)
 _LIMIT = 1.1
+# What a proposed experiment promises to part by so many σ it should part.
+_PARTED = 6.0
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -30,15 +34,50 @@ class Line:
 
 
 @dataclass(frozen=True)
+class Followed:
+    """An ambiguous answer, and the one after the experiment that it proposed was run.
+
+    `promised` are the σ by which that was to part each rival from the effect in its place.
+    """
+
+    before: J
+    promised: Mapping[str, float]
+    after: J
+
+    @property
+    def named(self) -> bool:
+        return self.after.outcome == RIGHT and self.after.verdict == "named"
+
+    @property
+    def within_reach(self) -> bool:
+        """Whether every rival was to be parted."""
+        return bool(self.promised) and min(self.promised.values()) >= _PARTED
+
+    def gone(self) -> list[bool]:
+        """For each rival that was to be parted, whether it no longer stands beside the other.
+
+        None is if the answer is a wrong one.
+        """
+        left = [set(names.split("/")) for names in self.after.said]
+        families = [names.split("/") for names in self.before.said]
+        return [
+            self.after.good and not any({name, rival} <= family for family in left)
+            for name, *rivals in families
+            for rival in rivals
+            if self.promised.get(rival, 0.0) >= _PARTED
+        ]
+
+
+@dataclass(frozen=True)
 class Score:
-    """The judgements, those of the follow-up experiments, and the table."""
+    """The judgements, what came of the experiments proposed, and the table."""
 
     cases: tuple[J, ...]
-    followed: tuple[J, ...]
+    followed: tuple[Followed, ...]
 
     def lines(self) -> list[Line]:
         """The table of targets."""
-        return [*_names(self.cases), *_several(self.cases), *_figures(self), _follow(self)]
+        return [*_names(self.cases), *_several(self.cases), *_figures(self), *_follow(self)]
 
     def wrong(self) -> list[J]:
         """Every case with a name that is not in its data."""
@@ -58,7 +97,7 @@ class Score:
             "table": [asdict(line) for line in self.lines()],
             "confusion": {truth: dict(cells) for truth, cells in self.confusion().items()},
             "cases": [asdict(j) for j in self.cases],
-            "followed": [asdict(j) for j in self.followed],
+            "followed": [asdict(f) for f in self.followed],
         }
 
 
@@ -136,15 +175,25 @@ def _gaps(named: Sequence[J]) -> str:
     return f"{before:.2f} → {median(after):.3f} ({max(after):.3f})"
 
 
-def _follow(score: Score) -> Line:
-    return _share(
-        "ambiguous, proposed experiment then run: named", score.followed, 0.90,
-        lambda j: j.outcome == RIGHT and j.verdict == "named",
+def _follow(score: Score) -> Iterator[Line]:
+    """All ambiguous answers; those that a program could settle; and each rival by itself."""
+    followed = score.followed
+    reach = [f for f in followed if f.within_reach]
+    gone = [gone for f in followed for gone in f.gone()]
+    named = sum(f.named for f in followed)
+    yield Line(
+        "ambiguous, proposed experiment (if any) then run: named", "-", len(followed),
+        _percent(named, len(followed)), None,
     )  # fmt: skip
+    yield _share(
+        f"… of which every rival was to be parted by {_PARTED:g} σ: named", reach, 0.90,
+        lambda f: f.named,
+    )  # fmt: skip
+    yield _share(f"… rivals that were to be parted by {_PARTED:g} σ: gone", gone, 0.90, lambda g: g)
 
 
 def _share(
-    what: str, cases: Sequence[J], target: float, holds: Callable[[J], bool], most: bool = False
+    what: str, cases: Sequence[T], target: float, holds: Callable[[T], bool], most: bool = False
 ) -> Line:
     count = sum(map(holds, cases))
     share = count / len(cases) if cases else 0.0

@@ -101,8 +101,8 @@ def score(
     """Ask `mopro reconcile` about each case of FOLDER and compare with the answers.
 
     Verdicts are kept as verdict.json beside each experiment, so that an interrupted score
-    goes on where it was. An ambiguous look-alike is followed up: the experiment that
-    reconcile proposes is run on the hidden plant and the question is put again.
+    goes on where it was. An ambiguous answer is followed up: the experiment that reconcile
+    proposes is run on the hidden plant and the question is put again.
 
     Example: mopro blind score cases --report score.md
     """
@@ -113,7 +113,7 @@ def score(
     ground = Ground.read(folder, _padded(cases))
     asker = Asker(again, patience, answers_from)
     told = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
-    after = _shown(followed(ground, asker, told), 0, "following up") if follow else []
+    after = _shown(followed(ground, asker, told, jobs), 0, "following up") if follow else []
     result = Score(tuple(told), tuple(after))
     if report:
         report.write_text(page(result), encoding="utf-8")

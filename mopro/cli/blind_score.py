@@ -15,10 +15,10 @@ from typing import Any
 from mopro.blind.follow import FOLDER, proposed
 from mopro.blind.judge import FAILED, Judgement, judge
 from mopro.blind.make import ANSWERS, hashes
+from mopro.blind.score import Followed
 from mopro.errors import DataError
 
 VERDICT = "verdict.json"
-_FOLLOWED = "alike"
 _SHOWN = 2000
 
 Reply = dict[str, Any]
@@ -134,18 +134,22 @@ def judged(ground: Ground, asker: Asker, jobs: int) -> Iterator[Judgement]:
         yield from pool.map(one, sorted(ground.cases))
 
 
-def followed(ground: Ground, asker: Asker, cases: Iterable[Judgement]) -> Iterator[Judgement]:
-    """The proposed experiment run where a look-alike was called ambiguous, asked again."""
-    for case in cases:
-        answer = ground.cases[case.number]
-        if case.group != _FOLLOWED or case.verdict != "ambiguous":
-            continue
+def followed(
+    ground: Ground, asker: Asker, cases: Iterable[Judgement], jobs: int
+) -> Iterator[Followed]:
+    """The proposed experiment run where the answer was ambiguous, and the question put again."""
+
+    def one(case: Judgement) -> Followed:
         reply = asker.ask(case.number, ground.folder / case.number / "experiment.toml")
-        yield judge(case.number, answer, _second(ground, asker, case.number, reply))
+        second = judge(case.number, ground.cases[case.number], _second(ground, asker, case, reply))
+        return Followed(case, reply.get("next_experiment_separations") or {}, second)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        yield from pool.map(one, [case for case in cases if case.verdict == "ambiguous"])
 
 
-def _second(ground: Ground, asker: Asker, number: str, reply: Reply) -> Reply:
-    text = reply.get("next_experiment")
+def _second(ground: Ground, asker: Asker, case: Judgement, reply: Reply) -> Reply:
+    text, number = reply.get("next_experiment"), case.number
     if not text:
         return {"verdict": FAILED, "stderr": "no experiment was proposed"}
     copy = ground.folder / FOLDER / number

@@ -23,7 +23,7 @@ from mopro.experiment.pieces import Bounds, Piece, moving_pieces, text_of, warmi
 from mopro.motion import plan
 
 # A rival counts as parted here: ten in chi-squared (the margin) are then all but certain.
-_PARTED = 6.0
+_PARTED = 6.5
 # What no program of bearable length parts by this much is not worth its time.
 _TOLD_APART = 2.0
 _LONGEST_S = 60.0

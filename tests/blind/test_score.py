@@ -12,7 +12,7 @@ from mopro.blind.follow import proposed
 from mopro.blind.judge import judge
 from mopro.blind.make import make
 from mopro.blind.page import page
-from mopro.blind.score import Score
+from mopro.blind.score import Followed, Score
 from mopro.cli.blind import command
 
 HIDDEN = {"name": "viscous_drag", "parameters": {"b": 5.0}, "total_sigma": 50.0}
@@ -129,6 +129,33 @@ def test_the_table_counts():
     text = page(score)
     assert "| 049 | single | laser | viscous_drag | 50 | named | hum |" in text
     assert json.loads(json.dumps(score.as_json()))["cases"][0]["outcome"] == "right"
+
+
+def after(first, separations, second):
+    truth = answer(HIDDEN)
+    return Followed(judge("1", truth, first), separations, judge("1", truth, second))
+
+
+def test_what_an_experiment_was_to_part_is_counted_rival_by_rival():
+    family = reply("ambiguous", "trigger_delay", family=["viscous_drag", "start_delay"])
+    promised = {"viscous_drag": 8.0, "start_delay": 0.1}
+    settled = after(family, promised, reply("named", "viscous_drag"))
+    assert (settled.named, settled.within_reach, settled.gone()) == (True, False, [True])
+    open_still = reply("ambiguous", "viscous_drag", family=["trigger_delay"])
+    assert after(family, promised, open_still).gone() == [False]
+    twins = after(family, promised, reply("ambiguous", "viscous_drag", family=["start_delay"]))
+    assert (twins.named, twins.gone()) == (False, [True])
+    wrong = after(family, promised, reply("named", "hum"))
+    assert (wrong.named, wrong.gone()) == (False, [False])
+    nothing = after(family, {}, {"verdict": "failed"})
+    assert (nothing.within_reach, nothing.gone()) == (False, [])
+    lines = {line.what: line for line in Score((), (settled, twins, nothing)).lines()}
+    every = lines["ambiguous, proposed experiment (if any) then run: named"]
+    assert (every.count, every.reached) == (3, "33.3% (1 of 3)")
+    gone = lines["… rivals that were to be parted by 6 σ: gone"]
+    assert (gone.count, gone.met) == (2, True)
+    shown = page(Score((), (settled,)))
+    assert "| 1 | laser | viscous_drag | trigger_delay/viscous_drag/start_delay |" in shown
 
 
 @pytest.fixture(scope="module")
