@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,11 +12,16 @@ from scipy import optimize, stats
 
 from mopro.diagnosis.model import Candidate, Floats, Parameter, Role, Settings
 from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.slopes import Slopes
 
 _NEAR_BOUND = 1e-3
 # What a fit may still be off its minimum, in chi-squared.
 _CLOSE_ENOUGH = 0.01
 _MOST_EVALUATIONS = 15
+# A fit goes on if five more steps as large as its last would bring it there.
+_PATIENCE = 0.2
+# Rounds after the first start from slopes taken anew.
+_MOST_ROUNDS = 3
 # A value that its range holds back, or that is clearly implausible: odds of 150 to 1.
 IMPLAUSIBLE_PRICE = 10.0
 _CLEARLY = 2.0
@@ -33,7 +38,7 @@ class Fit:
     """Effects fitted together; `residual` is whitened, `jacobian` its derivative.
 
     Rows of `jacobian` are samples, columns the parameters in `order`; `held` counts those
-    that were found otherwise.
+    that were found otherwise. One that is `hopeless` was given up on its way.
     """
 
     candidates: tuple[Candidate, ...]
@@ -44,6 +49,7 @@ class Fit:
     known_noise: bool
     count: int
     held: int = 0
+    hopeless: bool = False
 
     @property
     def names(self) -> frozenset[str]:
@@ -149,13 +155,35 @@ def price(parameter: Parameter, count: int) -> float:
     return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, _FEWEST))
 
 
-def fit(residuals: Residuals, candidates: Sequence[Candidate], starts: Sequence[Settings]) -> Fit:
+def fit(
+    residuals: Residuals,
+    candidates: Sequence[Candidate],
+    starts: Sequence[Settings],
+    limit: float = math.inf,
+) -> Fit:
     """The best fit of `candidates` from any of `starts`, each parameter within its range.
 
-    A start has a value for every parameter; those that are held keep it.
+    A start has a value for every parameter; those that are held keep it. A fit that does
+    not come near a sum of squares of `limit` is given up, as `hopeless`.
     """
     problems = [_Problem(residuals, candidates, start) for start in starts]
-    return min((problem.solve() for problem in problems), key=lambda found: found.rss)
+    return min((problem.solve(limit) for problem in problems), key=lambda found: found.rss)
+
+
+class _Patience:
+    """Ends a fit that many more steps like its last would not bring to `limit`."""
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit
+        self._last = math.inf
+        self.ended = False
+
+    def __call__(self, intermediate_result: optimize.OptimizeResult) -> None:
+        rss = 2 * float(intermediate_result.cost)
+        gained, self._last = self._last - rss, rss
+        if gained < _PATIENCE * (rss - self._limit):
+            self.ended = True
+            raise StopIteration
 
 
 class _Problem:
@@ -172,17 +200,24 @@ class _Problem:
         self._start = start
         self._last: tuple[tuple[float, ...], Floats] | None = None
 
-    def solve(self) -> Fit:
+    def solve(self, limit: float) -> Fit:
         scaled = np.array([p.scaled(self._start[name][p.name]) for name, p in self._order])
         low, high = self._limits()
         if not self._order:
             return self._fit(scaled, self._residual(scaled), np.zeros((0, 0)))
-        result = optimize.least_squares(
-            self._residual, np.clip(scaled, low + 1e-6, high - 1e-6), jac=self._jacobian,
-            method="dogbox", bounds=(low, high), xtol=1e-9, gtol=1e-12, x_scale="jac",
-            ftol=_CLOSE_ENOUGH / max(self._residuals.count, 1), max_nfev=_MOST_EVALUATIONS,
-        )  # fmt: skip
-        return self._fit(result.x, result.fun, result.jac)
+        slopes = Slopes(self._residual, [p.difference for _, p in self._order])
+        x, patience = np.clip(scaled, low + 1e-6, high - 1e-6), _Patience(limit)
+        for _ in range(_MOST_ROUNDS):
+            result = optimize.least_squares(
+                self._residual, x, jac=slopes.at, method="dogbox", bounds=(low, high), xtol=1e-9,
+                gtol=1e-12, x_scale="jac", ftol=_CLOSE_ENOUGH / max(self._residuals.count, 1),
+                max_nfev=_MOST_EVALUATIONS, callback=patience,
+            )  # fmt: skip
+            if slopes.accurate or patience.ended:
+                break
+            slopes.forget()
+            x = result.x
+        return replace(self._fit(result.x, result.fun, result.jac), hopeless=patience.ended)
 
     def _limits(self) -> tuple[Floats, Floats]:
         """An angle may go once around either way."""
@@ -220,16 +255,6 @@ class _Problem:
             values = [p.value(s) for (_, p), s in zip(self._order, asked, strict=True)]
             self._last = asked, self._residuals.at(self._settings(values))
         return self._last[1]
-
-    def _jacobian(self, scaled: Floats) -> Floats:
-        here = self._residual(scaled)
-        columns = np.empty((len(here), len(scaled)))
-        for i, (_, parameter) in enumerate(self._order):
-            step = parameter.difference * (-1 if scaled[i] > 0.5 else 1)
-            moved = scaled.copy()
-            moved[i] += step
-            columns[:, i] = (self._residual(moved) - here) / step
-        return columns
 
 
 def _held(candidate: Candidate, start: Settings) -> Mapping[str, float]:

@@ -47,6 +47,8 @@ _WORTH_ANOTHER_LOOK = 6.0
 # What is no stronger than 20 standard deviations in all is small, and so linear.
 _WEAK = 400.0
 _CLEARLY = 2.0
+# A rival whose misfit is larger by more cannot be as good, whatever parameters cost.
+_OUT_OF_REACH = 100.0
 # A residual this many times as large as noise may be too far off for signatures to rank.
 _ROUGHLY = 100.0
 
@@ -95,13 +97,22 @@ class Search:
     def cost(self, found: Fit) -> float:
         return found.cost(len(self.catalogue))
 
-    def fitted(self, candidates: Sequence[Candidate], starts: Sequence[Settings]) -> Fit:
-        """The fit of a set of effects; each set is fitted once."""
+    def fitted(
+        self,
+        candidates: Sequence[Candidate],
+        starts: Sequence[Settings],
+        limit: float = math.inf,
+    ) -> Fit:
+        """The fit of a set of effects; each set is fitted once.
+
+        One that does not come near `limit` is given up; it is asked for anew without.
+        """
         key = frozenset(candidate.key for candidate in candidates)
-        if key not in self._fits:
+        known = self._fits.get(key)
+        if known is None or (known.hopeless and limit == math.inf):
             if candidates:
                 self._progress("fitting " + " + ".join(sorted(c.name for c in candidates)))
-            self._fits[key] = fit(self.residuals, candidates, starts)
+            self._fits[key] = fit(self.residuals, candidates, starts, limit)
         return self._fits[key]
 
     def _each(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
@@ -256,27 +267,27 @@ class Search:
                 chosen.append(s)
         return self._each(lambda s: self._joined(base, s), chosen[:_SHORTLIST])
 
-    def _joined(self, base: Fit, scored: Scored) -> Fit:
+    def _joined(self, base: Fit, scored: Scored, limit: float = math.inf) -> Fit:
         starts = [{**base.settings, **start} for start in scored.starts]
-        return self.fitted((*base.candidates, scored.candidate), starts)
+        return self.fitted((*base.candidates, scored.candidate), starts, limit)
 
-    def refined(self, found: Fit) -> Fit:
+    def refined(self, found: Fit, limit: float = math.inf) -> Fit:
         """`found` with its effects freed further, or less far, as long as that pays."""
         trials = [
-            self._in_another_form(found, form)
+            self._in_another_form(found, form, limit)
             for candidate in found.candidates
             for form in self._forms_beside(candidate)
         ]
         best = min(trials, key=self.cost, default=found)
-        return self.refined(best) if self.cost(best) < self.cost(found) else found
+        return self.refined(best, limit) if self.cost(best) < self.cost(found) else found
 
-    def _in_another_form(self, found: Fit, form: Candidate) -> Fit:
+    def _in_another_form(self, found: Fit, form: Candidate, limit: float) -> Fit:
         kept = [c for c in found.candidates if c.name != form.name]
         values = {p.name: p.null for p in form.parameters}
         start = {**values, **{p.name: p.starts[0] for p in form.parameters if p.starts}}
         own = {n: v for n, v in found.settings[form.name].items() if n in start}
         joined = form.settings(start | own)
-        return self.fitted((*kept, form), [{**found.settings, **joined}])
+        return self.fitted((*kept, form), [{**found.settings, **joined}], limit)
 
     def _forms_beside(self, candidate: Candidate) -> list[Candidate]:
         """The forms that free more of an effect, and those that free less of a freed one."""
@@ -324,8 +335,9 @@ class Search:
             enough = min(gain, promised)
         close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
         close.sort(key=lambda s: -s.gain)
-        joined = self._each(lambda s: self._joined(rest, s), close[:_RIVALS_TRIED])
-        return [*joined, *self._each(self.refined, joined)]
+        limit = found.rss + _OUT_OF_REACH * found.variance
+        joined = self._each(lambda s: self._joined(rest, s, limit), close[:_RIVALS_TRIED])
+        return [*joined, *self._each(lambda fit: self.refined(fit, limit), joined)]
 
     def _in_place_of(self, found: Fit, name: str) -> tuple[Fit, list[Scored]]:
         """`found` without `name`, and what promises to take its place."""

@@ -169,7 +169,8 @@ def _measurements(motor: Motor) -> Iterator[Candidate]:
     )
     yield _one("sensor_gain", "g", 1e-3)
     yield _one("cross_axis_coupling", "gamma", 2e-4)
-    yield _one("backlash", "B", 3e-6, 3e-5)
+    # Each further micrometre has fewer rings to take its slack up in.
+    yield Candidate("backlash", (replace(_own("backlash", "B", 3e-6, 3e-5), difference=1e-5),))
     corner = Parameter(
         "f_c", "Hz", 33.0, 1e7, (150.0, 500.0), plausible=(50.0, 2e4), inverse=True, null=math.inf
     )
