@@ -20,7 +20,7 @@ _CLOSE_ENOUGH = 0.01
 _MOST_EVALUATIONS = 15
 # A fit goes on if five more steps as large as its last would bring it there.
 _PATIENCE = 0.2
-# Rounds after the first start from slopes taken anew.
+# Rounds after the first start from slopes taken anew, and so do the errors they end with.
 _MOST_ROUNDS = 3
 # A value that its range holds back, or that is clearly implausible: odds of 150 to 1.
 IMPLAUSIBLE_PRICE = 10.0
@@ -213,7 +213,7 @@ class _Problem:
                 gtol=1e-12, x_scale="jac", ftol=_CLOSE_ENOUGH / max(self._residuals.count, 1),
                 max_nfev=_MOST_EVALUATIONS, callback=patience,
             )  # fmt: skip
-            if slopes.accurate or patience.ended:
+            if patience.ended or not slopes.corrected:
                 break
             slopes.forget()
             x = result.x
