@@ -94,7 +94,9 @@ def _sizes(amplitudes: Sequence[Parameter]) -> list[dict[str, float]]:
     """A single amplitude is tried at each of its starts, several together at their first."""
     if len(amplitudes) == 1:
         return [{amplitudes[0].name: start} for start in amplitudes[0].starts]
-    return [{p.name: p.starts[0] for p in amplitudes}] if amplitudes else []
+    if not amplitudes or not all(p.starts for p in amplitudes):
+        return []
+    return [{p.name: p.starts[0] for p in amplitudes}]
 
 
 def _turns(phases: Sequence[str]) -> list[tuple[dict[str, float], str | None]]:

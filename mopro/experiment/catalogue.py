@@ -211,11 +211,17 @@ def _lines(motor: Motor) -> Iterator[Candidate]:
     yield Candidate(
         "periodic_error", (amplitude, period, _angle("phi")), flexible=True, seek=seek.period
     )
-    angles = [_angle(angle_in(run)) for run in range(len(motor.experiment.trials))]
+    runs = range(len(motor.experiment.trials))
+    angles = [_angle(angle_in(run)) for run in runs]
+    harmonic = [replace(amplitude, name="A3"), *(_angle(angle_in(run, "phi3")) for run in runs)]
     for mains in (50.0, 60.0):
         yield Candidate(
             "hum", (amplitude, *angles), f"{mains:g} Hz",
             {"f": mains, "A3": 0.0, "phi3": 0.0}, seek=seek.hum(mains),
+        )  # fmt: skip
+        yield Candidate(
+            "hum", (amplitude, *angles, *harmonic), f"{mains:g} and {3 * mains:g} Hz",
+            {"f": mains}, seek=seek.hum(mains, harmonic=True),
         )  # fmt: skip
 
 

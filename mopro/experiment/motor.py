@@ -48,9 +48,12 @@ _TOGETHER = (
 )
 
 
-def angle_in(run: int) -> str:
+ANGLES = ("phi", "phi3")
+
+
+def angle_in(run: int, angle: str = "phi") -> str:
     """The name of an angle's parameter in run number `run`."""
-    return f"phi_{run + 1}"
+    return f"{angle}_{run + 1}"
 
 
 @dataclass(frozen=True)
@@ -210,8 +213,7 @@ class Motor:
 def _active(effect: Effect, values: Mapping[str, float], index: int) -> Active:
     """`effect` with `values`, unstated ones at their defaults."""
     own = dict(values)
-    if (angle := angle_in(index)) in own:
-        own["phi"] = own[angle]
+    own |= {a: own[angle_in(index, a)] for a in ANGLES if angle_in(index, a) in own}
     numbers = tuple(float(own.get(p.name, p.default)) for p in effect.parameters)
     axis = int(values.get(AXIS, 0))
     return Active(effect, numbers, (axis,) if axis else AXES)

@@ -11,7 +11,7 @@ from mopro.diagnosis import Named, Verdict
 from mopro.emulator.effects import catalogue
 from mopro.emulator.effects.base import Effect
 from mopro.experiment.model import Experiment
-from mopro.experiment.motor import AXIS, angle_in
+from mopro.experiment.motor import ANGLES, AXIS, angle_in
 from mopro.experiment.words import origin_words, reservation
 from mopro.machine import Machine
 from mopro.machine.file import read_machine
@@ -74,7 +74,8 @@ def _values(effect: Named, verdict: Verdict) -> Mapping[str, float]:
 
 def _section(effect: Effect, named: Named, verdict: Verdict, place: str) -> Iterator[str]:
     values = dict(_values(named, verdict))
-    values.setdefault("phi", values.get(angle_in(0), 0.0))
+    for angle in ANGLES:
+        values.setdefault(angle, values.get(angle_in(0, angle), 0.0))
     yield f"[effects.{named.name}]"
     if values.get(AXIS):
         yield f"axes = [{int(values[AXIS])}]"

@@ -62,20 +62,29 @@ class Seeker:
                 "phi": math.atan2(cosine, sine),
             }
 
-    def hum(self, mains_hz: float) -> Seek:
-        """A line of `mains_hz` in time, its angle free in each run."""
+    def hum(self, mains_hz: float, harmonic: bool = False) -> Seek:
+        """A line of `mains_hz` in time, and one at three times that if `harmonic`."""
 
         def seek(left: Leftover) -> Iterator[Values]:
-            angles = {angle_in(run): 0.0 for run in range(len(self._motor.experiment.trials))}
-            sizes = []
-            for row, (run, reading) in enumerate(self._readings):
-                phase = 2 * math.pi * mains_hz * reading.time_s
-                sine, cosine = _sinusoid(phase, self._metres(left, row))
-                angles[angle_in(run)] = math.atan2(cosine, sine)
-                sizes.append(math.hypot(sine, cosine))
-            yield {"A": float(np.sqrt(np.mean(np.square(sizes)))), **angles}
+            values = self._line_in_time(left, mains_hz, "A", "phi")
+            if harmonic:
+                values |= self._line_in_time(left, 3 * mains_hz, "A3", "phi3")
+            yield values
 
         return seek
+
+    def _line_in_time(
+        self, left: Leftover, hz: float, amplitude: str, angle: str
+    ) -> dict[str, float]:
+        """Its amplitude over all runs, and its angle in each."""
+        runs = range(len(self._motor.experiment.trials))
+        angles = {angle_in(run, angle): 0.0 for run in runs}
+        sizes = []
+        for row, (run, reading) in enumerate(self._readings):
+            sine, cosine = _sinusoid(2 * math.pi * hz * reading.time_s, self._metres(left, row))
+            angles[angle_in(run, angle)] = math.atan2(cosine, sine)
+            sizes.append(math.hypot(sine, cosine))
+        return {amplitude: float(np.sqrt(np.mean(np.square(sizes)))), **angles}
 
     # -- ticks -------------------------------------------------------------------
 

@@ -82,6 +82,15 @@ def test_a_recording_that_holds_only_it_is_named(name, values):
         assert low - (high - low) - 5e-3 <= truth <= high + (high - low) + 5e-3
 
 
+def test_a_hum_has_a_third_harmonic_where_that_shows():
+    truth = {"A": 4e-6, "f": 50.0, "phi": 1.0, "A3": 1e-6, "phi3": -2.0}
+    (effect,) = verdict({"hum": truth}).effects
+    assert (effect.name, effect.form) == ("hum", "50 and 150 Hz")
+    for name in ("A", "A3", "phi_1", "phi3_2"):
+        low, high = effect.parameters[name].ci95
+        assert low - (high - low) <= truth[name.split("_")[0]] <= high + (high - low)
+
+
 def test_a_recording_without_any_is_none():
     verdicts = [verdict({}, seed=seed).verdict for seed in range(3)]
     assert verdicts == ["none"] * 3
