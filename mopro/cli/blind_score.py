@@ -138,9 +138,10 @@ def followed(
     ground: Ground, asker: Asker, cases: Iterable[Judgement], jobs: int
 ) -> Iterator[Followed]:
     """The proposed experiment run where the answer was ambiguous, and the question put again."""
+    known = replace(asker, again=False)
 
     def one(case: Judgement) -> Followed:
-        reply = asker.ask(case.number, ground.folder / case.number / "experiment.toml")
+        reply = known.ask(case.number, ground.folder / case.number / "experiment.toml")
         second = judge(case.number, ground.cases[case.number], _second(ground, asker, case, reply))
         return Followed(case, reply.get("next_experiment_separations") or {}, second)
 
