@@ -12,7 +12,7 @@ from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.heldout import HeldOut
 from mopro.diagnosis.model import Candidate, Floats, Series, Simulate
 from mopro.diagnosis.remainder import Remainder, examine
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.residual import Residuals, white_variance
 from mopro.diagnosis.search import Progress, Search
 from mopro.diagnosis.verdict import (
     BelowResolution,
@@ -62,7 +62,7 @@ def _numerics_matter(search: Search, found: Fit, finer: Simulate) -> bool:
     if not examine(search.residuals.data, found.residual, len(found.order)).significant:
         return False
     other = Residuals(finer, search.residuals.data).at(found.settings)
-    return float(np.sum((other - found.residual) ** 2)) > _NUMERICS_MATTER
+    return float(np.sum((other - found.residual) ** 2)) > _NUMERICS_MATTER * found.variance
 
 
 def _judged(search: Search, found: Fit) -> Verdict:
@@ -128,7 +128,7 @@ def _firm(search: Search, found: Fit) -> tuple[Fit, list[Rejected]]:
     """
     doubted: list[Rejected] = []
     while found.candidates:
-        excess = found.rss - found.count
+        excess = found.rss - _noise(search, found)
         gains = {name: search.without(found, name).rss - found.rss for name in found.names}
         weak = [c.name for c in found.candidates if c.flexible or gains[c.name] < excess]
         if not weak:
@@ -138,6 +138,16 @@ def _firm(search: Search, found: Fit) -> tuple[Fit, list[Rejected]]:
         doubted.append(Rejected(least, gains[least], reason))
         found = search.without(found, least)
     return found, doubted
+
+
+def _noise(search: Search, found: Fit) -> float:
+    """The sum of squares that noise alone would leave.
+
+    Where nobody knows it, white noise as strong as neighbouring samples say.
+    """
+    if found.known_noise:
+        return float(found.count)
+    return sum(len(p) * white_variance(p) for p in search.residuals.split(found.residual))
 
 
 def _word(named: tuple[Named, ...], remainder: Remainder) -> str:

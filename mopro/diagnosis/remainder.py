@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
 from scipy import fft, stats
 
 from mopro.diagnosis.model import Floats, Series
+from mopro.diagnosis.residual import white_variance
 from mopro.diagnosis.spectrum import position_spectrum
 
 # A false alarm in one of a thousand remainders that are noise, over all tests together.
@@ -18,6 +19,8 @@ FALSE_ALARMS = 1e-3
 # Nobody knows a sensor's noise better than this; what is white and no larger is noise.
 NOISE_TOLERANCE = 0.05
 _FEWEST = 60
+# How far off what the data themselves say of their noise may be, in its standard errors.
+_ERRORS = 2.0
 # Fewer cycles than these in all the data are no line, but a bend.
 _FEWEST_CYCLES = 4
 # Kolmogorov's chance is its first term beyond this.
@@ -29,7 +32,8 @@ _BINS = (8, 16, 32, 64)
 class Remainder:
     """Whether what is left is more than noise, and the most telling shape in it.
 
-    `scatter` is its root mean square in standard deviations of the sensors' noise.
+    `scatter` is its root mean square in standard deviations of the sensors' noise, 1 where
+    that is not known.
     """
 
     significant: bool
@@ -59,29 +63,39 @@ class _Left:
 
 
 def examine(data: Sequence[Series], residual: Floats, parameters: int) -> Remainder:
-    """Test the whitened `residual` of series with known noise.
+    """Test the whitened `residual`; `parameters` is how many numbers were fitted to it.
 
-    `parameters` is how many numbers were fitted to it. Series with unknown noise have
-    nothing to be compared with, and are left out.
+    Of a series with unknown noise only the shape can be tested, against as much white
+    noise.
     """
     lefts, start = [], 0
     for series in data:
         own = residual[start : start + len(series)]
         start += len(series)
-        if series.sigma is not None and len(series) >= _FEWEST:
-            lefts.append(_Left(series, own))
-    tests = [_excess(residual, parameters)] if all(s.sigma for s in data) else []
+        if len(series) >= _FEWEST:
+            lefts.append(_left(series, own))
+    known = all(series.sigma for series in data)
+    tests = [_excess(residual, parameters)] if known else []
     tests += [test for left in lefts for test in _own_shapes(left)]
     for _, group in groupby(sorted(lefts, key=_sensor), key=_sensor):
         tests += _common_shapes(list(group))
     if not tests:
         return Remainder(False, None, 1.0)
-    scatter = math.sqrt(float(np.mean(residual**2)))
+    scatter = math.sqrt(float(np.mean(residual**2))) if known else 1.0
     log_p = min(test.log_p for test in tests) + math.log(len(tests))
     p_value = math.exp(min(log_p, 0.0))
     if p_value >= FALSE_ALARMS:
         return Remainder(False, None, p_value, scatter)
     return Remainder(True, _words(tests, scatter), p_value, scatter)
+
+
+def _left(series: Series, own: Floats) -> _Left:
+    """Where nobody knows the noise, neighbouring samples tell it, with an error of their own."""
+    if series.sigma is not None:
+        return _Left(series, own)
+    known = 1 + _ERRORS / math.sqrt(len(own))
+    scatter = known * math.sqrt(white_variance(own)) or 1.0
+    return _Left(replace(series, sigma=scatter), own / scatter)
 
 
 def _words(tests: Sequence[_Finding], scatter: float) -> str:

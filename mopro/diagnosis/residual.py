@@ -77,6 +77,14 @@ def projected_out(basis: Floats, vector: Floats) -> Floats:
     return cleaned
 
 
+def white_variance(values: Floats) -> float:
+    """Of the white noise in `values`, by how much neighbours differ (von Neumann, 1941).
+
+    What else is in them, if it is slower, does not count.
+    """
+    return float(np.mean(np.diff(values) ** 2)) / 2 if len(values) > 1 else 0.0
+
+
 def _orthonormal(shapes: Floats) -> Floats:
     """A basis of the columns; a series has one sigma, so weighing changes nothing."""
     left, strength, _ = np.linalg.svd(shapes, full_matrices=False)

@@ -1,6 +1,7 @@
 """The engine on a servo axis with effects hidden in it, on a table, and on bad data."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,31 @@ def test_hidden_effects_are_named_and_the_gap_closes(truth):
 def test_nothing_hidden_is_none_in_twenty_of_twenty():
     verdicts = [verdict_of({}, seed).verdict for seed in range(20)]
     assert verdicts == ["none"] * 20
+
+
+def unknown_noise(truth, seed=0, **how):
+    data = [replace(series, sigma=None) for series in SERVO.measure(truth, SIGMA, seed, **how)]
+    return mopro.reconcile(SERVO.predict, CATALOGUE, data)
+
+
+def test_noise_that_nobody_knows_is_told_by_the_data():
+    """White noise of any strength is none; a shape in what is left is seen all the same."""
+    assert [unknown_noise({}, seed).verdict for seed in range(20)] == ["none"] * 20
+    heavy = unknown_noise({"viscous": {"b": 3.0}, "inertia": {"dM": 0.2}})
+    assert (heavy.verdict, names(heavy)) == ("named", {"viscous", "inertia"})
+    for truth, words in (
+        ({"bump": {"height": 0.6}}, "in position"),
+        ({"drift": {"rate": 0.5}}, "drift in time"),
+        ({"hum": {"A": 0.15}}, "line at 50 Hz"),
+    ):
+        strange = unknown_noise(truth)
+        assert (strange.verdict, names(strange)) == ("unexplained", set())
+        assert words in strange.remainder.description
+
+
+def test_a_clear_effect_beside_something_strange_is_kept_with_unknown_noise_too():
+    both = unknown_noise({"viscous": {"b": 10.0}, "drift": {"rate": 0.5}})
+    assert (both.verdict, names(both)) == ("unexplained", {"viscous"})
 
 
 def test_a_constant_offset_is_no_effect():

@@ -1,0 +1,80 @@
+"""Derivatives of a residual that costs a simulation: differences at first, secants after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mopro.diagnosis.model import Floats
+
+# Secants follow as long as they foretell a step's change to within this share of it.
+_FORETOLD = 0.3
+# Slopes that never erred by more are as good as new ones.
+_ACCURATE = 0.1
+# A change this small in chi-squared tells nothing of slopes.
+_TOO_SMALL = 1e-2
+
+
+@dataclass
+class _Place:
+    x: Floats
+    residual: Floats
+    slopes: Floats
+
+
+class Slopes:
+    """The Jacobian (samples x parameters) of `residual`, asked for along the path of a fit.
+
+    `differences` are the steps, one for each parameter. `corrected` tells that the last
+    slopes are good for a step only, not for errors of parameters. Where a step went as its slopes
+    foretold, the new ones are the old ones corrected by it (Broyden, 1965), which costs
+    nothing; else they are taken anew, one evaluation a parameter. The correction is
+    shared out by what each parameter contributed to the step's change.
+    """
+
+    def __init__(self, residual: Callable[[Floats], Floats], differences: Sequence[float]) -> None:
+        self._residual = residual
+        self._differences = differences
+        self._last: _Place | None = None
+        self.corrected = False
+
+    def forget(self) -> None:
+        """Take the next ones anew."""
+        self._last = None
+
+    def at(self, x: Floats) -> Floats:
+        here = self._residual(x)
+        slopes = self._corrected(x, here)
+        if slopes is None:
+            slopes = self._taken(x, here)
+            self.corrected = False
+        self._last = _Place(x.copy(), here, slopes)
+        return slopes
+
+    def _corrected(self, x: Floats, here: Floats) -> Floats | None:
+        """The last slopes with what the step to `x` tells; None if it was ill foretold."""
+        if self._last is None:
+            return None
+        step, change = x - self._last.x, here - self._last.residual
+        if float(change @ change) < _TOO_SMALL:
+            return self._last.slopes
+        missed = change - self._last.slopes @ step
+        share = float(np.linalg.norm(missed) / np.linalg.norm(change))
+        if share > _FORETOLD:
+            return None
+        weighed = step * np.sum(self._last.slopes**2, axis=0)
+        self.corrected = True
+        corrected: Floats = self._last.slopes + np.outer(missed, weighed / (weighed @ step))
+        return corrected
+
+    def _taken(self, x: Floats, here: Floats) -> Floats:
+        """Forward differences, backward in the upper half of a range."""
+        columns = np.empty((len(here), len(x)))
+        for i, difference in enumerate(self._differences):
+            step = -difference if x[i] > 0.5 else difference
+            moved = x.copy()
+            moved[i] += step
+            columns[:, i] = (self._residual(moved) - here) / step
+        return columns
