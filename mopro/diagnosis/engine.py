@@ -9,11 +9,12 @@ from itertools import pairwise
 import numpy as np
 
 from mopro.diagnosis.fit import Fit
+from mopro.diagnosis.fits import Progress
 from mopro.diagnosis.heldout import HeldOut
 from mopro.diagnosis.model import Candidate, Floats, Series, Simulate
 from mopro.diagnosis.remainder import Remainder, examine
 from mopro.diagnosis.residual import Residuals, white_variance
-from mopro.diagnosis.search import Progress, Search
+from mopro.diagnosis.search import Search
 from mopro.diagnosis.verdict import (
     BelowResolution,
     Estimate,
@@ -59,21 +60,21 @@ def reconcile(
 
 def _numerics_matter(search: Search, found: Fit, finer: Simulate) -> bool:
     """Whether something is left over that a coarse simulation may have caused."""
-    if not examine(search.residuals.data, found.residual, len(found.order)).significant:
+    if not examine(search.fits.residuals.data, found.residual, len(found.order)).significant:
         return False
-    other = Residuals(finer, search.residuals.data).at(found.settings)
+    other = Residuals(finer, search.fits.residuals.data).at(found.settings)
     return float(np.sum((other - found.residual) ** 2)) > _NUMERICS_MATTER * found.variance
 
 
 def _judged(search: Search, found: Fit) -> Verdict:
-    data = search.residuals.data
+    data = search.fits.residuals.data
     found, held, dropped = _supported(search, found)
     remainder = examine(data, found.residual, len(found.order))
     if remainder.significant:
         found, doubted = _firm(search, found)
         dropped += doubted
         remainder = examine(data, found.residual, len(found.order))
-        held = search.held_out(found) if found.candidates else None
+        held = search.fits.held_out(found) if found.candidates else None
     named = tuple(_named(search, found, held, candidate) for candidate in found.candidates)
     faint, rejected = _others(search, found)
     return Verdict(
@@ -85,7 +86,7 @@ def _judged(search: Search, found: Fit) -> Verdict:
         gap=_gap(search, found, held),
         remainder=remainder,
         settings=found.settings,
-        before=tuple(_in_units(search, search.null.residual)),
+        before=tuple(_in_units(search, search.fits.null.residual)),
         after=tuple(_in_units(search, found.residual)),
         signatures=tuple(_signature(search, found, name) for name in sorted(found.names)),
     )
@@ -108,15 +109,15 @@ def _supported(search: Search, found: Fit) -> tuple[Fit, HeldOut | None, list[Re
     """`found` without the effects that parts held out do not bear out, one at a time."""
     dropped: list[Rejected] = []
     while found.candidates:
-        held = search.held_out(found)
+        held = search.fits.held_out(found)
         unborne = [name for name in found.names if not held.supports(name)]
         if not unborne:
             return found, held, dropped
         worst = min(unborne, key=lambda name: held.without[name])
-        gain = search.without(found, worst).rss - found.rss
+        gain = search.fits.without(found, worst).rss - found.rss
         reason = "fits what it was fitted to, and worsens what was held out"
         dropped.append(Rejected(worst, gain, reason))
-        found = search.without(found, worst)
+        found = search.fits.without(found, worst)
     return found, None, dropped
 
 
@@ -129,14 +130,14 @@ def _firm(search: Search, found: Fit) -> tuple[Fit, list[Rejected]]:
     doubted: list[Rejected] = []
     while found.candidates:
         excess = found.rss - _noise(search, found)
-        gains = {name: search.without(found, name).rss - found.rss for name in found.names}
+        gains = {name: search.fits.without(found, name).rss - found.rss for name in found.names}
         weak = [c.name for c in found.candidates if c.flexible or gains[c.name] < excess]
         if not weak:
             break
         least = min(weak, key=lambda name: gains[name])
         reason = "leaves much unexplained, of which it may be a part"
         doubted.append(Rejected(least, gains[least], reason))
-        found = search.without(found, least)
+        found = search.fits.without(found, least)
     return found, doubted
 
 
@@ -147,7 +148,7 @@ def _noise(search: Search, found: Fit) -> float:
     """
     if found.known_noise:
         return float(found.count)
-    return sum(len(p) * white_variance(p) for p in search.residuals.split(found.residual))
+    return sum(len(p) * white_variance(p) for p in search.fits.residuals.split(found.residual))
 
 
 def _word(named: tuple[Named, ...], remainder: Remainder) -> str:
@@ -167,9 +168,9 @@ def _named(search: Search, found: Fit, held: HeldOut | None, candidate: Candidat
         interval = intervals.get((candidate.name, p), (-math.inf, math.inf))
         stopped = f"{candidate.name}.{p.name}" in bounds
         estimates[p.name] = Estimate(value, p.unit, interval, stopped)
-    without = search.without(found, candidate.name)
-    dearer = search.cost(without) - search.cost(found)
-    rivals = search.rivals(found, candidate.name)
+    without = search.fits.without(found, candidate.name)
+    dearer = search.fits.cost(without) - search.fits.cost(found)
+    rivals = search.rivals.of(found, candidate.name)
     return Named(
         name=candidate.name,
         form=candidate.form,
@@ -191,11 +192,11 @@ def _others(search: Search, found: Fit) -> tuple[tuple[BelowResolution, ...], li
     """
     faint: dict[str, BelowResolution] = {}
     rejected: dict[str, Rejected] = {}
-    near = search.null if found.candidates else found
-    for scored in search.scores(found, near):
+    near = search.fits.null if found.candidates else found
+    for scored in search.promises.scores(found, near):
         candidate = scored.candidate
-        expected = search.expected_sigmas(near, candidate)
-        needed = math.sqrt(search.dearer(found, candidate))
+        expected = search.promises.expected_sigmas(near, candidate)
+        needed = math.sqrt(search.promises.dearer(found, candidate))
         if expected is not None and expected < needed:
             faint.setdefault(candidate.name, BelowResolution(candidate.name, expected, needed))
         else:
@@ -206,31 +207,31 @@ def _others(search: Search, found: Fit) -> tuple[tuple[BelowResolution, ...], li
 
 def _where(search: Search) -> list[Where]:
     places = []
-    parts = search.residuals.split(search.null.residual)
-    for series, own in zip(search.residuals.data, parts, strict=True):
+    parts = search.fits.residuals.split(search.fits.null.residual)
+    for series, own in zip(search.fits.residuals.data, parts, strict=True):
         rms = math.sqrt(float(np.mean(own**2))) * (series.sigma or 1.0)
         places.append(Where(series.run, series.sensor, rms, series.sigma))
     return places
 
 
 def _in_units(search: Search, whitened: Floats) -> list[Floats]:
-    return search.residuals.split(whitened / search.residuals.weights)
+    return search.fits.residuals.split(whitened / search.fits.residuals.weights)
 
 
 def _signature(search: Search, found: Fit, name: str) -> Signature:
     """What an effect adds to the prediction of each series, nuisances taken out."""
-    rest = search.without(found, name)
+    rest = search.fits.without(found, name)
     kept = {n: values for n, values in found.settings.items() if n != name}
-    change = search.residuals.at(kept) - found.residual
+    change = search.fits.residuals.at(kept) - found.residual
     return Signature(name, tuple(_in_units(search, change)), rest.rss - found.rss)
 
 
 def _gap(search: Search, found: Fit, held: HeldOut | None) -> Gap:
     """In the unit of the first series, whose kind alone is counted."""
-    data = search.residuals.data
+    data = search.fits.residuals.data
     unit = data[0].unit
     counted = np.concatenate([np.full(len(s), s.unit == unit) for s in data])
-    weights = search.residuals.weights
+    weights = search.fits.residuals.weights
 
     def rms(residual: Floats, mask: Floats = counted) -> float:
         return math.sqrt(float(np.mean((residual / weights)[mask] ** 2)))
@@ -245,13 +246,13 @@ def _gap(search: Search, found: Fit, held: HeldOut | None) -> Gap:
         masks.append(mask)
     return Gap(
         unit=unit,
-        before_rms=rms(search.null.residual),
+        before_rms=rms(search.fits.null.residual),
         after_rms=rms(found.residual),
         noise_rms=noise,
         held_out_rms=None if held is None else rms(held.residual),
         runs=tuple(
             RunGap(
-                s.run, s.sensor, s.unit, rms(search.null.residual, mask),
+                s.run, s.sensor, s.unit, rms(search.fits.null.residual, mask),
                 rms(found.residual, mask), None if held is None else rms(held.residual, mask),
                 s.sigma,
             )

@@ -1,0 +1,120 @@
+"""The fits of sets of effects, each done once, and what follows from one to the next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from mopro.diagnosis.fit import Fit, fit
+from mopro.diagnosis.heldout import HeldOut, held_out
+from mopro.diagnosis.model import Candidate, Settings
+from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.signature import Scored
+
+T = TypeVar("T")
+R = TypeVar("R")
+Progress = Callable[[str], None]
+# A set of effects in their forms.
+Key = frozenset[tuple[str, str]]
+
+
+class Fits:
+    """Fits effects of `catalogue` to one problem; `jobs` simulations go on at once."""
+
+    def __init__(
+        self,
+        residuals: Residuals,
+        catalogue: Sequence[Candidate],
+        jobs: int = 1,
+        progress: Progress = lambda _: None,
+    ) -> None:
+        self.residuals = residuals
+        self.catalogue = tuple(catalogue)
+        self.progress = progress
+        self._jobs = jobs
+        self._fits: dict[Key, Fit] = {}
+
+    @property
+    def null(self) -> Fit:
+        return self.fitted((), [{}])
+
+    def cost(self, found: Fit) -> float:
+        return found.cost(len(self.catalogue))
+
+    def fitted(
+        self,
+        candidates: Sequence[Candidate],
+        starts: Sequence[Settings],
+        limit: float = math.inf,
+    ) -> Fit:
+        """The fit of a set of effects; each set is fitted once.
+
+        One that does not come near `limit` is given up; it is asked for anew without.
+        """
+        key = frozenset(candidate.key for candidate in candidates)
+        known = self._fits.get(key)
+        if known is None or (known.hopeless and limit == math.inf):
+            if candidates:
+                self.progress("fitting " + " + ".join(sorted(c.name for c in candidates)))
+            self._fits[key] = fit(self.residuals, candidates, starts, limit)
+        return self._fits[key]
+
+    def joined(self, base: Fit, scored: Scored, limit: float = math.inf) -> Fit:
+        starts = [{**base.settings, **start} for start in scored.starts]
+        return self.fitted((*base.candidates, scored.candidate), starts, limit)
+
+    def without(self, found: Fit, name: str) -> Fit:
+        kept = tuple(c for c in found.candidates if c.name != name)
+        return self.fitted(kept, [{c.name: found.settings[c.name] for c in kept}])
+
+    def refined(self, found: Fit, limit: float = math.inf) -> Fit:
+        """`found` with its effects freed further, or less far, as long as that pays."""
+        trials = [
+            self._in_another_form(found, form, limit)
+            for candidate in found.candidates
+            for form in self._forms_beside(candidate)
+        ]
+        best = min(trials, key=self.cost, default=found)
+        return self.refined(best, limit) if self.cost(best) < self.cost(found) else found
+
+    def _in_another_form(self, found: Fit, form: Candidate, limit: float) -> Fit:
+        kept = [c for c in found.candidates if c.name != form.name]
+        values = {p.name: p.null for p in form.parameters}
+        start = {**values, **{p.name: p.starts[0] for p in form.parameters if p.starts}}
+        own = {n: v for n, v in found.settings[form.name].items() if n in start}
+        joined = form.settings(start | own)
+        return self.fitted((*kept, form), [{**found.settings, **joined}], limit)
+
+    def _forms_beside(self, candidate: Candidate) -> list[Candidate]:
+        """The forms that free more of an effect, and those that free less of a freed one."""
+        own = {p.name for p in candidate.parameters}
+        return [
+            form
+            for form in self.catalogue
+            if (form.name, form.refines) == candidate.key
+            or (candidate.refines is not None and form.name == candidate.name
+                and {p.name for p in form.parameters} < own)
+        ]  # fmt: skip
+
+    def pruned(self, found: Fit) -> Fit:
+        """`found` without the effects that do not pay for themselves."""
+        while found.candidates:
+            cheaper = min((self.without(found, name) for name in found.names), key=self.cost)
+            if self.cost(cheaper) > self.cost(found):
+                break
+            found = cheaper
+        return found
+
+    def held_out(self, found: Fit) -> HeldOut:
+        """How parts that were not fitted are predicted, with and without each effect."""
+        without = {name: self.without(found, name) for name in found.names}
+        return held_out(self.residuals, self.null, found, without)
+
+    def each(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
+        """`function` of all items, in several threads if there is more than one job."""
+        if self._jobs == 1:
+            return [function(item) for item in items]
+        with ThreadPoolExecutor(self._jobs) as pool:
+            return list(pool.map(function, items))

@@ -1,0 +1,139 @@
+"""What candidates promise beside a fit, by their signatures, before any is fitted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mopro.diagnosis.fit import Fit, price
+from mopro.diagnosis.fits import Fits, Key
+from mopro.diagnosis.model import Candidate, Role
+from mopro.diagnosis.signature import (
+    Group,
+    Scored,
+    far_from_probes,
+    probed_at,
+    score,
+    signatures,
+    sought,
+)
+
+# An effect that is no dearer than this (chi-squared and price) cannot be told apart.
+RIVAL_MARGIN = 10.0
+# Where a signature promises this much, at a size far from the one that it was taken at,
+# one is taken there.
+_WORTH_ANOTHER_LOOK = 6.0
+# A residual this many times as large as noise may be too far off for signatures to rank.
+_ROUGHLY = 100.0
+
+
+def rough(found: Fit) -> bool:
+    """Whether so much is left that signatures may mislead."""
+    return found.rss > _ROUGHLY * found.count
+
+
+class Promises:
+    """Scores the catalogue of `fits`; a signature is simulated once for each fit it is at."""
+
+    def __init__(self, fits: Fits) -> None:
+        self._fits = fits
+        self._scores: dict[tuple[Key, Key], list[Scored]] = {}
+        self._groups: dict[tuple[Key, tuple[str, str]], list[Group]] = {}
+
+    def scores(self, base: Fit, at: Fit | None = None) -> list[Scored]:
+        """All candidates that may join `base`, the most promising first (score test).
+
+        Signatures are those at `at`, which is `base` itself unless given: those at a fit
+        nearby cost no simulation.
+        """
+        key = base.key, (at or base).key
+        if key not in self._scores:
+            self._scores[key] = self._scored(base, at or base)
+        return self._scores[key]
+
+    def taken_at(self, base: Fit) -> bool:
+        """Whether signatures at `base` itself are known already."""
+        return (base.key, base.key) in self._scores
+
+    def fresh(self, base: Fit) -> list[Scored]:
+        """As `scores`, signatures taken anew for those that those at the null speak for.
+
+        Where the null is far off its signatures speak for nobody, and all are taken anew.
+        """
+        if base.key == self._fits.null.key or rough(self._fits.null):
+            return self.scores(base)
+        known = self.scores(base, self._fits.null)
+        limit = self._fits.cost(base) + RIVAL_MARGIN
+        hopeful = [s.candidate for s in known if self.predicted(base, s) < limit]
+        kept = [s for s in known if s.candidate not in hopeful]
+        return [*self._weighed(base, base, hopeful), *kept]
+
+    def _scored(self, base: Fit, at: Fit) -> list[Scored]:
+        others = [c for c in self._fits.catalogue if c.name not in base.names and c.refines is None]
+        return self._weighed(base, at, others)
+
+    def _weighed(self, base: Fit, at: Fit, candidates: Sequence[Candidate]) -> list[Scored]:
+        tangent, _ = np.linalg.qr(base.jacobian)
+
+        def scored(candidate: Candidate) -> Scored:
+            groups = self._signatures(at, candidate)
+            groups = [*groups, *sought(self._fits.residuals, base, candidate)]
+            first = score(base, tangent, candidate, groups)
+            if first.gain < _WORTH_ANOTHER_LOOK or not far_from_probes(first, groups):
+                return first
+            closer = probed_at(self._fits.residuals, at, candidate, first.starts[0])
+            return score(base, tangent, candidate, [*groups, closer])
+
+        found = self._fits.each(scored, candidates)
+        return sorted(found, key=lambda s: self.predicted(base, s))
+
+    def expected_sigmas(self, at: Fit, candidate: Candidate) -> float | None:
+        """How strong the largest effect to expect would be, or None if nobody can say.
+
+        That is possible for a single amplitude, to which the response is proportional, if
+        it does not have to be looked for.
+        """
+        amplitudes = [p for p in candidate.parameters if p.role is Role.AMPLITUDE]
+        if len(amplitudes) != 1 or candidate.seek is not None:
+            return None
+        parameter = amplitudes[0]
+        ends = parameter.plausible or (parameter.low, parameter.high)
+        strongest = 0.0
+        for group in self._signatures(at, candidate):
+            probed = group[0].values[parameter.name]
+            own = max(float(np.linalg.norm(probe.change)) for probe in group)
+            sizes = (abs(parameter.size(end, of=probed)) for end in ends)
+            strongest = max(strongest, own * max(sizes))
+        return strongest
+
+    def _signatures(self, at: Fit, candidate: Candidate) -> list[Group]:
+        key = (at.key, candidate.key)
+        if key not in self._groups:
+            self._fits.progress(f"the signature of {candidate.name}")
+            self._groups[key] = signatures(self._fits.residuals, at, candidate)
+        return self._groups[key]
+
+    def predicted(self, base: Fit, scored: Scored) -> float:
+        """The cost that `base` and a candidate together promise to come to."""
+        left = max(base.rss - scored.gain, 1e-300)
+        misfit = left if base.known_noise else base.count * math.log(left / max(base.count, 1))
+        return self._fits.cost(base) - base.misfit + misfit + self.dearer(base, scored.candidate)
+
+    def priced(self, base: Fit, members: Sequence[Scored]) -> float:
+        """What `base` and `members` cost besides their misfit."""
+        pool, count = len(self._fits.catalogue), len(base.candidates)
+        ways = _log_ways(pool, count + len(members)) - _log_ways(pool, count)
+        own = sum(price(p, base.count) for m in members for p in m.candidate.parameters)
+        return self._fits.cost(base) - base.misfit + own + 2 * ways
+
+    def dearer(self, base: Fit, candidate: Candidate) -> float:
+        """What a candidate must gain in chi-squared beside `base` to pay for itself."""
+        own = sum(price(parameter, base.count) for parameter in candidate.parameters)
+        pool, count = len(self._fits.catalogue), len(base.candidates)
+        return own + 2 * (_log_ways(pool, count + 1) - _log_ways(pool, count))
+
+
+def _log_ways(pool: int, count: int) -> float:
+    return math.log(math.comb(max(pool, count), count))

@@ -1,0 +1,113 @@
+"""Effects that do as well as another in its place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from scipy import stats
+
+from mopro.diagnosis.fit import Fit
+from mopro.diagnosis.fits import Fits
+from mopro.diagnosis.model import Settings
+from mopro.diagnosis.promise import RIVAL_MARGIN, Promises
+from mopro.diagnosis.signature import Scored
+
+_TRIED = 5
+# How far a signature may misjudge what a fit will gain, as a share of that gain.
+_MISJUDGED = 0.1
+_LEAST_MISJUDGED = 0.005
+# What is no stronger than 20 standard deviations in all is small, and so linear.
+_WEAK = 400.0
+_CLEARLY = 2.0
+# A rival whose misfit is larger by more cannot be as good, whatever parameters cost.
+_OUT_OF_REACH = 100.0
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that does as well as another: how much dearer, and with all settings."""
+
+    name: str
+    dearer: float
+    settings: Settings
+
+
+def _dearer(rival: Rival) -> float:
+    return rival.dearer
+
+
+class Rivals:
+    """Looks for what may take the place of an effect that was found."""
+
+    def __init__(self, fits: Fits, promises: Promises) -> None:
+        self._fits = fits
+        self._promises = promises
+
+    def of(self, found: Fit, name: str) -> list[Rival]:
+        """Effects that do as well in the place of `name`, the cheapest first.
+
+        Those of a weak effect are judged by their signatures: they are many, and bend little.
+        """
+        as_good: dict[str, Rival] = {}
+        for swapped in self.swaps(found, name):
+            (rival,) = (c for c in swapped.candidates if c.name not in found.names)
+            worse = self._fits.cost(swapped) - self._fits.cost(found)
+            as_well = worse < RIVAL_MARGIN and swapped.plausible
+            # What a form was freed further for, it needs: that is no roominess.
+            if as_well and (rival.refines or not _contains(swapped, found)):
+                other = Rival(rival.name, worse, swapped.settings)
+                as_good[rival.name] = min(other, as_good.get(rival.name, other), key=_dearer)
+        rest, scored = self._in_place_of(found, name)
+        for s in scored if rest.rss - found.rss < _WEAK else ():
+            worse = self._promises.predicted(rest, s) - self._fits.cost(found)
+            if s.candidate.name != name and worse < RIVAL_MARGIN and _plausible(s):
+                settings = {**rest.settings, **s.starts[0]}
+                as_good.setdefault(s.candidate.name, Rival(s.candidate.name, worse, settings))
+        return sorted(as_good.values(), key=_dearer)
+
+    def swaps(self, found: Fit, name: str) -> list[Fit]:
+        """Fits with the likeliest rivals in the place of `name`."""
+        rest, scored = self._in_place_of(found, name)
+        gain = rest.rss - found.rss
+        # Where signatures bend, they promise the effect itself less than it gains.
+        promised = max((s.gain for s in scored if s.candidate.name == name), default=gain)
+        misjudged = min(_MISJUDGED, _LEAST_MISJUDGED + 2 * abs(promised / gain - 1))
+        enough = min(gain, promised) - 4 * RIVAL_MARGIN - misjudged * gain
+        if gain < _WEAK:
+            enough = min(gain, promised)
+        close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
+        close.sort(key=lambda s: -s.gain)
+        limit = found.rss + _OUT_OF_REACH * found.variance
+        joined = self._fits.each(lambda s: self._fits.joined(rest, s, limit), close[:_TRIED])
+        return [*joined, *self._fits.each(lambda fit: self._fits.refined(fit, limit), joined)]
+
+    def _in_place_of(self, found: Fit, name: str) -> tuple[Fit, list[Scored]]:
+        """`found` without `name`, and what promises to take its place."""
+        rest = self._fits.without(found, name)
+        anew = self._promises.taken_at(rest)
+        return rest, self._promises.scores(rest, rest if anew else self._fits.null)
+
+
+def _plausible(scored: Scored) -> bool:
+    """Whether the size that the signature asks for is one to expect, errors allowed for."""
+    if not scored.starts:
+        return False
+    values = scored.starts[0][scored.candidate.name]
+    known = _CLEARLY / math.sqrt(max(scored.gain, 1.0))
+    return not any(
+        p.beyond(values[p.name]) > known * abs(values[p.name]) for p in scored.candidate.parameters
+    )
+
+
+def _contains(wider: Fit, found: Fit) -> bool:
+    """Whether `wider` has more parameters and comes down to the same prediction.
+
+    Then it is no other explanation, only a roomier one.
+    """
+    extra = len(wider.order) + wider.held - len(found.order) - found.held
+    if extra <= 0:
+        return False
+    apart = wider.residual - found.residual
+    scale = 1.0 if found.known_noise else found.rss / found.count
+    return float(apart @ apart) / scale < float(stats.chi2.ppf(0.999, extra))
