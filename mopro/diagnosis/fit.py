@@ -8,20 +8,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import stats
 
+from mopro.diagnosis.descent import Descent
 from mopro.diagnosis.model import Candidate, Floats, Parameter, Role, Settings
 from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.slopes import Slopes
 
 _NEAR_BOUND = 1e-3
 # What a fit may still be off its minimum, in chi-squared.
 _CLOSE_ENOUGH = 0.01
-_MOST_EVALUATIONS = 15
-# A fit goes on if five more steps as large as its last would bring it there.
-_PATIENCE = 0.2
-# Rounds after the first start from slopes taken anew, and so do the errors they end with.
-_MOST_ROUNDS = 3
 # A value that its range holds back, or that is clearly implausible: odds of 150 to 1.
 IMPLAUSIBLE_PRICE = 10.0
 _CLEARLY = 2.0
@@ -170,22 +165,6 @@ def fit(
     return min((problem.solve(limit) for problem in problems), key=lambda found: found.rss)
 
 
-class _Patience:
-    """Ends a fit that many more steps like its last would not bring to `limit`."""
-
-    def __init__(self, limit: float) -> None:
-        self._limit = limit
-        self._last = math.inf
-        self.ended = False
-
-    def __call__(self, intermediate_result: optimize.OptimizeResult) -> None:
-        rss = 2 * float(intermediate_result.cost)
-        gained, self._last = self._last - rss, rss
-        if gained < _PATIENCE * (rss - self._limit):
-            self.ended = True
-            raise StopIteration
-
-
 class _Problem:
     """Least squares from one start, in parameters scaled to their ranges."""
 
@@ -205,19 +184,11 @@ class _Problem:
         low, high = self._limits()
         if not self._order:
             return self._fit(scaled, self._residual(scaled), np.zeros((0, 0)))
-        slopes = Slopes(self._residual, [p.difference for _, p in self._order])
-        x, patience = np.clip(scaled, low + 1e-6, high - 1e-6), _Patience(limit)
-        for _ in range(_MOST_ROUNDS):
-            result = optimize.least_squares(
-                self._residual, x, jac=slopes.at, method="dogbox", bounds=(low, high), xtol=1e-9,
-                gtol=1e-12, x_scale="jac", ftol=_CLOSE_ENOUGH / max(self._residuals.count, 1),
-                max_nfev=_MOST_EVALUATIONS, callback=patience,
-            )  # fmt: skip
-            if patience.ended or not slopes.corrected:
-                break
-            slopes.forget()
-            x = result.x
-        return replace(self._fit(result.x, result.fun, result.jac), hopeless=patience.ended)
+        descent = Descent(self._residual, [p.difference for _, p in self._order], limit)
+        tolerance = _CLOSE_ENOUGH / max(self._residuals.count, 1)
+        place = descent.run(scaled, low, high, tolerance)
+        found = self._fit(place.x, place.residual, place.slopes)
+        return replace(found, hopeless=descent.hopeless)
 
     def _limits(self) -> tuple[Floats, Floats]:
         """An angle may go once around either way."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -13,12 +14,16 @@ from mopro.diagnosis.model import Floats
 _FORETOLD = 0.3
 # Slopes that never erred by more are as good as new ones.
 _ACCURATE = 0.1
+# So close to it a parameter is at an end of its range.
+_EDGE = 1e-6
 # A change this small in chi-squared tells nothing of slopes.
 _TOO_SMALL = 1e-2
 
 
 @dataclass
-class _Place:
+class Place:
+    """Parameters, the residual there, and its slopes."""
+
     x: Floats
     residual: Floats
     slopes: Floats
@@ -37,12 +42,12 @@ class Slopes:
     def __init__(self, residual: Callable[[Floats], Floats], differences: Sequence[float]) -> None:
         self._residual = residual
         self._differences = differences
-        self._last: _Place | None = None
+        self.last: Place | None = None
         self.corrected = False
 
     def forget(self) -> None:
         """Take the next ones anew."""
-        self._last = None
+        self.last = None
 
     def at(self, x: Floats) -> Floats:
         here = self._residual(x)
@@ -50,23 +55,34 @@ class Slopes:
         if slopes is None:
             slopes = self._taken(x, here)
             self.corrected = False
-        self._last = _Place(x.copy(), here, slopes)
+        self.last = Place(x.copy(), here, slopes)
         return slopes
+
+    def promise(self, low: Floats, high: Floats) -> float:
+        """By how much the sum of squares would fall if slopes stayed as they are.
+
+        A parameter at an end of its range, from `low` to `high`, does not go on.
+        """
+        if self.last is None:
+            return math.inf
+        inside = (self.last.x > low + _EDGE) & (self.last.x < high - _EDGE)
+        basis, _ = np.linalg.qr(self.last.slopes[:, inside])
+        return float(np.sum((basis.T @ self.last.residual) ** 2))
 
     def _corrected(self, x: Floats, here: Floats) -> Floats | None:
         """The last slopes with what the step to `x` tells; None if it was ill foretold."""
-        if self._last is None:
+        if self.last is None:
             return None
-        step, change = x - self._last.x, here - self._last.residual
+        step, change = x - self.last.x, here - self.last.residual
         if float(change @ change) < _TOO_SMALL:
-            return self._last.slopes
-        missed = change - self._last.slopes @ step
+            return self.last.slopes
+        missed = change - self.last.slopes @ step
         share = float(np.linalg.norm(missed) / np.linalg.norm(change))
         if share > _FORETOLD:
             return None
-        weighed = step * np.sum(self._last.slopes**2, axis=0)
+        weighed = step * np.sum(self.last.slopes**2, axis=0)
         self.corrected = True
-        corrected: Floats = self._last.slopes + np.outer(missed, weighed / (weighed @ step))
+        corrected: Floats = self.last.slopes + np.outer(missed, weighed / (weighed @ step))
         return corrected
 
     def _taken(self, x: Floats, here: Floats) -> Floats:

@@ -1,0 +1,116 @@
+"""Fits on closed forms: slopes along the way and at the end, and rivals that are given up."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis.descent import Descent
+from mopro.diagnosis.fit import fit
+from mopro.diagnosis.fits import Fits
+from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.slopes import Slopes
+
+TIME_S = np.linspace(0.0, 2.0, 400)
+SIGMA = 0.01
+DECAY = Candidate(
+    "decay",
+    (Parameter("height", "V", 0.0, 10.0, (1.0,)), Parameter("rate", "1/s", 0.1, 20.0, (2.0,))),
+)
+FAST = Candidate(
+    "decay", (DECAY.parameters[0], Parameter("rate", "1/s", 8.0, 20.0, (9.0,))), form="fast"
+)
+TRUTH = {"decay": {"height": 2.0, "rate": 3.0}}
+
+
+def decaying(settings):
+    decay = settings.get("decay", {})
+    return [decay.get("height", 0.0) * np.exp(-decay.get("rate", 0.0) * TIME_S)]
+
+
+def problem(model):
+    (clean,) = model(TRUTH)
+    noisy = clean + SIGMA * np.random.default_rng(3).standard_normal(len(clean))
+    series = Series("run", "probe", "V", noisy, SIGMA, nuisances=np.zeros((len(clean), 0)))
+    return Residuals(model, [series])
+
+
+def test_the_errors_are_those_of_the_slopes_where_the_fit_ends():
+    found = fit(problem(decaying), [DECAY], [{"decay": {"height": 1.0, "rate": 1.0}}])
+    height, rate = found.settings["decay"].values()
+    assert (height, rate) == pytest.approx((2.0, 3.0), abs=0.03)
+    fall = np.exp(-rate * TIME_S) / SIGMA
+    closed = np.array([-fall, height * TIME_S * fall]).T
+    assert np.abs(found.jacobian - closed).max() < 0.02 * np.abs(closed).max()
+    errors = np.sqrt(np.diag(np.linalg.inv(closed.T @ closed)))
+    assert found.deviations() == pytest.approx(errors, rel=0.02)
+
+
+def test_a_straight_problem_takes_its_slopes_once_along_the_way():
+    matrix = np.array([[1.0, 2.0], [3.0, -1.0], [0.5, 0.2]])
+    asked = []
+
+    def residual(x):
+        asked.append(x)
+        return matrix @ x - 1.0
+
+    slopes = Slopes(residual, (1e-3, 1e-3))
+    assert slopes.at(np.array([0.2, 0.8])) == pytest.approx(matrix)
+    asked.clear()
+    assert slopes.at(np.array([0.4, 0.3])) == pytest.approx(matrix)
+    assert len(asked) == 1, "the residual there, and no difference"
+    slopes.forget()
+    slopes.at(np.array([0.4, 0.3]))
+    assert len(asked) == 4
+
+
+def test_a_bent_one_corrects_its_slopes_by_what_a_step_tells():
+    def residual(x):
+        return 100 * np.array([x[0] + 0.1 * x[0] ** 2, x[1], x[0] * x[1]])
+
+    slopes = Slopes(residual, (1e-4, 1e-4))
+    start, end = np.array([0.1, 0.2]), np.array([0.2, 0.25])
+    before = slopes.at(start)
+    assert not slopes.corrected
+    after = slopes.at(end)
+    assert slopes.corrected
+    assert after @ (end - start) == pytest.approx(residual(end) - residual(start))
+    assert not np.allclose(before @ (end - start), residual(end) - residual(start))
+    far = np.array([0.9, 0.9])
+    assert not np.allclose(after, slopes.at(far))
+    assert not slopes.corrected, "the step was ill foretold: differences anew"
+
+
+def test_a_rival_that_cannot_come_near_is_given_up_and_asked_anew_when_it_matters():
+    residuals = problem(decaying)
+    best = fit(residuals, [DECAY], [TRUTH])
+    start = {"decay": {"height": 9.0, "rate": 19.0}}
+    whole = fit(residuals, [FAST], [start])
+    assert not whole.hopeless
+    assert whole.rss > 100 * best.rss
+    fits = Fits(residuals, [DECAY, FAST])
+    hopeless = fits.fitted([FAST], [start], best.rss + 100)
+    assert hopeless.hopeless
+    assert hopeless.rss >= whole.rss
+    assert fits.fitted([FAST], [start], best.rss + 100) is hopeless
+    again = fits.fitted([FAST], [start])
+    assert not again.hopeless
+    assert again.rss == pytest.approx(whole.rss)
+    near = fits.fitted([DECAY], [{"decay": {"height": 9.0, "rate": 0.2}}], best.rss + 100)
+    assert not near.hopeless
+    assert math.isclose(near.rss, best.rss, rel_tol=1e-3)
+
+
+def test_a_kink_is_found_without_halving_steps_for_ever():
+    asked = []
+
+    def residual(x):
+        asked.append(x)
+        return np.array([100 * abs(x[0] - 0.3) + 10, 50 * (x[0] - 0.5)])
+
+    place = Descent(residual, (1e-4,), math.inf).run(
+        np.array([0.9]), np.zeros(1), np.ones(1), tolerance=1e-4
+    )
+    assert place.x[0] == pytest.approx(0.3, abs=0.03)
+    assert len(asked) < 40
