@@ -13,6 +13,9 @@ from mopro.diagnosis.model import Candidate, Settings
 from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.signature import Scored
 
+# What an effect and a parameter cost that are not needed, in any but the largest data.
+_ONE_TOO_MANY = 40.0
+
 T = TypeVar("T")
 R = TypeVar("R")
 Progress = Callable[[str], None]
@@ -70,13 +73,17 @@ class Fits:
         return self.fitted(kept, [{c.name: found.settings[c.name] for c in kept}])
 
     def refined(self, found: Fit, limit: float = math.inf) -> Fit:
-        """`found` with its effects freed further, or less far, as long as that pays."""
+        """`found` with its effects freed further, or less far, as long as that pays.
+
+        An effect that has been freed may make another one superfluous.
+        """
         trials = [
             self._in_another_form(found, form, limit)
             for candidate in found.candidates
             for form in self._forms_beside(candidate)
         ]
-        best = min(trials, key=self.cost, default=found)
+        close = [t for t in trials if self.cost(t) < self.cost(found) + _ONE_TOO_MANY]
+        best = min(map(self.pruned, close), key=self.cost, default=found)
         return self.refined(best, limit) if self.cost(best) < self.cost(found) else found
 
     def _in_another_form(self, found: Fit, form: Candidate, limit: float) -> Fit:

@@ -176,3 +176,22 @@ class TestPositionSpectrum:
         cycles, power = position_spectrum(runs, seen, 5e-4)
         assert 1 / cycles[np.argmax(power)] == pytest.approx(1.7e-3, rel=5e-3)
         assert power.max() == pytest.approx(2 * 5000 / 4, rel=0.1)
+
+
+def test_an_effect_that_another_form_makes_superfluous_is_not_named():
+    """A cubic about a place of its own is a cubic, a parabola and a slope about any other."""
+
+    def predict(settings):
+        cubic = settings.get("cubic", {"c": 0.0, "middle": 0.0})
+        slope = settings.get("parabola", {"s": 0.0})["s"]
+        return cubic["c"] * (PLACE - cubic["middle"]) ** 3 + slope * PLACE**2
+
+    c = Parameter("c", "N", -10, 10, (1.0,))
+    middle = Parameter("middle", "1", -0.9, 0.9, (0.0,), Role.SHAPE)
+    plain = Candidate("cubic", (c,), fixed={"middle": 0.0})
+    freed = Candidate("cubic", (c, middle), "middle fitted", refines="")
+    parabola = Candidate("parabola", (Parameter("s", "N", -10, 10, (1.0,)),))
+    truth = {"cubic": {"c": 1.0, "middle": 0.08}}
+    (effect,) = asked(predict, truth, plain, freed, parabola).effects
+    assert (effect.name, effect.form) == ("cubic", "middle fitted")
+    assert effect.parameters["middle"].value == pytest.approx(0.08, abs=0.02)
