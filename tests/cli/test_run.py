@@ -1,5 +1,6 @@
 """`mopro run` and `mopro compile` as processes: answers, files, exit codes."""
 
+import functools
 import json
 import re
 import signal
@@ -196,7 +197,11 @@ def test_a_signal_leaves_no_half_written_file(tmp_path, number):
     (tmp_path / "old.csv").write_text("the one before")
     command = [sys.executable, "-m", "mopro", "run", str(ROOT / "programs" / "TEMP1.CMD"),
                "--emulate", "--for", "10h", "--out", "old.csv"]  # fmt: skip
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+    # Whoever starts the tests in the background has SIGINT ignored, and children inherit that.
+    heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed
+    ) as process:
         while not any(p.stat().st_size for p in tmp_path.glob(".old.csv.*")):
             assert process.poll() is None
         process.send_signal(number)
