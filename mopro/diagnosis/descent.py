@@ -26,8 +26,9 @@ class _Arrived(Exception):
 class Descent:
     """Least squares of `residual` over a box, by SciPy's trust regions.
 
-    `differences` are what the slopes are taken with. A descent that is out of reach of a
-    sum of squares of `limit` is given up as `hopeless`.
+    Parameters are shares of their ranges, residuals in standard deviations. `differences`
+    are what the slopes are taken with. A descent that is out of reach of a sum of squares of
+    `limit` is given up as `hopeless`.
     """
 
     def __init__(

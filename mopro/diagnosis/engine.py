@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.fits import Progress
+from mopro.diagnosis.fits import Fits, Progress
 from mopro.diagnosis.heldout import HeldOut
 from mopro.diagnosis.model import Candidate, Floats, Series, Simulate
 from mopro.diagnosis.remainder import Remainder, examine
@@ -49,11 +49,11 @@ def reconcile(
     numbers and for predictions of another length.
     """
     _check(effects, data)
-    search = Search(Residuals(simulate, data), effects, jobs, progress)
+    search = Search(Fits(Residuals(simulate, data), effects, jobs, progress))
     found = search.run()
     if finer is not None and _numerics_matter(search, found, finer):
         progress("refitting with a finer simulation")
-        search = Search(Residuals(finer, data), effects, jobs, progress)
+        search = Search(Fits(Residuals(finer, data), effects, jobs, progress))
         found = search.run()
     return _judged(search, found)
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.fits import Fits, Progress
-from mopro.diagnosis.model import Candidate
+from mopro.diagnosis.fits import Fits
 from mopro.diagnosis.promise import Promises, rough
 from mopro.diagnosis.remainder import examine
-from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.rivals import Rivals
 from mopro.diagnosis.signature import Scored
 from mopro.diagnosis.sketch import Sketch, Sketcher, distinct
@@ -27,18 +23,12 @@ _WORTH_A_SWAP = 2.0
 
 
 class Search:
-    """Looks through a catalogue for the effects that account for a residual."""
+    """Looks through the catalogue of `fits` for the effects that account for its residual."""
 
-    def __init__(
-        self,
-        residuals: Residuals,
-        catalogue: Sequence[Candidate],
-        jobs: int = 1,
-        progress: Progress = lambda _: None,
-    ) -> None:
-        self.fits = Fits(residuals, catalogue, jobs, progress)
-        self.promises = Promises(self.fits)
-        self.rivals = Rivals(self.fits, self.promises)
+    def __init__(self, fits: Fits) -> None:
+        self.fits = fits
+        self.promises = Promises(fits)
+        self.rivals = Rivals(fits, self.promises)
 
     def run(self) -> Fit:
         """The cheapest set of effects that steps forward, swaps and steps back lead to.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from threading import Lock
 from typing import Generic, TypeVar
 
@@ -47,20 +47,13 @@ _TOGETHER = (
     ("phase_gain_imbalance", "quadrature_error", "phase_current_offset", "current_third_harmonic"),
 )
 
-
+# Angles of effects that may be others in each run.
 ANGLES = ("phi", "phi3")
 
 
 def angle_in(run: int, angle: str = "phi") -> str:
     """The name of an angle's parameter in run number `run`."""
     return f"{angle}_{run + 1}"
-
-
-@dataclass(frozen=True)
-class Motion:
-    """The true motion of one run: columns as a recording has them."""
-
-    columns: Columns
 
 
 T = TypeVar("T")
@@ -103,7 +96,7 @@ class Motor:
         self._max_step_s = max_step_s
         self._resolved = resolved
         self._own = active_effects(experiment.machine, catalogue())
-        self._motions: _Kept[Motion] = _Kept()
+        self._motions: _Kept[Columns] = _Kept()
         self._schedules: _Kept[Schedule] = _Kept()
         self._pieces: _Kept[HeatPieces] = _Kept()
 
@@ -121,9 +114,7 @@ class Motor:
     def way_m(self) -> tuple[float, float]:
         """The least and the greatest position that any sensor was to see."""
         places = [
-            self._motion(index, _of_the_motion(self._own)).columns[
-                f"position_{reading.sensor.axis}_m"
-            ]
+            self._motion(index, _of_the_motion(self._own))[f"position_{reading.sensor.axis}_m"]
             for index, trial in enumerate(self.experiment.trials)
             for reading in trial.readings
             if reading.sensor.quantity != TEMPERATURE
@@ -146,7 +137,7 @@ class Motor:
         if reading.sensor.quantity == TEMPERATURE:
             columns = self._warmth(index, float(reading.time_s[-1]), active)
         else:
-            columns = self._motion(index, _of_the_motion(active)).columns
+            columns = self._motion(index, _of_the_motion(active))
         return measured_at(columns, reading.sensor, machine, active, reading.time_s)
 
     def _warmth(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
@@ -162,10 +153,11 @@ class Motor:
 
     # -- one motion --------------------------------------------------------------
 
-    def _motion(self, index: int, active: tuple[Active, ...]) -> Motion:
+    def _motion(self, index: int, active: tuple[Active, ...]) -> Columns:
+        """The true motion of run `index`: columns as a recording has them."""
         return self._motions.get((index, *_key(active)), lambda: self._moved(index, active))
 
-    def _moved(self, index: int, active: tuple[Active, ...]) -> Motion:
+    def _moved(self, index: int, active: tuple[Active, ...]) -> Columns:
         trial = self.experiment.trials[index]
         staging = self._staging(index, _padded(active))
         seen = {r.sensor.axis for r in trial.readings if r.sensor.quantity != TEMPERATURE}
@@ -179,7 +171,7 @@ class Motor:
             place = axis.advance(times, float(times[-1])).position_m if moving else 0.0 * times
             columns[f"position_{axis.number}_m"] = place
         columns["temperature_C"] = staging.heat.temperature_C(times)
-        return Motion(columns)
+        return columns
 
     def _staging(self, index: int, active: tuple[Active, ...]) -> Staging:
         trial, machine = self.experiment.trials[index], self.experiment.machine

@@ -69,7 +69,7 @@ def text_of(machine: Machine, axis: int, pieces: Iterable[Piece]) -> str:
 class Bounds:
     """How far (in), and with how much of the pull-out force (in/s²), pieces may go.
 
-    `natural_hz` is the axis' own frequency, at which it rings.
+    `natural_hz` is the axis' own frequency, at which it rings; `pitch` is in inches.
     """
 
     stroke: float

@@ -89,7 +89,7 @@ class _Planner:
         """The best program, or None if it would tell no rival from what was named."""
         bounds = self._bounds()
         if self._sensor.quantity == TEMPERATURE:
-            chosen = self._warmest_contrast(warming_pieces(bounds))
+            chosen = self._best_warming(warming_pieces(bounds))
         else:
             chosen = self._put_together(moving_pieces(bounds))
         if not chosen:
@@ -116,7 +116,7 @@ class _Planner:
     # -- which pieces ------------------------------------------------------------
 
     def _put_together(self, pieces: Sequence[Piece]) -> list[Piece]:
-        """The pieces that part the most for their time, in the order they were chosen.
+        """The pieces that part the most for their time, equal ones side by side.
 
         A piece that is repeated tells more each time.
         """
@@ -138,7 +138,7 @@ class _Planner:
             so_far = so_far + squares[best]
         return [pieces[i] for i in sorted(chosen)]
 
-    def _warmest_contrast(self, pieces: Iterable[Piece]) -> list[Piece]:
+    def _best_warming(self, pieces: Iterable[Piece]) -> list[Piece]:
         """The one that parts the most without growing too hot under any rival."""
         limit_C = self._experiment.machine.heat.rated_C
         told: list[tuple[float, Piece]] = []
@@ -177,7 +177,7 @@ class _Planner:
         told = [f"{n} by {s:.3g} σ" for n, s in separations.items() if s > _TOLD_APART]
         alike = [name for name, s in separations.items() if s <= _TOLD_APART]
         summary = f"with {self._payload_kg:g} kg it should separate {', '.join(told)}"
-        return summary + (f"; no motion tells {', '.join(alike)}" if alike else "")
+        return summary + (f"; it does not tell {', '.join(alike)}" if alike else "")
 
     def _way(self, chosen: Sequence[Piece]) -> str:
         longest = max(piece.distance for piece in chosen)

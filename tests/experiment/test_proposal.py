@@ -93,7 +93,7 @@ def test_twins_do_not_keep_the_others_from_being_parted():
     proposal = propose(experiment(LASER), verdict)
     assert proposal.separations["viscous_drag"] >= 6.0
     assert proposal.separations["start_delay"] < 0.5
-    assert "no motion tells start_delay" in proposal.summary
+    assert "it does not tell start_delay" in proposal.summary
 
 
 def test_it_lasts_no_longer_than_it_must_and_never_beyond_a_minute():
