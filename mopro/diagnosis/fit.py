@@ -17,8 +17,9 @@ from mopro.diagnosis.residual import Residuals
 _NEAR_BOUND = 1e-3
 # What a fit may still be off its minimum, in chi-squared.
 _CLOSE_ENOUGH = 0.01
-# A value that its range holds back, or that is clearly implausible: odds of 150 to 1.
-IMPLAUSIBLE_PRICE = 10.0
+# The most that an implausible value costs, as does one that its range holds back: odds of
+# 150 to 1.
+_IMPLAUSIBLE = 10.0
 _CLEARLY = 2.0
 # What an angle costs that may be anything: its prior is bounded, and a line that is seen
 # at all fixes it within about a fifth of a radian (2 ln of 2π over that, times √2π).
@@ -92,15 +93,23 @@ class Fit:
 
     @cached_property
     def _implausible(self) -> float:
-        clearly = _CLEARLY * self.deviations()
-        values = zip(self.order, self.values.tolist(), clearly.tolist(), strict=True)
-        beyond = sum(p.beyond(value) > c for (_, p), value, c in values)
-        return IMPLAUSIBLE_PRICE * float(len(self.at_bound()) + beyond)
+        """What it would cost to keep every value in its plausible range, to first order.
+
+        It grows evenly, so that nothing is worth having for moving a value past a mark.
+        """
+        most = math.sqrt(_IMPLAUSIBLE)
+        held_back = _IMPLAUSIBLE * len(self.at_bound())
+        return held_back + sum(min(far, most) ** 2 for far in self._beyond())
+
+    def _beyond(self) -> list[float]:
+        """How far each value is outside its plausible range, in standard deviations."""
+        known = zip(self.order, self.values.tolist(), self.deviations().tolist(), strict=True)
+        return [p.beyond(value) / deviation for (_, p), value, deviation in known]
 
     @property
     def plausible(self) -> bool:
         """Whether every parameter is within its plausible range, errors allowed for."""
-        return self._implausible == 0
+        return not self.at_bound() and max(self._beyond(), default=0.0) <= _CLEARLY
 
     @property
     def variance(self) -> float:

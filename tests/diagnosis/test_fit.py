@@ -114,3 +114,30 @@ def test_a_kink_is_found_without_halving_steps_for_ever():
     )
     assert place.x[0] == pytest.approx(0.3, abs=0.03)
     assert len(asked) < 40
+
+
+@pytest.mark.parametrize(
+    ("deviations", "price", "plausible"),
+    [
+        (-3.0, 0.0, True),
+        (1.0, 1.0, True),
+        (1.9, 3.61, True),
+        (2.1, 4.41, False),
+        (9.0, 10.0, False),
+    ],
+)
+def test_an_implausible_value_costs_what_moving_it_into_its_range_would(
+    deviations, price, plausible
+):
+    error = SIGMA / math.sqrt(len(TIME_S))
+    level = np.full(len(TIME_S), 1.0 + deviations * error)
+    series = Series("run", "probe", "V", level, SIGMA, nuisances=np.zeros((len(level), 0)))
+    residuals = Residuals(lambda s: [s.get("level", {}).get("v", 0.0) + 0 * TIME_S], [series])
+
+    def fitted(expected):
+        anywhere = Parameter("v", "V", -5.0, 5.0, (0.5,), plausible=expected)
+        return fit(residuals, [Candidate("level", (anywhere,))], [{"level": {"v": 0.5}}])
+
+    found = fitted((-1.0, 1.0))
+    assert found.cost(1) - fitted(None).cost(1) == pytest.approx(price, abs=0.02)
+    assert found.plausible is plausible
