@@ -42,7 +42,11 @@ def show(machine: str, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({"name": loaded.name, "quantities": rows}, indent=1))
         return
-    cells = [[str(row[key]) for key in ("key", "value", "unit", "origin", "place")] for row in rows]
+    keys = ("key", "value", "unit", "origin", "place")
+    cells = [[str(row[key]) for key in keys] for row in rows]
+    for row, cell in zip(rows, cells, strict=True):
+        if row.get("tolerance"):
+            cell[1] += f" ± {row['tolerance']:.3g} of it"
     print_table(("quantity", "value", "unit", "origin", "place"), cells, _MOST_ROWS)
 
 
@@ -104,6 +108,7 @@ def _quantities(machine: Machine) -> list[dict[str, Any]]:
                     "unit": units_of(dimension)[0] if dimension else "",
                     "origin": source.origin if source else "assumed",
                     "place": source.place if source else "default",
+                    "tolerance": source.tolerance if source else 0.0,
                 }
             )
     return rows

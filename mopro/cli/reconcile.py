@@ -84,7 +84,9 @@ def _tell(found: Conclusion) -> None:
     from mopro.cli.table import print_table
     from mopro.experiment.words import (
         NO_PROPOSAL,
+        calibration_words,
         faint_words,
+        form_words,
         place_words,
         reservations,
         sentence,
@@ -92,8 +94,12 @@ def _tell(found: Conclusion) -> None:
     )
 
     verdict = found.verdict
-    if verdict.effects:
-        rows = [row for effect in verdict.effects for row in _effect_rows(effect)]
+    if verdict.fitted:
+        rows = [
+            row
+            for effect in verdict.fitted
+            for row in _effect_rows(effect, form_words(effect, verdict))
+        ]
         print_table(_EFFECTS, rows, _MOST_ROWS)
     print_table(_GAPS, _gap_rows(found), _MOST_ROWS)
     click.echo(sentence(verdict))
@@ -101,7 +107,11 @@ def _tell(found: Conclusion) -> None:
         worst = found.where[0]
         size = f"{worst.rms:.3g} {worst.unit}" + (f", {worst.sigma:.3g} σ" if worst.sigma else "")
         click.echo(f"They disagreed most in {worst.run}, {place_words(worst)}: {size}.")
-    for note in (*undecided_words(verdict), *reservations(verdict, found.runs)):
+    for note in (
+        *calibration_words(verdict),
+        *undecided_words(verdict),
+        *reservations(verdict, found.runs),
+    ):
         click.echo(note)
     if verdict.below_resolution:
         click.echo("Below what the sensors resolve, so neither present nor absent:")
@@ -114,11 +124,11 @@ def _tell(found: Conclusion) -> None:
         click.echo(NO_PROPOSAL)
 
 
-def _effect_rows(effect: Named) -> Iterator[list[str]]:
+def _effect_rows(effect: Named, form: str) -> Iterator[list[str]]:
     """A row for each parameter; the form is below the name, as terminals are narrow."""
     from mopro.experiment.words import interval_words, parameters_shown, value_words
 
-    names = [effect.name, f"({effect.form})"] if effect.form else [effect.name]
+    names = [effect.name, f"({form})"] if form else [effect.name]
     numbers = [
         [f"{parameter} = {value_words(e)}", interval_words(e)]
         for parameter, e in parameters_shown(effect).items()

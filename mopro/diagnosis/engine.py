@@ -75,7 +75,8 @@ def _judged(search: Search, found: Fit) -> Verdict:
         dropped += doubted
         remainder = examine(data, found.residual, len(found.order))
         held = search.fits.held_out(found) if found.candidates else None
-    named = tuple(_named(search, found, held, candidate) for candidate in found.candidates)
+    fitted = [(c, _named(search, found, held, c)) for c in found.candidates]
+    named = tuple(effect for c, effect in fitted if not _calibration(c, effect))
     faint, rejected = _others(search, found)
     return Verdict(
         verdict=_word(named, remainder),
@@ -89,6 +90,7 @@ def _judged(search: Search, found: Fit) -> Verdict:
         before=tuple(_in_units(search, search.fits.null.residual)),
         after=tuple(_in_units(search, found.residual)),
         signatures=tuple(_signature(search, found, name) for name in sorted(found.names)),
+        calibration=tuple(effect for c, effect in fitted if _calibration(c, effect)),
     )
 
 
@@ -181,6 +183,13 @@ def _named(search: Search, found: Fit, held: HeldOut | None, candidate: Candidat
         log10_bayes_factor=dearer / (2 * math.log(10)),
         sigmas=math.sqrt(max(without.rss - found.rss, 0.0) / found.variance),
         held_out=held is not None and held.supports(candidate.name),
+    )
+
+
+def _calibration(candidate: Candidate, effect: Named) -> bool:
+    """Whether an effect does no more than its model's tolerances allow for."""
+    return candidate.calibrates and all(
+        p.tolerates(effect.parameters[p.name].ci95) for p in candidate.parameters
     )
 
 

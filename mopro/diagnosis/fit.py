@@ -82,8 +82,8 @@ class Fit:
         The extended Bayesian information criterion of Chen and Chen (2008): k ln n + 2 ln
         of the number of ways to choose so many effects.
         """
-        ways = math.comb(max(pool, len(self.candidates)), len(self.candidates))
-        return self.misfit + self.price + 2 * math.log(ways) + self._implausible
+        chosen = choice_price(self.candidates, pool)
+        return self.misfit + self.price + chosen + self._implausible
 
     @property
     def price(self) -> float:
@@ -157,6 +157,12 @@ class Fit:
 def price(parameter: Parameter, count: int) -> float:
     """What a parameter must gain in chi-squared to be worth having, with `count` samples."""
     return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, _FEWEST))
+
+
+def choice_price(candidates: Sequence[Candidate], pool: int) -> float:
+    """What it costs to have chosen these out of `pool`; what is to be calibrated, nobody chose."""
+    count = sum(not candidate.calibrates for candidate in candidates)
+    return 2 * math.log(math.comb(max(pool, count), count))
 
 
 def fit(

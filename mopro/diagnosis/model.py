@@ -44,6 +44,8 @@ class Parameter:
 
     `starts` are the values to try it at. `plausible` is the range to expect it in, the
     whole one unless given: a value clearly outside of it speaks against the effect.
+    A model that states a number of its own with a `tolerance` has it corrected by one that
+    is off by no more (from `null`): that is a calibration, and no finding.
     `inverse` fits one over the value (a corner frequency, a period), and `difference` is
     the share of the range that finite differences take: small against what the response
     can follow evenly, large against the rounding of a simulation.
@@ -59,6 +61,7 @@ class Parameter:
     plausible: tuple[float, float] | None = None
     inverse: bool = False
     difference: float = 1e-3
+    tolerance: float = 0.0
 
     def scaled(self, value: float) -> float:
         """`value` as a share of the range, 0 to 1."""
@@ -90,6 +93,11 @@ class Parameter:
         """By how much `value` is outside the plausible range; 0 inside."""
         low, high = self.plausible or (self.low, self.high)
         return max(low - value, value - high, 0.0)
+
+    def tolerates(self, interval: tuple[float, float]) -> bool:
+        """Whether some of `interval` is within the tolerance."""
+        low, high = interval
+        return low <= self.null + self.tolerance and high >= self.null - self.tolerance
 
     def within(self, value: float) -> float:
         """The nearest value in the range; an angle is turned into ±π first."""
@@ -139,6 +147,11 @@ class Candidate:
     @property
     def key(self) -> tuple[str, str]:
         return self.name, self.form
+
+    @property
+    def calibrates(self) -> bool:
+        """Whether it may be no more than the correction of a number that has a tolerance."""
+        return any(parameter.tolerance for parameter in self.parameters)
 
     def settings(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
         return {self.name: {**self.fixed, **values}}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mopro.diagnosis.fit import Fit, price
+from mopro.diagnosis.fit import Fit, choice_price, price
 from mopro.diagnosis.fits import Fits, Key
 from mopro.diagnosis.model import Candidate, Role
 from mopro.diagnosis.signature import (
@@ -123,17 +123,15 @@ class Promises:
 
     def priced(self, base: Fit, members: Sequence[Scored]) -> float:
         """What `base` and `members` cost besides their misfit."""
-        pool, count = len(self._fits.catalogue), len(base.candidates)
-        ways = _log_ways(pool, count + len(members)) - _log_ways(pool, count)
-        own = sum(price(p, base.count) for m in members for p in m.candidate.parameters)
-        return self._fits.cost(base) - base.misfit + own + 2 * ways
+        joined = [member.candidate for member in members]
+        return self._fits.cost(base) - base.misfit + self._dearer(base, joined)
 
     def dearer(self, base: Fit, candidate: Candidate) -> float:
         """What a candidate must gain in chi-squared beside `base` to pay for itself."""
-        own = sum(price(parameter, base.count) for parameter in candidate.parameters)
-        pool, count = len(self._fits.catalogue), len(base.candidates)
-        return own + 2 * (_log_ways(pool, count + 1) - _log_ways(pool, count))
+        return self._dearer(base, [candidate])
 
-
-def _log_ways(pool: int, count: int) -> float:
-    return math.log(math.comb(max(pool, count), count))
+    def _dearer(self, base: Fit, joined: Sequence[Candidate]) -> float:
+        own = sum(price(p, base.count) for candidate in joined for p in candidate.parameters)
+        pool = len(self._fits.catalogue)
+        together = choice_price((*base.candidates, *joined), pool)
+        return own + together - choice_price(base.candidates, pool)

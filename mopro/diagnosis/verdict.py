@@ -113,7 +113,8 @@ class Verdict:
 
     `before` and `after` are what is left of each series, in its unit, without and with
     the effects named; `next_experiment` is the text of a program that would tell rivals
-    apart, if whoever asked can write one.
+    apart, if whoever asked can write one. `calibration` are corrections of the model's own
+    numbers within their tolerances, which are no findings.
     """
 
     verdict: str
@@ -128,11 +129,18 @@ class Verdict:
     after: tuple[Floats, ...] = ()
     signatures: tuple[Signature, ...] = ()
     next_experiment: str | None = None
+    calibration: tuple[Named, ...] = ()
+
+    @property
+    def fitted(self) -> tuple[Named, ...]:
+        """All that was added to the model: the effects, and its numbers calibrated."""
+        return (*self.effects, *self.calibration)
 
     def as_json(self) -> dict[str, Any]:
         return {
             "verdict": self.verdict,
             "effects": [_effect_json(effect) for effect in self.effects],
+            "calibration": [_effect_json(effect) for effect in self.calibration],
             "where": [vars(where) for where in self.where],
             "gap": {
                 "unit": self.gap.unit,

@@ -17,6 +17,7 @@ from mopro.experiment import thermal
 from mopro.experiment.model import Experiment
 from mopro.experiment.motor import AXIS, RUN, Motor, angle_in
 from mopro.experiment.seek import Seeker
+from mopro.machine import Machine
 
 # A range is fitted this far beyond what is plausible, so that its ends can be told.
 _WIDER = 1.5
@@ -33,7 +34,8 @@ def candidates(motor: Motor) -> list[Candidate]:
         found += thermal.candidates(experiment.machine)
     if TEMPERATURE in quantities:
         found += _of_warming()
-    return [_from_the_machine(candidate, experiment) for candidate in found]
+    found = [_from_the_machine(candidate, experiment) for candidate in found]
+    return [_with_tolerance(candidate, experiment.machine) for candidate in found]
 
 
 def _of_position(motor: Motor) -> Iterator[Candidate]:
@@ -276,3 +278,18 @@ def _from_the_machine(candidate: Candidate, experiment: Experiment) -> Candidate
             )
             candidate = replace(candidate, parameters=own)
     return candidate
+
+
+def _with_tolerance(candidate: Candidate, machine: Machine) -> Candidate:
+    """An effect that may correct a number which the machine file states with a tolerance."""
+    corrected = {
+        "force_constant": ("pull_out_force", 1.0),
+        "electrical_damping": ("damping_ratio", machine.axis.damping_ratio),
+    }
+    if candidate.name not in corrected:
+        return candidate
+    key, scale = corrected[candidate.name]
+    source = machine.provenance.get(f"axis.{key}")
+    tolerance = scale * source.tolerance if source else 0.0
+    own = tuple(replace(p, tolerance=tolerance) for p in candidate.parameters)
+    return replace(candidate, parameters=own)

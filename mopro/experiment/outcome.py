@@ -27,13 +27,13 @@ def lasting(experiment: Experiment, verdict: Verdict) -> list[Named]:
     runs = tuple(trial.name for trial in experiment.trials)
     return [
         effect
-        for effect in verdict.effects
+        for effect in verdict.fitted
         if effect.name in catalogue() and reservation(effect, verdict, runs) is None
     ]
 
 
 def machine_text(experiment: Experiment, verdict: Verdict) -> str:
-    """The machine file with the effects that were named, each with its origin."""
+    """The machine file with what was fitted, each effect with its origin."""
     machine = experiment.machine
     source = machine.source or Source(machine.name, "")
     named = lasting(experiment, verdict)

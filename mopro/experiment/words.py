@@ -25,13 +25,32 @@ def sentence(verdict: Verdict) -> str:
         return f"Unexplained{beside}: what is left looks like {verdict.remainder.description}."
     if verdict.verdict == "none" and verdict.gap.noise_rms is None:
         return "None: no effect is called for, as far as that shows with unknown noise."
+    if verdict.verdict == "none" and verdict.calibration:
+        corrected = " and ".join(effect.name for effect in verdict.calibration)
+        return f"None: with {corrected} calibrated, simulation and data agree."
     if verdict.verdict == "none":
         return "None: simulation and data agree within the sensors' noise."
     return f"{verdict.verdict.capitalize()}: {names}."
 
 
-def effect_words(effect: Named) -> str:
-    return f"{effect.name} ({effect.form})" if effect.form else effect.name
+def calibration_words(verdict: Verdict) -> Iterator[str]:
+    """What was corrected within the machine file's tolerances."""
+    for effect in verdict.calibration:
+        values = ", ".join(
+            f"{name} = {value_words(e)} ({interval_words(e)})"
+            for name, e in effect.parameters.items()
+        )
+        yield f"Calibrated, within the machine file's tolerance: {effect.name}, {values}."
+
+
+def form_words(effect: Named, verdict: Verdict) -> str:
+    """What stands after its name: its form, or that it merely calibrates; often nothing."""
+    return "calibration" if effect in verdict.calibration else effect.form
+
+
+def effect_words(effect: Named, verdict: Verdict) -> str:
+    form = form_words(effect, verdict)
+    return f"{effect.name} ({form})" if form else effect.name
 
 
 def parameters_shown(effect: Named) -> dict[str, Estimate]:
@@ -89,7 +108,7 @@ def faint_words(verdict: Verdict) -> list[str]:
 
 def undecided_words(verdict: Verdict) -> Iterator[str]:
     """What these data cannot tell apart."""
-    for effect in verdict.effects:
+    for effect in verdict.fitted:
         if effect.rivals:
             yield f"These data cannot tell {effect.name} from {rivals_words(effect)}."
 

@@ -33,6 +33,7 @@ _EFFECTS = "effects"
 # import than the machine takes to read.
 _FOLDER = Path(__file__).with_name("machines")
 _VALUE_KEYS = {"value", "unit", "origin", "place"}
+_TOLERANCE = "tolerance"
 
 
 def builtin_machines() -> list[str]:
@@ -129,8 +130,17 @@ class _Reader(TomlReader):
             message = f"expected an origin of {key}: one of {', '.join(ORIGINS)}"
             self._report("missing-origin", message, section, key)
         self._provenance[f"{section}.{key}"] = Provenance(
-            str(entry.get("origin")), str(entry.get("place", ""))
+            str(entry.get("origin")),
+            str(entry.get("place", "")),
+            self._tolerance(section, key, entry.get(_TOLERANCE, 0.0)),
         )
+
+    def _tolerance(self, section: str, key: str, share: Any) -> float:
+        if isinstance(share, int | float) and not isinstance(share, bool) and 0 <= share < 1:
+            return float(share)
+        message = f"expected the tolerance of {key} as a share of it, such as 0.1"
+        self._report("bad-value", message, section, key)
+        return 0.0
 
     def _section(self, section: str, kind: type[Any]) -> Any:
         table = self._data.get(section)
@@ -172,7 +182,8 @@ class _Reader(TomlReader):
             )
             self._report("bad-value", message, section, key)
             return None
-        self._known(section, entry, _VALUE_KEYS, at=key)
+        known = _VALUE_KEYS | ({_TOLERANCE} if quantity.metadata["tolerated"] else set())
+        self._known(section, entry, known, at=key)
         self._origin(section, key, entry)
         try:
             value = to_si(number, str(entry.get("unit")), dimension)

@@ -19,12 +19,16 @@ def _quantity(
     at_least: float = 0.0,
     above: bool = True,
     default: float | None = None,
+    tolerated: bool = False,
 ) -> Any:
     """A field that a machine file states under `key`, within a bound.
 
-    One with a default may be left out.
+    One with a default may be left out; one that is `tolerated` may have a tolerance.
     """
-    metadata = {"key": key, "dimension": dimension, "at_least": at_least, "above": above}
+    metadata = {
+        "key": key, "dimension": dimension, "at_least": at_least, "above": above,
+        "tolerated": tolerated,
+    }  # fmt: skip
     if default is None:
         return field(metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -37,10 +41,14 @@ def _choice(key: str, *choices: str) -> Any:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a value comes from: thesis, derived, assumed or measured, and the place."""
+    """Where a value comes from: thesis, derived, assumed or measured, and the place.
+
+    `tolerance` is by what share of it the machine's own may be another.
+    """
 
     origin: str
     place: str
+    tolerance: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -53,8 +61,8 @@ class Axis:
 
     pitch_m: float = _quantity("pitch", "length")
     moving_mass_kg: float = _quantity("moving_mass", "mass")
-    pull_out_force_N: float = _quantity("pull_out_force", "force")
-    damping_ratio: float = _quantity("damping_ratio", "ratio", above=False)
+    pull_out_force_N: float = _quantity("pull_out_force", "force", tolerated=True)
+    damping_ratio: float = _quantity("damping_ratio", "ratio", above=False, tolerated=True)
 
     @property
     def wave_number_1_m(self) -> float:

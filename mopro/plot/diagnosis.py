@@ -12,6 +12,7 @@ from mopro.diagnosis import Verdict
 from mopro.experiment.conclude import Conclusion
 from mopro.experiment.words import (
     NO_PROPOSAL,
+    calibration_words,
     effect_words,
     interval_words,
     parameters_shown,
@@ -63,19 +64,20 @@ def _name(found: Conclusion) -> str:
 
 def _effects(found: Conclusion) -> Iterator[str]:
     yield heading("What was found")
-    if not found.verdict.effects:
+    if not found.verdict.fitted:
         yield paragraph(_UNDECIDED)
         return
     yield table("The effects that are believed", _FOUND, _effect_rows(found.verdict))
+    yield from map(paragraph, calibration_words(found.verdict))
     yield from map(paragraph, undecided_words(found.verdict))
     yield from map(paragraph, reservations(found.verdict, found.runs))
 
 
 def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:
-    for effect in verdict.effects:
+    for effect in verdict.fitted:
         for name, estimate in parameters_shown(effect).items():
             yield [
-                effect_words(effect),
+                effect_words(effect, verdict),
                 name,
                 value_words(estimate),
                 interval_words(estimate),
@@ -157,9 +159,10 @@ def _left(verdict: Verdict) -> str:
 
 def _candidates(verdict: Verdict) -> Iterator[list[str]]:
     """Those believed, what cannot be told from them, the rejected, and those too faint."""
-    rival_of = {rival: e.name for e in verdict.effects for rival in e.rivals}
-    for effect in verdict.effects:
-        yield [effect.name, "believed", f"{effect.sigmas:.3g}", "pays for its parameters"]
+    rival_of = {rival: e.name for e in verdict.fitted for rival in e.rivals}
+    for effect in verdict.fitted:
+        standing = "calibrated" if effect in verdict.calibration else "believed"
+        yield [effect.name, standing, f"{effect.sigmas:.3g}", "pays for its parameters"]
     for rejected in sorted(verdict.rejected, key=lambda r: -r.gain):
         standing, reason = "rejected", rejected.reason
         if rejected.name in rival_of:

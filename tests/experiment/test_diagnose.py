@@ -13,7 +13,9 @@ from mopro.experiment.catalogue import candidates
 from mopro.experiment.diagnose import diagnose
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial
 from mopro.experiment.motor import FINE_STEP_S, Motor
+from mopro.experiment.outcome import machine_with
 from mopro.machine import load_machine
+from mopro.machine.file import read_machine
 from mopro.motion import plan
 from mopro.source import Source
 
@@ -205,3 +207,40 @@ class TestCandidates:
                     stated = own[parameter.name]
                     assert parameter.unit == stated.unit
                     assert stated.low <= parameter.low < parameter.high <= stated.high
+
+
+def tolerant(**tolerances):
+    """The nominal machine, some of its numbers known to a share of them only."""
+    text = MACHINE.source.text
+    for key, share in tolerances.items():
+        head = f"{key} = {{"
+        assert text.count(head) == 1
+        text = text.replace(head, f"{head} tolerance = {share},")
+    return read_machine(Source("mine.toml", text))
+
+
+@pytest.mark.parametrize(("tolerance", "calibrated"), [(0.1, True), (0.01, False)])
+def test_a_number_within_its_tolerance_is_calibrated_and_no_finding(tolerance, calibrated):
+    machine = tolerant(pull_out_force=tolerance)
+    tried = experiment({"force_constant": {"e": -0.05}}, seed=11, machine=machine)
+    found = diagnose(tried, jobs=2).verdict
+    assert [e.name for e in found.fitted] == ["force_constant"]
+    low, high = found.fitted[0].parameters["e"].ci95
+    assert low < -0.05 < high
+    assert (found.verdict == "none") is calibrated
+    assert bool(found.calibration) is calibrated
+    assert bool(found.effects) is not calibrated
+    again = machine_with(tried, found)
+    (stated,) = again.effects
+    assert stated.values["e"].number == pytest.approx(-0.05, abs=5e-3)
+    assert again.provenance["axis.pull_out_force"].tolerance == tolerance
+
+
+def test_an_effect_is_named_beside_what_is_calibrated():
+    truth = {"electrical_damping": {"zeta": 0.027}, "viscous_drag": {"b": 8.0}}
+    tried = experiment(truth, seed=12, machine=tolerant(pull_out_force=0.1, damping_ratio=0.3))
+    found = diagnose(tried, jobs=2).verdict
+    assert found.verdict == "named"
+    assert [e.name for e in found.effects] == ["viscous_drag"]
+    assert "electrical_damping" in [e.name for e in found.calibration]
+    assert not found.remainder.significant

@@ -1,5 +1,6 @@
 """Verdicts in words."""
 
+import dataclasses
 import math
 
 import pytest
@@ -9,6 +10,8 @@ from mopro.diagnosis.remainder import Remainder
 from mopro.diagnosis.verdict import BelowResolution, Gap
 from mopro.experiment.compare import Place
 from mopro.experiment.words import (
+    calibration_words,
+    effect_words,
     faint_words,
     interval_words,
     origin_words,
@@ -61,6 +64,20 @@ EITHER = named("viscous_drag", {"current_loop_lag": 0.25, "trigger_delay": 4.0},
 )
 def test_each_verdict_is_a_sentence(given, said):
     assert sentence(given) == said
+
+
+def test_what_is_calibrated_is_told_as_such():
+    weaker = named("force_constant", e=-0.25)
+    calibrated = dataclasses.replace(verdict("none"), calibration=(weaker,))
+    assert (
+        sentence(calibrated) == "None: with force_constant calibrated, simulation and data agree."
+    )
+    assert list(calibration_words(calibrated)) == [
+        "Calibrated, within the machine file's tolerance: force_constant, e = -0.25 "
+        "(-1.25 to 0.75)."
+    ]
+    assert effect_words(weaker, calibrated) == "force_constant (calibration)"
+    assert effect_words(weaker, verdict("named", weaker)) == "force_constant"
 
 
 def test_rivals_are_told_with_what_they_cost():

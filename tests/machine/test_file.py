@@ -39,6 +39,14 @@ def test_every_value_says_where_it_comes_from():
     assert machine.provenance["axis.pull_out_force"].origin == "assumed"
 
 
+def test_a_number_may_have_a_tolerance():
+    text = TEXT.replace("value = 0.03,", "value = 0.03, tolerance = 0.5,")
+    machine = read_machine(Source("m", text))
+    assert machine.provenance["axis.damping_ratio"].tolerance == 0.5
+    assert machine.provenance["axis.pull_out_force"].tolerance == 0.0
+    assert machine == load_machine("chow1992")
+
+
 def test_units_are_converted():
     text = TEXT.replace('value = 0.040, unit = "in"', 'value = 1.016, unit = "mm"')
     assert read_machine(Source("m", text)).axis.pitch_m == pytest.approx(1.016e-3, rel=1e-15)
@@ -59,6 +67,10 @@ def test_units_are_converted():
          ("unknown-key", "pitch")),
         ('unit = "in", origin = "thesis"', 'unit = "in", origin = "dream"',
          ("missing-origin", "pitch")),
+        ("value = 0.040,", "value = 0.040, tolerance = 0.1,", ("unknown-key", "pitch")),
+        ("value = 111.0,", "value = 111.0, tolerance = 1.5,", ("bad-value", "pull_out_force")),
+        ("value = 111.0,", 'value = 111.0, tolerance = "5 %",', ("bad-value", "pull_out_force")),
+        ("value = 111.0,", "value = 111.0, tolerance = nan,", ("bad-value", "pull_out_force")),
         ("damping_ratio =", "dampign_ratio =", ("unknown-key", "dampign_ratio")),
         ("[platen]", "[plate]", ("unknown-key", "[plate]")),
         ('name = "chow1992"', "name = 5", ("missing-key", "name")),
