@@ -16,7 +16,7 @@ from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile
 
 if TYPE_CHECKING:
-    from mopro.diagnosis import Named
+    from mopro.diagnosis import Named, Verdict
     from mopro.experiment.conclude import Conclusion
 
 _MOST_ROWS = 40
@@ -86,7 +86,6 @@ def _tell(found: Conclusion) -> None:
         NO_PROPOSAL,
         calibration_words,
         faint_words,
-        form_words,
         place_words,
         reservations,
         sentence,
@@ -95,11 +94,7 @@ def _tell(found: Conclusion) -> None:
 
     verdict = found.verdict
     if verdict.fitted:
-        rows = [
-            row
-            for effect in verdict.fitted
-            for row in _effect_rows(effect, form_words(effect, verdict))
-        ]
+        rows = [row for effect in verdict.fitted for row in _effect_rows(effect, verdict)]
         print_table(_EFFECTS, rows, _MOST_ROWS)
     print_table(_GAPS, _gap_rows(found), _MOST_ROWS)
     click.echo(sentence(verdict))
@@ -124,10 +119,17 @@ def _tell(found: Conclusion) -> None:
         click.echo(NO_PROPOSAL)
 
 
-def _effect_rows(effect: Named, form: str) -> Iterator[list[str]]:
+def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:
     """A row for each parameter; the form is below the name, as terminals are narrow."""
-    from mopro.experiment.words import interval_words, parameters_shown, value_words
+    from mopro.experiment.words import (
+        form_words,
+        held_out_words,
+        interval_words,
+        parameters_shown,
+        value_words,
+    )
 
+    form = form_words(effect, verdict)
     names = [effect.name, f"({form})"] if form else [effect.name]
     numbers = [
         [f"{parameter} = {value_words(e)}", interval_words(e)]
@@ -136,7 +138,7 @@ def _effect_rows(effect: Named, form: str) -> Iterator[list[str]]:
     evidence = [
         f"{effect.sigmas:.3g}",
         f"{effect.log10_bayes_factor:.3g}",
-        "gains" if effect.held_out else "no gain",
+        held_out_words(effect, verdict),
     ]
     for name, number in zip_longest(names, numbers):
         yield [name or "", *(number or ("", "")), *evidence]

@@ -60,23 +60,23 @@ def reconcile(
 
 def _numerics_matter(search: Search, found: Fit, finer: Simulate) -> bool:
     """Whether something is left over that a coarse simulation may have caused."""
-    if not examine(search.fits.residuals.data, found.residual, len(found.order)).significant:
+    if not examine(search.fits.residuals, found.residual, len(found.order)).significant:
         return False
     other = Residuals(finer, search.fits.residuals.data).at(found.settings)
     return float(np.sum((other - found.residual) ** 2)) > _NUMERICS_MATTER * found.variance
 
 
 def _judged(search: Search, found: Fit) -> Verdict:
-    data = search.fits.residuals.data
+    residuals = search.fits.residuals
     found, held, dropped = _supported(search, found)
-    remainder = examine(data, found.residual, len(found.order))
+    remainder = examine(residuals, found.residual, len(found.order))
     if remainder.significant:
         found, doubted = _firm(search, found)
         dropped += doubted
-        remainder = examine(data, found.residual, len(found.order))
+        remainder = examine(residuals, found.residual, len(found.order))
         held = search.fits.held_out(found) if found.candidates else None
     fitted = [(c, _named(search, found, held, c)) for c in found.candidates]
-    named = tuple(effect for c, effect in fitted if not _calibration(c, effect))
+    named = tuple(effect for c, effect in fitted if not found.calibrated(c))
     faint, rejected = _others(search, found)
     return Verdict(
         verdict=_word(named, remainder),
@@ -90,7 +90,7 @@ def _judged(search: Search, found: Fit) -> Verdict:
         before=tuple(_in_units(search, search.fits.null.residual)),
         after=tuple(_in_units(search, found.residual)),
         signatures=tuple(_signature(search, found, name) for name in sorted(found.names)),
-        calibration=tuple(effect for c, effect in fitted if _calibration(c, effect)),
+        calibration=tuple(effect for c, effect in fitted if found.calibrated(c)),
     )
 
 
@@ -98,6 +98,8 @@ def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:
     if not data:
         raise ValueError("there are no data")
     for series in data:
+        if series.sigma is not None and not series.sigma > 0:
+            raise ValueError(f"{series.run}, {series.sensor}: expected a sigma above 0, or None")
         if not len(series) or not np.isfinite(series.values).all():
             raise ValueError(
                 f"{series.run}, {series.sensor}: expected finite numbers, at least one"
@@ -112,8 +114,8 @@ def _supported(search: Search, found: Fit) -> tuple[Fit, HeldOut | None, list[Re
     dropped: list[Rejected] = []
     while found.candidates:
         held = search.fits.held_out(found)
-        unborne = [name for name in found.names if not held.supports(name)]
-        if not unborne:
+        unborne = [name for name in found.names if held and not held.supports(name)]
+        if not held or not unborne:
             return found, held, dropped
         worst = min(unborne, key=lambda name: held.without[name])
         gain = search.fits.without(found, worst).rss - found.rss
@@ -144,13 +146,14 @@ def _firm(search: Search, found: Fit) -> tuple[Fit, list[Rejected]]:
 
 
 def _noise(search: Search, found: Fit) -> float:
-    """The sum of squares that noise alone would leave.
+    """The sum of squares that white noise alone would leave.
 
-    Where nobody knows it, white noise as strong as neighbouring samples say.
+    As much as neighbouring samples say, and no more than is known: a sensor's noise that
+    wanders hides no effect, but looks like one.
     """
-    if found.known_noise:
-        return float(found.count)
-    return sum(len(p) * white_variance(p) for p in search.fits.residuals.split(found.residual))
+    most = 1.0 if found.known_noise else math.inf
+    parts = search.fits.residuals.split(found.residual)
+    return sum(len(part) * min(white_variance(part), most) for part in parts)
 
 
 def _word(named: tuple[Named, ...], remainder: Remainder) -> str:
@@ -167,7 +170,8 @@ def _named(search: Search, found: Fit, held: HeldOut | None, candidate: Candidat
     estimates = {}
     for p in candidate.parameters:
         value = float(values[p.name])
-        interval = intervals.get((candidate.name, p), (-math.inf, math.inf))
+        # What a search of its own found has none.
+        interval = intervals.get((candidate.name, p), (math.nan, math.nan))
         stopped = f"{candidate.name}.{p.name}" in bounds
         estimates[p.name] = Estimate(value, p.unit, interval, stopped)
     without = search.fits.without(found, candidate.name)
@@ -183,13 +187,6 @@ def _named(search: Search, found: Fit, held: HeldOut | None, candidate: Candidat
         log10_bayes_factor=dearer / (2 * math.log(10)),
         sigmas=math.sqrt(max(without.rss - found.rss, 0.0) / found.variance),
         held_out=held is not None and held.supports(candidate.name),
-    )
-
-
-def _calibration(candidate: Candidate, effect: Named) -> bool:
-    """Whether an effect does no more than its model's tolerances allow for."""
-    return candidate.calibrates and all(
-        p.tolerates(effect.parameters[p.name].ci95) for p in candidate.parameters
     )
 
 
@@ -216,9 +213,9 @@ def _others(search: Search, found: Fit) -> tuple[tuple[BelowResolution, ...], li
 
 def _where(search: Search) -> list[Where]:
     places = []
-    parts = search.fits.residuals.split(search.fits.null.residual)
+    parts = _in_units(search, search.fits.null.residual)
     for series, own in zip(search.fits.residuals.data, parts, strict=True):
-        rms = math.sqrt(float(np.mean(own**2))) * (series.sigma or 1.0)
+        rms = math.sqrt(float(np.mean(own**2)))
         places.append(Where(series.run, series.sensor, rms, series.sigma))
     return places
 

@@ -80,10 +80,28 @@ class Fit:
         """-2 log likelihood, and the price of each parameter and of having had `pool` choices.
 
         The extended Bayesian information criterion of Chen and Chen (2008): k ln n + 2 ln
-        of the number of ways to choose so many effects.
+        of the number of ways to choose so many effects. Where the noise is unknown, fewer
+        samples than it takes to tell it are worth nothing.
         """
-        chosen = choice_price(self.candidates, pool)
+        if not self.known_noise and len(self.order) >= self.count - 1:
+            return math.inf
+        chosen = choice_price(self.chosen, pool)
         return self.misfit + self.price + chosen + self._implausible
+
+    @property
+    def chosen(self) -> int:
+        """How many of its effects are findings, and no calibrations."""
+        return sum(not self.calibrated(candidate) for candidate in self.candidates)
+
+    def calibrated(self, candidate: Candidate) -> bool:
+        """Whether one of its effects does no more than the model's tolerances allow for."""
+        return candidate.calibrates and candidate.name not in self._intolerable
+
+    @cached_property
+    def _intolerable(self) -> frozenset[str]:
+        """The effects with a value that is in no tolerance, errors allowed for."""
+        known = zip(self.order, self.values.tolist(), self.deviations().tolist(), strict=True)
+        return frozenset(name for (name, p), v, d in known if not p.tolerates(v, _CLEARLY * d))
 
     @property
     def price(self) -> float:
@@ -159,9 +177,8 @@ def price(parameter: Parameter, count: int) -> float:
     return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, _FEWEST))
 
 
-def choice_price(candidates: Sequence[Candidate], pool: int) -> float:
-    """What it costs to have chosen these out of `pool`; what is to be calibrated, nobody chose."""
-    count = sum(not candidate.calibrates for candidate in candidates)
+def choice_price(count: int, pool: int) -> float:
+    """What it costs to have chosen `count` out of `pool`; calibrations are not chosen."""
     return 2 * math.log(math.comb(max(pool, count), count))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 from typing import TypeVar
 
 from mopro.diagnosis.fit import Fit, fit
@@ -37,7 +38,9 @@ class Fits:
         self.catalogue = tuple(catalogue)
         self.progress = progress
         self._jobs = jobs
-        self._fits: dict[Key, Fit] = {}
+        self._lock = Lock()
+        # With the limit that each was fitted for.
+        self._fits: dict[Key, tuple[Fit, float]] = {}
 
     @property
     def null(self) -> Fit:
@@ -54,15 +57,22 @@ class Fits:
     ) -> Fit:
         """The fit of a set of effects; each set is fitted once.
 
-        One that does not come near `limit` is given up; it is asked for anew without.
+        One that does not come near `limit` is given up; it is fitted anew for a wider one.
         """
         key = frozenset(candidate.key for candidate in candidates)
-        known = self._fits.get(key)
-        if known is None or (known.hopeless and limit == math.inf):
-            if candidates:
-                self.progress("fitting " + " + ".join(sorted(c.name for c in candidates)))
-            self._fits[key] = fit(self.residuals, candidates, starts, limit)
-        return self._fits[key]
+        with self._lock:
+            known, reach = self._fits.get(key, (None, 0.0))
+        if known is not None and (not known.hopeless or limit <= reach):
+            return known
+        if candidates:
+            self.progress("fitting " + " + ".join(sorted(c.name for c in candidates)))
+        found = fit(self.residuals, candidates, starts, limit)
+        with self._lock:
+            # Another thread may have been faster.
+            known, reach = self._fits.get(key, (None, 0.0))
+            if known is None or (known.hopeless and limit > reach):
+                self._fits[key] = found, limit
+            return self._fits[key][0]
 
     def joined(self, base: Fit, scored: Scored, limit: float = math.inf) -> Fit:
         starts = [{**base.settings, **start} for start in scored.starts]
@@ -114,7 +124,7 @@ class Fits:
             found = cheaper
         return found
 
-    def held_out(self, found: Fit) -> HeldOut:
+    def held_out(self, found: Fit) -> HeldOut | None:
         """How parts that were not fitted are predicted, with and without each effect."""
         without = {name: self.without(found, name) for name in found.names}
         return held_out(self.residuals, self.null, found, without)

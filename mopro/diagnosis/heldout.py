@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mopro.diagnosis.fit import Fit, fit
 from mopro.diagnosis.model import Floats, Mask
 from mopro.diagnosis.residual import Residuals, projected_out
 
-_MOST_FOLDS = 12
+_FEWEST_FOLDS, _MOST_FOLDS = 2, 12
 # Below so many samples a problem is refitted in earnest; above, the slopes at the fit
 # tell what leaving a part out would have changed, as it is a small change.
 _FEW = 1000
@@ -34,9 +35,16 @@ class HeldOut:
         return self.after < self.without[effect]
 
 
-def held_out(residuals: Residuals, null: Fit, found: Fit, without: dict[str, Fit]) -> HeldOut:
-    """Each part predicted by a fit of the others, with and without each effect."""
+def held_out(
+    residuals: Residuals, null: Fit, found: Fit, without: dict[str, Fit]
+) -> HeldOut | None:
+    """Each part predicted by a fit of the others, with and without each effect.
+
+    None where there is but one part, which nothing else could predict.
+    """
     parts = folds(residuals)
+    if len(parts) < _FEWEST_FOLDS:
+        return None
     after = _predicted(residuals, found, parts)
     return HeldOut(
         before=_mean_square(_predicted(residuals, null, parts)),
@@ -52,16 +60,18 @@ def held_out(residuals: Residuals, null: Fit, found: Fit, without: dict[str, Fit
 def folds(residuals: Residuals) -> list[Mask]:
     """Masks of the parts: a run's moves, or whole runs, whichever are given.
 
-    Many small parts go together, so that there are a dozen at most.
+    What several sensors saw of a part is held out together. Many small parts go together,
+    so that there are a dozen at most.
     """
-    labels, first = [], 0
+    labels: list[NDArray[np.int64]] = []
+    known: dict[tuple[str, int], int] = {}
     for series in residuals.data:
         own = np.zeros(len(series), int) if series.folds is None else np.asarray(series.folds)
-        _, numbers = np.unique(own, return_inverse=True)
-        labels.append(first + numbers)
-        first += int(numbers.max()) + 1
+        folds, places = np.unique(own, return_inverse=True)
+        numbers = [known.setdefault((series.run, int(fold)), len(known)) for fold in folds]
+        labels.append(np.array(numbers)[places])
     joined = np.concatenate(labels)
-    if first > _MOST_FOLDS:
+    if len(known) > _MOST_FOLDS:
         joined = joined % _MOST_FOLDS
     return [joined == label for label in np.unique(joined)]
 

@@ -44,8 +44,8 @@ class Parameter:
 
     `starts` are the values to try it at. `plausible` is the range to expect it in, the
     whole one unless given: a value clearly outside of it speaks against the effect.
-    A model that states a number of its own with a `tolerance` has it corrected by one that
-    is off by no more (from `null`): that is a calibration, and no finding.
+    A value in `tolerated` merely corrects a number that the model itself states no better:
+    that is a calibration, and no finding.
     `inverse` fits one over the value (a corner frequency, a period), and `difference` is
     the share of the range that finite differences take: small against what the response
     can follow evenly, large against the rounding of a simulation.
@@ -61,7 +61,7 @@ class Parameter:
     plausible: tuple[float, float] | None = None
     inverse: bool = False
     difference: float = 1e-3
-    tolerance: float = 0.0
+    tolerated: tuple[float, float] | None = None
 
     def scaled(self, value: float) -> float:
         """`value` as a share of the range, 0 to 1."""
@@ -94,10 +94,12 @@ class Parameter:
         low, high = self.plausible or (self.low, self.high)
         return max(low - value, value - high, 0.0)
 
-    def tolerates(self, interval: tuple[float, float]) -> bool:
-        """Whether some of `interval` is within the tolerance."""
-        low, high = interval
-        return low <= self.null + self.tolerance and high >= self.null - self.tolerance
+    def tolerates(self, value: float, error: float) -> bool:
+        """Whether `value`, known to within `error`, is in the model's tolerance."""
+        if self.tolerated is None or not math.isfinite(error):
+            return False
+        low, high = self.tolerated
+        return low - error <= value <= high + error
 
     def within(self, value: float) -> float:
         """The nearest value in the range; an angle is turned into ±π first."""
@@ -110,13 +112,15 @@ class Parameter:
 class Leftover:
     """What a candidate's own search is shown: the data, and what a fit leaves of them.
 
-    `residuals` are one array a series, in standard deviations; `predictions` what the
-    model says there, in the series' units. `misfit(settings)` is the sum of squares that
-    the whole residual would have with `settings` besides what is fitted already.
+    `residuals` are one array a series, in standard deviations, which are `sigmas` in the
+    series' units; `predictions` are what the model says there. `misfit(settings)` is the
+    sum of squares that the whole residual would have with `settings` besides what is fitted
+    already.
     """
 
     data: Sequence[Series]
     residuals: Sequence[Floats]
+    sigmas: Sequence[float]
     predictions: Sequence[Floats]
     misfit: Callable[[Settings], float]
 
@@ -151,7 +155,7 @@ class Candidate:
     @property
     def calibrates(self) -> bool:
         """Whether it may be no more than the correction of a number that has a tolerance."""
-        return any(parameter.tolerance for parameter in self.parameters)
+        return any(parameter.tolerated for parameter in self.parameters)
 
     def settings(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
         return {self.name: {**self.fixed, **values}}
@@ -163,10 +167,11 @@ class Series:
 
     `sigma` is its noise (standard deviation, in `unit`), or None where it is unknown and
     the fit must tell. `time_s` and `folds` have the values' length: folds number the
-    parts (moves) that can be held out. `nuisances` (length x count) are shapes that
-    nobody would call an effect, fitted always; a constant offset unless given. `labels`
-    are further arrays of that length (`position` in `position_unit`, `velocity`,
-    `acceleration`) that help to describe what no effect accounts for.
+    parts (moves) of the run that can be held out, the same in all its series. `nuisances`
+    (length x count) are shapes that nobody would call an effect, fitted always; a constant
+    offset unless given. `labels` are further arrays of that length (`position` in
+    `position_unit`, `velocity`, `acceleration`) that help to describe what no effect
+    accounts for.
     """
 
     run: str

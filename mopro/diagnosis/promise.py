@@ -133,5 +133,5 @@ class Promises:
     def _dearer(self, base: Fit, joined: Sequence[Candidate]) -> float:
         own = sum(price(p, base.count) for candidate in joined for p in candidate.parameters)
         pool = len(self._fits.catalogue)
-        together = choice_price((*base.candidates, *joined), pool)
-        return own + together - choice_price(base.candidates, pool)
+        together = base.chosen + sum(not candidate.calibrates for candidate in joined)
+        return own + choice_price(together, pool) - choice_price(base.chosen, pool)

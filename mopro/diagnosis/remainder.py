@@ -11,7 +11,7 @@ import numpy as np
 from scipy import fft, stats
 
 from mopro.diagnosis.model import Floats, Series
-from mopro.diagnosis.residual import white_variance
+from mopro.diagnosis.residual import Residuals, white_variance
 from mopro.diagnosis.spectrum import position_spectrum
 
 # A false alarm in one of a thousand remainders that are noise, over all tests together.
@@ -26,6 +26,10 @@ _FEWEST_CYCLES = 4
 # Kolmogorov's chance is its first term beyond this.
 _FAR = 3.0
 _BINS = (8, 16, 32, 64)
+# What varies less than this, in the noise's variance, does not vary: a sensor at rest.
+_STILL = 1e-6
+# Times whose steps are nearly all alike are even; a gap here and there is none too many.
+_ALIKE, _NEARLY_ALL = 0.01, 0.9
 
 
 @dataclass(frozen=True)
@@ -62,19 +66,15 @@ class _Left:
         return None if label is None else np.asarray(label, dtype=float)
 
 
-def examine(data: Sequence[Series], residual: Floats, parameters: int) -> Remainder:
-    """Test the whitened `residual`; `parameters` is how many numbers were fitted to it.
+def examine(residuals: Residuals, residual: Floats, parameters: int) -> Remainder:
+    """Test what `residual` leaves, to which `parameters` numbers were fitted.
 
     Of a series with unknown noise only the shape can be tested, against as much white
     noise.
     """
-    lefts, start = [], 0
-    for series in data:
-        own = residual[start : start + len(series)]
-        start += len(series)
-        if len(series) >= _FEWEST:
-            lefts.append(_left(series, own))
-    known = all(series.sigma for series in data)
+    parts = zip(residuals.data, residuals.split(residual), residuals.sigmas, strict=True)
+    lefts = [_left(series, own, sigma) for series, own, sigma in parts if len(series) >= _FEWEST]
+    known = residuals.known
     tests = [_excess(residual, parameters)] if known else []
     tests += [test for left in lefts for test in _own_shapes(left)]
     for _, group in groupby(sorted(lefts, key=_sensor), key=_sensor):
@@ -89,13 +89,13 @@ def examine(data: Sequence[Series], residual: Floats, parameters: int) -> Remain
     return Remainder(True, _words(tests, scatter), p_value, scatter)
 
 
-def _left(series: Series, own: Floats) -> _Left:
+def _left(series: Series, own: Floats, sigma: float) -> _Left:
     """Where nobody knows the noise, neighbouring samples tell it, with an error of their own."""
     if series.sigma is not None:
         return _Left(series, own)
     known = 1 + _ERRORS / math.sqrt(len(own))
     scatter = known * math.sqrt(white_variance(own)) or 1.0
-    return _Left(replace(series, sigma=scatter), own / scatter)
+    return _Left(replace(series, sigma=sigma * scatter), own / scatter)
 
 
 def _words(tests: Sequence[_Finding], scatter: float) -> str:
@@ -126,14 +126,26 @@ def _own_shapes(left: _Left) -> Iterator[_Finding]:
     if series.time_s is not None:
         yield _drift(series, series.time_s, z)
         yield _step(series, series.time_s, z)
+    if _even(series):
         yield _line_in_time([left])
+
+
+def _even(series: Series) -> bool:
+    """Whether it was sampled at a steady rate: a place in its spectrum is a frequency then."""
+    if series.time_s is None:
+        return False
+    steps = np.diff(series.time_s)
+    step = float(np.median(steps))
+    return float(np.mean(np.abs(steps - step) < _ALIKE * step)) >= _NEARLY_ALL
 
 
 def _memory(left: _Left) -> _Finding:
     """Bartlett's test (1955): the cumulative periodogram of white noise is a straight line."""
     z = left.z
     power = np.abs(fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
-    shares = np.cumsum(power)[:-1] / (power.sum() or 1.0)
+    if float(np.var(z)) < _STILL:
+        return _Finding(0.0, None)
+    shares = np.cumsum(power)[:-1] / power.sum()
     distance = float(stats.kstest(shares, "uniform", method="asymp").statistic)
     return _Finding(
         _kolmogorov(distance * math.sqrt(len(shares))),
@@ -155,7 +167,7 @@ def _wander(left: _Left, shares: Floats) -> str | None:
         return None
     spread = np.linspace(0, 1, len(shares))
     edge = int(np.argmax(shares - spread)) + 1
-    slowest = edge / (len(left.z) * float(np.median(np.diff(time_s))))
+    slowest = edge / float(np.ptp(time_s))
     return f"a slow wander in time, below {slowest:.2g} Hz, in {left.series.run}"
 
 
@@ -183,7 +195,7 @@ def _step(series: Series, time_s: Floats, z: Floats) -> _Finding:
 
 
 def _common_shapes(lefts: Sequence[_Left]) -> Iterator[_Finding]:
-    timed = [left for left in lefts if left.series.time_s is not None]
+    timed = [left for left in lefts if _even(left.series)]
     if len(timed) > 1:
         yield _line_in_time(timed)
     placed = [left for left in lefts if _reach(left) > 0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -13,24 +14,39 @@ from mopro.diagnosis.model import Floats, Mask, Series, Settings, Simulate
 class Residuals:
     """All series of a problem as one vector.
 
-    `weights` are 1/sigma, or 1 for a series of unknown noise; `known` tells whether the
-    noise is. A subset of samples (`keep`) is a problem of its own for held-out tests.
+    `sigmas` are what a standard deviation is in each, and `known` tells whether that is
+    stated for all. Where it is not, neighbouring samples tell it: a scale, so that nothing
+    hangs on the units, and no more. A subset of samples (`keep`) is a problem of its own
+    for held-out tests, with the `sigmas` of the whole.
     """
 
     def __init__(
-        self, simulate: Simulate, data: Sequence[Series], keep: Mask | None = None
+        self,
+        simulate: Simulate,
+        data: Sequence[Series],
+        keep: Mask | None = None,
+        sigmas: Sequence[float] = (),
     ) -> None:
         self._simulate = simulate
         self.data = data
         self.known = all(series.sigma is not None for series in data)
         self.keep = np.ones(sum(map(len, data)), dtype=bool) if keep is None else keep
         self.measured = np.concatenate([series.values for series in data])
-        self.weights = np.concatenate([np.full(len(s), 1 / (s.sigma or 1.0)) for s in data])
+        self.sigmas = tuple(sigmas) or self._scales()
+        self.weights = np.repeat([1 / sigma for sigma in self.sigmas], [len(s) for s in data])
         self.basis = self.nuisance_basis(self.keep)
         self.count = int(self.keep.sum()) - self.basis.shape[1]
 
     def subset(self, keep: Mask) -> Residuals:
-        return Residuals(self._simulate, self.data, keep)
+        return Residuals(self._simulate, self.data, keep, self.sigmas)
+
+    def _scales(self) -> tuple[float, ...]:
+        stated = [series.sigma for series in self.data]
+        if None not in stated:
+            return tuple(sigma for sigma in stated if sigma is not None)
+        left = self.split(self.measured - self.predicted({}))
+        told = [math.sqrt(white_variance(own)) or 1.0 for own in left]
+        return tuple(sigma or scale for sigma, scale in zip(stated, told, strict=True))
 
     def at(self, settings: Settings) -> Floats:
         """The whitened residual of the kept samples with `settings`."""

@@ -51,7 +51,11 @@ class Rivals:
         """
         as_good: dict[str, Rival] = {}
         for swapped in self.swaps(found, name):
-            (rival,) = (c for c in swapped.candidates if c.name not in found.names)
+            fresh = [c for c in swapped.candidates if c.name not in found.names]
+            # One that did not pay once it was freed is gone.
+            if len(fresh) != 1:
+                continue
+            (rival,) = fresh
             worse = self._fits.cost(swapped) - self._fits.cost(found)
             as_well = worse < RIVAL_MARGIN and swapped.plausible
             # What a form was freed further for, it needs: that is no roominess.

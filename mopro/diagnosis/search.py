@@ -68,7 +68,7 @@ class Search:
 
     def _settled(self, found: Fit) -> bool:
         """Whether nothing is left over that any candidate promises to account for."""
-        if examine(self.fits.residuals.data, found.residual, len(found.order)).significant:
+        if examine(self.fits.residuals, found.residual, len(found.order)).significant:
             return False
         scored = self.promises.scores(found, self.fits.null)
         return all(self.promises.predicted(found, s) >= self.fits.cost(found) for s in scored)

@@ -188,6 +188,7 @@ def sought(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]
     left = Leftover(
         residuals.data,
         residuals.split(projected_out(residuals.basis, whole)),
+        residuals.sigmas,
         residuals.split(predicted),
         lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
     )

@@ -23,7 +23,8 @@ def position_spectrum(
 
     Each run's power is |Σ z exp(i q x)|²/n: 1 on the mean for white noise of variance 1,
     so that a sum over runs needs no common phase. `finest` is the shortest period looked
-    for (a few thousand lines unless given). Samples are gathered in fine bins first.
+    for (a few thousand lines unless given); a way too short for it has no lines. Samples
+    are gathered in fine bins first.
     """
     low = min(float(x.min()) for x in positions)
     reach = max(float(x.max()) for x in positions) - low
@@ -31,7 +32,7 @@ def position_spectrum(
     bins = min(_MOST_BINS, int(np.ceil(_BINS_PER_PERIOD * reach / finest)) + 1)
     length = fft.next_fast_len(_OVERSAMPLED * bins)
     width = reach / (bins - 1)
-    lines = int(length * width / finest)
+    lines = max(int(length * width / finest), 1)
     power = np.zeros(lines - 1)
     for x, z in zip(positions, residuals, strict=True):
         place = np.rint((x - low) / width).astype(int)

@@ -11,7 +11,11 @@ from mopro.diagnosis.remainder import Remainder
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter's value with its 95 % interval; `at_bound` if the range stopped the fit."""
+    """A parameter's value with its 95 % interval; `at_bound` if the range stopped the fit.
+
+    The interval is infinite where the data do not bound it, and not a number where a
+    search found the value.
+    """
 
     value: float
     unit: str

@@ -66,7 +66,7 @@ def value_words(estimate: Estimate) -> str:
 def interval_words(estimate: Estimate) -> str:
     """The 95 % interval; what a search of its own found has none."""
     low, high = estimate.ci95
-    if low == high:
+    if math.isnan(low):
         return "as found by search"
     if not (math.isfinite(low) and math.isfinite(high)):
         return "these data do not bound it"
@@ -76,8 +76,15 @@ def interval_words(estimate: Estimate) -> str:
 def origin_words(estimate: Estimate) -> str:
     """How well a value is known, for where nobody sees the head of a table."""
     low, high = estimate.ci95
-    bounded = low != high and math.isfinite(low) and math.isfinite(high)
+    bounded = math.isfinite(low) and math.isfinite(high)
     return f"95 %: {interval_words(estimate)}" if bounded else interval_words(estimate)
+
+
+def held_out_words(effect: Named, verdict: Verdict) -> str:
+    """Whether parts that were not fitted gain by it, if there were any."""
+    if verdict.gap.held_out_rms is None:
+        return "-"
+    return "gains" if effect.held_out else "no gain"
 
 
 def rivals_words(effect: Named) -> str:

@@ -14,6 +14,7 @@ from mopro.experiment.words import (
     NO_PROPOSAL,
     calibration_words,
     effect_words,
+    held_out_words,
     interval_words,
     parameters_shown,
     place_words,
@@ -83,7 +84,7 @@ def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:
                 interval_words(estimate),
                 f"{effect.sigmas:.3g}",
                 f"{effect.log10_bayes_factor:.3g}",
-                "gains" if effect.held_out else "no gain",
+                held_out_words(effect, verdict),
             ]
 
 

@@ -178,6 +178,11 @@ class TestPositionSpectrum:
         assert 1 / cycles[np.argmax(power)] == pytest.approx(1.7e-3, rel=5e-3)
         assert power.max() == pytest.approx(2 * 5000 / 4, rel=0.1)
 
+    def test_a_way_shorter_than_the_finest_period_has_no_lines(self):
+        x = np.linspace(0.0, 2e-5, 50)
+        cycles, power = position_spectrum([x], [np.sin(x)], 1e-4)
+        assert (len(cycles), len(power)) == (0, 0)
+
 
 @pytest.mark.parametrize("seed", range(4))
 def test_an_effect_that_another_form_makes_superfluous_is_not_named(seed):

@@ -5,10 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 from servo import CATALOGUE, Servo
 
 import mopro
 from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis.fits import Fits
+from mopro.diagnosis.heldout import folds
+from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.search import Search
 
 SIGMA = 0.1
 SERVO = Servo()
@@ -215,3 +220,123 @@ class TestBadInput:
         self.refused("there are no data", data=[])
         self.refused("the model predicts", predict=lambda s: SERVO.predict(s)[:1])
         self.refused("the same name", catalogue=[CATALOGUE[0], CATALOGUE[0]])
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
+def test_the_family_of_an_effect_does_not_hang_on_the_unit_where_noise_is_unknown(scale):
+    """Two shapes that the noise hides the difference of, as (1 - cos²) SNR² is about 4."""
+    t = np.linspace(0.0, 1.0, 500)
+    shapes = {"one": np.sin(7 * t), "other": np.sin(7 * t) + 0.3 * np.cos(11 * t)}
+    noise = np.random.default_rng(4).standard_normal(len(t))
+
+    def simulate(settings):
+        return [sum((v["a"] * shapes[n] for n, v in settings.items()), np.zeros(len(t)))]
+
+    size = Parameter("a", "N", -50 * scale, 50 * scale, (scale,))
+    effects = [Candidate(name, (size,)) for name in shapes]
+    data = [Series("run", "force", "N", scale * (0.5 * shapes["one"] + noise), None, t)]
+    (effect,) = mopro.reconcile(simulate, effects, data).effects
+    assert {effect.name, *effect.indistinguishable_from} == set(shapes)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e4])
+def test_unknown_noise_is_weighed_alike_in_all_units(scale):
+    truth = {"viscous": {"b": 2.0}, "coulomb": {"Fc": 0.5}}
+    servo = Servo()
+    data = [
+        replace(series, values=scale * series.values, sigma=None, unit="other")
+        for series in servo.measure(truth, SIGMA, seed=5)
+    ]
+
+    def simulate(settings):
+        return [scale * force for force in servo.predict(settings)]
+
+    verdict = mopro.reconcile(simulate, CATALOGUE, data)
+    assert names(verdict) == set(truth)
+    (drag,) = (e for e in verdict.effects if e.name == "viscous")
+    low, high = drag.parameters["b"].ci95
+    assert low < 2.0 < high
+    assert high - low < 0.2
+    assert verdict.gap.after_rms == pytest.approx(scale * SIGMA, rel=0.1)
+    assert verdict.where[0].rms == pytest.approx(verdict.gap.runs[0].before_rms)
+
+
+def test_a_pattern_beside_unknown_noise_is_described_in_its_own_unit():
+    data = [
+        replace(series, values=1e-3 * series.values, sigma=None, unit="kN")
+        for series in SERVO.measure({"hum": {"A": 0.3}}, SIGMA, seed=6)
+    ]
+
+    def simulate(settings):
+        return [1e-3 * force for force in SERVO.predict(settings)]
+
+    verdict = mopro.reconcile(simulate, CATALOGUE, data)
+    assert verdict.verdict == "unexplained"
+    assert verdict.remainder.description.startswith("a line at 50 Hz in time, 0.0003 kN")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_that_wanders_is_no_effect_even_where_it_is_no_larger_than_stated(seed):
+    """Most of the stated variance is a wander that any slow signature can lean on."""
+    rng = np.random.default_rng(seed)
+    servo = Servo(samples=3000)
+    data = []
+    for series in servo.measure({}, 0.3 * SIGMA, seed):
+        wander = signal.lfilter([1.0], [1.0, -0.98], rng.standard_normal(len(series)))
+        wander *= 0.9 * SIGMA / wander.std()
+        data.append(replace(series, values=series.values + wander, sigma=SIGMA))
+    verdict = mopro.reconcile(servo.predict, CATALOGUE, data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+
+
+def test_nothing_is_said_to_be_held_out_where_there_is_one_part_only():
+    (series, *_) = SERVO.measure({"viscous": {"b": 3.0}}, SIGMA, seed=1)
+    servo = Servo(runs=1)
+    verdict = mopro.reconcile(servo.predict, CATALOGUE, [series])
+    assert names(verdict) == {"viscous"}
+    assert verdict.gap.held_out_rms is None
+    assert not verdict.effects[0].held_out
+    assert verdict.as_json()["gap"]["held_out"] is False
+
+
+def test_what_two_sensors_saw_of_a_part_is_held_out_together():
+    parts = np.repeat([0, 1, 2], 20)
+    one = Series("run", "force", "N", np.zeros(60), 1.0, folds=parts)
+    other = Series("run", "speed", "m/s", np.zeros(60), 1.0, folds=parts[::-1])
+    third = Series("next run", "force", "N", np.zeros(60), 1.0, folds=parts)
+    masks = folds(Residuals(lambda _: [np.zeros(60)] * 3, [one, other, third]))
+    assert len(masks) == 6
+    together = [mask for mask in masks if mask[:120].any()]
+    assert len(together) == 3
+    assert all((mask[:60] == mask[60:120][::-1]).all() for mask in together)
+
+
+def test_a_sensor_at_rest_that_shows_no_noise_is_no_disagreement():
+    still = Series("run", "probe", "V", np.zeros(500), 0.1, np.arange(500) / 100.0)
+    verdict = mopro.reconcile(lambda _: [np.zeros(500)], CATALOGUE[:1], [still])
+    assert verdict.verdict == "none"
+
+
+def test_times_that_are_not_even_have_no_frequency():
+    rng = np.random.default_rng(3)
+    stamps = np.concatenate([np.arange(100.0), 100 + 15 * np.arange(800.0)])
+    slow = 0.1 * np.sin(2 * np.pi * stamps / 100) + 0.1 * rng.standard_normal(900)
+    series = Series("run", "thermocouple", "C", slow, 0.1, stamps)
+    verdict = mopro.reconcile(lambda _: [np.zeros(900)], CATALOGUE[:1], [series])
+    assert verdict.verdict == "unexplained"
+    assert "a line at" not in verdict.remainder.description
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, math.nan])
+def test_a_sigma_must_be_above_0(sigma):
+    data = [replace(series, sigma=sigma) for series in SERVO.measure({}, SIGMA, 0)]
+    with pytest.raises(ValueError, match="run 0, force: expected a sigma above 0, or None"):
+        mopro.reconcile(SERVO.predict, CATALOGUE, data)
+
+
+def test_a_rival_that_did_not_pay_once_it_was_freed_is_no_rival(monkeypatch):
+    data = SERVO.measure({"viscous": {"b": 3.0}}, SIGMA, seed=1)
+    search = Search(Fits(Residuals(SERVO.predict, data), CATALOGUE))
+    found = search.run()
+    monkeypatch.setattr(search.rivals, "swaps", lambda *_: [search.fits.null])
+    assert search.rivals.of(found, "viscous") == []

@@ -141,3 +141,41 @@ def test_an_implausible_value_costs_what_moving_it_into_its_range_would(
     found = fitted((-1.0, 1.0))
     assert found.cost(1) - fitted(None).cost(1) == pytest.approx(price, abs=0.02)
     assert found.plausible is plausible
+
+
+def test_a_rival_given_up_for_one_limit_is_fitted_anew_for_a_wider_one():
+    residuals = problem(decaying)
+    best = fit(residuals, [DECAY], [TRUTH])
+    start = {"decay": {"height": 9.0, "rate": 19.0}}
+    fits = Fits(residuals, [DECAY, FAST])
+    assert fits.fitted([FAST], [start], best.rss + 100).hopeless
+    wider = fits.fitted([FAST], [start], 1e12)
+    assert not wider.hopeless
+    assert fits.fitted([FAST], [start], best.rss + 100) is wider
+
+
+def test_what_is_in_the_model_s_tolerance_is_no_choice_that_costs():
+    error = SIGMA / math.sqrt(len(TIME_S))
+
+    def chosen(value, tolerated):
+        level = np.full(len(TIME_S), value)
+        series = Series("run", "probe", "V", level, SIGMA, nuisances=np.zeros((len(level), 0)))
+        residuals = Residuals(lambda s: [s.get("level", {}).get("v", 0.0) + 0 * TIME_S], [series])
+        number = Parameter("v", "V", -5.0, 5.0, (0.5,), tolerated=tolerated)
+        found = fit(residuals, [Candidate("level", (number,))], [{"level": {"v": 0.5}}])
+        return found.chosen, found.cost(50) - found.misfit - found.price
+
+    assert chosen(1.0, None) == (1, pytest.approx(2 * math.log(50)))
+    assert chosen(0.5, (-1.0, 1.0)) == (0, 0.0)
+    assert chosen(1.0 + error, (-1.0, 1.0)) == (0, 0.0)
+    assert chosen(1.0 + 3 * error, (-1.0, 1.0)) == (1, pytest.approx(2 * math.log(50)))
+
+
+def test_fewer_samples_than_it_takes_to_tell_their_noise_are_worth_nothing():
+    def model(settings):
+        return [settings.get("line", {}).get("v", 0.0) * np.arange(3.0)]
+
+    line = Candidate("line", (Parameter("v", "V", -5.0, 5.0, (0.5,)),))
+    residuals = Residuals(model, [Series("run", "probe", "V", np.array([0.0, 1.0, 2.1]), None)])
+    assert residuals.count == 2
+    assert fit(residuals, [line], [{"line": {"v": 0.5}}]).cost(1) == math.inf

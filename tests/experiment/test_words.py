@@ -92,7 +92,7 @@ def test_rivals_are_told_with_what_they_cost():
     [
         ((8.5, 9.25), False, "8.5 to 9.25", "95 %: 8.5 to 9.25"),
         ((8.5, 9.25), True, "8.5 to 9.25 (at its bound)", "95 %: 8.5 to 9.25 (at its bound)"),
-        ((9.0, 9.0), False, "as found by search", "as found by search"),
+        ((math.nan, math.nan), False, "as found by search", "as found by search"),
         ((-math.inf, math.inf), False, *["these data do not bound it"] * 2),
     ],
 )
