@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from mopro.diagnosis import Candidate, Parameter, Role
 from mopro.emulator.effects import catalogue
+from mopro.emulator.effects.resolve import values_by_effect
 from mopro.emulator.measured import POSITION, TEMPERATURE
 from mopro.experiment import thermal
 from mopro.experiment.model import Experiment
@@ -21,6 +22,8 @@ from mopro.machine import Machine
 
 # A range is fitted this far beyond what is plausible, so that its ends can be told.
 _WIDER = 1.5
+# What a machine has already is tried this share of the range away from it.
+_APART = 0.1
 
 
 def candidates(motor: Motor) -> list[Candidate]:
@@ -34,7 +37,8 @@ def candidates(motor: Motor) -> list[Candidate]:
         found += thermal.candidates(experiment.machine)
     if TEMPERATURE in quantities:
         found += _of_warming()
-    found = [_from_the_machine(candidate, experiment) for candidate in found]
+    stated = values_by_effect(experiment.machine, catalogue())
+    found = [_from_the_machine(c, stated[c.name]) if c.name in stated else c for c in found]
     return [_with_tolerance(candidate, experiment.machine) for candidate in found]
 
 
@@ -90,9 +94,7 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
         form="free end fitted", refines="",
     )  # fmt: skip
     yield _one("constant_force", "F_b", 1.0)
-    ratio = machine.axis.damping_ratio
-    damping = _own("electrical_damping", "zeta", ratio / 2, 2 * ratio)
-    yield Candidate("electrical_damping", (replace(damping, low=0.0, null=ratio),))
+    yield Candidate("electrical_damping", (_damping(machine.axis.damping_ratio),))
     yield _one("force_constant", "e", 0.003, -0.05)
     yield from _weakening(machine.heat.ambient_C)
     yield Candidate(
@@ -100,6 +102,16 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
         (_own("detent_force", "Fd", 3.0), _angle("phi")),
         fixed={"pitch": machine.axis.pitch_m},
     )
+
+
+def _damping(ratio: float) -> Parameter:
+    """Tried at half and twice what the machine has; a machine with much may have more."""
+    own = _own("electrical_damping", "zeta", *((ratio / 2, 2 * ratio) if ratio else (0.01, 0.05)))
+    low, high = own.plausible or (own.low, own.high)
+    return replace(
+        own, low=0.0, high=max(own.high, 2 * _WIDER * ratio), null=ratio,
+        plausible=(low, max(high, 2 * ratio)),
+    )  # fmt: skip
 
 
 def _weakening(air_C: float) -> Iterator[Candidate]:
@@ -266,30 +278,53 @@ def _value(name: str, parameter: str) -> float:
     return stated.default
 
 
-def _from_the_machine(candidate: Candidate, experiment: Experiment) -> Candidate:
-    """An effect that the machine has already is off where it is what the machine says."""
-    for stated in experiment.machine.effects:
-        if stated.name == candidate.name:
-            own = tuple(
-                replace(p, null=stated.values[p.name].number)
-                if p.name in stated.values and p.role is Role.AMPLITUDE
-                else p
-                for p in candidate.parameters
-            )
-            candidate = replace(candidate, parameters=own)
-    return candidate
+def _from_the_machine(candidate: Candidate, own: Mapping[str, float]) -> Candidate:
+    """An effect that the machine has already, with `own` values, is off where it has those.
+
+    What is no form's, and is not fitted, is as the machine has it.
+    """
+    fixed = {name: own.get(name, value) for name, value in candidate.fixed.items()}
+    parameters = tuple(
+        _about(p, own[p.name]) if p.role is Role.AMPLITUDE and p.name in own else p
+        for p in candidate.parameters
+    )
+    return replace(
+        candidate, parameters=parameters, fixed=candidate.fixed if candidate.form else fixed
+    )
+
+
+def _about(parameter: Parameter, null: float) -> Parameter:
+    """`parameter`, off at `null`, and tried at other values."""
+    low, high = parameter.low, parameter.high
+    moved = replace(parameter, null=null, low=min(low, null), high=max(high, null))
+    place = moved.scaled(null)
+    away = moved.value(place + (_APART if place < 1 - _APART else -_APART))
+    starts = dict.fromkeys(away if start == null else start for start in parameter.starts)
+    return replace(moved, starts=tuple(starts))
 
 
 def _with_tolerance(candidate: Candidate, machine: Machine) -> Candidate:
-    """An effect that may correct a number which the machine file states with a tolerance."""
-    corrected = {
-        "force_constant": ("pull_out_force", 1.0),
-        "electrical_damping": ("damping_ratio", machine.axis.damping_ratio),
-    }
-    if candidate.name not in corrected:
+    """An effect that may correct a number which the machine file states with a tolerance.
+
+    The tolerance stays about what the file states, wherever an effect in it has moved that.
+    """
+    ratio = machine.axis.damping_ratio
+    key, middle, scale = {
+        "force_constant": ("axis.pull_out_force", 0.0, 1.0),
+        "electrical_damping": ("axis.damping_ratio", ratio, ratio),
+    }.get(candidate.name, ("", 0.0, 0.0))
+    source = machine.provenance.get(key)
+    reach = scale * source.tolerance if source else 0.0
+    if not reach:
         return candidate
-    key, scale = corrected[candidate.name]
-    source = machine.provenance.get(f"axis.{key}")
-    tolerance = scale * source.tolerance if source else 0.0
-    own = tuple(replace(p, tolerance=tolerance) for p in candidate.parameters)
-    return replace(candidate, parameters=own)
+    (own,) = candidate.parameters
+    (stated,) = (p for p in catalogue()[candidate.name].parameters if p.name == own.name)
+    low, high = own.plausible or (own.low, own.high)
+    tolerant = replace(
+        own,
+        low=max(min(own.low, middle - _WIDER * reach), stated.low),
+        high=min(max(own.high, middle + _WIDER * reach), stated.high),
+        plausible=(min(low, middle - reach), max(high, middle + reach)),
+        tolerated=(middle - reach, middle + reach),
+    )
+    return replace(candidate, parameters=(tolerant,))

@@ -68,7 +68,7 @@ def conclude(
     verdict, series = diagnosis.verdict, diagnosis.series
     progress("running the experiment again with what was found")
     machine = machine_with(experiment, verdict)
-    again = Model(replace(experiment, machine=machine), resolved=diagnosis.resolved)
+    again = Model(replace(diagnosis.experiment, machine=machine), resolved=diagnosis.resolved)
     proposal = None
     if verdict.verdict == "ambiguous":
         progress("looking for an experiment that tells the rivals apart")

@@ -16,6 +16,7 @@ from mopro.experiment import thermal
 from mopro.experiment.catalogue import candidates
 from mopro.experiment.model import Experiment, Floats
 from mopro.experiment.motor import COARSE_STEP_S, FINE_STEP_S, Motor
+from mopro.experiment.rounded import thinned
 from mopro.experiment.series import series_of
 from mopro.experiment.steady import rises
 
@@ -52,8 +53,9 @@ class Model:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The verdict, the data that it is about, and whether the drive's microsteps show in them."""
+    """The verdict on `experiment`, and whether the drive's microsteps show in its data."""
 
+    experiment: Experiment
     verdict: Verdict
     series: tuple[Series, ...]
     resolved: bool
@@ -65,8 +67,10 @@ def diagnose(
     """What the machine's model lacks that the experiment's data show.
 
     A drive whose microsteps show is another model of the same motor: the one that fits
-    better is taken. Raises MotionError for a program that cannot be run.
+    better is taken. Where a converter's rounding is no noise, `thinned` readings are judged.
+    Raises MotionError for a program that cannot be run.
     """
+    experiment = thinned(experiment)
     smooth = _judged(Model(experiment), jobs, progress)
     moving = any(r.sensor.quantity == POSITION for t in experiment.trials for r in t.readings)
     stepped = Model(experiment, resolved=True)
@@ -86,8 +90,8 @@ def _judged(model: Model, jobs: int, progress: Callable[[str], None]) -> Diagnos
         progress=progress,
     )
     if verdict.verdict == "none":
-        verdict = _with_offset(verdict, data, model({}))
-    return Diagnosis(verdict, tuple(data), model.resolved)
+        verdict = _with_offset(verdict, data, model(verdict.settings))
+    return Diagnosis(model.experiment, verdict, tuple(data), model.resolved)
 
 
 def _misfit(found: Diagnosis, model: Model) -> float:
@@ -96,13 +100,13 @@ def _misfit(found: Diagnosis, model: Model) -> float:
 
 
 def _with_offset(verdict: Verdict, data: Sequence[Series], predicted: Sequence[Floats]) -> Verdict:
-    """`verdict` with an offset that all runs share, if that is all there is to find."""
+    """`verdict` with the offsets that all runs share, if they are all there is to find."""
+    found = []
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
-        found = _common_offset([data[i] for i in rows], [predicted[i] for i in rows])
-        if found is not None:
-            return replace(verdict, verdict="named", effects=(found,))
-    return verdict
+        offset = _common_offset([data[i] for i in rows], [predicted[i] for i in rows])
+        found += [replace(offset, form=sensor)] if offset else []
+    return replace(verdict, verdict="named", effects=tuple(found)) if found else verdict
 
 
 def _common_offset(data: Sequence[Series], predicted: Sequence[Floats]) -> Named | None:
@@ -116,6 +120,7 @@ def _common_offset(data: Sequence[Series], predicted: Sequence[Floats]) -> Named
     scatter = float(((means - offset) ** 2) @ weights)
     if abs(offset) < _CLEARLY * error or stats.chi2.sf(scatter, len(data) - 1) < _THE_SAME:
         return None
+    others = (means @ weights - means * weights) / (weights.sum() - weights)
     sigmas = abs(offset) / error
     interval = (offset - 1.96 * error, offset + 1.96 * error)
     return Named(
@@ -127,5 +132,5 @@ def _common_offset(data: Sequence[Series], predicted: Sequence[Floats]) -> Named
         alternatives={},
         log10_bayes_factor=(sigmas**2 - math.log(sum(map(len, data)))) / (2 * math.log(10)),
         sigmas=sigmas,
-        held_out=True,
+        held_out=float((means - others) ** 2 @ weights) < float(means**2 @ weights),
     )

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis import Leftover, Series
+from mopro.diagnosis import Leftover
 from mopro.diagnosis.model import Seek
 from mopro.diagnosis.spectrum import position_spectrum
+from mopro.emulator.measured import POSITION
 from mopro.experiment.model import Floats
 from mopro.experiment.motor import RUN, Motor, angle_in
 from mopro.motion import PlannedMove
@@ -23,29 +25,40 @@ _CLEARLY = 5.0
 _TICKS_TRIED = 21
 _WHOLE = 0.25
 _CONTRAST = 6.0
+_FEWEST_FOR_SPEED = _FEWEST_FOR_A_STEP = 2
 
 Values = Mapping[str, float]
 
 
 class Seeker:
-    """Searches in what a fit leaves of the readings of `motor`'s experiment."""
+    """Searches in what a fit leaves of the positions that `motor`'s experiment measured.
+
+    Series come in the order of the runs' readings, temperatures among them, and tables last.
+    """
 
     def __init__(self, motor: Motor) -> None:
         self._motor = motor
-        self._readings = [
+        readings = [
             (run, reading)
             for run, trial in enumerate(motor.experiment.trials)
             for reading in trial.readings
         ]
+        # The series' numbers, with the run and the reading of each.
+        self._positions = {
+            row: (run, reading)
+            for row, (run, reading) in enumerate(readings)
+            if reading.sensor.quantity == POSITION
+        }
 
     # -- lines -------------------------------------------------------------------
 
     def period(self, left: Leftover) -> Iterator[Values]:
         """The strongest lines in position, their amplitudes and angles."""
-        rows = [i for i, place in enumerate(self._places(left)) if np.ptp(place) > 0]
+        ways = {row: self._place_m(left, row) for row in self._positions}
+        rows = [row for row, place in ways.items() if np.ptp(place) > 0]
         if not rows:
             return
-        places = [self._places(left)[i] for i in rows]
+        places = [ways[row] for row in rows]
         cycles, power = position_spectrum(
             places, [left.residuals[i] for i in rows], _FINEST_PERIOD_M
         )
@@ -78,12 +91,13 @@ class Seeker:
     ) -> dict[str, float]:
         """Its amplitude over all runs, and its angle in each."""
         runs = range(len(self._motor.experiment.trials))
-        angles = {angle_in(run, angle): 0.0 for run in runs}
+        lines = dict.fromkeys(runs, 0j)
         sizes = []
-        for row, (run, reading) in enumerate(self._readings):
+        for row, (run, reading) in self._positions.items():
             sine, cosine = _sinusoid(2 * math.pi * hz * reading.time_s, self._metres(left, row))
-            angles[angle_in(run, angle)] = math.atan2(cosine, sine)
+            lines[run] += complex(sine, cosine)
             sizes.append(math.hypot(sine, cosine))
+        angles = {angle_in(run, angle): cmath.phase(line) for run, line in lines.items()}
         return {amplitude: float(np.sqrt(np.mean(np.square(sizes)))), **angles}
 
     # -- ticks -------------------------------------------------------------------
@@ -105,7 +119,7 @@ class Seeker:
         if self._grid_shows(left, tick_s) < _CLEARLY:
             yield {"T": tick_s}
             return
-        last_s = max(float(reading.time_s[-1]) for _, reading in self._readings)
+        last_s = max(float(reading.time_s[-1]) for _, reading in self._positions.values())
         reach_s = max(ticks * 2 * error_s, tick_s**2 / last_s)
         around = np.linspace(tick_s - reach_s, tick_s + reach_s, _TICKS_TRIED)
         trials = [float(t) for t in (*around, *_round_numbers(tick_s)) if 1e-4 < t < 0.015]
@@ -119,22 +133,22 @@ class Seeker:
         A chord over T is a T²/12 from its arc in the mean.
         """
         sags = [
-            np.asarray(series.labels["acceleration"], dtype=float) * tick_s**2 / 12
-            / (series.sigma or 1.0)
-            for series in left.data
+            np.asarray(left.data[row].labels["acceleration"], dtype=float) * tick_s**2 / 12
+            / left.sigmas[row]
+            for row in self._positions
         ]  # fmt: skip
         return math.sqrt(sum(float(sag @ sag) for sag in sags))
 
     def _delay(self, left: Leftover) -> tuple[float, float]:
         """By how much the data are late against the model (s), and its standard deviation."""
         lateness = strength = 0.0
-        for series, z, predicted in zip(left.data, left.residuals, left.predictions, strict=True):
-            if series.time_s is None:
+        for row, (_, reading) in self._positions.items():
+            if len(reading.time_s) < _FEWEST_FOR_SPEED:
                 continue
-            speed = np.gradient(predicted, series.time_s) / (series.sigma or 1.0)
+            speed = np.gradient(left.predictions[row], reading.time_s) / left.sigmas[row]
             # The residual has lost its mean to the offset.
             speed -= speed.mean()
-            lateness -= float(speed @ z)
+            lateness -= float(speed @ left.residuals[row])
             strength += float(speed @ speed)
         return lateness / max(strength, 1e-300), 1 / math.sqrt(max(strength, 1e-300))
 
@@ -144,19 +158,19 @@ class Seeker:
         """Steps of whole pitches that stay, in one run or in the same move of all."""
         found: list[dict[str, float]] = []
         pitch_m = self._motor.experiment.machine.axis.pitch_m
-        for row, (run, reading) in enumerate(self._readings):
+        for row, (run, reading) in self._positions.items():
             step = _step(left.residuals[row], self._metres(left, row), reading.time_s)
-            if step is None:
+            moves = [m for m in self._motor.schedule(run).moves if reading.sensor.axis in m.axes]
+            if step is None or not moves:
                 continue
             time_s, height_m = step
             pitches = round(-height_m / pitch_m)
             if not pitches or abs(-height_m / pitch_m - pitches) > _WHOLE * max(1, abs(pitches)):
                 continue
-            moves = [m for m in self._motor.schedule(run).moves if reading.sensor.axis in m.axes]
             found.append({"n": float(pitches), **_place(moves, time_s), RUN: float(run)})
         yield from found
         alike = {(f["n"], f["move"]) for f in found}
-        if len(found) > 1 and len(found) == len(self._readings) and len(alike) == 1:
+        if len(found) > 1 and len(found) == len(self._positions) and len(alike) == 1:
             # Each run tells the moment to half a sample; the middle of all suits all.
             shares = [f["at"] for f in found]
             yield {**found[0], "at": (min(shares) + max(shares)) / 2, RUN: -1.0}
@@ -164,16 +178,13 @@ class Seeker:
     # -- readings ------------------------------------------------------------------
 
     def _metres(self, left: Leftover, row: int) -> Floats:
-        series: Series = left.data[row]
-        metres: Floats = left.residuals[row] * (series.sigma or 1.0)
-        return metres * self._readings[row][1].sensor.unit_si
+        metres: Floats = left.residuals[row] * left.sigmas[row]
+        return metres * self._positions[row][1].sensor.unit_si
 
-    def _places(self, left: Leftover) -> list[Floats]:
-        """The predicted position of each sample, from the start (m)."""
-        return [
-            p * reading.sensor.unit_si
-            for p, (_, reading) in zip(left.predictions, self._readings, strict=True)
-        ]
+    def _place_m(self, left: Leftover, row: int) -> Floats:
+        """The predicted position of each sample, from the start."""
+        place: Floats = left.predictions[row] * self._positions[row][1].sensor.unit_si
+        return place
 
 
 def _sinusoid(phase: Floats, values: Floats) -> tuple[float, float]:
@@ -200,6 +211,8 @@ def _round_numbers(tick_s: float) -> set[float]:
 def _step(z: Floats, metres: Floats, time_s: Floats) -> tuple[float, float] | None:
     """Time and height (m) of the step that divides the samples best, if there is one."""
     n = len(z)
+    if n < _FEWEST_FOR_A_STEP:
+        return None
     before = np.arange(1, n)
     contrast = np.cumsum(z - z.mean())[:-1] / np.sqrt(before * (n - before) / n)
     at = int(np.argmax(np.abs(contrast)))

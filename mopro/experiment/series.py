@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from mopro.diagnosis import Series
+from mopro.emulator.measured import TEMPERATURE
 from mopro.experiment.labels import labels_of
 from mopro.experiment.model import Reading
 from mopro.experiment.motor import Motor
-
-# Moves are numbered apart in each run.
-_MOVES_PER_RUN = 1_000_000
 
 
 def series_of(motor: Motor) -> list[Series]:
@@ -25,6 +23,11 @@ def _series(motor: Motor, index: int, reading: Reading) -> Series:
     labels = labels_of(reading, motor.schedule(index), experiment.machine.microstep_m)
     unit = sensor.column.rsplit("_", 1)[-1]
     scale = 1 / sensor.unit_si
+    motion = {
+        "position": labels.command_m * scale,
+        "velocity": labels.velocity_m_s * scale,
+        "acceleration": labels.acceleration_m_s2 * scale,
+    }
     return Series(
         run=experiment.trials[index].name,
         sensor=sensor.name,
@@ -32,12 +35,8 @@ def _series(motor: Motor, index: int, reading: Reading) -> Series:
         values=reading.values,
         sigma=sensor.sigma or None,
         time_s=reading.time_s,
-        folds=labels.move + index * _MOVES_PER_RUN,
-        labels={
-            "position": labels.command_m * scale,
-            "velocity": labels.velocity_m_s * scale,
-            "acceleration": labels.acceleration_m_s2 * scale,
-            "line": labels.line,
-        },
+        folds=labels.move,
+        # What is warm is warm wherever it stands.
+        labels={} if sensor.quantity == TEMPERATURE else motion,
         position_unit=unit,
     )

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mopro.diagnosis import Candidate, Parameter, Series
 from mopro.emulator.effects import Effect, Stage, catalogue
 from mopro.emulator.effects.base import Parameter as Number
+from mopro.emulator.effects.resolve import values_by_effect
 from mopro.experiment.model import SteadyTable
 from mopro.experiment.steady import rises
 from mopro.machine import Machine
@@ -28,10 +31,12 @@ def candidates(machine: Machine) -> list[Candidate]:
     """What a heat balance may lack: the catalogue's effects that change a steady state.
 
     An effect of several amplitudes is offered with each of them alone, and with all of
-    them where one has been found. Temperatures of reference are those of the air.
+    them where one has been found. What is not fitted is as the machine has it, else off;
+    temperatures of reference are those of the air.
     """
+    stated = values_by_effect(machine, catalogue())
     effects = [e for e in catalogue().values() if e.stage is Stage.HEAT and _steady(e, machine)]
-    return [c for effect in effects for c in _forms(effect, machine.heat.ambient_C)]
+    return [c for e in effects for c in _forms(e, machine.heat.ambient_C, stated.get(e.name, {}))]
 
 
 def _steady(effect: Effect, machine: Machine) -> bool:
@@ -42,15 +47,17 @@ def _steady(effect: Effect, machine: Machine) -> bool:
     return bool((rises(motion, machine, largest) != rises(motion, machine, {})).any())
 
 
-def _forms(effect: Effect, air_C: float) -> list[Candidate]:
-    fixed = {p.name: air_C for p in effect.parameters if p.dimension == "temperature"}
+def _forms(effect: Effect, air_C: float, stated: Mapping[str, float]) -> list[Candidate]:
+    fixed = {
+        p.name: stated.get(p.name, air_C) for p in effect.parameters if p.dimension == "temperature"
+    }
     free = [p for p in effect.parameters if p.dimension != "temperature"]
     if len(free) == 1:
         return [Candidate(effect.name, (_parameter(free[0]),), fixed=fixed)]
     forms = []
     for own in free:
         others = [p for p in free if p is not own]
-        without = fixed | {p.name: p.null for p in others}
+        without = fixed | {p.name: stated.get(p.name, p.null) for p in others}
         forms.append(Candidate(effect.name, (_parameter(own),), own.name, without))
         both = tuple(map(_parameter, (own, *others)))
         words = " and ".join(p.name for p in both)

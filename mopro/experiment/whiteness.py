@@ -15,6 +15,8 @@ _LEAST_NOISE = 0.03
 # Beyond this many deviations the size says enough, and a tail's chance underflows.
 _FAR = 5.0
 _FEWEST = 60
+# What varies less than this, in the noise's variance, does not vary: a sensor at rest.
+_STILL = 1e-6
 
 
 def quantile_residual(
@@ -58,7 +60,9 @@ def memory_chance(z: Floats) -> float:
     if len(z) < _FEWEST:
         return 1.0
     power = np.abs(np.fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
-    shares = np.cumsum(power)[:-1] / (float(power.sum()) or 1.0)
+    if float(np.var(z)) < _STILL:
+        return 1.0
+    shares = np.cumsum(power)[:-1] / float(power.sum())
     return float(stats.kstest(shares, "uniform", method="asymp").pvalue)
 
 

@@ -385,3 +385,10 @@ def test_the_command_refuses_bad_data_without_a_traceback(lab, mopro_command, sp
     assert (done.returncode, done.stdout) == (2, "")
     assert message in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_seed_below_0_is_refused(mopro_command):
+    done = mopro_command("compare", "experiment.toml", "--seed", "-1")
+    assert done.returncode == 2
+    assert "--seed" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -31,6 +31,14 @@ def active_effects(machine: Machine, catalogue: dict[str, Effect]) -> tuple[Acti
     return tuple(sorted(active, key=lambda a: order[a.name]))
 
 
+def values_by_effect(machine: Machine, catalogue: dict[str, Effect]) -> dict[str, dict[str, float]]:
+    """The numbers (SI) of each effect that `machine` switches on, by the parameters' names."""
+    return {
+        a.name: {p.name: v for p, v in zip(a.effect.parameters, a.values, strict=True)}
+        for a in active_effects(machine, catalogue)
+    }
+
+
 class _Resolver:
     def __init__(self, catalogue: dict[str, Effect]) -> None:
         self.found: list[Diagnostic] = []
