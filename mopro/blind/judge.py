@@ -95,7 +95,7 @@ def _outcome(
     if verdict not in ("named", "ambiguous", NONE, UNEXPLAINED):
         return FAILED
     if answer["strange"]:
-        return RIGHT if verdict == UNEXPLAINED else (WRONG if named else str(verdict))
+        return WRONG if named else (RIGHT if verdict == UNEXPLAINED else str(verdict))
     truths = {e["name"] for e in answer["effects"]}
     visible = {e["name"] for e in answer["effects"] if e["total_sigma"] >= BELOW}
     matched = _matched(truths, named)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TypeVar
 
@@ -109,12 +110,14 @@ def score(
     from mopro.blind.page import page
     from mopro.blind.score import Score
     from mopro.cli.blind_score import Asker, Ground, followed, judged
+    from mopro.recording.atomic import written_beside
 
     ground = Ground.read(folder, _padded(cases))
     asker = Asker(again, patience, answers_from)
-    told = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
-    after = _shown(followed(ground, asker, told, jobs), 0, "following up") if follow else []
-    result = Score(tuple(told), tuple(after))
-    if report:
-        report.write_text(page(result), encoding="utf-8")
+    with written_beside(report) if report else nullcontext() as draft:
+        told = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
+        after = _shown(followed(ground, asker, told, jobs), 0, "following up") if follow else []
+        result = Score(tuple(told), tuple(after))
+        if draft:
+            draft.write_text(page(result), encoding="utf-8")
     click.echo(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)

@@ -19,7 +19,9 @@ _SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "size p", "memor
 
 @click.command()
 @click.argument("experiment", type=click.Path())
-@click.option("--seed", type=int, default=0, show_default=True, help="For ties of a coarse ADC.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="For ties of a coarse ADC."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(experiment: str, seed: int, as_json: bool) -> int:
     """Show where simulation and data disagree: by run, line, phase, direction and axis.

@@ -80,6 +80,7 @@ def test_off_the_catalogue():
     assert said.described
     assert not judge("1", strange, reply("unexplained", remainder={"description": None})).described
     assert outcome(strange, reply("named", "periodic_error")) == "wrong"
+    assert outcome(strange, reply("unexplained", "viscous_drag")) == "wrong"
     assert outcome(strange, reply("none")) == "none"
 
 
@@ -221,6 +222,10 @@ def test_bad_input_is_named(ground, tmp_path):
     assert "Traceback" not in nowhere.stderr
     (tmp_path / "answers.json").write_text("{}")
     assert run("score", str(tmp_path)).returncode == 2
+    shelf = run("score", str(ground), "--report", str(tmp_path / "missing" / "score.md"))
+    assert (shelf.returncode, "Traceback" in shelf.stderr) == (2, False)
+    assert "missing" in shelf.stderr
+    assert not list(ground.glob("*/verdict.json")), "nothing was asked"
     beyond = run("make", "--seed", "1", "--grid", "smoke", "--cases", "99", "--out", str(tmp_path))
     assert beyond.returncode == 2
     assert "cases 1 to 12" in beyond.stderr
