@@ -20,6 +20,8 @@ _FORMS_OF_A_NAME = 2
 _MOST_SWAPS = 3
 # A rival that is cheaper by less is as good, and may as well stay a rival.
 _WORTH_A_SWAP = 2.0
+# How far a signature may misjudge what one effect accounts for, as a share of that.
+_MISJUDGED = 0.02
 
 
 class Search:
@@ -34,8 +36,12 @@ class Search:
         """The cheapest set of effects that steps forward, swaps and steps back lead to.
 
         Where signatures can be trusted whole sets are weighed by them, and the best are
-        fitted; far from the data single effects are fitted instead.
+        fitted; far from the data single effects are fitted instead. A single effect that
+        promises to account for nearly all is tried before any set is.
         """
+        alone = self._alone()
+        if alone.candidates and self._settled(alone):
+            return alone
         found = self.fits.null
         for _ in range(_MOST_STEPS):
             grown = self._extended(found) if rough(found) else self._sketched(found)
@@ -47,6 +53,20 @@ class Search:
             if self._settled(found):
                 break
         return self._swapped(found)
+
+    def _alone(self) -> Fit:
+        """The single effect that promises the most, or its best rival; the null if none may do.
+
+        It must promise to leave next to nothing. A signature misjudges a strong effect by
+        more than a second one would gain, and sets are dear to fit that mend nothing else.
+        """
+        null = self.fits.null
+        most = next((s for s in self.promises.scores(null) if s.starts), None)
+        if most is None or self.promises.predicted(null, most) >= self.fits.cost(null):
+            return null
+        if null.rss - most.gain - null.count * null.variance > _MISJUDGED * most.gain:
+            return null
+        return self._swapped(self.fits.pruned(self.fits.joined(null, most)))
 
     def _sketched(self, base: Fit) -> list[Fit]:
         """`base` with the sets of candidates whose signatures promise the most."""
