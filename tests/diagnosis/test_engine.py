@@ -340,3 +340,22 @@ def test_a_rival_that_did_not_pay_once_it_was_freed_is_no_rival(monkeypatch):
     found = search.run()
     monkeypatch.setattr(search.rivals, "swaps", lambda *_: [search.fits.null])
     assert search.rivals.of(found, "viscous") == []
+
+
+def test_a_single_effect_that_is_all_is_found_without_fitting_sets():
+    """Its signature bends, so that it promises more together with another than alone."""
+    t = np.linspace(0.0, 5.0, 500)
+
+    def simulate(settings):
+        a, b = (settings.get(name, {}).get("size", 0.0) for name in ("bent", "straight"))
+        return [a * np.sin(7 * t) + (0.06 * a**2 + b) * np.cos(11 * t)]
+
+    size = Parameter("size", "V", -10.0, 10.0, (1.0,))
+    effects = [Candidate(name, (size,)) for name in ("bent", "straight")]
+    noise = 0.25 * np.random.default_rng(2).standard_normal(len(t))
+    values = simulate({"bent": {"size": 2.5}})[0] + noise
+    said = []
+    data = [Series("run", "probe", "V", values, 0.25, t, np.arange(500) // 100)]
+    verdict = mopro.reconcile(simulate, effects, data, progress=said.append)
+    assert (verdict.verdict, names(verdict)) == ("named", {"bent"})
+    assert [message for message in said if message.startswith("fitting")] == ["fitting bent"]
