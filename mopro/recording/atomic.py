@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,25 +17,19 @@ def written_beside(path: Path) -> Iterator[Path]:
 
     Raises DataError where the folder does not take files, before any work is done.
     """
+    # Known before it is there: whenever a signal comes, it is found and removed.
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(6)}")
     try:
         if path.is_dir():
             raise IsADirectoryError(21, "it is a folder")
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        os.close(handle)
-    except OSError as error:
-        raise _unwritable(path, error) from error
-    draft = Path(name)
-    try:
+        os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield draft
-        # mkstemp makes private files; a recording is as readable as any other file.
-        umask = os.umask(0)
-        os.umask(umask)
-        draft.chmod(0o666 & ~umask)
         draft.replace(path)
     except OSError as error:
         raise _unwritable(path, error) from error
     finally:
-        draft.unlink(missing_ok=True)
+        if os.path.lexists(draft):
+            draft.unlink()
 
 
 def _unwritable(path: Path, error: OSError) -> DataError:
