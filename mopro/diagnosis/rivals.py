@@ -16,7 +16,7 @@ from mopro.diagnosis.signature import Scored
 _TRIED = 5
 # How far a signature may misjudge what a fit will gain, as a share of that gain.
 _MISJUDGED = 0.1
-_LEAST_MISJUDGED = 0.005
+_LEAST_MISJUDGED = 0.02
 # What is no stronger than 20 standard deviations in all is small, and so linear.
 _WEAK = 400.0
 _CLEARLY = 2.0
