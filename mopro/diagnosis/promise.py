@@ -22,6 +22,8 @@ from mopro.diagnosis.signature import (
 
 # An effect that is no dearer than this (chi-squared and price) cannot be told apart.
 RIVAL_MARGIN = 10.0
+# How far a signature may misjudge what a fit will gain, as a share of that gain.
+MISJUDGED = 0.02
 # Where a signature promises this much, at a size far from the one that it was taken at,
 # one is taken there.
 _WORTH_ANOTHER_LOOK = 6.0

@@ -27,7 +27,7 @@ _FEWEST_CYCLES = 4
 _FAR = 3.0
 _BINS = (8, 16, 32, 64)
 # What varies less than this, in the noise's variance, does not vary: a sensor at rest.
-_STILL = 1e-6
+STILL = 1e-6
 # Times whose steps are nearly all alike are even; a gap here and there is none too many.
 _ALIKE, _NEARLY_ALL = 0.01, 0.9
 
@@ -142,9 +142,9 @@ def _even(series: Series) -> bool:
 def _memory(left: _Left) -> _Finding:
     """Bartlett's test (1955): the cumulative periodogram of white noise is a straight line."""
     z = left.z
-    power = np.abs(fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
-    if float(np.var(z)) < _STILL:
+    if float(np.var(z)) < STILL:
         return _Finding(0.0, None)
+    power = np.abs(fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
     shares = np.cumsum(power)[:-1] / power.sum()
     distance = float(stats.kstest(shares, "uniform", method="asymp").statistic)
     return _Finding(

@@ -10,13 +10,12 @@ from scipy import stats
 from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.fits import Fits
 from mopro.diagnosis.model import Settings
-from mopro.diagnosis.promise import RIVAL_MARGIN, Promises
+from mopro.diagnosis.promise import MISJUDGED, RIVAL_MARGIN, Promises
 from mopro.diagnosis.signature import Scored
 
 _TRIED = 5
-# How far a signature may misjudge what a fit will gain, as a share of that gain.
-_MISJUDGED = 0.1
-_LEAST_MISJUDGED = 0.02
+# The most that a signature is taken to misjudge a gain by, as a share of it.
+_MOST_MISJUDGED = 0.1
 # What is no stronger than 20 standard deviations in all is small, and so linear.
 _WEAK = 400.0
 _CLEARLY = 2.0
@@ -76,7 +75,7 @@ class Rivals:
         gain = rest.rss - found.rss
         # Where signatures bend, they promise the effect itself less than it gains.
         promised = max((s.gain for s in scored if s.candidate.name == name), default=gain)
-        misjudged = min(_MISJUDGED, _LEAST_MISJUDGED + 2 * abs(promised / gain - 1))
+        misjudged = min(_MOST_MISJUDGED, MISJUDGED + 2 * abs(promised / gain - 1))
         enough = min(gain, promised) - 4 * RIVAL_MARGIN - misjudged * gain
         if gain < _WEAK:
             enough = min(gain, promised)

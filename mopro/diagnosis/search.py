@@ -6,7 +6,7 @@ import numpy as np
 
 from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.fits import Fits
-from mopro.diagnosis.promise import Promises, rough
+from mopro.diagnosis.promise import MISJUDGED, Promises, rough
 from mopro.diagnosis.remainder import examine
 from mopro.diagnosis.rivals import Rivals
 from mopro.diagnosis.signature import Scored
@@ -20,8 +20,6 @@ _FORMS_OF_A_NAME = 2
 _MOST_SWAPS = 3
 # A rival that is cheaper by less is as good, and may as well stay a rival.
 _WORTH_A_SWAP = 2.0
-# How far a signature may misjudge what one effect accounts for, as a share of that.
-_MISJUDGED = 0.02
 
 
 class Search:
@@ -64,7 +62,7 @@ class Search:
         most = next((s for s in self.promises.scores(null) if s.starts), None)
         if most is None or self.promises.predicted(null, most) >= self.fits.cost(null):
             return null
-        if null.rss - most.gain - null.count * null.variance > _MISJUDGED * most.gain:
+        if null.rss - most.gain - null.count * null.variance > MISJUDGED * most.gain:
             return null
         return self._swapped(self.fits.pruned(self.fits.joined(null, most)))
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy import stats
 
+from mopro.diagnosis.remainder import STILL
 from mopro.emulator.measured import Sensor
 from mopro.experiment.model import Floats
 
@@ -15,8 +16,6 @@ _LEAST_NOISE = 0.03
 # Beyond this many deviations the size says enough, and a tail's chance underflows.
 _FAR = 5.0
 _FEWEST = 60
-# What varies less than this, in the noise's variance, does not vary: a sensor at rest.
-_STILL = 1e-6
 
 
 def quantile_residual(
@@ -57,11 +56,9 @@ def memory_chance(z: Floats) -> float:
 
     Bartlett's test (1955): the cumulative periodogram of white noise is a straight line.
     """
-    if len(z) < _FEWEST:
+    if len(z) < _FEWEST or float(np.var(z)) < STILL:
         return 1.0
     power = np.abs(np.fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
-    if float(np.var(z)) < _STILL:
-        return 1.0
     shares = np.cumsum(power)[:-1] / float(power.sum())
     return float(stats.kstest(shares, "uniform", method="asymp").pvalue)
 
