@@ -6,6 +6,7 @@ Medians of several runs in one process (the machine's speed drifts: compare only
 one printout).
 """
 
+import math
 import statistics
 import subprocess
 import sys
@@ -35,7 +36,7 @@ def arguments(steps: int, as_lists: bool) -> tuple:
         arrays, outputs = [a.tolist() for a in arrays], [o.tolist() for o in outputs]
     damping = axis.drive_damping_N_s_m / axis.moving_mass_kg
     pull_out = axis.pull_out_force_N / axis.moving_mass_kg
-    constants = (axis.wave_number_1_m, pull_out, damping, 2.032e-6, True, 25e-6, 0.0)
+    constants = (axis.wave_number_1_m, pull_out, damping, 2.032e-6, True, 25e-6, math.inf, 0.0)
     return *arrays, *constants, *outputs
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.emulator.command import CommandTable, Floats
-from mopro.emulator.engine import Engine
+from mopro.emulator.engine import Engine, Trace
 from mopro.emulator.plant import PlantNumbers
 from mopro.motion import PlannedMove
 
@@ -67,13 +67,25 @@ class EmulatedAxis:
 
         Samples ascend and lie between the time reached before and `end_s`.
         """
-        parts: list[Samples] = []
+        parts = [self._advance(part, stop_s) for part, stop_s in self._pieces(samples_s, end_s)]
+        return _joined(parts) if len(parts) > 1 else parts[0]
+
+    def positions_m(self, samples_s: Floats, end_s: float) -> Floats:
+        """As `advance`, the positions alone, and nothing is kept of how the moves fared."""
+        parts = []
+        for part, stop_s in self._pieces(samples_s, end_s):
+            knots = self._knots(part, stop_s)
+            trace = self._through(knots)
+            parts.append(trace.position[np.searchsorted(knots, part)])
+        return np.concatenate(parts)
+
+    def _pieces(self, samples_s: Floats, end_s: float) -> Iterator[tuple[Floats, float]]:
+        """The samples up to each jump, which comes when their motion is worked out."""
         for stop_s, pitches in self._stops(end_s):
             last = np.searchsorted(samples_s, stop_s, side="left" if pitches else "right")
-            parts.append(self._advance(samples_s[:last], stop_s))
+            yield samples_s[:last], stop_s
             samples_s = samples_s[last:]
             self._engine.x -= pitches * self._plant.pitch_m
-        return _joined(parts) if len(parts) > 1 else parts[0]
 
     def _stops(self, end_s: float) -> list[tuple[float, float]]:
         """The jumps up to `end_s`, and then the end."""
@@ -81,16 +93,24 @@ class EmulatedAxis:
         self._jumps = self._jumps[len(due) :]
         return [*due, (end_s, 0.0)]
 
-    def _advance(self, samples_s: Floats, end_s: float) -> Samples:
+    def _knots(self, samples_s: Floats, end_s: float) -> Floats:
+        """The times that no step straddles, up to `end_s`."""
         corners = self._command.corners_s(self._now_s, end_s)
         own = self._corners_s[(self._corners_s > self._now_s) & (self._corners_s < end_s)]
         ends = np.array([self._now_s, max(end_s, self._now_s)])
-        knots = np.union1d(np.concatenate((ends, corners, own)), samples_s)
+        return np.union1d(np.concatenate((ends, corners, own)), samples_s)
+
+    def _through(self, knots: Floats) -> Trace:
         trace = self._engine.through(knots)
+        self._now_s = float(knots[-1])
+        return trace
+
+    def _advance(self, samples_s: Floats, end_s: float) -> Samples:
+        knots = self._knots(samples_s, end_s)
+        trace = self._through(knots)
         begun = self.fates.begun(knots)
         lags = self._lags(knots[begun], trace.position[begun])
         self.fates.watch(knots, lags, trace.low, trace.high)
-        self._now_s = float(knots[-1])
         at = np.searchsorted(knots, samples_s)
         position, velocity = trace.position[at], trace.velocity[at]
         electrical = None if trace.electrical is None else trace.electrical.take(at, axis=1)

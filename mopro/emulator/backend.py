@@ -14,6 +14,7 @@ from mopro.emulator.axis import EmulatedAxis, Fate, Samples
 from mopro.emulator.command import Floats
 from mopro.emulator.effects import Active, catalogue
 from mopro.emulator.effects.resolve import active_effects
+from mopro.emulator.engine import Stepping
 from mopro.emulator.platen import platen_result, yaw_rad
 from mopro.emulator.setup import Settings, Staging, planned, stage, staged
 from mopro.errors import MoproError
@@ -112,7 +113,7 @@ class Emulator:
 
     def _settings(self) -> Settings:
         return Settings(
-            self.machine, self.payload_kg, self.resolved, self.max_step_s, self.compiled
+            self.machine, self.payload_kg, self.resolved, Stepping(self.max_step_s), self.compiled
         )
 
     def _pieces(self, schedule: Schedule, samples: int) -> Iterator[tuple[Floats, float]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -61,6 +61,20 @@ class Strength:
         return bool((self.gain == 1).all() and (self.constant == 1).all())
 
 
+@dataclass(frozen=True)
+class Stepping:
+    """How far one integration step may go: in time (s), and in the axis' or command's way (m).
+
+    Between ripples of the force the motion is smooth, so at low speed steps may be long.
+    """
+
+    max_s: float
+    max_m: float = math.inf
+
+    def within(self, limits_s: Iterable[float]) -> Stepping:
+        return Stepping(min([self.max_s, *limits_s]), self.max_m)
+
+
 class Engine(Protocol):
     """Takes one axis through time; `x` and `v` are its state now (m, m/s)."""
 
@@ -84,7 +98,7 @@ class NominalEngine:
         plant: PlantNumbers,
         command: CommandTable,
         resolved: bool,
-        max_step_s: float,
+        stepping: Stepping,
         integrate: Integrate,
         compiled: bool,
     ) -> None:
@@ -93,7 +107,7 @@ class NominalEngine:
         self._plant = plant
         self._command = command
         self._resolved = resolved
-        self._max_step_s = max_step_s
+        self._stepping = stepping
         self._integrate = integrate
         self._compiled = compiled
 
@@ -115,7 +129,8 @@ class NominalEngine:
                 plant.damping_1_s,
                 plant.microstep_m,
                 self._resolved,
-                self._max_step_s,
+                self._stepping.max_s,
+                self._stepping.max_m,
                 REST_M,
             ],
             list(outputs),
@@ -136,7 +151,7 @@ class AssembledEngine:
         plant: PlantNumbers,
         command: CommandTable,
         resolved: bool,
-        max_step_s: float,
+        stepping: Stepping,
         active: Sequence[Active],
         strength: Strength,
         compiled: bool,
@@ -144,7 +159,7 @@ class AssembledEngine:
         self._plant = plant
         self._command = command
         self._resolved = resolved
-        self._max_step_s = min([max_step_s, *(a.effect.longest_step_s(*a.values) for a in active)])
+        self._stepping = stepping.within(a.effect.longest_step_s(*a.values) for a in active)
         layout = Layout.of(active)
         self._kernel = assemble(layout, compiled)
         terms = set(layout.effects)
@@ -168,7 +183,8 @@ class AssembledEngine:
             plant.mass_kg,
             plant.microstep_m,
             self._resolved,
-            self._max_step_s,
+            self._stepping.max_s,
+            self._stepping.max_m,
             REST_M,
         ]
         memory = np.array(self._memory, dtype=np.float64)

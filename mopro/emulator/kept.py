@@ -33,7 +33,7 @@ from mopro.emulator.kernel_text import CURRENT_LOOP_S, Layout, kernel_parts
 _ARRAY, _INDICES, _NUMBER = numba.float64[::1], numba.intp[::1], numba.float64
 # The arguments of `integrate`, in the order of kernel_text.integrate_source.
 _SIGNATURE = (
-    _ARRAY, _INDICES, *[_ARRAY] * 7, *[_NUMBER] * 8, numba.boolean, _NUMBER, _NUMBER,
+    _ARRAY, _INDICES, *[_ARRAY] * 7, *[_NUMBER] * 8, numba.boolean, *[_NUMBER] * 3,
     *[_ARRAY] * 11,
 )  # fmt: skip
 # What numba may meet in reading a damaged file of its own, or in writing one.

@@ -34,6 +34,7 @@ def integrate(
     microstep: float,
     resolved: bool,
     max_step: float,
+    max_way: float,
     rest: float,
     position: MutableSequence[float],
     velocity: MutableSequence[float],
@@ -46,10 +47,10 @@ def integrate(
     an index into anchor_of (s), x_of, v_of, a_of and j_of (microsteps and s);
     wave_number: k in 1/m; pull_out: F0/m in m/s²; damping: c_s/m in 1/s; microstep: in
     m; resolved: whether the drive's angle moves in whole microsteps; max_step: in s;
-    rest: how far from its tooth (m), and how slow by the same measure, an axis under a
-    constant command may be when it is taken to have come to rest. Outputs: position (m)
-    and velocity (m/s) at the knots, and for each interval the least and greatest lag
-    x_c - x (m).
+    max_way: the most that axis or command may go in a step, in m; rest: how far from its
+    tooth (m), and how slow by the same measure, an axis under a constant command may be
+    when it is taken to have come to rest. Outputs: position (m) and velocity (m/s) at the
+    knots, and for each interval the least and greatest lag x_c - x (m).
     """
     natural = math.sqrt(wave_number * pull_out)
     x = position[0]
@@ -81,13 +82,14 @@ def integrate(
                 velocity[i + 1] = v
                 lag_low[i] = lag_high[i] = ux * microstep - x
                 continue
-        count = max(1, math.ceil(length / max_step - 1e-9))
-        steps += count
-        h = length / count
-        half = h / 2
         tau = t - anchor
         u0 = ux + tau * (uv + tau * (ua / 2 + tau * uj / 6))
         w0 = (uv + tau * (ua + tau * uj / 2)) * microstep
+        way = max(abs(v), abs(w0)) * length
+        count = max(1, math.ceil(max(length / max_step, way / max_way) - 1e-9))
+        steps += count
+        h = length / count
+        half = h / 2
         low = high = u0 * microstep - x
         for n in range(count):
             tau_mid = t + (n + 0.5) * h - anchor

@@ -226,7 +226,8 @@ def integrate_source(layout: Layout) -> str:
 
 _INTEGRATE = """\
 def integrate(knots, row_of, anchor_of, x_of, v_of, a_of, j_of, gain_of, constant_of,
-              k, f0, amps, ohms, henries, damping, mass, microstep, resolved, max_step, rest,
+              k, f0, amps, ohms, henries, damping, mass, microstep, resolved, max_step,
+              max_way, rest,
               numbers, memory, position, velocity, lag_low, lag_high,
               current_a, current_b, voltage_a, voltage_b, motor_force):
     natural = math.sqrt(k * f0 / mass)
@@ -262,7 +263,8 @@ def integrate(knots, row_of, anchor_of, x_of, v_of, a_of, j_of, gain_of, constan
             if not first:
                 v = 0.0
         else:
-            count = max(1, math.ceil(length / max_step - 1e-9))
+            way = max(abs(v), abs(w0)) * length
+            count = max(1, math.ceil(max(length / max_step, way / max_way) - 1e-9))
         steps += count
         h = length / max(count, 1)
         half = h / 2

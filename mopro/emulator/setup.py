@@ -12,7 +12,14 @@ from mopro.emulator.assembly import Layout
 from mopro.emulator.axis import EmulatedAxis
 from mopro.emulator.command import CommandTable, Floats
 from mopro.emulator.effects import Active, Stage, on_axis
-from mopro.emulator.engine import AssembledEngine, Engine, Integrate, NominalEngine, Strength
+from mopro.emulator.engine import (
+    AssembledEngine,
+    Engine,
+    Integrate,
+    NominalEngine,
+    Stepping,
+    Strength,
+)
 from mopro.emulator.heat import HeatHistory, HeatPieces
 from mopro.emulator.plant import PlantNumbers
 from mopro.emulator.stepped_heat import SteppedHeat
@@ -49,7 +56,7 @@ class Settings:
     machine: Machine
     payload_kg: float
     resolved: bool
-    max_step_s: float
+    stepping: Stepping
     compiled: bool | None = None
 
 
@@ -239,11 +246,11 @@ def _engine(
     if compiled is None:
         # Under a strength that changes an axis is never quite at rest.
         restless = assembled and len(strength.times_s) > _FEW_CHANGES
-        steps = schedule.duration_s / settings.max_step_s
+        steps = schedule.duration_s / settings.stepping.max_s
         compiled = (restless and steps >= COMPILE_ASSEMBLED_FROM_STEPS) or compiling_pays(
-            schedule, settings.max_step_s, assembled
+            schedule, settings.stepping.max_s, assembled
         )
-    how = (plant, command, settings.resolved, settings.max_step_s)
+    how = (plant, command, settings.resolved, settings.stepping)
     if assembled:
         return AssembledEngine(*how, active, strength, compiled)
     return NominalEngine(*how, nominal_kernel(compiled), compiled)

@@ -11,11 +11,12 @@ from scipy import stats
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
 from mopro.diagnosis.residual import Residuals
+from mopro.emulator.engine import Stepping
 from mopro.emulator.measured import POSITION
 from mopro.experiment import thermal
 from mopro.experiment.catalogue import candidates
 from mopro.experiment.model import Experiment, Floats
-from mopro.experiment.motor import COARSE_STEP_S, FINE_STEP_S, Motor
+from mopro.experiment.motor import COARSE, FINE, Motor
 from mopro.experiment.rounded import thinned
 from mopro.experiment.series import series_of
 from mopro.experiment.steady import rises
@@ -35,12 +36,12 @@ class Model:
     def __init__(
         self,
         experiment: Experiment,
-        max_step_s: float = COARSE_STEP_S,
+        stepping: Stepping = COARSE,
         resolved: bool = False,
     ) -> None:
         self.experiment = experiment
         self.resolved = resolved
-        self.motor = Motor(experiment, max_step_s, resolved)
+        self.motor = Motor(experiment, stepping, resolved)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         machine = self.experiment.machine
@@ -85,7 +86,7 @@ def _judged(model: Model, jobs: int, progress: Callable[[str], None]) -> Diagnos
         model,
         candidates(model.motor),
         data,
-        finer=Model(model.experiment, FINE_STEP_S, model.resolved),
+        finer=Model(model.experiment, FINE, model.resolved),
         jobs=jobs,
         progress=progress,
     )

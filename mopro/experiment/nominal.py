@@ -6,6 +6,7 @@ import numpy as np
 
 from mopro.emulator import Emulator
 from mopro.emulator.backend import MAX_STEP_S
+from mopro.emulator.engine import Stepping
 from mopro.emulator.measured import POSITION
 from mopro.emulator.setup import COMPILE_FROM_STEPS
 from mopro.experiment.logged import schedule_of
@@ -24,7 +25,7 @@ def predict(experiment: Experiment) -> list[list[Floats]]:
     The drive follows its command smoothly or in microsteps, whichever fits the data better.
     """
     drives = [
-        _by_trial(experiment, Motor(experiment, MAX_STEP_S, resolved)({}))
+        _by_trial(experiment, Motor(experiment, Stepping(MAX_STEP_S), resolved)({}))
         for resolved in (False, True)
     ]
     return min(drives, key=lambda predicted: _misfit(experiment, predicted))

@@ -34,7 +34,8 @@ def swing(x0, v0=0.0, *, acceleration=0.0, zeta=0.0, f0=F0, mass=M, until=0.2, k
     x[0], v[0] = x0, v0
     rows, low, high = [0] * (knots - 1), np.zeros(knots), np.zeros(knots)
     kernel.integrate(
-        times.tolist(), rows, *segment, K, f0 / mass, damping, microstep, False, h, 0.0,
+        times.tolist(), rows, *segment, K, f0 / mass, damping, microstep, False, h,
+        math.inf, 0.0,
         x, v, low, high,
     )  # fmt: skip
     return times, acceleration * times**2 / 2 - x, acceleration * times - v

@@ -1,5 +1,7 @@
 """The plant against closed forms: the check cases, and what they do not cover."""
 
+import math
+
 import numpy as np
 import pytest
 from analytic import (
@@ -39,7 +41,8 @@ def test_rest_is_declared_within_a_nanometre_and_only_then():
     damping = AXIS.drive_damping_N_s_m / M
     hold = [0.0], [0.0], [0.0], [0.0], [0.0]
     steps = kernel.integrate(
-        times.tolist(), [0] * 2000, *hold, K, F0 / M, damping, PITCH / 500, True, 50e-6, 1e-9,
+        times.tolist(), [0] * 2000, *hold, K, F0 / M, damping, PITCH / 500, True, 50e-6,
+        math.inf, 1e-9,
         x, v, low, high,
     )  # fmt: skip
     resting = np.flatnonzero(v[1:] == 0) + 1

@@ -10,10 +10,11 @@ import mopro
 from mopro.diagnosis import Role
 from mopro.emulator.effects import catalogue
 from mopro.emulator.measured import Sensor
+from mopro.experiment import motor
 from mopro.experiment.catalogue import candidates
 from mopro.experiment.diagnose import diagnose
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial
-from mopro.experiment.motor import FINE_STEP_S, Motor
+from mopro.experiment.motor import Motor
 from mopro.experiment.outcome import machine_with
 from mopro.machine import load_machine
 from mopro.machine.file import read_machine
@@ -39,7 +40,7 @@ def experiment(truth, seed=0, sensor=FINE, machine=MACHINE, offset=0.0, extra=la
     stamps = [np.arange(int(end * sensor.rate_hz)) / sensor.rate_hz for end in ends]
     blank = [trial(i, t, np.zeros(len(t)), sensor) for i, t in enumerate(stamps)]
     bare = Experiment(Source("experiment.toml", ""), machine, tuple(blank), ())
-    seen = Motor(bare, FINE_STEP_S)(truth)
+    seen = Motor(bare, motor.FINE)(truth)
     trials = [
         trial(
             i, t, x + extra(t, x) + offset + sensor.noise_rms * rng.standard_normal(len(t)), sensor

@@ -11,7 +11,7 @@ from mopro.emulator.measured import Sensor
 from mopro.experiment.catalogue import candidates
 from mopro.experiment.diagnose import diagnose
 from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.motor import FINE_STEP_S, Motor
+from mopro.experiment.motor import FINE, Motor
 from mopro.experiment.rounded import thinned
 from mopro.experiment.steady import rises
 from mopro.machine.file import read_machine
@@ -35,7 +35,7 @@ def measured(truth, sensors, machine=MACHINE, tables=(), seed=0):
     bare = Experiment(Source("experiment.toml", ""), machine, (trial,), tables)
     readings = tuple(
         dataclasses.replace(r, values=stored(clean, r.sensor, rng))
-        for r, clean in zip(blank, Motor(bare, FINE_STEP_S)(truth), strict=True)
+        for r, clean in zip(blank, Motor(bare, FINE)(truth), strict=True)
     )
     return dataclasses.replace(bare, trials=(dataclasses.replace(trial, readings=readings),))
 

@@ -96,7 +96,7 @@ class CurrentLoopLag(Effect):
     def longest_step_s(self, *p: float) -> float:
         # RK4 is stable up to 2.8 time constants; steps shorter than a microsecond would take
         # for ever and show nothing.
-        return max(2 * p[0], 1e-6) if p[0] > 0 else math.inf
+        return max(p[0], 1e-6) if p[0] > 0 else math.inf
 
 
 class VoltageSaturation(Effect):
@@ -116,7 +116,7 @@ class VoltageSaturation(Effect):
     current_loop = "voltage"
 
     def longest_step_s(self, *p: float) -> float:
-        return 1e-5
+        return 2e-5
 
 
 class HoldCurrentReduction(Effect):

@@ -15,7 +15,7 @@ from mopro.emulator.assembly import Layout, assemble
 from mopro.emulator.command import CommandTable
 from mopro.emulator.effects import Active, Effect, Parameter, Stage, catalogue
 from mopro.emulator.effects.document import markdown
-from mopro.emulator.engine import AssembledEngine, Strength
+from mopro.emulator.engine import AssembledEngine, Stepping, Strength
 from mopro.emulator.plant import PlantNumbers
 from mopro.errors import ModelError
 from mopro.machine import load_machine
@@ -196,7 +196,9 @@ def test_an_effect_may_have_a_state_in_time(compiled):
     machine = load_machine("chow1992")
     plant, command = PlantNumbers.of(machine, 0.0), CommandTable(Track())
     active = [Active(Creep(), (5.0, 0.3), (1, 2))]
-    engine = AssembledEngine(plant, command, True, 5e-5, active, Strength.full(), compiled)
+    engine = AssembledEngine(
+        plant, command, True, Stepping(5e-5), active, Strength.full(), compiled
+    )
     times = np.linspace(0.0, 1.0, 101)
     x = engine.through(times).position
     expected = 5.0 * (1 - np.exp(-times / 0.3)) / machine.axis.stiffness_N_m
