@@ -27,6 +27,7 @@ _PHASE_PRICE = 5.0
 # A parameter costs no less than among so many samples, however few there are: a handful of
 # precise ones fixes it to a tenth of what it might have been, and ln n forgets that.
 _FEWEST = 100
+_MOST_EXPONENT = 700.0
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,13 @@ class Fit:
             return rss
         n = max(self.count, 1)
         return n * math.log(max(rss, 1e-300) / n)
+
+    def rss_of(self, misfit: float) -> float:
+        """The sum of squares of which the misfit is `misfit`."""
+        if self.known_noise:
+            return misfit
+        n = max(self.count, 1)
+        return n * math.exp(min(misfit / n, _MOST_EXPONENT))
 
     def cost(self, pool: int) -> float:
         """-2 log likelihood, and the price of each parameter and of having had `pool` choices.

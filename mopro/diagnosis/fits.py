@@ -78,15 +78,20 @@ class Fits:
         starts = [{**base.settings, **start} for start in scored.starts]
         return self.fitted((*base.candidates, scored.candidate), starts, limit)
 
-    def without(self, found: Fit, name: str) -> Fit:
+    def without(self, found: Fit, name: str, limit: float = math.inf) -> Fit:
         kept = tuple(c for c in found.candidates if c.name != name)
-        return self.fitted(kept, [{c.name: found.settings[c.name] for c in kept}])
+        return self.fitted(kept, [{c.name: found.settings[c.name] for c in kept}], limit)
+
+    def no_dearer(self, found: Fit, by: float = 0.0) -> float:
+        """The sum of squares above which no fit costs less than `found` does, and `by` more."""
+        return found.rss_of(self.cost(found) + by)
 
     def refined(self, found: Fit, limit: float = math.inf) -> Fit:
         """`found` with its effects freed further, or less far, as long as that pays.
 
         An effect that has been freed may make another one superfluous.
         """
+        limit = min(limit, self.no_dearer(found, _ONE_TOO_MANY))
         trials = [
             self._in_another_form(found, form, limit)
             for candidate in found.candidates
@@ -118,7 +123,9 @@ class Fits:
     def pruned(self, found: Fit) -> Fit:
         """`found` without the effects that do not pay for themselves."""
         while found.candidates:
-            cheaper = min((self.without(found, name) for name in found.names), key=self.cost)
+            limit = self.no_dearer(found)
+            fewer = [self.without(found, name, limit) for name in sorted(found.names)]
+            cheaper = min(fewer, key=self.cost)
             if self.cost(cheaper) > self.cost(found):
                 break
             found = cheaper

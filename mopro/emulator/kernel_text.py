@@ -6,10 +6,11 @@ integrator, to be run plain or compiled. It solves
     m ẍ = F + Σ forces + c_s (ẋ_c - ẋ),  F = F0 q (-i_a sin kx + i_b cos kx)
 
 with the currents i over I from the setpoints through what the drive does to them, and
-q the force constant's factor. States that follow time (currents behind a lag or an
-inductance) are integrated by the same RK4; states that follow the path (presliding) are
-taken at each of its stages from the way gone since the step began, which no stiffness
-disturbs. The command and the steps are those of `kernel.integrate`.
+q the force constant's factor. States that follow time (currents behind an inductance) are
+integrated by the same RK4. Others are taken at each of its stages from what happened since
+the step began, which no stiffness disturbs: states that follow the path (presliding) from
+the way gone, currents behind a lag from their setpoints, as a parabola through the step has
+them. The command and the steps are those of `kernel.integrate`.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from mopro.emulator.effects.base import Effect, Term
 
 # How fast the voltage loop takes a deviation of the current back.
 CURRENT_LOOP_S = 5e-5
+# The currents behind a lag.
+_BEHIND = ("la", "lb")
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class Layout:
 
     @property
     def in_time(self) -> list[str]:
-        states = [] if self.lag is None else ["la", "lb"]
+        states = [] if self.lag is None else list(_BEHIND)
         states += [] if self.voltage is None else ["ja", "jb"]
         return states + [f"s{i}" for i, e in enumerate(self.effects) if e.rate]
 
@@ -91,7 +94,10 @@ def _has_term(effect: Effect) -> bool:
 
 def kernel_parts(layout: Layout) -> dict[str, str]:
     """The functions of the kernel by name, each after those that it calls."""
+    lag = {} if layout.lag is None else {"followed": _FOLLOWED}
     return {
+        "aims": aims_source(layout),
+        **lag,
         "drive": drive_source(layout),
         "rates": rates_source(layout),
         "integrate": integrate_source(layout),
@@ -106,14 +112,32 @@ def _tuple(names: Sequence[str]) -> str:
     return "".join(f"{name}, " for name in names)
 
 
-def drive_source(layout: Layout) -> str:
-    """`drive`: currents over I, their rates, phase voltages (V) and motor force (N)."""
+def aims_source(layout: Layout) -> str:
+    """`aims`: the setpoints of the currents over I."""
     lines = ["theta = k * c", "ia = math.cos(theta)", "ib = math.sin(theta)"]
-    lines += ["da = -k * w * ib", "db = k * w * ia"]
     for i, effect in enumerate(layout.effects):
         if effect.setpoint:
             lines.append(f"ia, ib = setpoint{i}(theta, ia, ib{layout.numbers(i)})")
-    lines += ["ia *= gain", "ib *= gain", "da *= gain", "db *= gain"]
+    lines.append("return ia * gain, ib * gain")
+    return f"def aims(c, gain, k{layout.all_numbers()}):\n{_indented(lines, 1)}"
+
+
+_FOLLOWED = """\
+def followed(behind, s0, s_mid, s1, t, h, tau):
+    if tau <= 0.0:
+        return behind
+    slope = (4.0 * s_mid - 3.0 * s0 - s1) / h
+    bend = 2.0 * (s1 - 2.0 * s_mid + s0) / (h * h)
+    first = s0 - tau * slope + 2.0 * tau * tau * bend
+    last = s0 + (t - tau) * slope + (t * t - 2.0 * tau * t + 2.0 * tau * tau) * bend
+    return last + (behind - first) * math.exp(-t / tau)
+"""
+
+
+def drive_source(layout: Layout) -> str:
+    """`drive`: currents over I, their rates, phase voltages (V) and motor force (N)."""
+    lines = [f"ia, ib = aims(c, gain, k{layout.all_numbers()})"]
+    lines += ["da = -k * w * gain * math.sin(k * c)", "db = k * w * gain * math.cos(k * c)"]
     lines += ["va = vb = dla = dlb = dja = djb = 0.0"]
     lines += ["sine = math.sin(k * x)", "cosine = math.cos(k * x)"]
     if layout.lag is not None:
@@ -159,8 +183,10 @@ def rates_source(layout: Layout) -> str:
 def _stage_lines(layout: Layout, n: int) -> list[str]:
     """Stage `n` of RK4 at (x{n}, v{n}) with the states that belong to it."""
     command = ("c0, w0", "c_mid, w_mid", "c_mid, w_mid", "c1, w1")[n - 1]
-    lines = []
+    lines = _lag_lines(layout, n)
     for state in layout.in_time:
+        if state in _BEHIND:
+            continue
         step = {1: "", 2: f" + half * d{state}_1", 3: f" + half * d{state}_2"}
         lines.append(f"{state}_{n} = {state}{step.get(n, f' + h * d{state}_3')}")
     lines += [_slide_line(layout, state, f"{state}_{n}", f"x{n} - x") for state in layout.on_path]
@@ -169,6 +195,21 @@ def _stage_lines(layout: Layout, n: int) -> list[str]:
     results = _tuple([f"a{n}", *(f"d{s}_{n}" for s in layout.in_time)])
     lines.append(f"{results}_ = rates({call}, damping, mass{layout.all_numbers()})")
     return lines
+
+
+def _lag_lines(layout: Layout, n: int) -> list[str]:
+    """The currents behind a lag at stage `n`."""
+    if layout.lag is None:
+        return []
+    if n == 1:
+        places = (("c0", "0"), ("c_mid", "_mid"), ("c1", "1"))
+        call = f"gain, k{layout.all_numbers()}"
+        aims = [f"sa{at}, sb{at} = aims({c}, {call})" for c, at in places]
+        return [*aims, "la_1 = la", "lb_1 = lb"]
+    if n == 3:
+        return ["la_3 = la_2", "lb_3 = lb_2"]
+    span = f"{'half' if n == 2 else 'h'}, h, p{layout.lag}_0"
+    return [f"l{p}_{n} = followed(l{p}, s{p}0, s{p}_mid, s{p}1, {span})" for p in "ab"]
 
 
 def _slide_line(layout: Layout, state: str, target: str, way: str) -> str:
@@ -185,6 +226,9 @@ def _step_lines(layout: Layout) -> list[str]:
     lines += [_slide_line(layout, state, state, "way") for state in layout.on_path]
     lines += ["x += way", "v += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)"]
     for s in layout.in_time:
+        if s in _BEHIND:
+            lines.append(f"{s} = {s}_4")
+            continue
         lines.append(f"{s} += h / 6 * (d{s}_1 + 2 * d{s}_2 + 2 * d{s}_3 + d{s}_4)")
     return lines
 

@@ -93,11 +93,6 @@ class CurrentLoopLag(Effect):
     parameters = (Parameter("tau", "s", "time", 1e-4, (2e-5, 5e-4), 0.0, 0.01, "time constant"),)
     current_loop = "lag"
 
-    def longest_step_s(self, *p: float) -> float:
-        # RK4 is stable up to 2.8 time constants; steps shorter than a microsecond would take
-        # for ever and show nothing.
-        return max(p[0], 1e-6) if p[0] > 0 else math.inf
-
 
 class VoltageSaturation(Effect):
     """The drive runs out of voltage: the full electrical model of each phase.
