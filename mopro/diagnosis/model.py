@@ -113,15 +113,16 @@ class Leftover:
     """What a candidate's own search is shown: the data, and what a fit leaves of them.
 
     `residuals` are one array a series, in standard deviations, which are `sigmas` in the
-    series' units; `predictions` are what the model says there. `misfit(settings)` is the
-    sum of squares that the whole residual would have with `settings` besides what is fitted
-    already.
+    series' units; `predictions` are what the model says there, with the `settings` that are
+    fitted already. `misfit(settings)` is the sum of squares that the whole residual would
+    have with further ones.
     """
 
     data: Sequence[Series]
     residuals: Sequence[Floats]
     sigmas: Sequence[float]
     predictions: Sequence[Floats]
+    settings: Settings
     misfit: Callable[[Settings], float]
 
 

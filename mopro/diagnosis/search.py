@@ -50,7 +50,20 @@ class Search:
             found = best
             if self._settled(found):
                 break
+            found = min(found, self._swapped(self._core(found)), key=self.fits.cost)
         return self._swapped(found)
+
+    def _core(self, found: Fit) -> Fit:
+        """`found` without the effects that explain less than it leaves over.
+
+        They may but make up for what a wrong one among the others gets wrong.
+        """
+        excess = found.rss - found.count * found.variance
+        for name in sorted(found.names):
+            fewer = self.fits.without(found, name, found.rss + excess)
+            if fewer.rss - found.rss < excess:
+                return self._core(fewer)
+        return found
 
     def _alone(self) -> Fit:
         """The single effect that promises the most, or its best rival; the null if none may do.

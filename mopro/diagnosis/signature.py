@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -14,7 +15,7 @@ from mopro.diagnosis.model import Candidate, Floats, Leftover, Parameter, Role, 
 from mopro.diagnosis.residual import Residuals, projected_out
 
 _STARTS_KEPT = 2
-_QUARTER_TURN = np.pi / 2
+_QUARTER_TURN = math.pi / 2
 # A signature whose remains beside the others are a smaller share is rounding.
 _INDEPENDENT = 1e-6
 # A response may bend between sizes this many times apart.
@@ -76,18 +77,19 @@ def _groups(
     own = candidate.parameters
     amplitudes = [p for p in own if p.role is Role.AMPLITUDE]
     shapes = [p for p in own if p.role in (Role.SHAPE, Role.HELD)]
-    phases = [p.name for p in own if p.role is Role.PHASE]
-    null = {p.name: p.null for p in amplitudes} | dict.fromkeys(phases, 0.0)
+    phases = [p for p in own if p.role is Role.PHASE]
+    null = {p.name: p.null for p in amplitudes} | {p.name: 0.0 for p in phases}
     for shape in product(*(p.starts for p in shapes)):
         form = null | {p.name: v for p, v in zip(shapes, shape, strict=True)}
         if not amplitudes:
             yield [(form, ("", None))]
         for sizes in _sizes(amplitudes):
-            yield [
-                (form | {name: size} | turned, (name, angle))
-                for name, size in sizes.items()
-                for turned, angle in _turns(phases)
-            ]
+            for turns in _turns(phases):
+                yield [
+                    (form | {name: size} | turned, (name, angle))
+                    for name, size in sizes.items()
+                    for turned, angle in turns
+                ]
 
 
 def _sizes(amplitudes: Sequence[Parameter]) -> list[dict[str, float]]:
@@ -99,11 +101,15 @@ def _sizes(amplitudes: Sequence[Parameter]) -> list[dict[str, float]]:
     return [{p.name: p.starts[0] for p in amplitudes}]
 
 
-def _turns(phases: Sequence[str]) -> list[tuple[dict[str, float], str | None]]:
+def _turns(phases: Sequence[Parameter]) -> list[list[tuple[dict[str, float], str | None]]]:
+    """A quarter turn from each start of an angle: what lies between adds up of the two."""
     if not phases:
-        return [({}, None)]
+        return [[({}, None)]]
     (phase,) = phases
-    return [({phase: 0.0}, phase), ({phase: _QUARTER_TURN}, phase)]
+    return [
+        [({phase.name: start}, phase.name), ({phase.name: start + _QUARTER_TURN}, phase.name)]
+        for start in phase.starts or (0.0,)
+    ]
 
 
 def score(base: Fit, tangent: Floats, candidate: Candidate, groups: Sequence[Group]) -> Scored:
@@ -153,7 +159,8 @@ def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str
         size = float(np.hypot(*sizes[own])) if angle else float(sizes[own[0]])
         values[name] = parameter.within(parameter.grown(probed, size))
         if angle:
-            values[angle] = float(np.arctan2(sizes[own[1]], sizes[own[0]]))
+            turned = np.arctan2(sizes[own[1]], sizes[own[0]])
+            values[angle] = math.remainder(group[own[0]].values[angle] + turned, math.tau)
         if size:
             allowed[own] *= parameter.size(values[name], of=probed) / size
     return values, allowed
@@ -190,6 +197,7 @@ def sought(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]
         residuals.split(projected_out(residuals.basis, whole)),
         residuals.sigmas,
         residuals.split(predicted),
+        base.settings,
         lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
     )
     groups: list[Group] = []

@@ -99,7 +99,9 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
     yield from _weakening(machine.heat.ambient_C)
     yield Candidate(
         "detent_force",
-        (_own("detent_force", "Fd", 3.0), _angle("phi")),
+        # Where the teeth pass at their own frequency the answer is no mirror image half a
+        # turn on.
+        (_own("detent_force", "Fd", 3.0), _angle("phi", 0.0, math.pi)),
         fixed={"pitch": machine.axis.pitch_m},
     )
 
@@ -269,8 +271,8 @@ def _own(name: str, parameter: str, *starts: float) -> Parameter:
     )  # fmt: skip
 
 
-def _angle(name: str) -> Parameter:
-    return Parameter(name, "rad", -math.pi, math.pi, role=Role.PHASE)
+def _angle(name: str, *starts: float) -> Parameter:
+    return Parameter(name, "rad", -math.pi, math.pi, starts, Role.PHASE)
 
 
 def _value(name: str, parameter: str) -> float:

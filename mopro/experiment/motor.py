@@ -109,6 +109,14 @@ class Motor:
             for reading in trial.readings
         ]
 
+    def targets(self, settings: Settings) -> list[Floats]:
+        """The readings, in their units, of sensors that err in time only."""
+        return [
+            self._reading(index, reading, settings, distorted=False)
+            for index, trial in enumerate(self.experiment.trials)
+            for reading in trial.readings
+        ]
+
     def schedule(self, index: int) -> Schedule:
         """What run number `index` commands without further effects."""
         return self._schedule(index, self._own)
@@ -134,8 +142,12 @@ class Motor:
 
     # -- one reading -----------------------------------------------------------
 
-    def _reading(self, index: int, reading: Reading, settings: Settings) -> Floats:
+    def _reading(
+        self, index: int, reading: Reading, settings: Settings, distorted: bool = True
+    ) -> Floats:
         active, machine = self.active(index, settings), self.experiment.machine
+        if not distorted:
+            active = tuple(a for a in active if not a.effect.distorts)
         if reading.sensor.quantity == TEMPERATURE:
             columns = self._warmth(index, float(reading.time_s[-1]), active)
         else:

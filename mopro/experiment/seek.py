@@ -54,7 +54,7 @@ class Seeker:
 
     def period(self, left: Leftover) -> Iterator[Values]:
         """The strongest lines in position, their amplitudes and angles."""
-        ways = {row: self._place_m(left, row) for row in self._positions}
+        ways = self._places_m(left)
         rows = [row for row, place in ways.items() if np.ptp(place) > 0]
         if not rows:
             return
@@ -181,10 +181,13 @@ class Seeker:
         metres: Floats = left.residuals[row] * left.sigmas[row]
         return metres * self._positions[row][1].sensor.unit_si
 
-    def _place_m(self, left: Leftover, row: int) -> Floats:
-        """The predicted position of each sample, from the start."""
-        place: Floats = left.predictions[row] * self._positions[row][1].sensor.unit_si
-        return place
+    def _places_m(self, left: Leftover) -> dict[int, Floats]:
+        """Where the target was at each sample, whatever the transducer made of it."""
+        places = self._motor.targets(left.settings)
+        return {
+            row: places[row] * reading.sensor.unit_si
+            for row, (_, reading) in self._positions.items()
+        }
 
 
 def _sinusoid(phase: Floats, values: Floats) -> tuple[float, float]:

@@ -200,6 +200,12 @@ class Effect:
         """What is added after the transducer, at the times of sampling."""
         return x
 
+    @property
+    def distorts(self) -> bool:
+        """Whether it changes what is read of the target, and not only when."""
+        own = type(self)
+        return own.reading is not Effect.reading or own.electronics is not Effect.electronics
+
 
 @dataclass(frozen=True)
 class Active:
