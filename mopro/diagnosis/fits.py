@@ -8,6 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
 from typing import TypeVar
 
+import numpy as np
+
 from mopro.diagnosis.fit import Fit, fit
 from mopro.diagnosis.heldout import HeldOut, held_out
 from mopro.diagnosis.model import Candidate, Settings
@@ -77,6 +79,18 @@ class Fits:
     def joined(self, base: Fit, scored: Scored, limit: float = math.inf) -> Fit:
         starts = [{**base.settings, **start} for start in scored.starts]
         return self.fitted((*base.candidates, scored.candidate), starts, limit)
+
+    def replaced(self, found: Fit, name: str, scored: Scored, limit: float) -> Fit:
+        """`found` with a candidate in the place of `name`.
+
+        A rival leaves the other effects much as they are: the fit starts there, from the
+        nearer of the candidate's starts.
+        """
+        kept = tuple(c for c in found.candidates if c.name != name)
+        others = {c.name: found.settings[c.name] for c in kept}
+        starts = [{**others, **start} for start in scored.starts]
+        nearest = min(starts, key=lambda s: float(np.sum(self.residuals.at(s) ** 2)))
+        return self.fitted((*kept, scored.candidate), [nearest], limit)
 
     def without(self, found: Fit, name: str, limit: float = math.inf) -> Fit:
         kept = tuple(c for c in found.candidates if c.name != name)

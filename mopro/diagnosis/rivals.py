@@ -82,7 +82,9 @@ class Rivals:
         close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
         close.sort(key=lambda s: -s.gain)
         limit = found.rss + _OUT_OF_REACH * found.variance
-        joined = self._fits.each(lambda s: self._fits.joined(rest, s, limit), close[:_TRIED])
+        joined = self._fits.each(
+            lambda s: self._fits.replaced(found, name, s, limit), close[:_TRIED]
+        )
         return [*joined, *self._fits.each(lambda fit: self._fits.refined(fit, limit), joined)]
 
     def _in_place_of(self, found: Fit, name: str) -> tuple[Fit, list[Scored]]:

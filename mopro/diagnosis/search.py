@@ -40,9 +40,9 @@ class Search:
         alone = self._alone()
         if alone.candidates and self._settled(alone):
             return alone
-        found = self.fits.null
+        found = base = self.fits.null
         for _ in range(_MOST_STEPS):
-            grown = self._extended(found) if rough(found) else self._sketched(found)
+            grown = self._extended(base) if rough(base) else self._sketched(base)
             best = min([*grown, *map(self.fits.refined, grown)], key=self.fits.cost, default=found)
             best = self.fits.pruned(best)
             if self.fits.cost(best) >= self.fits.cost(found):
@@ -50,7 +50,8 @@ class Search:
             found = best
             if self._settled(found):
                 break
-            found = min(found, self._swapped(self._core(found)), key=self.fits.cost)
+            base = self._swapped(self._core(found))
+            found = min(found, base, key=self.fits.cost)
         return self._swapped(found)
 
     def _core(self, found: Fit) -> Fit:

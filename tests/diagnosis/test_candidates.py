@@ -42,6 +42,26 @@ def test_an_angle_is_found_wherever_it_is(phi):
     assert effect.parameters["A"].value == pytest.approx(0.2, abs=0.03)
 
 
+def test_an_angle_whose_answer_is_no_mirror_image_is_tried_at_each_of_its_starts():
+    """Half a turn on it is another shape, of which probes at 0 and a quarter tell nothing."""
+
+    def predict(settings):
+        wave = settings.get("wave", {"A": 0.0, "phi": 0.0})
+        there, back = max(math.cos(wave["phi"]), 0.0), max(-math.cos(wave["phi"]), 0.0)
+        shape = there * np.sin(2 * np.pi * 7 * T) + back * np.sin(2 * np.pi * 11 * T)
+        return wave["A"] * (shape + math.sin(wave["phi"]) * np.sin(2 * np.pi * 5 * T))
+
+    def verdict(*starts):
+        angle = Parameter("phi", "rad", -math.pi, math.pi, starts, Role.PHASE)
+        wave = Candidate("wave", (Parameter("A", "N", 0, 1, (0.1,)), angle))
+        return asked(predict, {"wave": {"A": 0.2, "phi": math.pi}}, wave)
+
+    assert not verdict().effects
+    (effect,) = verdict(0.0, math.pi).effects
+    found = effect.parameters["phi"].value
+    assert abs(math.remainder(found - math.pi, 2 * math.pi)) < 0.15
+
+
 def test_a_corner_that_acts_by_its_inverse_is_found_from_afar():
     def predict(settings):
         corner = settings.get("corner", {"f": math.inf})["f"]
