@@ -40,7 +40,8 @@ class Piece:
     times: int = 1
     endless: bool = False
 
-    def statements(self, axis: int) -> Iterator[str]:
+    def statements(self, axis: int, per_inch: int) -> Iterator[str]:
+        """The way is one of whole microsteps: nobody knows how a half one is rounded."""
         yield f"; {self.what}"
         axes = (axis, 3 - axis) if self.both_axes else (axis,)
         for n in axes:
@@ -49,9 +50,10 @@ class Piece:
             yield f"PARA{n}{'+' if self.parabolic else '-'}"
         if self.endless:
             yield ":B1"
-        for way in (self.distance, -self.distance) * self.times:
+        distance = round(self.distance * per_inch) / per_inch
+        for way in (distance, -distance) * self.times:
             yield f"WT{self.wait_ms}"
-            yield from (f"MRI{n} {way:.4f}" for n in axes)
+            yield from (f"MRI{n} {way:.6f}" for n in axes)
             yield from (f"WX{n}" for n in axes)
         yield "JUMP B1" if self.endless else f"WT{_REST_MS}"
 
@@ -61,7 +63,7 @@ def text_of(machine: Machine, axis: int, pieces: Iterable[Piece]) -> str:
     per_inch = round(_INCH_M / machine.microstep_m)
     lines = [f"UU{per_inch:06d}/1"]
     for piece in pieces:
-        lines += piece.statements(axis)
+        lines += piece.statements(axis, per_inch)
     return "\n".join(lines) + "\n"
 
 

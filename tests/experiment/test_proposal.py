@@ -137,3 +137,15 @@ def test_a_thermometer_gets_a_motion_for_ever_that_is_not_too_hot():
     assert "for 60 min" in proposal.text.splitlines()[1]
     warm, _ = seen(program, STROKED, THERMOCOUPLE, for_s=3600.0)
     assert MACHINE.heat.ambient_C + 5 < warm.max() < MACHINE.heat.rated_C
+
+
+@pytest.mark.parametrize("payload_kg", [0.0, 1.0, 2.3])
+def test_ways_are_whole_microsteps(payload_kg):
+    """Half a microstep is rounded this way or that, which shows in the time a move takes."""
+    bounds = Bounds.of(MACHINE, MACHINE.axis.moving_mass_kg + payload_kg)
+    program = mopro.compile(text_of(MACHINE, 1, moving_pieces(bounds)))
+    per_inch = 12500
+    ways = [float(word) for line in str(program.source.text).splitlines()
+            if line.startswith("MRI1") for word in line.split()[1:]]  # fmt: skip
+    assert len(ways) > 20
+    assert np.abs(np.remainder(np.array(ways) * per_inch + 0.5, 1.0) - 0.5).max() < 0.02

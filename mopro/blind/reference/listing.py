@@ -6,7 +6,6 @@ O for the axis digit 0.
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -133,7 +132,7 @@ class _Clockwork:
                 raise ValueError(f"axis {number} is moved while it moves")
             axis.target += (axis.pending or 0) * axis.per_unit
             axis.pending = None
-            ways[number] = math.floor(axis.target + Fraction(1, 2)) - axis.at_u
+            ways[number] = round(axis.target) - axis.at_u
         if not any(ways.values()):
             return
         major = max(ways, key=lambda n: abs(ways[n]))
