@@ -27,8 +27,10 @@ from mopro.diagnosis.verdict import (
     Where,
 )
 
-# What a finer simulation may move a prediction by, in chi-squared, before it matters.
+# What a finer simulation may move a prediction by, in chi-squared, before it matters: one,
+# or what could account for a tenth of all that is left over (2 of 0.05 times its root).
 _NUMERICS_MATTER = 1.0
+_SHARE_OF_EXCESS = 0.05**2
 
 
 def reconcile(
@@ -63,7 +65,11 @@ def _numerics_matter(search: Search, found: Fit, finer: Simulate) -> bool:
     if not examine(search.fits.residuals, found.residual, len(found.order)).significant:
         return False
     other = Residuals(finer, search.fits.residuals.data).at(found.settings)
-    return float(np.sum((other - found.residual) ** 2)) > _NUMERICS_MATTER * found.variance
+    enough = max(
+        _NUMERICS_MATTER * found.variance,
+        _SHARE_OF_EXCESS * (found.rss - _noise(search, found)),
+    )
+    return float(np.sum((other - found.residual) ** 2)) > enough
 
 
 def _judged(search: Search, found: Fit) -> Verdict:

@@ -377,3 +377,30 @@ def test_a_rival_whose_signature_misjudges_it_is_in_the_family(seed):
     data = [Series("run", "probe", "V", values, 0.18, t, np.arange(2000) // 400)]
     (effect,) = mopro.reconcile(simulate, effects, data).effects
     assert {effect.name, *effect.indistinguishable_from} == {"straight", "bent"}
+
+
+@pytest.mark.parametrize(
+    ("bump", "searched", "expected"), [(0.0, True, "none"), (20.0, False, "unexplained")]
+)
+def test_a_finer_simulation_is_searched_only_where_it_could_account_for_what_is_left(
+    bump, searched, expected
+):
+    """Thirty standard deviations in all matter by themselves, not beside a thousand."""
+    t = np.linspace(0, 1, 2000)
+    error = np.cos(2 * np.pi * 2 * t) * 30 * SIGMA / math.sqrt(1000)
+    strange = bump * np.exp(-(((t - 0.5) / 0.02) ** 2))
+    measured = strange + SIGMA * np.random.default_rng(1).standard_normal(2000)
+    data = [Series("run", "force", "N", measured, SIGMA, t, np.arange(2000) // 200)]
+    slope = Candidate("slope", (Parameter("b", "N", -9, 9, (0.1,)),))
+    asked = []
+
+    def finer(settings):
+        asked.append(settings)
+        return [settings.get("slope", {"b": 0.0})["b"] * t]
+
+    def coarse(settings):
+        return [settings.get("slope", {"b": 0.0})["b"] * t + error]
+
+    verdict = mopro.reconcile(coarse, [slope], data, finer=finer)
+    assert verdict.verdict == expected
+    assert (len(asked) > 1) == searched
