@@ -27,9 +27,10 @@ from mopro.diagnosis.verdict import (
     Where,
 )
 
-# What a finer simulation may move a prediction by, in chi-squared, before it matters: one,
-# or what could account for a tenth of all that is left over (2 of 0.05 times its root).
+# What a finer simulation may move a prediction by, in chi-squared, before it matters.
 _NUMERICS_MATTER = 1.0
+# The same as a share of the excess that is left over: a change of δ takes at most 2 δ √excess
+# away, so this is what could account for a tenth of it.
 _SHARE_OF_EXCESS = 0.05**2
 
 

@@ -27,6 +27,7 @@ _PHASE_PRICE = 5.0
 # A parameter costs no less than among so many samples, however few there are: a handful of
 # precise ones fixes it to a tenth of what it might have been, and ln n forgets that.
 _FEWEST = 100
+# Beyond this an exponential is no number.
 _MOST_EXPONENT = 700.0
 
 

@@ -30,7 +30,7 @@ from mopro.motion import Schedule
 from mopro.program import AXES
 from mopro.recording.record import Columns
 
-# As far as this RK4 is within 0.1 µm, and several times as quick as what a run takes: the
+# RK4 in such steps is within 0.1 µm, and several times as quick as a recorded run: the
 # tooth swings in ten milliseconds, and the finest ripples of the force are 0.25 mm long.
 COARSE = Stepping(2.5e-4, 5e-5)
 FINE = Stepping(2.5e-5)
