@@ -15,6 +15,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+# What the ends of a plausible range are uncertain by, as a share of it.
+_ROUND = 0.01
+
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -90,9 +93,13 @@ class Parameter:
         return 1 / value if self.inverse else value
 
     def beyond(self, value: float) -> float:
-        """By how much `value` is outside the plausible range; 0 inside."""
+        """By how much `value` is outside the plausible range; 0 inside.
+
+        Its ends are round numbers, and what is a little past one is no news.
+        """
         low, high = self.plausible or (self.low, self.high)
-        return max(low - value, value - high, 0.0)
+        margin = _ROUND * (high - low)
+        return max(low - margin - value, value - margin - high, 0.0)
 
     def tolerates(self, value: float, error: float) -> bool:
         """Whether `value`, known to within `error`, is in the model's tolerance."""

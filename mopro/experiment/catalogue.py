@@ -17,6 +17,7 @@ from mopro.emulator.measured import POSITION, TEMPERATURE
 from mopro.experiment import thermal
 from mopro.experiment.model import Experiment
 from mopro.experiment.motor import AXIS, RUN, Motor, angle_in
+from mopro.experiment.rests import Rests
 from mopro.experiment.seek import Seeker
 from mopro.machine import Machine
 
@@ -45,7 +46,7 @@ def candidates(motor: Motor) -> list[Candidate]:
 def _of_position(motor: Motor) -> Iterator[Candidate]:
     experiment = motor.experiment
     yield from _forces(experiment)
-    yield from _drive()
+    yield from _drive(Rests(motor))
     yield from _commands(motor)
     seen = {
         r.sensor.axis
@@ -127,23 +128,23 @@ def _weakening(air_C: float) -> Iterator[Candidate]:
         yield replace(own, form=f"measured at {measured_C:g} C", fixed={"T0": measured_C})
 
 
-def _drive() -> Iterator[Candidate]:
+def _drive(rests: Rests) -> Iterator[Candidate]:
     yield _one("phase_gain_imbalance", "eps", 0.03)
     yield _one("quadrature_error", "phi", 0.02)
     offsets = [_own("phase_current_offset", name, 0.01) for name in ("o_a", "o_b")]
     yield Candidate("phase_current_offset", tuple(offsets))
     yield _one("current_third_harmonic", "s", 0.01)
-    # A shorter lag would need shorter steps than anybody waits for, and is a mere delay.
+    # A shorter lag is a mere delay.
     lag = replace(_own("current_loop_lag", "tau", 5e-5, 3e-4), low=1e-5)
     yield Candidate("current_loop_lag", (lag,))
     supply = Parameter(
-        "Vb", "V", 25.0, 225.0, (50.0, 90.0), Role.SHAPE,
+        "Vb", "V", 25.0, 225.0, (40.0, 50.0, 90.0), Role.SHAPE,
         plausible=(40.0, 150.0), inverse=True,
     )  # fmt: skip
     yield Candidate("voltage_saturation", (supply,))
     held = Parameter("h", "1", 0.1, 1.0, (0.5,), null=1.0, plausible=(0.3, 1.0))
     after = Parameter("t_h", "s", 0.02, 6.0, (0.05, 0.2, 0.7, 2.0), Role.SHAPE)
-    yield Candidate("hold_current_reduction", (held, after))
+    yield Candidate("hold_current_reduction", (held, after), seek=rests.lower_current)
 
 
 # -- stage C -----------------------------------------------------------------------

@@ -119,6 +119,7 @@ def test_a_kink_is_found_without_halving_steps_for_ever():
 @pytest.mark.parametrize(
     ("deviations", "price", "plausible"),
     [
+        (-39.0, 0.0, True),
         (-3.0, 0.0, True),
         (1.0, 1.0, True),
         (1.9, 3.61, True),
@@ -130,7 +131,8 @@ def test_an_implausible_value_costs_what_moving_it_into_its_range_would(
     deviations, price, plausible
 ):
     error = SIGMA / math.sqrt(len(TIME_S))
-    level = np.full(len(TIME_S), 1.0 + deviations * error)
+    # The end of a range is a round number, taken to within a hundredth of the range.
+    level = np.full(len(TIME_S), 1.0 + 0.02 + deviations * error)
     series = Series("run", "probe", "V", level, SIGMA, nuisances=np.zeros((len(level), 0)))
     residuals = Residuals(lambda s: [s.get("level", {}).get("v", 0.0) + 0 * TIME_S], [series])
 

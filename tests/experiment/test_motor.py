@@ -1,20 +1,14 @@
 """The motor as the diagnosis runs it, in steps that are as long as can be."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 import mopro
-from mopro.diagnosis.fit import fit
-from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.signature import sought
 from mopro.emulator.measured import Sensor
-from mopro.experiment.catalogue import candidates
 from mopro.experiment.model import Experiment, Reading, Trial
 from mopro.experiment.motor import COARSE, FINE, Motor
-from mopro.experiment.series import series_of
 from mopro.machine import load_machine
 from mopro.source import Source
 
@@ -63,24 +57,3 @@ def test_a_lag_of_any_length_is_followed_in_long_steps(tau_s):
     expected_um = math.atan(k * 39.37 * 0.0254 * tau_s) / k * 1e6
     lag_um = positions_um({}, COARSE) - positions_um({"current_loop_lag": {"tau": tau_s}}, COARSE)
     assert lag_um[cruise].mean() == pytest.approx(expected_um, rel=0.01)
-
-
-def test_a_period_is_found_under_a_sensor_that_bends():
-    """A cyclic error is in the place itself; the bent reading would smear its line."""
-    truth = {
-        "sensor_nonlinearity": {"c3": 1e-3, "c5": 0.0, "mid": 0.0, "half": 0.254},
-        "periodic_error": {"A": 2e-6, "lambda": 4.6e-4, "phi": 1.0},
-    }
-    seen = positions_um(truth, FINE) / 25400
-    noisy = seen + 2e-5 * np.random.default_rng(0).standard_normal(len(seen))
-    bent = truth["sensor_nonlinearity"]
-    experiment = of(noisy)
-    motor = Motor(experiment, COARSE)
-    residuals = Residuals(motor, series_of(motor))
-    base = fit(residuals, (), [{}])
-    base = dataclasses.replace(base, settings={"sensor_nonlinearity": bent})
-    (ripple,) = [c for c in candidates(motor) if c.name == "periodic_error"]
-    groups = sought(residuals, base, ripple)
-    strongest = max((group[0].values for group in groups), key=lambda values: values["A"])
-    assert strongest["lambda"] == pytest.approx(4.6e-4, rel=1e-3)
-    assert strongest["A"] == pytest.approx(2e-6, rel=0.1)

@@ -1,0 +1,50 @@
+"""What no fixed start leads to is looked for: periods, and when current falls at rest."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from test_motor import LASER, of
+
+from mopro.diagnosis.fit import fit
+from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.signature import sought
+from mopro.experiment.catalogue import candidates
+from mopro.experiment.motor import COARSE, FINE, Motor
+from mopro.experiment.series import series_of
+
+
+def starts(name, truth, fitted=(), seed=0):
+    """The starts that the search of candidate `name` finds in a run with `truth` in it."""
+    (clean,) = Motor(of(np.zeros(3200)), FINE)(truth)
+    noise = LASER.noise_rms * np.random.default_rng(seed).standard_normal(len(clean))
+    motor = Motor(of(clean + noise), COARSE)
+    residuals = Residuals(motor, series_of(motor))
+    base = fit(residuals, (), [{}])
+    base = dataclasses.replace(base, settings={n: truth[n] for n in fitted})
+    (candidate,) = [c for c in candidates(motor) if c.name == name]
+    return [group[0].values for group in sought(residuals, base, candidate)]
+
+
+def test_a_period_is_found_under_a_sensor_that_bends():
+    """A cyclic error is in the place itself; the bent reading would smear its line."""
+    truth = {
+        "sensor_nonlinearity": {"c3": 1e-3, "c5": 0.0, "mid": 0.0, "half": 0.254},
+        "periodic_error": {"A": 2e-6, "lambda": 4.6e-4, "phi": 1.0},
+    }
+    found = starts("periodic_error", truth, fitted=["sensor_nonlinearity"])
+    strongest = max(found, key=lambda values: values["A"])
+    assert strongest["lambda"] == pytest.approx(4.6e-4, rel=1e-3)
+    assert strongest["A"] == pytest.approx(2e-6, rel=0.1)
+
+
+@pytest.mark.parametrize(("h", "t_h"), [(0.35, 0.08), (0.4, 0.15), (0.6, 0.11)])
+def test_the_moment_when_current_falls_is_found_from_the_ring(h, t_h):
+    """To within a quarter of the tooth's period: further off least squares end elsewhere."""
+    found = starts("hold_current_reduction", {"hold_current_reduction": {"h": h, "t_h": t_h}})
+    assert min(abs(values["t_h"] - t_h) for values in found) < 0.003
+
+
+@pytest.mark.parametrize("truth", [{}, {"viscous_drag": {"b": 8.0}}], ids=["nothing", "drag"])
+def test_where_nothing_begins_at_rest_no_moment_is_sought(truth):
+    assert starts("hold_current_reduction", truth) == []
