@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import combinations, groupby
 
 import numpy as np
 
@@ -34,7 +34,10 @@ _AFTER_S = 0.3
 
 @dataclass(frozen=True)
 class Proposal:
-    """A program to run, with what payload, and by how many σ it parts each rival."""
+    """A program to run, with what payload, and by how many σ it parts each rival.
+
+    That is from what was named; rivals are parted from each other as well as can be.
+    """
 
     text: str
     summary: str
@@ -44,9 +47,12 @@ class Proposal:
 
 @dataclass(frozen=True)
 class _Contest:
-    """An effect, its settings and a rival's; `known` is the relative error of its size."""
+    """Two sides of a family, each with its settings; `known` is the relative error of size.
 
-    rival: str
+    `rival` is the second's name where the first is what was named, and else None.
+    """
+
+    rival: str | None
     settings: Settings
     other: Settings
     known: float
@@ -69,9 +75,12 @@ def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
 
 
 def _contests(verdict: Verdict, effect: Named) -> list[_Contest]:
+    """The effect against each of its rivals, and those against each other: any may be true."""
     known = 1 / max(effect.sigmas, 1.0)
     others = list(effect.alternatives.items())[:_MOST_RIVALS]
-    return [_Contest(name, verdict.settings, settings, known) for name, settings in others]
+    first = [_Contest(name, verdict.settings, settings, known) for name, settings in others]
+    pairs = combinations([settings for _, settings in others], 2)
+    return [*first, *(_Contest(None, one, other, known) for one, other in pairs)]
 
 
 class _Planner:
@@ -97,7 +106,9 @@ class _Planner:
         separations: dict[str, float] = {}
         parted = self._parted(self._imagined(chosen)).tolist()
         for contest, apart in zip(self._contests, parted, strict=True):
-            separations[contest.rival] = min(apart, separations.get(contest.rival, math.inf))
+            name = contest.rival
+            if name is not None:
+                separations[name] = min(apart, separations.get(name, math.inf))
         if max(separations.values()) <= _TOLD_APART:
             return None
         summary = self._summary(separations)

@@ -96,6 +96,18 @@ def test_twins_do_not_keep_the_others_from_being_parted():
     assert "it does not tell start_delay" in proposal.summary
 
 
+def test_rivals_are_parted_from_each_other_as_well():
+    """What was named first need not be what is true, and then they stand against each other."""
+    lag = {"current_loop_lag": {"tau": 5e-4}}
+    late, slow = {"trigger_delay": {"t_d": 2e-4}}, {"sensor_bandwidth": {"f_c": 1 / 2e-4 / 6.2832}}
+    proposal = propose(experiment(LASER), ambiguous(lag, [late, slow]))
+    assert set(proposal.separations) == {"trigger_delay", "sensor_bandwidth"}
+    program = mopro.compile(proposal.text)
+    nothing, *sides = (seen(program, effects, LASER)[0] for effects in (None, late, slow))
+    count = min(map(len, (nothing, *sides)))
+    assert apart(*((side - nothing)[:count] for side in sides), LASER) > 6.0
+
+
 def test_it_lasts_no_longer_than_it_must_and_never_beyond_a_minute():
     """The better the sensor, the shorter; at its limit as long as a person waits."""
     lasting = {}
