@@ -67,6 +67,11 @@ class Fit:
         return float(self.residual @ self.residual)
 
     @property
+    def excess(self) -> float:
+        """What is left over beyond noise, of the sum of squares."""
+        return self.rss - self.count * self.variance
+
+    @property
     def misfit(self) -> float:
         """-2 log likelihood but for a constant."""
         return self.misfit_of(self.rss)

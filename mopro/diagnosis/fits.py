@@ -76,9 +76,9 @@ class Fits:
                 self._fits[key] = found, limit
             return self._fits[key][0]
 
-    def joined(self, base: Fit, scored: Scored, limit: float = math.inf) -> Fit:
+    def joined(self, base: Fit, scored: Scored) -> Fit:
         starts = [{**base.settings, **start} for start in scored.starts]
-        return self.fitted((*base.candidates, scored.candidate), starts, limit)
+        return self.fitted((*base.candidates, scored.candidate), starts)
 
     def replaced(self, found: Fit, name: str, scored: Scored, limit: float) -> Fit:
         """`found` with a candidate in the place of `name`.
@@ -86,15 +86,15 @@ class Fits:
         A rival leaves the other effects much as they are: the fit starts there, from the
         nearer of the candidate's starts.
         """
-        kept = tuple(c for c in found.candidates if c.name != name)
-        others = {c.name: found.settings[c.name] for c in kept}
-        starts = [{**others, **start} for start in scored.starts]
+        kept, settings = _others(found, name)
+        starts = [{**settings, **start} for start in scored.starts]
         nearest = min(starts, key=lambda s: float(np.sum(self.residuals.at(s) ** 2)))
         return self.fitted((*kept, scored.candidate), [nearest], limit)
 
     def without(self, found: Fit, name: str, limit: float = math.inf) -> Fit:
-        kept = tuple(c for c in found.candidates if c.name != name)
-        return self.fitted(kept, [{c.name: found.settings[c.name] for c in kept}], limit)
+        """`found` without the effect `name`; for `limit` see `fitted`."""
+        kept, settings = _others(found, name)
+        return self.fitted(kept, [settings], limit)
 
     def no_dearer(self, found: Fit, by: float = 0.0) -> float:
         """The sum of squares above which no fit costs less than `found` does, and `by` more."""
@@ -156,3 +156,9 @@ class Fits:
             return [function(item) for item in items]
         with ThreadPoolExecutor(self._jobs) as pool:
             return list(pool.map(function, items))
+
+
+def _others(found: Fit, name: str) -> tuple[tuple[Candidate, ...], Settings]:
+    """The effects of `found` but for `name`, and what they were found at."""
+    kept = tuple(c for c in found.candidates if c.name != name)
+    return kept, {c.name: found.settings[c.name] for c in kept}

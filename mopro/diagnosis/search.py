@@ -57,12 +57,11 @@ class Search:
     def _core(self, found: Fit) -> Fit:
         """`found` without the effects that explain less than it leaves over.
 
-        They may but make up for what a wrong one among the others gets wrong.
+        They may only make up for what a wrong one among the others gets wrong.
         """
-        excess = found.rss - found.count * found.variance
         for name in sorted(found.names):
-            fewer = self.fits.without(found, name, found.rss + excess)
-            if fewer.rss - found.rss < excess:
+            fewer = self.fits.without(found, name, found.rss + found.excess)
+            if fewer.rss - found.rss < found.excess:
                 return self._core(fewer)
         return found
 
@@ -76,7 +75,7 @@ class Search:
         most = next((s for s in self.promises.scores(null) if s.starts), None)
         if most is None or self.promises.predicted(null, most) >= self.fits.cost(null):
             return null
-        if null.rss - most.gain - null.count * null.variance > MISJUDGED * most.gain:
+        if null.excess - most.gain > MISJUDGED * most.gain:
             return null
         return self._swapped(self.fits.pruned(self.fits.joined(null, most)))
 

@@ -23,8 +23,6 @@ from mopro.emulator.effects.base import Effect, Term
 
 # How fast the voltage loop takes a deviation of the current back.
 CURRENT_LOOP_S = 5e-5
-# The currents behind a lag.
-_BEHIND = ("la", "lb")
 
 
 @dataclass(frozen=True)
@@ -55,8 +53,17 @@ class Layout:
 
     @property
     def in_time(self) -> list[str]:
-        states = [] if self.lag is None else list(_BEHIND)
-        states += [] if self.voltage is None else ["ja", "jb"]
+        return self.behind + self.integrated
+
+    @property
+    def behind(self) -> list[str]:
+        """The currents behind a lag, which follow their setpoints."""
+        return [] if self.lag is None else ["la", "lb"]
+
+    @property
+    def integrated(self) -> list[str]:
+        """The states in time that RK4 takes."""
+        states = [] if self.voltage is None else ["ja", "jb"]
         return states + [f"s{i}" for i, e in enumerate(self.effects) if e.rate]
 
     @property
@@ -122,6 +129,7 @@ def aims_source(layout: Layout) -> str:
     return f"def aims(c, gain, k{layout.all_numbers()}):\n{_indented(lines, 1)}"
 
 
+# tau ds/dt = setpoint - s, exact at t for a setpoint that is a parabola over h.
 _FOLLOWED = """\
 def followed(behind, s0, s_mid, s1, t, h, tau):
     if tau <= 0.0:
@@ -184,9 +192,7 @@ def _stage_lines(layout: Layout, n: int) -> list[str]:
     """Stage `n` of RK4 at (x{n}, v{n}) with the states that belong to it."""
     command = ("c0, w0", "c_mid, w_mid", "c_mid, w_mid", "c1, w1")[n - 1]
     lines = _lag_lines(layout, n)
-    for state in layout.in_time:
-        if state in _BEHIND:
-            continue
+    for state in layout.integrated:
         step = {1: "", 2: f" + half * d{state}_1", 3: f" + half * d{state}_2"}
         lines.append(f"{state}_{n} = {state}{step.get(n, f' + h * d{state}_3')}")
     lines += [_slide_line(layout, state, f"{state}_{n}", f"x{n} - x") for state in layout.on_path]
@@ -225,10 +231,8 @@ def _step_lines(layout: Layout) -> list[str]:
     lines += ["way = h / 6 * (v1 + 2 * v2 + 2 * v3 + v4)"]
     lines += [_slide_line(layout, state, state, "way") for state in layout.on_path]
     lines += ["x += way", "v += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)"]
-    for s in layout.in_time:
-        if s in _BEHIND:
-            lines.append(f"{s} = {s}_4")
-            continue
+    lines += [f"{s} = {s}_4" for s in layout.behind]
+    for s in layout.integrated:
         lines.append(f"{s} += h / 6 * (d{s}_1 + 2 * d{s}_2 + 2 * d{s}_3 + d{s}_4)")
     return lines
 

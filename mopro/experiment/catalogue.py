@@ -17,7 +17,7 @@ from mopro.emulator.measured import POSITION, TEMPERATURE
 from mopro.experiment import thermal
 from mopro.experiment.model import Experiment
 from mopro.experiment.motor import AXIS, RUN, Motor, angle_in
-from mopro.experiment.rests import Rests
+from mopro.experiment.rests import EARLIEST_S, Rests
 from mopro.experiment.seek import Seeker
 from mopro.machine import Machine
 
@@ -143,7 +143,7 @@ def _drive(rests: Rests) -> Iterator[Candidate]:
     )  # fmt: skip
     yield Candidate("voltage_saturation", (supply,))
     held = Parameter("h", "1", 0.1, 1.0, (0.5,), null=1.0, plausible=(0.3, 1.0))
-    after = Parameter("t_h", "s", 0.02, 6.0, (0.05, 0.2, 0.7, 2.0), Role.SHAPE)
+    after = Parameter("t_h", "s", EARLIEST_S, 6.0, (0.05, 0.2, 0.7, 2.0), Role.SHAPE)
     yield Candidate("hold_current_reduction", (held, after), seek=rests.lower_current)
 
 

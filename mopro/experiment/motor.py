@@ -21,7 +21,7 @@ from mopro.emulator.effects import Active, Effect, Stage, catalogue
 from mopro.emulator.effects.resolve import active_effects
 from mopro.emulator.engine import Stepping
 from mopro.emulator.heat import HeatPieces, heat_pieces
-from mopro.emulator.measured import TEMPERATURE, measured_at
+from mopro.emulator.measured import POSITION, TEMPERATURE, measured_at
 from mopro.emulator.setup import Settings as EmulatorSettings
 from mopro.emulator.setup import Staging, heat_of, planned, staged
 from mopro.experiment.logged import schedule_of
@@ -103,18 +103,26 @@ class Motor:
         self._pieces: _Kept[HeatPieces] = _Kept()
 
     def __call__(self, settings: Settings) -> list[Floats]:
-        return [
-            self._reading(index, reading, settings)
-            for index, trial in enumerate(self.experiment.trials)
-            for reading in trial.readings
-        ]
+        return [self._reading(run, reading, settings) for run, reading in self.readings()]
+
+    def readings(self) -> list[tuple[int, Reading]]:
+        """Every reading with the number of its run, in the order of the predictions."""
+        trials = enumerate(self.experiment.trials)
+        return [(run, reading) for run, trial in trials for reading in trial.readings]
+
+    def positions(self) -> dict[int, tuple[int, Reading]]:
+        """Those of positions, by their place among all."""
+        return {
+            row: (run, reading)
+            for row, (run, reading) in enumerate(self.readings())
+            if reading.sensor.quantity == POSITION
+        }
 
     def targets(self, settings: Settings) -> list[Floats]:
         """The readings, in their units, of sensors that err in time only."""
         return [
-            self._reading(index, reading, settings, distorted=False)
-            for index, trial in enumerate(self.experiment.trials)
-            for reading in trial.readings
+            self._reading(run, reading, settings, distorted=False)
+            for run, reading in self.readings()
         ]
 
     def schedule(self, index: int) -> Schedule:
@@ -124,10 +132,8 @@ class Motor:
     def way_m(self) -> tuple[float, float]:
         """The least and the greatest position that any sensor was to see."""
         places = [
-            self._motion(index, _of_the_motion(self._own))[f"position_{reading.sensor.axis}_m"]
-            for index, trial in enumerate(self.experiment.trials)
-            for reading in trial.readings
-            if reading.sensor.quantity != TEMPERATURE
+            self._motion(run, _of_the_motion(self._own))[f"position_{reading.sensor.axis}_m"]
+            for run, reading in self.positions().values()
         ]
         return min(float(x.min()) for x in places), max(float(x.max()) for x in places)
 

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from mopro.diagnosis import Leftover
-from mopro.emulator.measured import POSITION
 from mopro.experiment.model import Floats, Reading
 from mopro.experiment.motor import Motor
 
@@ -22,9 +21,11 @@ _CLEARLY = 5.0
 # to is told to within these many, before and after.
 _BEFORE, _AFTER = 3.0, 1.0
 _STEPS_A_PERIOD = 4
+# The shares of the current to try, which an axis rings with at quite another speed each.
 _SHARES = (0.35, 0.6)
 _KEPT = 2
-_EARLIEST_S = 0.02
+# No drive saves current sooner after a move.
+EARLIEST_S = 0.02
 
 
 class Rests:
@@ -34,17 +35,9 @@ class Rests:
         self._motor = motor
         axis = motor.experiment.machine.axis
         self._period_s = math.tau / math.sqrt(axis.stiffness_N_m / axis.moving_mass_kg)
-        readings = [
-            (run, reading)
-            for run, trial in enumerate(motor.experiment.trials)
-            for reading in trial.readings
-        ]
-        # The time from the end of its axis' first move on, by the number of the series, up
-        # to the second move.
+        # The time since its axis' first move, up to the second, by the series' numbers.
         self._rested_s = {
-            row: self._first_rest(run, reading)
-            for row, (run, reading) in enumerate(readings)
-            if reading.sensor.quantity == POSITION
+            row: self._first_rest(run, reading) for row, (run, reading) in motor.positions().items()
         }
 
     def _first_rest(self, run: int, reading: Reading) -> Floats:
@@ -60,7 +53,7 @@ class Rests:
         if begun_s is None:
             return
         step_s = self._period_s / _STEPS_A_PERIOD
-        first_s = max(begun_s - _BEFORE * self._period_s, _EARLIEST_S)
+        first_s = max(begun_s - _BEFORE * self._period_s, EARLIEST_S)
         times = np.arange(first_s, begun_s + _AFTER * self._period_s + step_s, step_s)
         trials = [{"h": h, "t_h": t} for t in times.tolist() for h in _SHARES]
         trials.sort(key=lambda values: left.misfit({"hold_current_reduction": values}))

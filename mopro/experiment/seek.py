@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from mopro.diagnosis import Leftover
 from mopro.diagnosis.model import Seek
 from mopro.diagnosis.spectrum import position_spectrum
-from mopro.emulator.measured import POSITION
 from mopro.experiment.model import Floats
 from mopro.experiment.motor import RUN, Motor, angle_in
 from mopro.motion import PlannedMove
@@ -38,17 +37,8 @@ class Seeker:
 
     def __init__(self, motor: Motor) -> None:
         self._motor = motor
-        readings = [
-            (run, reading)
-            for run, trial in enumerate(motor.experiment.trials)
-            for reading in trial.readings
-        ]
         # The series' numbers, with the run and the reading of each.
-        self._positions = {
-            row: (run, reading)
-            for row, (run, reading) in enumerate(readings)
-            if reading.sensor.quantity == POSITION
-        }
+        self._positions = motor.positions()
 
     # -- lines -------------------------------------------------------------------
 

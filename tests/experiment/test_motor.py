@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import mopro
+from mopro.emulator.engine import Stepping
 from mopro.emulator.measured import Sensor
 from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.motor import COARSE, FINE, Motor
+from mopro.experiment.motor import COARSE, Motor
 from mopro.machine import load_machine
 from mopro.source import Source
 
@@ -17,6 +18,7 @@ from mopro.source import Source
 PROGRAM = mopro.compile(
     "UU012500/1\nACC1 0.2\nVEL1 39.37\nMRI1 12.0\nWX1\nWT400\nVEL1 0.4\nMRI1 -0.2\nWX1\nWT400\n"
 )
+SHORTEST = Stepping(5e-6)
 LASER = Sensor("laser", "position", "position_1_in", 2000.0, 1, 2e-5)
 
 
@@ -44,9 +46,9 @@ def positions_um(settings, stepping):
     ids=lambda settings: next(iter(settings)),
 )
 def test_long_steps_are_within_a_tenth_of_a_micrometre(settings):
-    long, short = (positions_um(settings, stepping) for stepping in (COARSE, FINE))
-    assert np.abs(long - short).max() < 0.1
-    assert np.abs(short - positions_um({}, FINE)).max() > 1.0
+    long, short = (positions_um(settings, stepping) for stepping in (COARSE, SHORTEST))
+    assert 0 < np.abs(long - short).max() < 0.1
+    assert np.abs(short - positions_um({}, SHORTEST)).max() > 1.0
 
 
 @pytest.mark.parametrize("tau_s", [1e-6, 5e-5, 5e-4])

@@ -111,7 +111,7 @@ class VoltageSaturation(Effect):
     current_loop = "voltage"
 
     def longest_step_s(self, *p: float) -> float:
-        return 2e-5
+        return 1e-5
 
 
 class HoldCurrentReduction(Effect):
