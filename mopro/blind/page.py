@@ -60,12 +60,12 @@ def _followed(cases: Iterable[Followed]) -> str:
     rows = (
         (
             f.before.number, f.before.sensor, " + ".join(f.before.truth), ", ".join(f.before.said),
-            ", ".join(f"{name} {sigma:.2g}" for name, sigma in f.promised.items()) or "-",
+            ", ".join(f"{rival.name} {rival.sigma:.2g}" for rival in f.rivals()) or "-",
             ", ".join(f.after.said) or f.after.note or f.after.verdict,
         )
         for f in cases
     )  # fmt: skip
-    heads = ("case", "sensor", "truth", "said", "to be parted by σ", "then said")
+    heads = ("case", "sensor", "truth", "said", "to be parted from it by σ", "then said")
     return _table(heads, rows)
 
 

@@ -34,10 +34,19 @@ class Line:
 
 
 @dataclass(frozen=True)
+class Rival:
+    """An effect that cannot be told from what is hidden, and by how many σ it should be."""
+
+    truth: str
+    name: str
+    sigma: float
+
+
+@dataclass(frozen=True)
 class Followed:
     """An ambiguous answer, and the one after the experiment that it proposed was run.
 
-    `promised` are the σ by which that was to part each rival from the effect in its place.
+    `promised` are the σ by which that was to part each two effects of a family (`pair`).
     """
 
     before: J
@@ -50,22 +59,37 @@ class Followed:
 
     @property
     def within_reach(self) -> bool:
-        """Whether every rival was to be parted."""
-        return bool(self.promised) and min(self.promised.values()) >= _PARTED
+        """Whether every rival was to be parted from what is hidden."""
+        rivals = self.rivals()
+        return bool(rivals) and all(rival.sigma >= _PARTED for rival in rivals)
 
     def gone(self) -> list[bool]:
-        """For each rival that was to be parted, whether it no longer stands beside the other.
+        """For each rival that was to be parted from what is hidden, whether it is.
 
         None is if the answer is a wrong one.
         """
         left = [set(names.split("/")) for names in self.after.said]
-        families = [names.split("/") for names in self.before.said]
         return [
-            self.after.good and not any({name, rival} <= family for family in left)
-            for name, *rivals in families
-            for rival in rivals
-            if self.promised.get(rival, 0.0) >= _PARTED
+            self.after.good and not any({rival.truth, rival.name} <= family for family in left)
+            for rival in self.rivals()
+            if rival.sigma >= _PARTED
         ]
+
+    def rivals(self) -> list[Rival]:
+        """What stands in one family with what is hidden."""
+        families = [set(names.split("/")) for names in self.before.said]
+        return [
+            Rival(truth, name, self.promised.get(pair(truth, name), 0.0))
+            for truth in self.before.truth
+            for family in families
+            if truth in family
+            for name in sorted(family - {truth})
+        ]
+
+
+def pair(one: str, other: str) -> str:
+    """Two effects in either order."""
+    return " / ".join(sorted((one, other)))
 
 
 @dataclass(frozen=True)
@@ -186,10 +210,13 @@ def _follow(score: Score) -> Iterator[Line]:
         _percent(named, len(followed)), None,
     )  # fmt: skip
     yield _share(
-        f"… of which every rival was to be parted by {_PARTED:g} σ: named", reach, 0.90,
-        lambda f: f.named,
+        f"… of which every rival was to be parted from the truth by {_PARTED:g} σ: named",
+        reach, 0.90, lambda f: f.named,
     )  # fmt: skip
-    yield _share(f"… rivals that were to be parted by {_PARTED:g} σ: gone", gone, 0.90, lambda g: g)
+    yield _share(
+        f"… rivals that were to be parted from the truth by {_PARTED:g} σ: gone",
+        gone, 0.90, lambda g: g,
+    )  # fmt: skip
 
 
 def _share(

@@ -15,7 +15,7 @@ from typing import Any
 from mopro.blind.follow import FOLDER, proposed
 from mopro.blind.judge import FAILED, Judgement, judge
 from mopro.blind.make import ANSWERS, hashes
-from mopro.blind.score import Followed
+from mopro.blind.score import Followed, pair
 from mopro.errors import DataError
 
 VERDICT = "verdict.json"
@@ -143,7 +143,11 @@ def followed(
     def one(case: Judgement) -> Followed:
         reply = known.ask(case.number, ground.folder / case.number / "experiment.toml")
         second = judge(case.number, ground.cases[case.number], _second(ground, asker, case, reply))
-        return Followed(case, reply.get("next_experiment_separations") or {}, second)
+        promised = {
+            pair(*told["effects"]): told["sigma"]
+            for told in reply.get("next_experiment_pairs") or []
+        }
+        return Followed(case, promised, second)
 
     with ThreadPoolExecutor(jobs) as pool:
         yield from pool.map(one, [case for case in cases if case.verdict == "ambiguous"])

@@ -54,6 +54,10 @@ class Conclusion:
         if self.next_experiment:
             answer["next_experiment"] = self.next_experiment.text
             answer["next_experiment_separations"] = self.next_experiment.separations
+            answer["next_experiment_pairs"] = [
+                {"effects": list(names), "sigma": apart}
+                for names, apart in self.next_experiment.pairs.items()
+            ]
             answer["next_experiment_payload_kg"] = self.next_experiment.payload_kg
         return {key: _strict(value) for key, value in answer.items()}
 

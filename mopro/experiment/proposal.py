@@ -34,25 +34,24 @@ _AFTER_S = 0.3
 
 @dataclass(frozen=True)
 class Proposal:
-    """A program to run, with what payload, and by how many σ it parts each rival.
+    """A program to run, with what payload, and by how many σ it parts two effects of a family.
 
-    That is from what was named; rivals are parted from each other as well as can be.
+    `separations` are those of each rival from what was named, `pairs` those of every two: any
+    of a family may be what is true.
     """
 
     text: str
     summary: str
     payload_kg: float
     separations: dict[str, float]
+    pairs: dict[tuple[str, str], float]
 
 
 @dataclass(frozen=True)
 class _Contest:
-    """Two sides of a family, each with its settings; `known` is the relative error of size.
+    """Two effects of a family, each with its settings; `known` is the relative error of size."""
 
-    `rival` is the second's name where the first is what was named, and else None.
-    """
-
-    rival: str | None
+    names: tuple[str, str]
     settings: Settings
     other: Settings
     known: float
@@ -64,11 +63,12 @@ def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
     None where no motion would be seen to tell any of them apart.
     """
     contests = [c for effect in verdict.effects for c in _contests(verdict, effect)]
+    named = frozenset(effect.name for effect in verdict.effects)
     sensors = [r.sensor for t in experiment.trials for r in t.readings]
     for quantity in (POSITION, TEMPERATURE):
         sensor = next((s for s in sensors if s.quantity == quantity), None)
         if sensor is not None and contests:
-            proposal = _Planner(experiment, sensor, contests).proposal()
+            proposal = _Planner(experiment, sensor, contests, named).proposal()
             if proposal is not None:
                 return proposal
     return None
@@ -77,21 +77,28 @@ def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
 def _contests(verdict: Verdict, effect: Named) -> list[_Contest]:
     """The effect against each of its rivals, and those against each other: any may be true."""
     known = 1 / max(effect.sigmas, 1.0)
-    others = list(effect.alternatives.items())[:_MOST_RIVALS]
-    first = [_Contest(name, verdict.settings, settings, known) for name, settings in others]
-    pairs = combinations([settings for _, settings in others], 2)
-    return [*first, *(_Contest(None, one, other, known) for one, other in pairs)]
+    rivals = list(effect.alternatives.items())[:_MOST_RIVALS]
+    family = [(effect.name, verdict.settings), *rivals]
+    return [
+        _Contest((name, rival), settings, others, known)
+        for (name, settings), (rival, others) in combinations(family, 2)
+    ]
 
 
 class _Planner:
     """Puts a program together for one sensor."""
 
     def __init__(
-        self, experiment: Experiment, sensor: Sensor, contests: Sequence[_Contest]
+        self,
+        experiment: Experiment,
+        sensor: Sensor,
+        contests: Sequence[_Contest],
+        named: frozenset[str],
     ) -> None:
         self._experiment = experiment
         self._sensor = sensor
         self._contests = contests
+        self._named = named
         self._payload_kg = min(trial.payload_kg for trial in experiment.trials)
 
     def proposal(self) -> Proposal | None:
@@ -103,17 +110,15 @@ class _Planner:
             chosen = self._put_together(moving_pieces(bounds))
         if not chosen:
             return None
-        separations: dict[str, float] = {}
         parted = self._parted(self._imagined(chosen)).tolist()
-        for contest, apart in zip(self._contests, parted, strict=True):
-            name = contest.rival
-            if name is not None:
-                separations[name] = min(apart, separations.get(name, math.inf))
+        pairs = dict(zip((c.names for c in self._contests), parted, strict=True))
+        separations = {other: apart for (one, other), apart in pairs.items() if one in self._named}
         if max(separations.values()) <= _TOLD_APART:
             return None
-        summary = self._summary(separations)
+        summary = self._summary(separations, pairs)
         head = f"; {summary}\n; {self._way(chosen)}\n"
-        return Proposal(head + self._text(chosen), summary, self._payload_kg, separations)
+        text = head + self._text(chosen)
+        return Proposal(text, summary, self._payload_kg, separations, pairs)
 
     def _bounds(self) -> Bounds:
         """What the motor may be asked for under the least favourable of the rivals."""
@@ -184,11 +189,17 @@ class _Planner:
     def _text(self, pieces: Sequence[Piece]) -> str:
         return text_of(self._experiment.machine, self._sensor.axis, _joined(pieces))
 
-    def _summary(self, separations: dict[str, float]) -> str:
+    def _summary(self, separations: dict[str, float], pairs: dict[tuple[str, str], float]) -> str:
         told = [f"{n} by {s:.3g} σ" for n, s in separations.items() if s > _TOLD_APART]
         alike = [name for name, s in separations.items() if s <= _TOLD_APART]
+        twins = [
+            f"{one} from {other}"
+            for (one, other), s in pairs.items()
+            if s <= _TOLD_APART and not {one, other} & {*self._named, *alike}
+        ]
         summary = f"with {self._payload_kg:g} kg it should separate {', '.join(told)}"
-        return summary + (f"; it does not tell {', '.join(alike)}" if alike else "")
+        left = ", ".join([*alike, *twins])
+        return summary + (f"; it does not tell {left}" if left else "")
 
     def _way(self, chosen: Sequence[Piece]) -> str:
         longest = max(piece.distance for piece in chosen)

@@ -190,7 +190,7 @@ def _next(found: Conclusion) -> Iterator[str]:
         return
     yield paragraph(f"This program would tell the rivals apart: {proposal.summary}.")
     yield listing(proposal.text)
-    rows = [[pair, f"{sigmas:.3g}"] for pair, sigmas in proposal.separations.items()]
+    rows = [[" / ".join(pair), f"{sigmas:.3g}"] for pair, sigmas in proposal.pairs.items()]
     yield table("How far it separates them", ("rivals", "σ"), rows)
 
 

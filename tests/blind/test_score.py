@@ -12,7 +12,7 @@ from mopro.blind.follow import proposed
 from mopro.blind.judge import judge
 from mopro.blind.make import make
 from mopro.blind.page import page
-from mopro.blind.score import Followed, Score
+from mopro.blind.score import Followed, Score, pair
 from mopro.cli.blind import command
 
 HIDDEN = {"name": "viscous_drag", "parameters": {"b": 5.0}, "total_sigma": 50.0}
@@ -132,31 +132,41 @@ def test_the_table_counts():
     assert json.loads(json.dumps(score.as_json()))["cases"][0]["outcome"] == "right"
 
 
-def after(first, separations, second):
+def after(first, promised, second):
+    """What is hidden is a viscous drag."""
     truth = answer(HIDDEN)
-    return Followed(judge("1", truth, first), separations, judge("1", truth, second))
+    sigmas = {pair("viscous_drag", rival): sigma for rival, sigma in promised.items()}
+    others = {pair("start_delay", "trigger_delay"): 0.1}
+    return Followed(judge("1", truth, first), sigmas | others, judge("1", truth, second))
 
 
 def test_what_an_experiment_was_to_part_is_counted_rival_by_rival():
+    """Rivals of what is hidden count, whichever of the family was named first."""
     family = reply("ambiguous", "trigger_delay", family=["viscous_drag", "start_delay"])
-    promised = {"viscous_drag": 8.0, "start_delay": 0.1}
+    promised = {"trigger_delay": 8.0, "start_delay": 8.0}
     settled = after(family, promised, reply("named", "viscous_drag"))
-    assert (settled.named, settled.within_reach, settled.gone()) == (True, False, [True])
-    open_still = reply("ambiguous", "viscous_drag", family=["trigger_delay"])
-    assert after(family, promised, open_still).gone() == [False]
-    twins = after(family, promised, reply("ambiguous", "viscous_drag", family=["start_delay"]))
-    assert (twins.named, twins.gone()) == (False, [True])
+    assert (settled.named, settled.within_reach, settled.gone()) == (True, True, [True, True])
+    halved = reply("ambiguous", "viscous_drag", family=["trigger_delay"])
+    assert after(family, promised, halved).gone() == [True, False]
+    half = {"trigger_delay": 0.3, "start_delay": 8.0}
+    twins = after(family, half, halved)
+    assert (twins.named, twins.within_reach, twins.gone()) == (False, False, [True])
     wrong = after(family, promised, reply("named", "hum"))
-    assert (wrong.named, wrong.gone()) == (False, [False])
+    assert (wrong.named, wrong.gone()) == (False, [False, False])
     nothing = after(family, {}, {"verdict": "failed"})
     assert (nothing.within_reach, nothing.gone()) == (False, [])
-    lines = {line.what: line for line in Score((), (settled, twins, nothing)).lines()}
+    score = Score((), (settled, twins, nothing))
+    lines = {line.what: line for line in score.lines()}
     every = lines["ambiguous, proposed experiment (if any) then run: named"]
     assert (every.count, every.reached) == (3, "33.3% (1 of 3)")
-    gone = lines["… rivals that were to be parted by 6 σ: gone"]
-    assert (gone.count, gone.met) == (2, True)
+    reach = lines["… of which every rival was to be parted from the truth by 6 σ: named"]
+    assert (reach.count, reach.met) == (1, True)
+    gone = lines["… rivals that were to be parted from the truth by 6 σ: gone"]
+    assert (gone.count, gone.met) == (3, True)
     shown = page(Score((), (settled,)))
     assert "| 1 | laser | viscous_drag | trigger_delay/viscous_drag/start_delay |" in shown
+    assert "| start_delay 8, trigger_delay 8 | viscous_drag |" in shown
+    assert json.loads(json.dumps(score.as_json()))["followed"][1]["promised"]
 
 
 @pytest.fixture(scope="module")

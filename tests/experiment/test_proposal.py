@@ -96,6 +96,14 @@ def test_twins_do_not_keep_the_others_from_being_parted():
     assert "it does not tell start_delay" in proposal.summary
 
 
+def test_two_rivals_that_stay_alike_are_told():
+    twin = {"start_delay": {"d": LATE["trigger_delay"]["t_d"], "every_move": 0.0}}
+    proposal = propose(experiment(LASER), ambiguous(DRAG, [LATE, twin]))
+    assert min(proposal.separations.values()) >= 6.0
+    assert proposal.pairs["trigger_delay", "start_delay"] < 0.5
+    assert proposal.summary.endswith("; it does not tell trigger_delay from start_delay")
+
+
 def test_rivals_are_parted_from_each_other_as_well():
     """What was named first need not be what is true, and then they stand against each other."""
     lag = {"current_loop_lag": {"tau": 5e-4}}
@@ -105,7 +113,9 @@ def test_rivals_are_parted_from_each_other_as_well():
     program = mopro.compile(proposal.text)
     nothing, *sides = (seen(program, effects, LASER)[0] for effects in (None, late, slow))
     count = min(map(len, (nothing, *sides)))
-    assert apart(*((side - nothing)[:count] for side in sides), LASER) > 6.0
+    measured = apart(*((side - nothing)[:count] for side in sides), LASER)
+    assert measured > 6.0
+    assert proposal.pairs["trigger_delay", "sensor_bandwidth"] == pytest.approx(measured, rel=0.15)
 
 
 def test_it_lasts_no_longer_than_it_must_and_never_beyond_a_minute():
