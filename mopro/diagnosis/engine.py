@@ -74,13 +74,14 @@ def _numerics_matter(search: Search, found: Fit, finer: Simulate) -> bool:
 
 
 def _judged(search: Search, found: Fit) -> Verdict:
-    residuals = search.fits.residuals
+    residuals, where = search.fits.residuals, tuple(_where(search))
     found, held, dropped = _supported(search, found)
     remainder = examine(residuals, found.residual, len(found.order))
     if remainder.significant:
         found, doubted = _firm(search, found)
         dropped += doubted
         remainder = examine(residuals, found.residual, len(found.order))
+        search, found = _burdened(search, found)
         held = search.fits.held_out(found) if found.candidates else None
     fitted = [(c, _named(search, found, held, c)) for c in found.candidates]
     named = tuple(effect for c, effect in fitted if not found.calibrated(c))
@@ -90,8 +91,8 @@ def _judged(search: Search, found: Fit) -> Verdict:
         effects=named,
         rejected=(*dropped, *rejected),
         below_resolution=faint,
-        where=tuple(_where(search)),
-        gap=_gap(search, found, held),
+        where=where,
+        gap=_gap(search, found, held, residuals.data),
         remainder=remainder,
         settings=found.settings,
         before=tuple(_in_units(search, search.fits.null.residual)),
@@ -150,6 +151,21 @@ def _firm(search: Search, found: Fit) -> tuple[Fit, list[Rejected]]:
         doubted.append(Rejected(least, gains[least], reason))
         found = search.fits.without(found, least)
     return found, doubted
+
+
+def _burdened(search: Search, found: Fit) -> tuple[Search, Fit]:
+    """`found` among noise as strong as what it leaves, and the search for what can replace it.
+
+    What nothing accounts for bears on every number beside it, the more the slower it varies:
+    as white noise it would tell a family apart, and give intervals that do not hold the truth.
+    """
+    if not found.candidates:
+        return search, found
+    known = search.fits
+    burdened = Search(
+        Fits(known.residuals.burdened(found.residual), known.catalogue, known.jobs, known.progress)
+    )
+    return burdened, burdened.settled_at(found)
 
 
 def _noise(search: Search, found: Fit) -> float:
@@ -239,9 +255,8 @@ def _signature(search: Search, found: Fit, name: str) -> Signature:
     return Signature(name, tuple(_in_units(search, change)), rest.rss - found.rss)
 
 
-def _gap(search: Search, found: Fit, held: HeldOut | None) -> Gap:
-    """In the unit of the first series, whose kind alone is counted."""
-    data = search.fits.residuals.data
+def _gap(search: Search, found: Fit, held: HeldOut | None, data: Sequence[Series]) -> Gap:
+    """In the unit of the first series of `data`, whose kind alone is counted."""
     unit = data[0].unit
     counted = np.concatenate([np.full(len(s), s.unit == unit) for s in data])
     weights = search.fits.residuals.weights

@@ -39,7 +39,7 @@ class Fits:
         self.residuals = residuals
         self.catalogue = tuple(catalogue)
         self.progress = progress
-        self._jobs = jobs
+        self.jobs = jobs
         self._lock = Lock()
         # With the limit that each was fitted for.
         self._fits: dict[Key, tuple[Fit, float]] = {}
@@ -152,9 +152,9 @@ class Fits:
 
     def each(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         """`function` of all items, in several threads if there is more than one job."""
-        if self._jobs == 1:
+        if self.jobs == 1:
             return [function(item) for item in items]
-        with ThreadPoolExecutor(self._jobs) as pool:
+        with ThreadPoolExecutor(self.jobs) as pool:
             return list(pool.map(function, items))
 
 

@@ -144,13 +144,19 @@ def _memory(left: _Left) -> _Finding:
     z = left.z
     if float(np.var(z)) < STILL:
         return _Finding(0.0, None)
-    power = np.abs(fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
-    shares = np.cumsum(power)[:-1] / power.sum()
+    shares = cumulative_periodogram(z)
     distance = float(stats.kstest(shares, "uniform", method="asymp").statistic)
     return _Finding(
         _kolmogorov(distance * math.sqrt(len(shares))),
         None if shares[len(shares) // 2] < 0.5 else _wander(left, shares),
     )
+
+
+def cumulative_periodogram(z: Floats) -> Floats:
+    """The share of the variance at each frequency and below, the last (1) left out."""
+    power = np.abs(fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
+    shares: Floats = np.cumsum(power)[:-1] / float(power.sum())
+    return shares
 
 
 def _kolmogorov(distance: float) -> float:

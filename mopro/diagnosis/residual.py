@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from scipy import fft
 
 from mopro.diagnosis.model import Floats, Mask, Series, Settings, Simulate
+
+# Autocorrelation is summed over so many times what it sums up to.
+_WINDOW = 5
 
 
 class Residuals:
@@ -39,6 +44,21 @@ class Residuals:
 
     def subset(self, keep: Mask) -> Residuals:
         return Residuals(self._simulate, self.data, keep, self.sigmas)
+
+    def burdened(self, residual: Floats) -> Residuals:
+        """The same problem with noise as strong as `residual` (all samples), its memory included.
+
+        What is stated counts where that is more.
+        """
+        parts = zip(self.data, self.split(residual), self.sigmas, strict=True)
+        burdens = [
+            (series, sigma * math.sqrt(lasting_variance(own))) for series, own, sigma in parts
+        ]
+        return Residuals(
+            self._simulate,
+            [replace(series, sigma=max(burden, series.sigma or 0.0) or None)
+             for series, burden in burdens],
+        )  # fmt: skip
 
     def _scales(self) -> tuple[float, ...]:
         stated = [series.sigma for series in self.data]
@@ -99,6 +119,25 @@ def white_variance(values: Floats) -> float:
     What else is in them, if it is slower, does not count.
     """
     return float(np.mean(np.diff(values) ** 2)) / 2 if len(values) > 1 else 0.0
+
+
+def lasting_variance(values: Floats) -> float:
+    """Of white noise that would leave a mean of many samples as uncertain as `values` do.
+
+    Their variance times the sum of their autocorrelation, over as many lags as five times what
+    it comes to (Madras and Sokal, 1988); never less than the variance.
+    """
+    centred = values - values.mean()
+    variance = float(np.mean(centred**2))
+    if not variance:
+        return 0.0
+    length = fft.next_fast_len(2 * len(values), real=True)
+    power = np.abs(fft.rfft(centred, length)) ** 2
+    correlation = fft.irfft(power, length)[: len(values)] / (len(values) * variance)
+    sums = 2 * np.cumsum(correlation) - 1
+    enough = np.arange(len(sums)) >= _WINDOW * sums
+    lasting = float(sums[np.argmax(enough)])
+    return variance * max(lasting, 1.0)
 
 
 def _orthonormal(shapes: Floats) -> Floats:

@@ -54,6 +54,10 @@ class Search:
             found = min(found, base, key=self.fits.cost)
         return self._swapped(found)
 
+    def settled_at(self, found: Fit) -> Fit:
+        """The effects of `found`, known from another weighing, as far as they pay in this one."""
+        return self._swapped(self.fits.pruned(self.fits.fitted(found.candidates, [found.settings])))
+
     def _core(self, found: Fit) -> Fit:
         """`found` without the effects that explain less than it leaves over.
 

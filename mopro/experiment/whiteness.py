@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy import stats
 
-from mopro.diagnosis.remainder import STILL
+from mopro.diagnosis.remainder import STILL, cumulative_periodogram
 from mopro.emulator.measured import Sensor
 from mopro.experiment.model import Floats
 
@@ -58,9 +58,8 @@ def memory_chance(z: Floats) -> float:
     """
     if len(z) < _FEWEST or float(np.var(z)) < STILL:
         return 1.0
-    power = np.abs(np.fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
-    shares = np.cumsum(power)[:-1] / float(power.sum())
-    return float(stats.kstest(shares, "uniform", method="asymp").pvalue)
+    test = stats.kstest(cumulative_periodogram(z), "uniform", method="asymp")
+    return float(test.pvalue)
 
 
 def aligned(residual: Floats) -> Floats:

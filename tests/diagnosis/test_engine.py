@@ -12,7 +12,7 @@ import mopro
 from mopro.diagnosis import Candidate, Parameter, Series
 from mopro.diagnosis.fits import Fits
 from mopro.diagnosis.heldout import folds
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.residual import Residuals, lasting_variance
 from mopro.diagnosis.search import Search
 
 SIGMA = 0.1
@@ -404,3 +404,64 @@ def test_a_finer_simulation_is_searched_only_where_it_could_account_for_what_is_
     verdict = mopro.reconcile(coarse, [slope], data, finer=finer)
     assert verdict.verdict == expected
     assert (len(asked) > 1) == searched
+
+
+def wandering(servo, truth, seed, sigma, memory=0.95):
+    """Measured with noise that wanders, three times as strong as the white noise stated."""
+    rng = np.random.default_rng([seed, 1])
+    data = []
+    for series in servo.measure(truth, SIGMA, seed):
+        wander = signal.lfilter([1.0], [1.0, -memory], rng.standard_normal(len(series)))
+        wander *= 3 * SIGMA * math.sqrt(1 - memory**2)
+        data.append(replace(series, values=series.values + wander, sigma=sigma))
+    return data
+
+
+@pytest.mark.parametrize("sigma", [SIGMA, None])
+def test_intervals_hold_the_truth_beside_noise_that_wanders(sigma):
+    """White noise as strong would make them five times as narrow."""
+    truth, servo, hits = {"coulomb": {"Fc": 2.0}, "viscous": {"b": 8.0}}, Servo(5, 1000), []
+    for seed in range(8):
+        verdict = mopro.reconcile(servo.predict, CATALOGUE, wandering(servo, truth, seed, sigma))
+        assert (verdict.verdict, names(verdict)) == ("unexplained", set(truth))
+        assert verdict.gap.noise_rms == (None if sigma is None else pytest.approx(SIGMA))
+        for effect in verdict.effects:
+            ((name, estimate),) = effect.parameters.items()
+            low, high = estimate.ci95
+            hits.append(low <= truth[effect.name][name] <= high)
+    assert sum(hits) >= 14
+
+
+def test_what_only_noise_that_wanders_tells_apart_is_not_told_apart():
+    """Friction that differs a little between forth and back, and friction that does not."""
+    forth, back = np.tile(np.repeat([[1, 0, 0, 0], [0, 0, 1, 0]], 250, axis=1), 3).astype(float)
+
+    def simulate(settings):
+        both = settings.get("coulomb", {}).get("Fc", 0.0)
+        each = settings.get("asymmetric_coulomb", {"forth": 0.0, "back": 0.0})
+        return [(both + each["forth"]) * forth - (both + each["back"]) * back]
+
+    catalogue = [c for c in CATALOGUE if c.name in ("coulomb", "asymmetric_coulomb")]
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        wander = signal.lfilter([1.0], [1.0, -0.97], rng.standard_normal(len(forth)))
+        values = 2.0 * (forth - back) + SIGMA * (wander + rng.standard_normal(len(forth)))
+        series = Series("run", "force", "N", values, SIGMA, folds=np.arange(len(forth)) // 500)
+        verdict = mopro.reconcile(simulate, catalogue, [series])
+        (friction,) = verdict.effects
+        assert "coulomb" in (friction.name, *friction.indistinguishable_from)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])
+def test_noise_with_a_memory_leaves_a_mean_as_uncertain_as_theory_says(memory):
+    """Of first order: (1 + φ) / (1 - φ) times the variance of a sample."""
+    rng = np.random.default_rng(4)
+    values = signal.lfilter([1.0], [1.0, -memory], rng.standard_normal(60_000))
+    theory = (1 + memory) / (1 - memory) / (1 - memory**2)
+    assert lasting_variance(values) == pytest.approx(theory, rel=0.15)
+
+
+def test_a_line_does_not_make_a_mean_more_certain_than_its_samples():
+    values = np.sin(0.3 * np.arange(5000))
+    assert lasting_variance(values) == pytest.approx(0.5, rel=0.05)
+    assert lasting_variance(np.ones(10)) == 0.0
