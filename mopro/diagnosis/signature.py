@@ -204,6 +204,5 @@ def sought(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]
     for values in candidate.seek(left):
         settings = {**base.settings, **candidate.settings(values)}
         change = base.residual - residuals.at(settings)
-        amplitude = next((p.name for p in candidate.parameters if p.role is Role.AMPLITUDE), "")
-        groups.append((Probe(dict(values), (amplitude, None), change),))
+        groups.append((Probe(dict(values), ("", None), change),))
     return groups

@@ -143,7 +143,10 @@ def _drive(rests: Rests) -> Iterator[Candidate]:
     )  # fmt: skip
     yield Candidate("voltage_saturation", (supply,))
     held = Parameter("h", "1", 0.1, 1.0, (0.5,), null=1.0, plausible=(0.3, 1.0))
-    after = Parameter("t_h", "s", EARLIEST_S, 6.0, (0.05, 0.2, 0.7, 2.0), Role.SHAPE)
+    # A thousandth of the range is half a period of the ring.
+    after = Parameter(
+        "t_h", "s", EARLIEST_S, 6.0, (0.05, 0.2, 0.7, 2.0), Role.SHAPE, difference=1e-5
+    )
     yield Candidate("hold_current_reduction", (held, after), seek=rests.lower_current)
 
 

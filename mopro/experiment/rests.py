@@ -7,7 +7,7 @@ on the phase of the ring: no fixed start leads there.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -21,11 +21,16 @@ _CLEARLY = 5.0
 # to is told to within these many, before and after.
 _BEFORE, _AFTER = 3.0, 1.0
 _STEPS_A_PERIOD = 4
-# The shares of the current to try, which an axis rings with at quite another speed each.
+# Shares of the current that an axis rings with at quite another speed each, and such that the
+# phase of one at least is right over the ten periods of a ring.
 _SHARES = (0.35, 0.6)
+_CLOSE_SHARES = tuple(np.geomspace(0.3, 0.75, 16).tolist())
 _KEPT = 2
 # No drive saves current sooner after a move.
 EARLIEST_S = 0.02
+
+
+Values = Mapping[str, float]
 
 
 class Rests:
@@ -35,19 +40,22 @@ class Rests:
         self._motor = motor
         axis = motor.experiment.machine.axis
         self._period_s = math.tau / math.sqrt(axis.stiffness_N_m / axis.moving_mass_kg)
-        # The time since its axis' first move, up to the second, by the series' numbers.
-        self._rested_s = {
-            row: self._first_rest(run, reading) for row, (run, reading) in motor.positions().items()
+        self._since = {
+            row: self._since_moves(run, reading)
+            for row, (run, reading) in motor.positions().items()
         }
 
-    def _first_rest(self, run: int, reading: Reading) -> Floats:
-        """For each sample the time since the first move ended; nan from the second one on."""
+    def _since_moves(self, run: int, reading: Reading) -> list[tuple[slice, float]]:
+        """The samples from each move of its axis to the next, and when that move ends."""
         moves = [m for m in self._motor.schedule(run).moves if reading.sensor.axis in m.axes]
-        ends_s = [m.end_s for m in moves[:1]] or [math.inf]
-        starts_s = [m.start_s for m in moves[1:2]] or [math.inf]
-        return np.where(reading.time_s < starts_s[0], reading.time_s - ends_s[0], np.nan)
+        starts = np.searchsorted(reading.time_s, [m.start_s for m in moves[1:]]).tolist()
+        firsts, lasts = [0, *starts], [*starts, len(reading.time_s)]
+        return [
+            (slice(first, last), move.end_s)
+            for first, last, move in zip(firsts, lasts, moves, strict=True)
+        ]
 
-    def lower_current(self, left: Leftover) -> Iterator[Mapping[str, float]]:
+    def lower_current(self, left: Leftover) -> Iterator[Values]:
         """The likeliest moments (t_h) and shares (h) of hold_current_reduction."""
         begun_s = self._begun_s(left)
         if begun_s is None:
@@ -55,26 +63,40 @@ class Rests:
         step_s = self._period_s / _STEPS_A_PERIOD
         first_s = max(begun_s - _BEFORE * self._period_s, EARLIEST_S)
         times = np.arange(first_s, begun_s + _AFTER * self._period_s + step_s, step_s)
-        trials = [{"h": h, "t_h": t} for t in times.tolist() for h in _SHARES]
+        found_s = self._best(left, [(h, t) for t in times.tolist() for h in _SHARES])[0]["t_h"]
+        yield from self._best(left, [(h, found_s) for h in _CLOSE_SHARES])
+
+    def _best(self, left: Leftover, places: Iterable[tuple[float, float]]) -> list[Values]:
+        """The likeliest few shares and moments."""
+        trials: list[Values] = [{"h": h, "t_h": t_h} for h, t_h in places]
         trials.sort(key=lambda values: left.misfit({"hold_current_reduction": values}))
-        yield from trials[:_KEPT]
+        return trials[:_KEPT]
 
     def _begun_s(self, left: Leftover) -> float | None:
-        """How long after a first move the few periods begin that show the most.
+        """How long after a move the few periods begin that show the most.
 
-        None where there is nothing, or the first moves show it: they do of all else.
+        Of each series that is in the first rest that shows anything: the next move begins
+        otherwise. None where there is nothing, or first moves show it: they do of all else.
         """
-        rested_s = np.concatenate(list(self._rested_s.values()))
-        excess = np.concatenate([left.residuals[row] ** 2 - 1 for row in self._rested_s])
-        if not _shows(excess) or _shows(excess[rested_s < 0]):
+        first_moves, rests = [np.empty(0)], [np.empty((2, 0))]
+        for row, (_, reading) in self._motor.positions().items():
+            excess = left.residuals[row] ** 2 - 1
+            for number, (samples, end_s) in enumerate(self._since[row]):
+                rested_s, own = reading.time_s[samples] - end_s, excess[samples]
+                if not number:
+                    first_moves.append(own[rested_s < 0])
+                rests.append(np.stack([rested_s, own])[:, rested_s >= 0])
+                if _shows(rests[-1][1]):
+                    break
+        rested_s, excess = np.concatenate(rests, axis=1)
+        if not _shows(excess) or _shows(np.concatenate(first_moves)):
             return None
-        order = np.argsort(rested_s, kind="stable")[: int(np.sum(np.isfinite(rested_s)))]
+        order = np.argsort(rested_s, kind="stable")
         times = rested_s[order]
         so_far = np.concatenate(([0.0], np.cumsum(excess[order])))
-        firsts = np.flatnonzero(times >= 0)
-        lasts = np.searchsorted(times, times[firsts] + _BEFORE * self._period_s)
-        within = so_far[lasts] - so_far[firsts]
-        return float(times[firsts[int(np.argmax(within))]]) if len(firsts) else None
+        lasts = np.searchsorted(times, times + _BEFORE * self._period_s)
+        within = so_far[lasts] - so_far[:-1]
+        return float(times[int(np.argmax(within))])
 
 
 def _shows(excess: Floats) -> bool:

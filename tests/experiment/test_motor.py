@@ -22,10 +22,10 @@ SHORTEST = Stepping(5e-6)
 LASER = Sensor("laser", "position", "position_1_in", 2000.0, 1, 2e-5)
 
 
-def of(values):
+def of(values, program=PROGRAM):
     """An experiment of one run that measured `values` (in)."""
     reading = Reading(LASER, np.arange(len(values)) / LASER.rate_hz, values)
-    trial = Trial("run.csv", PROGRAM, None, 0.0, (reading,))
+    trial = Trial("run.csv", program, None, 0.0, (reading,))
     return Experiment(Source("x", ""), load_machine("chow1992"), (trial,), ())
 
 
