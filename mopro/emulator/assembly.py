@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from mopro.emulator.kernel_text import CURRENT_LOOP_S, Layout, kernel_parts
+from mopro.emulator.kernel_text import CONSTANTS, CURRENT_LOOP_S, Layout, kernel_parts
 
 __all__ = ["CURRENT_LOOP_S", "AssembledKernel", "Layout", "assemble"]
 
@@ -38,7 +38,7 @@ def assemble(layout: Layout, compiled: bool) -> AssembledKernel:
 
 @functools.cache
 def _plain(layout: Layout) -> AssembledKernel:
-    names: dict[str, Any] = {"math": math, "CURRENT_LOOP_S": CURRENT_LOOP_S, **layout.terms()}
+    names: dict[str, Any] = {"math": math, **CONSTANTS, **layout.terms()}
     for name, part in kernel_parts(layout).items():
         exec(compile(part, f"<kernel {name}>", "exec"), names)
     return AssembledKernel(names["integrate"], names["rates"], layout, False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -70,9 +70,6 @@ class Stepping:
 
     max_s: float
     max_m: float = math.inf
-
-    def within(self, limits_s: Iterable[float]) -> Stepping:
-        return Stepping(min([self.max_s, *limits_s]), self.max_m)
 
 
 class Engine(Protocol):
@@ -159,7 +156,7 @@ class AssembledEngine:
         self._plant = plant
         self._command = command
         self._resolved = resolved
-        self._stepping = stepping.within(a.effect.longest_step_s(*a.values) for a in active)
+        self._stepping = stepping
         layout = Layout.of(active)
         self._kernel = assemble(layout, compiled)
         terms = set(layout.effects)

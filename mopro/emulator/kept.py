@@ -28,7 +28,7 @@ import numba
 
 from mopro.cachefolder import cache_folder
 from mopro.emulator.effects.base import Term
-from mopro.emulator.kernel_text import CURRENT_LOOP_S, Layout, kernel_parts
+from mopro.emulator.kernel_text import CONSTANTS, Layout, kernel_parts
 
 _ARRAY, _INDICES, _NUMBER = numba.float64[::1], numba.intp[::1], numba.float64
 # The arguments of `integrate`, in the order of kernel_text.integrate_source.
@@ -65,7 +65,7 @@ def built(layout: Layout) -> Integrate:
 
 
 def _in_memory(layout: Layout) -> Integrate:
-    names: dict[str, Any] = {"math": math, "CURRENT_LOOP_S": CURRENT_LOOP_S}
+    names: dict[str, Any] = {"math": math, **CONSTANTS}
     names |= {name: numba.njit(nogil=True)(term) for name, term in layout.terms().items()}
     for name, part in kernel_parts(layout).items():
         exec(compile(part, f"<kernel {name}>", "exec"), names)
@@ -125,7 +125,8 @@ def module_text(layout: Layout) -> str | None:
         options = "cache=True, nogil=True" if name == "integrate" else "nogil=True"
         parts.append(f"@numba.njit({options})\n{part}")
     made_by = f"mopro {version('mopro')}, numba {numba.__version__}, {platform.python_version()}"
-    head = f"# {made_by}\nimport math\n\nimport numba\n\nCURRENT_LOOP_S = {CURRENT_LOOP_S!r}\n"
+    constants = "".join(f"{name} = {value!r}\n" for name, value in CONSTANTS.items())
+    head = f"# {made_by}\nimport math\n\nimport numba\n\n{constants}"
     return "\n\n".join([head, *parts])
 
 

@@ -10,7 +10,8 @@ q the force constant's factor. States that follow time (currents behind an induc
 integrated by the same RK4. Others are taken at each of its stages from what happened since
 the step began, which no stiffness disturbs: states that follow the path (presliding) from
 the way gone, currents behind a lag from their setpoints, as a parabola through the step has
-them. The command and the steps are those of `kernel.integrate`.
+them; so are the currents of a voltage loop in intervals where its supply must suffice. The
+command and the steps are those of `kernel.integrate`.
 """
 
 from __future__ import annotations
@@ -21,8 +22,12 @@ from dataclasses import dataclass
 from mopro.emulator.effects import Active
 from mopro.emulator.effects.base import Effect, Term
 
-# How fast the voltage loop takes a deviation of the current back.
+# How fast the voltage loop takes a deviation of the current back, and the longest step that
+# resolves it.
 CURRENT_LOOP_S = 5e-5
+LOOP_STEP_S = 1e-5
+# What the text takes as given besides its arguments.
+CONSTANTS = {"CURRENT_LOOP_S": CURRENT_LOOP_S, "LOOP_STEP_S": LOOP_STEP_S}
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,14 @@ class Layout:
         return states + [f"s{i}" for i, e in enumerate(self.effects) if e.rate]
 
     @property
+    def commanded(self) -> list[str]:
+        """Those of them that are known without integrating as long as the supply suffices.
+
+        The voltage loop then takes the currents where they are wanted.
+        """
+        return self.integrated[:2] if self.voltage is not None and self.lag is None else []
+
+    @property
     def on_path(self) -> list[str]:
         return [f"z{i}" for i, e in enumerate(self.effects) if e.slide]
 
@@ -101,7 +114,8 @@ def _has_term(effect: Effect) -> bool:
 
 def kernel_parts(layout: Layout) -> dict[str, str]:
     """The functions of the kernel by name, each after those that it calls."""
-    lag = {} if layout.lag is None else {"followed": _FOLLOWED}
+    follows = layout.behind or layout.commanded
+    lag = {"followed": _FOLLOWED} if follows else {}
     return {
         "aims": aims_source(layout),
         **lag,
@@ -195,6 +209,7 @@ def _stage_lines(layout: Layout, n: int) -> list[str]:
     for state in layout.integrated:
         step = {1: "", 2: f" + half * d{state}_1", 3: f" + half * d{state}_2"}
         lines.append(f"{state}_{n} = {state}{step.get(n, f' + h * d{state}_3')}")
+    lines += _commanded_lines(layout, n)
     lines += [_slide_line(layout, state, f"{state}_{n}", f"x{n} - x") for state in layout.on_path]
     states = _tuple([f"{s}_{n}" for s in layout.states])
     call = f"{command}, x{n}, v{n}, {states}gain, constant, k, f0, amps, ohms, henries"
@@ -218,6 +233,52 @@ def _lag_lines(layout: Layout, n: int) -> list[str]:
     return [f"l{p}_{n} = followed(l{p}, s{p}0, s{p}_mid, s{p}1, {span})" for p in "ab"]
 
 
+def _commanded_lines(layout: Layout, n: int) -> list[str]:
+    """The currents at stage `n` of a drive that is free to set them.
+
+    Its loop knows how ideal setpoints change, and is behind by its own time with the rest.
+    """
+    if not layout.commanded:
+        return []
+    if n == 1:
+        places = (("u0", "c0", "0"), ("u_mid", "c_mid", "_mid"), ("u1", "c1", "1"))
+        lines = []
+        for u, c, at in places:
+            angle = f"k * {u} * microstep"
+            lines += [f"qa{at}, qb{at} = gain * math.cos({angle}), gain * math.sin({angle})"]
+            lines += [f"sa{at}, sb{at} = aims({c}, gain, k{layout.all_numbers()})"]
+        return ["if free:", *(f"    {line}" for line in lines)]
+    at, span = ("1", "h") if n == 4 else ("_mid", "half")
+    return ["if free:"] + [
+        f"    j{p}_{n} = q{p}{at} + followed(j{p} - q{p}0, s{p}0 - q{p}0, s{p}_mid - q{p}_mid,"
+        f" s{p}1 - q{p}1, {span}, h, CURRENT_LOOP_S)"
+        for p in "ab"
+    ]
+
+
+def _pace_lines(layout: Layout) -> list[str]:
+    """The longest step of an interval, and whether its drive has all the voltage it can ask for.
+
+    An axis gains no more speed than twice the pull-out force gives it.
+    """
+    if layout.voltage is None:
+        return ["longest = max_step"]
+    lines = ["free = False"]
+    if layout.commanded:
+        limit = f"p{layout.voltage}_0"
+        lines = [
+            f"ia, ib = aims(u0 * microstep, gain, k{layout.all_numbers()})",
+            "off = max(abs(ia - ja), abs(ib - jb))",
+            "tau = t + length - anchor",
+            "w1 = (uv + tau * (ua + tau * uj / 2)) * microstep",
+            "fastest = max(abs(v), abs(w0), abs(w1)) + 2.0 * f0 / mass * length",
+            "asked = amps * (ohms * gain + henries * off / CURRENT_LOOP_S)",
+            "asked += (f0 * constant / amps + henries * amps * k * gain) * fastest",
+            f"free = asked < {limit}",
+        ]
+    return [*lines, "longest = max_step if free else min(max_step, LOOP_STEP_S)"]
+
+
 def _slide_line(layout: Layout, state: str, target: str, way: str) -> str:
     i = int(state[1:])
     return f"{target} = slide{i}({state}, {way}{layout.numbers(i)})"
@@ -234,6 +295,8 @@ def _step_lines(layout: Layout) -> list[str]:
     lines += [f"{s} = {s}_4" for s in layout.behind]
     for s in layout.integrated:
         lines.append(f"{s} += h / 6 * (d{s}_1 + 2 * d{s}_2 + 2 * d{s}_3 + d{s}_4)")
+    if layout.commanded:
+        lines += ["if free:", *(f"    {s} = {s}_4" for s in layout.commanded)]
     return lines
 
 
@@ -267,6 +330,7 @@ def integrate_source(layout: Layout) -> str:
         recall=_indented([f"{s} = memory[{i}]" for i, s in enumerate(layout.states)], 1),
         keep=_indented([f"memory[{i}] = {s}" for i, s in enumerate(layout.states)], 1),
         rest=_indented(_rest_lines(layout), 3),
+        pace=_indented(_pace_lines(layout), 3),
         step=_indented(_step_lines(layout), 3),
         observe=f"drive({at_knot}{layout.all_numbers()})",
     )
@@ -311,8 +375,8 @@ def integrate(knots, row_of, anchor_of, x_of, v_of, a_of, j_of, gain_of, constan
             if not first:
                 v = 0.0
         else:
-            way = max(abs(v), abs(w0)) * length
-            count = max(1, math.ceil(max(length / max_step, way / max_way) - 1e-9))
+{pace}            way = max(abs(v), abs(w0)) * length
+            count = max(1, math.ceil(max(length / longest, way / max_way) - 1e-9))
         steps += count
         h = length / max(count, 1)
         half = h / 2

@@ -42,6 +42,8 @@ def positions_um(settings, stepping):
         {"coulomb_friction": {"Fc": 2.0}},
         {"current_loop_lag": {"tau": 5e-5}},
         {"voltage_saturation": {"Vb": 45.0}},
+        {"voltage_saturation": {"Vb": 60.0}, "phase_gain_imbalance": {"eps": 0.05}},
+        {"voltage_saturation": {"Vb": 50.0}, "hold_current_reduction": {"h": 0.5, "t_h": 0.1}},
     ],
     ids=lambda settings: next(iter(settings)),
 )
@@ -49,6 +51,19 @@ def test_long_steps_are_within_a_tenth_of_a_micrometre(settings):
     long, short = (positions_um(settings, stepping) for stepping in (COARSE, SHORTEST))
     assert 0 < np.abs(long - short).max() < 0.1
     assert np.abs(short - positions_um({}, SHORTEST)).max() > 1.0
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [{}, {"phase_gain_imbalance": {"eps": 0.05}}, {"coulomb_friction": {"Fc": 2.0}}],
+    ids=lambda settings: next(iter(settings), "alone"),
+)
+@pytest.mark.parametrize("supply_V", [42.0, 60.0, 400.0])
+def test_a_drive_free_to_set_its_currents_moves_as_one_that_is_integrated(supply_V, beside):
+    """Beside a lag, be it of no length, currents are integrated in short steps throughout."""
+    settings = {"voltage_saturation": {"Vb": supply_V}, **beside}
+    integrated = positions_um(settings | {"current_loop_lag": {"tau": 0.0}}, COARSE)
+    assert np.abs(positions_um(settings, COARSE) - integrated).max() < 0.1
 
 
 @pytest.mark.parametrize("tau_s", [1e-6, 5e-5, 5e-4])

@@ -157,10 +157,6 @@ class Effect:
         """The constants of the equation of motion."""
         return plant
 
-    def longest_step_s(self, *p: float) -> float:
-        """The longest step that resolves the effect."""
-        return math.inf
-
     def force_factor(self, temperature_C: Floats, *p: float) -> Floats | None:
         """The factor on the force constant at these temperatures."""
         return None

@@ -110,9 +110,6 @@ class VoltageSaturation(Effect):
     )
     current_loop = "voltage"
 
-    def longest_step_s(self, *p: float) -> float:
-        return 1e-5
-
 
 class HoldCurrentReduction(Effect):
     """The drive lowers the current of an axis that has rested for a while.
