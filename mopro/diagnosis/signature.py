@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -200,9 +200,21 @@ def sought(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]
         base.settings,
         lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
     )
-    groups: list[Group] = []
-    for values in candidate.seek(left):
+    amplitude = next((p.name for p in candidate.parameters if p.role is Role.AMPLITUDE), "")
+
+    def probe(values: Mapping[str, float]) -> Probe:
         settings = {**base.settings, **candidate.settings(values)}
-        change = base.residual - residuals.at(settings)
-        groups.append((Probe(dict(values), ("", None), change),))
-    return groups
+        return Probe(dict(values), (amplitude, None), base.residual - residuals.at(settings))
+
+    def nearer(found: Probe) -> Probe:
+        """As it was found, not to be resized, where the size that it asks for leaves more."""
+        strength = float(found.change @ found.change)
+        if not amplitude or not strength:
+            return found
+        size = np.array([float(found.change @ base.residual) / strength])
+        other = probe(resized(candidate, (found,), size)[0])
+        by_found, by_other = (base.residual - p.change for p in (found, other))
+        closer = float(by_other @ by_other) < float(by_found @ by_found)
+        return other if closer else replace(found, moved=("", None))
+
+    return [(nearer(probe(values)),) for values in candidate.seek(left)]

@@ -125,6 +125,19 @@ def test_a_candidate_may_look_for_itself_and_hold_what_it_found():
     assert not asked(predict, {}, step).effects
 
 
+def test_what_a_candidate_found_for_itself_is_not_resized_where_it_bends():
+    """A detuned line of three times the size asks for more, and is further off then."""
+
+    def predict(settings):
+        size = settings.get("detuned", {"size": 0.0})["size"]
+        return size * np.sin(2 * np.pi * (8 + 2 * size) * T)
+
+    size = Parameter("size", "N", 0, 5)
+    detuned = Candidate("detuned", (size,), seek=lambda left: [{"size": 1.9}])
+    (effect,) = asked(predict, {"detuned": {"size": 2.0}}, detuned).effects
+    assert effect.parameters["size"].value == pytest.approx(2.0, abs=0.05)
+
+
 def test_a_response_that_bends_is_looked_at_again_at_its_own_size():
     """Probed at a radian, where the sine has turned back, and hidden at a twentieth."""
 
