@@ -20,6 +20,8 @@ _FORMS_OF_A_NAME = 2
 _MOST_SWAPS = 3
 # A rival that is cheaper by less is as good, and may as well stay a rival.
 _WORTH_A_SWAP = 2.0
+# What an effect costs at most that a rival of another one makes superfluous.
+_PRICE_OF_ONE = 30.0
 
 
 class Search:
@@ -122,10 +124,15 @@ class Search:
         return self.fits.each(lambda s: self.fits.joined(base, s), chosen[:_SHORTLIST])
 
     def _swapped(self, found: Fit) -> Fit:
-        """`found` with an effect replaced by a rival as long as that is better."""
+        """`found` with an effect replaced by a rival as long as that is better.
+
+        One may stand for two: beside it an effect that mended a wrong one does not pay.
+        """
         for _ in range(_MOST_SWAPS):
             swaps = [swap for name in found.names for swap in self.rivals.swaps(found, name)]
-            better = min(swaps, key=self.fits.cost, default=found)
+            near = self.fits.cost(found) + _PRICE_OF_ONE
+            lighter = [self.fits.pruned(s) for s in swaps if self.fits.cost(s) < near]
+            better = min(lighter, key=self.fits.cost, default=found)
             if self.fits.cost(better) > self.fits.cost(found) - _WORTH_A_SWAP:
                 break
             found = self.fits.pruned(self.fits.refined(better))

@@ -77,7 +77,9 @@ def _on_one(candidate: Candidate, axis: int) -> Candidate:
 
 def _forces(experiment: Experiment) -> Iterator[Candidate]:
     machine = experiment.machine
-    yield _one("payload_mass", "dm", 0.02, 0.5)
+    # A ring's frequency goes with both masses and forces: a signature taken too far off is out
+    # of phase with what it is to show.
+    yield _one("payload_mass", "dm", 0.02, 0.25, 0.5, 1.0, 2.0)
     yield _one("viscous_drag", "b", 3.0)
     yield _one("quadratic_drag", "c", 1.5)
     coulomb = _one("coulomb_friction", "Fc", 1.0, fixed={"delta": 5e-6})
@@ -96,7 +98,7 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
     )  # fmt: skip
     yield _one("constant_force", "F_b", 1.0)
     yield Candidate("electrical_damping", (_damping(machine.axis.damping_ratio),))
-    yield _one("force_constant", "e", 0.003, -0.05)
+    yield _one("force_constant", "e", 0.003, -0.05, 0.09, -0.11, -0.17, 0.17)
     yield from _weakening(machine.heat.ambient_C)
     yield Candidate(
         "detent_force",
