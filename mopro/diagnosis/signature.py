@@ -200,19 +200,24 @@ def sought(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]
         base.settings,
         lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
     )
-    amplitude = next((p.name for p in candidate.parameters if p.role is Role.AMPLITUDE), "")
+    amplitude = next((p for p in candidate.parameters if p.role is Role.AMPLITUDE), None)
+    moved = amplitude.name if amplitude else ""
 
     def probe(values: Mapping[str, float]) -> Probe:
         settings = {**base.settings, **candidate.settings(values)}
-        return Probe(dict(values), (amplitude, None), base.residual - residuals.at(settings))
+        return Probe(dict(values), (moved, None), base.residual - residuals.at(settings))
 
     def nearer(found: Probe) -> Probe:
         """As it was found, not to be resized, where the size that it asks for leaves more."""
         strength = float(found.change @ found.change)
-        if not amplitude or not strength:
+        if amplitude is None or not strength:
             return found
         size = np.array([float(found.change @ base.residual) / strength])
-        other = probe(resized(candidate, (found,), size)[0])
+        values = resized(candidate, (found,), size)[0]
+        # Its range may allow none of what it asks for.
+        if values[amplitude.name] == amplitude.null:
+            return found
+        other = probe(values)
         by_found, by_other = (base.residual - p.change for p in (found, other))
         closer = float(by_other @ by_other) < float(by_found @ by_found)
         return other if closer else replace(found, moved=("", None))

@@ -61,6 +61,7 @@ class Rests:
         if begun_s is None:
             return
         step_s = self._period_s / _STEPS_A_PERIOD
+        begun_s = max(begun_s, EARLIEST_S)
         first_s = max(begun_s - _BEFORE * self._period_s, EARLIEST_S)
         times = np.arange(first_s, begun_s + _AFTER * self._period_s + step_s, step_s)
         found_s = self._best(left, [(h, t) for t in times.tolist() for h in _SHARES])[0]["t_h"]

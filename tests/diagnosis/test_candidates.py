@@ -138,6 +138,20 @@ def test_what_a_candidate_found_for_itself_is_not_resized_where_it_bends():
     assert effect.parameters["size"].value == pytest.approx(2.0, abs=0.05)
 
 
+def test_a_candidate_may_find_what_its_range_does_not_allow():
+    """Only forth, where the data ask for back: it does not join, and nothing breaks."""
+
+    def predict(settings):
+        height = settings.get("hill", {"height": 0.0})["height"]
+        # Another way through a simulation ends in other last digits.
+        return (height + 1e-12 * ("hill" in settings)) * np.sin(2 * np.pi * 8 * T)
+
+    height = Parameter("height", "N", 0, 5)
+    forth = Candidate("hill", (height,), seek=lambda left: [{"height": 1.0}])
+    verdict = asked(predict, {"hill": {"height": -0.5}}, forth)
+    assert (verdict.verdict, verdict.effects) == ("unexplained", ())
+
+
 def test_a_response_that_bends_is_looked_at_again_at_its_own_size():
     """Probed at a radian, where the sine has turned back, and hidden at a twentieth."""
 

@@ -12,6 +12,7 @@ from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.signature import sought
 from mopro.experiment.catalogue import candidates
 from mopro.experiment.motor import COARSE, FINE, Motor
+from mopro.experiment.rests import EARLIEST_S
 from mopro.experiment.series import series_of
 
 
@@ -53,6 +54,20 @@ def test_a_rest_may_be_too_short_for_the_current_to_fall():
     truth = {"hold_current_reduction": {"h": 0.35, "t_h": 0.08}}
     found = starts("hold_current_reduction", truth, program=program)
     assert min(abs(values["t_h"] - 0.08) for values in found) < 0.003
+
+
+def test_what_begins_as_soon_as_a_move_ends_is_sought_from_the_earliest_moment_on():
+    (clean,) = Motor(of(np.zeros(3200)), FINE)({})
+    (move, _) = Motor(of(clean), FINE).schedule(0).moves
+    first = int(move.end_s * LASER.rate_hz) + 1
+    noise = LASER.noise_rms * np.random.default_rng(0).standard_normal(len(clean))
+    noise[first : first + 8] += 20 * LASER.noise_rms
+    motor = Motor(of(clean + noise), COARSE)
+    (candidate,) = [c for c in candidates(motor) if c.name == "hold_current_reduction"]
+    residuals = Residuals(motor, series_of(motor))
+    found = sought(residuals, fit(residuals, (), [{}]), candidate)
+    assert found
+    assert all(group[0].values["t_h"] >= EARLIEST_S for group in found)
 
 
 @pytest.mark.parametrize("truth", [{}, {"viscous_drag": {"b": 8.0}}], ids=["nothing", "drag"])
