@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
+import numpy as np
 from scipy.signal import lfilter
 
 from mopro.emulator.command import Floats
@@ -12,11 +14,16 @@ from mopro.emulator.command import Floats
 def first_order(interval_s: float, x: Floats, lag_s: float) -> Floats:
     """What follows evenly sampled `x` with the time constant `lag_s`, from rest at its start.
 
-    y' = (x - y)/lag, exact for what is linear between the samples.
+    y' = (x - y)/lag, exact for what is linear or a parabola over the samples.
     """
     decay = math.exp(-interval_s / lag_s)
     mean = lag_s / interval_s * (1 - decay)
     new, old = 1 - mean, mean - decay
-    filtered, _ = lfilter([new, old], [1, -decay], x, zi=[(old + decay) * float(x[0])])
-    followed: Floats = filtered
-    return followed
+    # What a parabola adds between two samples, for each unit of its second difference.
+    bend = lag_s / interval_s * ((lag_s / interval_s + 0.5) * (1 - decay) - 1)
+    second = np.pad(np.diff(x, 2), 1, "edge") if len(x) > 2 else np.zeros(len(x))
+    means = np.concatenate(([0.0], (second[1:] + second[:-1]) / 2))
+    driven = new * x + old * np.concatenate((x[:1], x[:-1])) + bend * means
+    driven[0] = 0.0
+    followed, _ = lfilter([1.0], [1, -decay], driven, zi=[float(x[0])])
+    return cast(Floats, followed)

@@ -22,11 +22,12 @@ from mopro.experiment.motor import Motor
 from mopro.experiment.pieces import Bounds, Piece, moving_pieces, text_of, warming_pieces
 from mopro.motion import plan
 
-# A rival counts as parted here: ten in chi-squared (the margin) are then all but certain.
-_PARTED = 6.5
+# A rival counts as parted here: ten in chi-squared (the margin) are then all but certain, be
+# the effect a fifth smaller than it seems.
+_PARTED = 8.0
 # What no program of bearable length parts by this much is not worth its time.
 _TOLD_APART = 2.0
-_LONGEST_S = 60.0
+_LONGEST_S = 90.0
 _WARMING_S = 3600.0
 _MOST_RIVALS = 8
 _AFTER_S = 0.3

@@ -118,14 +118,14 @@ def test_rivals_are_parted_from_each_other_as_well():
     assert proposal.pairs["trigger_delay", "sensor_bandwidth"] == pytest.approx(measured, rel=0.15)
 
 
-def test_it_lasts_no_longer_than_it_must_and_never_beyond_a_minute():
+def test_it_lasts_no_longer_than_it_must_and_never_beyond_a_minute_and_a_half():
     """The better the sensor, the shorter; at its limit as long as a person waits."""
     lasting = {}
     for noise in (2e-5, 4e-5, 2e-4):
         sensor = dataclasses.replace(LASER, noise_rms=noise)
         proposal = propose(experiment(sensor), ambiguous(DRAG, [LATE]))
         lasting[noise] = mopro.emulate(mopro.compile(proposal.text)).columns["time_s"][-1]
-    assert lasting[2e-5] <= lasting[4e-5] <= lasting[2e-4] <= 61.0
+    assert lasting[2e-5] <= lasting[4e-5] <= lasting[2e-4] <= 91.0
 
 
 @pytest.mark.parametrize("payload_kg", [0.0, 2.268])
