@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mopro.blind.sizes import BELOW
+from mopro.units import UNITS
 
 RIGHT, FAMILY, PARTLY, WRONG = "right", "family", "partly", "wrong"
 NONE, UNEXPLAINED, FAILED = "none", "unexplained", "failed"
@@ -17,7 +18,10 @@ _ANGLES = ("phi", "phi3")
 
 @dataclass(frozen=True)
 class Covered:
-    """Whether a 95 % interval holds the truth; `main` is the effect's first parameter."""
+    """Whether a 95 % interval holds the truth; `main` is the effect's first parameter.
+
+    A reply says its unit, a sensor's for its zero; the sealed answers are in metres.
+    """
 
     effect: str
     parameter: str
@@ -130,7 +134,9 @@ def _coverage(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> list[Cove
     for name, said in (effect.get("parameters") or {}).items():
         interval = said.get("ci95")
         if name in true and interval and None not in interval:
-            inside = _inside(true[name], interval, name in _ANGLES)
+            kind, metres = UNITS.get(str(said.get("unit")), ("", 1))
+            scale = float(metres) if kind == "length" else 1.0
+            inside = _inside(true[name], [scale * end for end in interval], name in _ANGLES)
             found.append(Covered(effect["name"], name, inside, name == first))
     return found
 

@@ -100,6 +100,14 @@ def test_coverage(interval, inside):
     assert covered.main
 
 
+@pytest.mark.parametrize(("unit", "inside"), [("in", True), ("m", False)])
+def test_an_interval_in_a_sensor_s_unit_is_compared_in_metres(unit, inside):
+    hidden = {"name": "sensor_offset", "parameters": {"o": 0.0254}, "total_sigma": 50.0}
+    ci = {"o": {"value": 1.0, "unit": unit, "ci95": [0.9, 1.1]}}
+    (covered,) = judge("1", answer(hidden), reply("named", "sensor_offset", ci=ci)).covered
+    assert covered.inside is inside
+
+
 def test_angles_are_covered_whichever_turn_they_are_told_in():
     turn = 2 * math.pi
     for shift in (-turn, 0.0, turn):
