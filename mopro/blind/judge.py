@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from mopro.blind.reference.nominal import INCH_M
 from mopro.blind.sizes import BELOW
-from mopro.units import UNITS
 
 RIGHT, FAMILY, PARTLY, WRONG = "right", "family", "partly", "wrong"
 NONE, UNEXPLAINED, FAILED = "none", "unexplained", "failed"
@@ -134,8 +134,7 @@ def _coverage(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> list[Cove
     for name, said in (effect.get("parameters") or {}).items():
         interval = said.get("ci95")
         if name in true and interval and None not in interval:
-            kind, metres = UNITS.get(str(said.get("unit")), ("", 1))
-            scale = float(metres) if kind == "length" else 1.0
+            scale = INCH_M if said.get("unit") == "in" else 1.0
             inside = _inside(true[name], [scale * end for end in interval], name in _ANGLES)
             found.append(Covered(effect["name"], name, inside, name == first))
     return found
