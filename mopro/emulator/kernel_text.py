@@ -114,11 +114,10 @@ def _has_term(effect: Effect) -> bool:
 
 def kernel_parts(layout: Layout) -> dict[str, str]:
     """The functions of the kernel by name, each after those that it calls."""
-    follows = layout.behind or layout.commanded
-    lag = {"followed": _FOLLOWED} if follows else {}
+    followed = {"followed": _FOLLOWED} if layout.behind or layout.commanded else {}
     return {
         "aims": aims_source(layout),
-        **lag,
+        **followed,
         "drive": drive_source(layout),
         "rates": rates_source(layout),
         "integrate": integrate_source(layout),

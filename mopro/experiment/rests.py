@@ -7,13 +7,15 @@ on the phase of the ring: no fixed start leads there.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
 
 import numpy as np
 
 from mopro.diagnosis import Leftover
 from mopro.experiment.model import Floats, Reading
 from mopro.experiment.motor import Motor
+from mopro.experiment.seek import Values
 
 # So many standard deviations clear of white noise something shows.
 _CLEARLY = 5.0
@@ -30,9 +32,6 @@ _KEPT = 2
 EARLIEST_S = 0.02
 
 
-Values = Mapping[str, float]
-
-
 class Rests:
     """Looks at what a fit leaves of the positions at rest, in the runs of `motor`."""
 
@@ -46,14 +45,14 @@ class Rests:
         }
 
     def _since_moves(self, run: int, reading: Reading) -> list[tuple[slice, float]]:
-        """The samples from each move of its axis to the next, and when that move ends."""
+        """The samples from each move of its axis to the next, and when that move ends (s).
+
+        None of an axis that never moves.
+        """
         moves = [m for m in self._motor.schedule(run).moves if reading.sensor.axis in m.axes]
         starts = np.searchsorted(reading.time_s, [m.start_s for m in moves[1:]]).tolist()
-        firsts, lasts = [0, *starts], [*starts, len(reading.time_s)]
-        return [
-            (slice(first, last), move.end_s)
-            for first, last, move in zip(firsts, lasts, moves, strict=True)
-        ]
+        spans = pairwise([0, *starts, len(reading.time_s)] if moves else [])
+        return [(slice(*span), move.end_s) for span, move in zip(spans, moves, strict=True)]
 
     def lower_current(self, left: Leftover) -> Iterator[Values]:
         """The likeliest moments (t_h) and shares (h) of hold_current_reduction."""

@@ -47,6 +47,11 @@ def test_the_moment_when_current_falls_is_found_from_the_ring(h, t_h):
     assert min(abs(values["t_h"] - t_h) for values in found) < 0.003
 
 
+def test_an_axis_that_never_moves_shows_no_moment():
+    program = mopro.compile("UU012500/1\nACC2 0.2\nVEL2 10.0\nMRI2 6.0\nWX2\nWT400\n")
+    assert starts("hold_current_reduction", {}, program=program) == []
+
+
 def test_a_rest_may_be_too_short_for_the_current_to_fall():
     """Then a later one shows when it does."""
     move = "MRI1 6.0\nWX1\n"
