@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 from scipy import stats
 
 from mopro.diagnosis.fit import Fit
@@ -46,10 +47,12 @@ class Rivals:
     def of(self, found: Fit, name: str) -> list[Rival]:
         """Effects that do as well in the place of `name`, the cheapest first.
 
-        Those of a weak effect are judged by their signatures: they are many, and bend little.
+        Those of a weak effect are many, and most bend little: where one does as well at the size
+        that its signature asks for, it is not fitted.
         """
         as_good: dict[str, Rival] = {}
-        for swapped in self.swaps(found, name):
+        swaps = self.swaps(found, name)
+        for swapped in swaps:
             fresh = [c for c in swapped.candidates if c.name not in found.names]
             # One that did not pay once it was freed is gone.
             if len(fresh) != 1:
@@ -61,12 +64,17 @@ class Rivals:
             if as_well and (rival.refines or not _contains(swapped, found)):
                 other = Rival(rival.name, worse, swapped.settings)
                 as_good[rival.name] = min(other, as_good.get(rival.name, other), key=_dearer)
+        fitted = {candidate.key for swap in swaps for candidate in swap.candidates}
         rest, scored = self._in_place_of(found, name)
-        for s in scored if rest.rss - found.rss < _WEAK else ():
-            worse = self._promises.predicted(rest, s) - self._fits.cost(found)
-            if s.candidate.name != name and worse < RIVAL_MARGIN and _plausible(s):
-                settings = {**rest.settings, **s.starts[0]}
-                as_good.setdefault(s.candidate.name, Rival(s.candidate.name, worse, settings))
+        hopeful = [
+            s
+            for s in scored
+            if s.candidate.name != name and s.candidate.key not in fitted and _plausible(s)
+            and self._promises.predicted(rest, s) - self._fits.cost(found) < RIVAL_MARGIN
+        ]  # fmt: skip
+        weak = hopeful if rest.rss - found.rss < _WEAK else []
+        for rival in filter(None, self._fits.each(lambda s: self._weak(found, name, s), weak)):
+            as_good.setdefault(rival.name, rival)
         return sorted(as_good.values(), key=_dearer)
 
     def swaps(self, found: Fit, name: str) -> list[Fit]:
@@ -86,6 +94,22 @@ class Rivals:
             lambda s: self._fits.replaced(found, name, s, limit), close[:_TRIED]
         )
         return [*joined, *self._fits.each(lambda fit: self._fits.refined(fit, limit), joined)]
+
+    def _weak(self, found: Fit, name: str, scored: Scored) -> Rival | None:
+        """The rival that a signature promises in the place of `name`, if it is one."""
+        rest = self._fits.without(found, name)
+        settings = {**rest.settings, **scored.starts[0]}
+        left = float(np.sum(self._fits.residuals.at(settings) ** 2))
+        shown = replace(scored, gain=rest.rss - left)
+        worse = self._promises.predicted(rest, shown) - self._fits.cost(found)
+        if worse >= RIVAL_MARGIN:
+            limit = found.rss + _OUT_OF_REACH * found.variance
+            swapped = self._fits.replaced(found, name, scored, limit)
+            settings = swapped.settings
+            worse = self._fits.cost(swapped) - self._fits.cost(found)
+            if worse >= RIVAL_MARGIN or not swapped.plausible:
+                return None
+        return Rival(scored.candidate.name, worse, settings)
 
     def _in_place_of(self, found: Fit, name: str) -> tuple[Fit, list[Scored]]:
         """`found` without `name`, and what promises to take its place."""

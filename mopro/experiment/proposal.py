@@ -178,12 +178,27 @@ class _Planner:
     def _imagined(self, pieces: Sequence[Piece]) -> Trial:
         """The run that the pieces would be, its data still to come."""
         program = compile_text(self._text(pieces), "next.CMD")
-        end_s = _WARMING_S
-        if not program.loops_forever:
+        if program.loops_forever:
+            times = self._read_so_far(_WARMING_S)
+        else:
             end_s = plan(program).duration_s + _AFTER_S
-        times = np.arange(math.floor(end_s * self._sensor.rate_hz)) / self._sensor.rate_hz
+            times = np.arange(math.floor(end_s * self._sensor.rate_hz)) / self._sensor.rate_hz
         reading = Reading(self._sensor, times, np.zeros(len(times)))
         return Trial("next.csv", program, None, self._payload_kg, (reading,))
+
+    def _read_so_far(self, end_s: float) -> Floats:
+        """When the sensor was read in its longest run, and then at the same pace, until `end_s`.
+
+        A logger that takes its time once things are slow will take it again.
+        """
+        readings = (r for trial in self._experiment.trials for r in trial.readings)
+        times = max(
+            (r.time_s for r in readings if r.sensor == self._sensor), key=lambda t: float(t[-1])
+        )
+        pace_s = float(times[-1] - times[-2]) if len(times) > 1 else 1 / self._sensor.rate_hz
+        later = np.arange(times[-1] + pace_s, end_s, pace_s)
+        whole: Floats = np.concatenate([times, later])
+        return whole[whole < end_s]
 
     # -- its text ------------------------------------------------------------------
 

@@ -379,6 +379,26 @@ def test_a_rival_whose_signature_misjudges_it_is_in_the_family(seed):
     assert {effect.name, *effect.indistinguishable_from} == {"straight", "bent"}
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_weak_rival_is_none_if_it_bends_at_the_size_that_it_would_have(seed):
+    """At the size that it is tried at it is the same; at its own it is not, and noise shows it."""
+    t = np.linspace(0.0, 5.0, 2000)
+
+    def simulate(settings):
+        a, b = (settings.get(name, {}).get("size", 0.0) for name in ("straight", "bent"))
+        return [(a + b) * np.sin(7 * t) + 0.8 * b * (b - 1) * np.cos(11 * t)]
+
+    size = Parameter("size", "V", -10.0, 10.0, (1.0,))
+    effects = [Candidate(name, (size,)) for name in ("straight", "bent")]
+    noise = 0.8 * np.random.default_rng(seed).standard_normal(len(t))
+    values = simulate({"straight": {"size": 0.4}})[0] + noise
+    data = [Series("run", "probe", "V", values, 0.8, t, np.arange(2000) // 400)]
+    verdict = mopro.reconcile(simulate, effects, data)
+    (effect,) = verdict.effects
+    assert (effect.name, effect.indistinguishable_from) == ("straight", [])
+    assert effect.sigmas < 20
+
+
 @pytest.mark.parametrize(
     ("bump", "searched", "expected"), [(0.0, True, "none"), (20.0, False, "unexplained")]
 )

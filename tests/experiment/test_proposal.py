@@ -27,8 +27,9 @@ PROGRAM = mopro.compile("UU012500/1\nVEL1 5.0\nACC1 0.1\nMRI1 1.0\nWX1\n")
 BARE = Bounds.of(MACHINE, MACHINE.axis.moving_mass_kg)
 
 
-def experiment(sensor, payload_kg=0.0):
-    reading = Reading(sensor, np.arange(5.0), np.zeros(5))
+def experiment(sensor, payload_kg=0.0, times=None):
+    times = np.arange(5) / sensor.rate_hz if times is None else times
+    reading = Reading(sensor, times, np.zeros(len(times)))
     trial = Trial("run.csv", PROGRAM, None, payload_kg, (reading,))
     return Experiment(Source("experiment.toml", ""), MACHINE, (trial,), ())
 
@@ -159,6 +160,21 @@ def test_a_thermometer_gets_a_motion_for_ever_that_is_not_too_hot():
     assert "for 60 min" in proposal.text.splitlines()[1]
     warm, _ = seen(program, STROKED, THERMOCOUPLE, for_s=3600.0)
     assert MACHINE.heat.ambient_C + 5 < warm.max() < MACHINE.heat.rated_C
+
+
+def test_a_logger_that_grew_slow_is_taken_to_do_so_again():
+    """Every second for ten minutes, then every quarter of one: 800 readings in an hour."""
+    every_second = dataclasses.replace(THERMOCOUPLE, rate_hz=1.0)
+    slower = np.concatenate([np.arange(0.0, 600.0), np.arange(600.0, 900.0, 15.0)])
+    lag, flow = {"thermocouple_lag": {"tau": 20.0}}, {"convection_scale": {"e": -0.02}}
+    proposal = propose(experiment(every_second, times=slower), ambiguous(lag, [flow], 3.0))
+    program = mopro.compile(proposal.text)
+    nothing, *sides = (
+        seen(program, effects, every_second, for_s=3600.0)[0] for effects in (None, lag, flow)
+    )
+    read = np.concatenate([np.arange(0, 600), np.arange(600, 3600, 15)])
+    measured = apart(*((side - nothing)[read] for side in sides), every_second)
+    assert proposal.separations["convection_scale"] == pytest.approx(measured, rel=0.15)
 
 
 @pytest.mark.parametrize("payload_kg", [0.0, 1.0, 2.3])
