@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from threading import Lock
 from typing import TypeVar
 
@@ -95,6 +96,12 @@ class Fits:
         """`found` without the effect `name`; for `limit` see `fitted`."""
         kept, settings = _others(found, name)
         return self.fitted(kept, [settings], limit)
+
+    def stripped(self, found: Fit, name: str) -> Fit:
+        """`found` without the effect `name`, the others left as they are."""
+        rest = self.without(found, name)
+        _, settings = _others(found, name)
+        return replace(rest, settings=settings, residual=self.residuals.at(settings))
 
     def no_dearer(self, found: Fit, by: float = 0.0) -> float:
         """The sum of squares above which no fit costs less than `found` does, and `by` more."""

@@ -72,6 +72,18 @@ class Promises:
         kept = [s for s in known if s.candidate not in hopeful]
         return [*self._weighed(base, base, hopeful), *kept]
 
+    def sought_in(self, left_by: Fit, base: Fit, known: Sequence[Scored]) -> list[Scored]:
+        """`known` beside `base`; what has to be looked for is looked for in another fit as well."""
+        tangent, _ = np.linalg.qr(base.jacobian)
+
+        def better(own: Scored) -> Scored:
+            groups = sought(self._fits.residuals, left_by, own.candidate)
+            other = score(base, tangent, own.candidate, groups)
+            return max(own, other, key=lambda s: s.gain)
+
+        found = self._fits.each(better, known)
+        return sorted(found, key=lambda s: self.predicted(base, s))
+
     def _scored(self, base: Fit, at: Fit) -> list[Scored]:
         others = [c for c in self._fits.catalogue if c.name not in base.names and c.refines is None]
         return self._weighed(base, at, others)

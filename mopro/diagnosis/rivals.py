@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.fits import Fits
+from mopro.diagnosis.fits import Fits, Key
 from mopro.diagnosis.model import Settings
 from mopro.diagnosis.promise import MISJUDGED, RIVAL_MARGIN, Promises
 from mopro.diagnosis.signature import Scored
@@ -20,6 +20,8 @@ _MOST_MISJUDGED = 0.1
 # What is no stronger than 20 standard deviations in all is small, and so linear.
 _WEAK = 400.0
 _CLEARLY = 2.0
+# Others that leave no more than this share, once an effect is gone, hide what it was from a search.
+_MADE_UP_FOR = 0.8
 # A rival whose misfit is larger by more cannot be as good, whatever parameters cost.
 _OUT_OF_REACH = 100.0
 
@@ -43,6 +45,7 @@ class Rivals:
     def __init__(self, fits: Fits, promises: Promises) -> None:
         self._fits = fits
         self._promises = promises
+        self._places: dict[tuple[Key, str], tuple[Fit, list[Scored]]] = {}
 
     def of(self, found: Fit, name: str) -> list[Rival]:
         """Effects that do as well in the place of `name`, the cheapest first.
@@ -73,8 +76,9 @@ class Rivals:
             and self._promises.predicted(rest, s) - self._fits.cost(found) < RIVAL_MARGIN
         ]  # fmt: skip
         weak = hopeful if rest.rss - found.rss < _WEAK else []
-        for rival in filter(None, self._fits.each(lambda s: self._weak(found, name, s), weak)):
-            as_good.setdefault(rival.name, rival)
+        for promised in self._fits.each(lambda s: self._weak(found, name, s), weak):
+            if promised:
+                as_good.setdefault(promised.name, promised)
         return sorted(as_good.values(), key=_dearer)
 
     def swaps(self, found: Fit, name: str) -> list[Fit]:
@@ -98,7 +102,7 @@ class Rivals:
     def _weak(self, found: Fit, name: str, scored: Scored) -> Rival | None:
         """The rival that a signature promises in the place of `name`, if it is one."""
         rest = self._fits.without(found, name)
-        settings = {**rest.settings, **scored.starts[0]}
+        settings: Settings = {**rest.settings, **scored.starts[0]}
         left = float(np.sum(self._fits.residuals.at(settings) ** 2))
         shown = replace(scored, gain=rest.rss - left)
         worse = self._promises.predicted(rest, shown) - self._fits.cost(found)
@@ -113,9 +117,16 @@ class Rivals:
 
     def _in_place_of(self, found: Fit, name: str) -> tuple[Fit, list[Scored]]:
         """`found` without `name`, and what promises to take its place."""
-        rest = self._fits.without(found, name)
-        anew = self._promises.taken_at(rest)
-        return rest, self._promises.scores(rest, rest if anew else self._fits.null)
+        key = found.key, name
+        if key not in self._places:
+            rest = self._fits.without(found, name)
+            anew = self._promises.taken_at(rest)
+            scored = self._promises.scores(rest, rest if anew else self._fits.null)
+            unmoved = self._fits.stripped(found, name)
+            if rest.rss < _MADE_UP_FOR * unmoved.rss:
+                scored = self._promises.sought_in(unmoved, rest, scored)
+            self._places[key] = rest, scored
+        return self._places[key]
 
 
 def _plausible(scored: Scored) -> bool:

@@ -18,6 +18,9 @@ _MOST_EFFECTS = 3
 _MOST_STEPS = 4
 _FORMS_OF_A_NAME = 2
 _MOST_SWAPS = 3
+# What a single effect leaves at most, as a share, for the others to be a matter of detail.
+_NEXT_TO_NOTHING = 0.02
+_MOST_BEGINNINGS = 2
 # A rival that is cheaper by less is as good, and may as well stay a rival.
 _WORTH_A_SWAP = 2.0
 # What an effect costs at most that a rival of another one makes superfluous.
@@ -42,7 +45,17 @@ class Search:
         alone = self._alone()
         if alone.candidates and self._settled(alone):
             return alone
-        found = base = self.fits.null
+        found = self._grown(self.fits.null)
+        if rough(self.fits.null) and not self._explained(found):
+            for other in self._other_beginnings(found):
+                found = min(found, self._grown(other), key=self.fits.cost)
+                if self._explained(found):
+                    break
+        return found
+
+    def _grown(self, base: Fit) -> Fit:
+        """The cheapest set that steps forward from `base`, swaps and steps back lead to."""
+        found = base
         for _ in range(_MOST_STEPS):
             grown = self._extended(base) if rough(base) else self._sketched(base)
             best = min([*grown, *map(self.fits.refined, grown)], key=self.fits.cost, default=found)
@@ -55,6 +68,20 @@ class Search:
             base = self._swapped(self._core(found))
             found = min(found, base, key=self.fits.cost)
         return self._swapped(found)
+
+    def _other_beginnings(self, found: Fit) -> list[Fit]:
+        """Single effects that account for nearly all by themselves, and were left for others.
+
+        What mimics a strong effect to a thousandth may do so better than the effect itself does
+        as long as others are missing, and then no step leads from the one to the other.
+        """
+        null = self.fits.null
+        alone = [
+            fit
+            for fit in self._extended(null)
+            if fit.rss < _NEXT_TO_NOTHING * null.rss and not fit.names <= found.names
+        ]
+        return sorted(alone, key=self.fits.cost)[:_MOST_BEGINNINGS]
 
     def settled_at(self, found: Fit) -> Fit:
         """The effects of `found`, known from another weighing, as far as they pay in this one."""
@@ -103,9 +130,13 @@ class Search:
             (*base.candidates, *candidates), [{**base.settings, **sketch.start}]
         )
 
+    def _explained(self, found: Fit) -> bool:
+        """Whether what is left over is no more than noise."""
+        return not examine(self.fits.residuals, found.residual, len(found.order)).significant
+
     def _settled(self, found: Fit) -> bool:
         """Whether nothing is left over that any candidate promises to account for."""
-        if examine(self.fits.residuals, found.residual, len(found.order)).significant:
+        if not self._explained(found):
             return False
         scored = self.promises.scores(found, self.fits.null)
         return all(self.promises.predicted(found, s) >= self.fits.cost(found) for s in scored)

@@ -9,7 +9,7 @@ from scipy import signal
 from servo import CATALOGUE, Servo
 
 import mopro
-from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.fits import Fits
 from mopro.diagnosis.heldout import folds
 from mopro.diagnosis.residual import Residuals, lasting_variance
@@ -397,6 +397,63 @@ def test_a_weak_rival_is_none_if_it_bends_at_the_size_that_it_would_have(seed):
     (effect,) = verdict.effects
     assert (effect.name, effect.indistinguishable_from) == ("straight", [])
     assert effect.sigmas < 20
+
+
+def test_a_mimic_that_leads_nowhere_is_left_for_another_beginning():
+    """It alone, and with what mends it, comes nearer than the strongest of three effects does.
+
+    No exchange of one for another leads from the one set to the other.
+    """
+    t = np.linspace(0.0, 5.0, 2000)
+    u, v, w, y, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0, 29.0))
+
+    def simulate(settings):
+        main, second, third, mimic, mending = (
+            settings.get(name, {}).get("size", 0.0)
+            for name in ("main", "second", "third", "mimic", "mending")
+        )
+        seeming = mimic * (2 - mimic) * (100 * u + 4 * w - 1.5 * z)
+        mended = mending * (4 * v + 1.5 * z + 0.5 * y)
+        return [100 * main * u + 5 * second * w + 4 * third * v + seeming + mended]
+
+    size = Parameter("size", "V", -10.0, 10.0, (0.5,))
+    names_of_all = ("main", "second", "third", "mimic", "mending")
+    effects = [Candidate(name, (size,)) for name in names_of_all]
+    truth = {name: {"size": 1.0} for name in ("main", "second", "third")}
+    values = simulate(truth)[0] + np.random.default_rng(3).standard_normal(len(t))
+    data = [Series("run", "probe", "V", values, 1.0, t, np.arange(2000) // 400)]
+    verdict = mopro.reconcile(simulate, effects, data)
+    assert (verdict.verdict, names(verdict)) == ("named", set(truth))
+
+
+def test_what_has_to_be_looked_for_is_found_though_others_make_up_for_it():
+    """A clock that runs fast takes most of a lateness along, once nothing else explains that."""
+    t = np.linspace(1.0, 1.2, 2000)
+    speed, grid = np.sin(300 * t), np.sin(900 * t)
+
+    def simulate(settings):
+        fast = settings.get("clock", {}).get("e", 0.0)
+        late = settings.get("delay", {}).get("d", 0.0)
+        tick = settings.get("tick", {}).get("T", 0.0)
+        return [(fast * t + late + tick) * speed + tick * grid / 50]
+
+    def lateness(left):
+        (residual,) = left.residuals
+        yield {"T": float(residual @ speed / (speed @ speed))}
+
+    effects = [
+        Candidate("clock", (Parameter("e", "1", -900.0, 900.0, (1.0,)),)),
+        Candidate("delay", (Parameter("d", "s", -900.0, 900.0, (1.0,)),)),
+        Candidate("tick", (Parameter("T", "s", 0.0, 900.0, role=Role.SHAPE),), seek=lateness),
+    ]
+    values = simulate({"clock": {"e": 100.0}, "tick": {"T": 100.0}})[0]
+    values = values + np.random.default_rng(5).standard_normal(len(t))
+    data = [Series("run", "probe", "V", values, 1.0, t, np.arange(2000) // 400)]
+    search = Search(Fits(Residuals(simulate, data), effects))
+    found = search.fits.fitted(effects[:2], [{"clock": {"e": 100.0}, "delay": {"d": 100.0}}])
+    assert found.rss > 3000
+    swapped = search.rivals.swaps(found, "delay")
+    assert {"clock", "tick"} in [set(fit.names) for fit in swapped if fit.rss < 2200]
 
 
 @pytest.mark.parametrize(
