@@ -27,6 +27,9 @@ _STEPS_A_PERIOD = 4
 # phase of one at least is right over the ten periods of a ring.
 _SHARES = (0.35, 0.6)
 _CLOSE_SHARES = tuple(np.geomspace(0.3, 0.75, 16).tolist())
+_CLOSE = np.array([1 / 1.03, 1.0, 1.03])
+_CLOSE_TIMES = np.linspace(-0.5, 0.5, 9)
+_ROUNDS = 6
 _KEPT = 2
 # No drive saves current sooner after a move.
 EARLIEST_S = 0.02
@@ -64,7 +67,19 @@ class Rests:
         first_s = max(begun_s - _BEFORE * self._period_s, EARLIEST_S)
         times = np.arange(first_s, begun_s + _AFTER * self._period_s + step_s, step_s)
         found_s = self._best(left, [(h, t) for t in times.tolist() for h in _SHARES])[0]["t_h"]
-        yield from self._best(left, [(h, found_s) for h in _CLOSE_SHARES])
+        likeliest = self._best(left, [(h, found_s) for h in _CLOSE_SHARES])
+        for _ in range(_ROUNDS):
+            best = likeliest[0]
+            likeliest = self._best(left, self._around(best["h"], best["t_h"]))
+            if likeliest[0] == best:
+                break
+        yield from likeliest
+
+    def _around(self, share: float, begun_s: float) -> Iterator[tuple[float, float]]:
+        """Shares and moments near these: the one makes up for the other over a period or so."""
+        times = begun_s + self._period_s * _CLOSE_TIMES
+        for h in share * _CLOSE:
+            yield from ((float(h), t) for t in times.tolist() if h < 1 and t >= EARLIEST_S)
 
     def _best(self, left: Leftover, places: Iterable[tuple[float, float]]) -> list[Values]:
         """The likeliest few shares and moments."""

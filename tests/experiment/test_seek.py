@@ -40,11 +40,13 @@ def test_a_period_is_found_under_a_sensor_that_bends():
     assert strongest["A"] == pytest.approx(2e-6, rel=0.1)
 
 
-@pytest.mark.parametrize(("h", "t_h"), [(0.35, 0.08), (0.4, 0.15), (0.6, 0.11)])
+@pytest.mark.parametrize(
+    ("h", "t_h"), [(0.35, 0.08), (0.4, 0.15), (0.6, 0.11), (0.7, 0.1), (0.75, 0.12)]
+)
 def test_the_moment_when_current_falls_is_found_from_the_ring(h, t_h):
     """To within a quarter of the tooth's period: further off least squares end elsewhere."""
     found = starts("hold_current_reduction", {"hold_current_reduction": {"h": h, "t_h": t_h}})
-    assert min(abs(values["t_h"] - t_h) for values in found) < 0.003
+    assert max(abs(values["t_h"] - t_h) for values in found) < 0.003
 
 
 def test_an_axis_that_never_moves_shows_no_moment():
