@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from mopro.blind import programs
 from mopro.blind.grid import ENCODER, LASER, LVDT, THERMOCOUPLE, Spec
 from mopro.blind.hidden import ENTRIES, Parameters
+from mopro.blind.programs import Author, Range
 from mopro.blind.reference.experiment import Plant, Strange, Trial
-from mopro.blind.reference.nominal import INCH_M
+from mopro.blind.reference.nominal import INCH_M, THESIS, Nominal
 from mopro.blind.reference.sensors import Instrument
 from mopro.blind.sizes import CLASSES, Bench, class_of, strength_for
 
 _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
-_ROOMS = {LVDT: programs.Range(-9.0, 9.0)}
+_ROOMS = {LVDT: Range(-9.0, 9.0)}
 _COARSER = {LASER: ENCODER, ENCODER: LVDT}
 _ATTEMPTS = 5
 _OFF_RMS = (0.3, 1.0, 2.0, 3.0)
@@ -33,6 +33,7 @@ class Case:
     spec: Spec
     trials: list[Trial]
     instruments: list[Instrument]
+    nominal: Nominal
     effects: dict[str, Parameters] = field(default_factory=dict)
     sizes: dict[str, float] = field(default_factory=dict)
     alone: dict[str, float] = field(default_factory=dict)
@@ -60,6 +61,7 @@ class Case:
             "group": self.spec.group,
             "sensor": self.spec.sensor,
             "style": self.spec.style,
+            "machine": asdict(self.nominal),
             "effects": effects,
             "total_sigma": self.total_sigma,
             "strange": asdict(self.strange) if self.strange else None,
@@ -69,11 +71,11 @@ class Case:
         }
 
 
-def drawn(seed: int, number: str, spec: Spec) -> Case:
-    """The case in all its numbers, from the seed and its own number alone."""
+def drawn(seed: int, number: str, spec: Spec, nominal: Nominal = THESIS) -> Case:
+    """The case in all its numbers, from the seed, its own number and the machine alone."""
     g = np.random.default_rng([seed, 2, int(number)])
     for _ in range(_ATTEMPTS):
-        case = _attempt(g, number, spec)
+        case = _attempt(g, number, spec, nominal)
         if fitter := _fitter(case):
             spec = fitter
         elif case.shows:
@@ -84,12 +86,13 @@ def drawn(seed: int, number: str, spec: Spec) -> Case:
     return case
 
 
-def _attempt(g: Generator, number: str, spec: Spec) -> Case:
+def _attempt(g: Generator, number: str, spec: Spec, nominal: Nominal) -> Case:
     """One draw of programs and effects, each as large as wanted if that can be."""
-    case = Case(number, spec, _trials(g, spec), instruments(spec.sensor, spec.style))
-    bench = Bench(case.trials, case.instruments)
+    trials = _trials(g, spec, nominal)
+    case = Case(number, spec, trials, instruments(spec.sensor, spec.style), nominal)
+    bench = Bench(case.trials, case.instruments, nominal)
     for name, size in spec.effects:
-        drawn_effect = ENTRIES[name].draw(g)
+        drawn_effect = ENTRIES[name].draw(g, nominal)
         target = _target(g, size)
         strength, total = strength_for(bench, name, drawn_effect, target, ENTRIES[name].least)
         case.effects[name] = drawn_effect(strength)
@@ -126,19 +129,19 @@ def instruments(sensor: str, style: str) -> list[Instrument]:
     ]
 
 
-def _trials(g: Generator, spec: Spec) -> list[Trial]:
-    return [_trial(g, spec) for _ in range(spec.runs)]
+def _trials(g: Generator, spec: Spec, nominal: Nominal) -> list[Trial]:
+    author = Author.of(nominal, _ROOMS.get(spec.sensor, Range()))
+    return [_trial(g, spec, author) for _ in range(spec.runs)]
 
 
-def _trial(g: Generator, spec: Spec) -> Trial:
-    room = _ROOMS.get(spec.sensor, programs.Range())
+def _trial(g: Generator, spec: Spec, author: Author) -> Trial:
     if spec.style == "cycles":
-        return Trial(programs.cycles(g, bool(g.random() < 0.3)), 0.0, spec.run_s)
+        return Trial(author.cycles(g, bool(g.random() < 0.3)), 0.0, spec.run_s)
     if spec.style == "one speed":
-        return Trial(programs.one_speed(g, spec.run_s, room))
+        return Trial(author.one_speed(g, spec.run_s))
     payload = float(g.choice(_PAYLOADS_KG))
     two_axes = spec.style == "two axes"
-    return Trial(programs.strokes(g, spec.run_s, room, payload > 0, two_axes), payload)
+    return Trial(author.strokes(g, spec.run_s, payload > 0, two_axes), payload)
 
 
 def _target(g: Generator, size: str) -> float:
@@ -152,8 +155,8 @@ def _target(g: Generator, size: str) -> float:
 def _disturb(g: Generator, case: Case) -> None:
     """Draw a disturbance off the catalogue, its rms in the data some share of σ."""
     instrument = case.instruments[0]
-    series = Bench(case.trials, case.instruments)
-    plain = series.clean(Plant({}))
+    series = Bench(case.trials, case.instruments, case.nominal)
+    plain = series.clean(Plant({}, nominal=case.nominal))
     within = g.uniform(plain[0].min(), plain[0].max()) * instrument.unit
     numbers = {
         "local_bump": {"at": within, "width": g.uniform(0.1, 0.8) * INCH_M},
@@ -163,7 +166,7 @@ def _disturb(g: Generator, case: Case) -> None:
     }[case.spec.strange]
     numbers = {name: float(value) for name, value in numbers.items()}
     rms_m = float(g.choice(_OFF_RMS)) * instrument.sigma * instrument.unit
-    shown = series.clean(Plant({}, Strange(case.spec.strange, numbers, 1.0)))
+    shown = series.clean(Plant({}, Strange(case.spec.strange, numbers, 1.0), case.nominal))
     square = [float(np.var(a - b)) * instrument.unit**2 for a, b in zip(shown, plain, strict=True)]
     sign = float(g.choice([-1.0, 1.0]))
     case.strange = Strange(case.spec.strange, numbers, sign * rms_m / math.sqrt(np.mean(square)))

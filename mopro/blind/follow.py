@@ -11,6 +11,7 @@ import numpy as np
 
 from mopro.blind.make import data_name, measured, run_text, write_data
 from mopro.blind.reference.experiment import Plant, Strange, Trial
+from mopro.blind.reference.nominal import Nominal
 from mopro.blind.reference.sensors import Instrument
 
 FOLDER = "followed"
@@ -54,4 +55,6 @@ def proposed(
 def hidden_plant(answer: Mapping[str, Any]) -> Plant:
     """The plant with what the answer says is hidden in it."""
     effects = {e["name"]: e["parameters"] for e in answer["effects"]}
-    return Plant(effects, Strange(**answer["strange"]) if answer["strange"] else None)
+    strange = Strange(**answer["strange"]) if answer["strange"] else None
+    # Answers of before machines could be chosen are of the source's own.
+    return Plant(effects, strange, Nominal(**answer.get("machine", {})))

@@ -12,19 +12,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.blind.reference import nominal as n
+from mopro.blind.reference.nominal import LVDT_HALF_M, STEEL_1_K, Nominal
 
 Generator = np.random.Generator
 Parameters = dict[str, float]
 Drawn = Callable[[float], Parameters]
+Draw = Callable[[Generator, Nominal], Drawn]
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One effect: `draw` gives its parameters as a function of its strength."""
+    """One effect: `draw` gives its parameters, on a machine, as a function of its strength."""
 
     name: str
-    draw: Callable[[Generator], Drawn]
+    draw: Draw
     least: float = 1e-3
     family: str = ""
     thermal: bool = False
@@ -32,8 +33,8 @@ class Entry:
 
 def _sized(
     parameter: str, most: float, signed: bool = False, **others: Callable[[Generator], float]
-) -> Callable[[Generator], Drawn]:
-    def draw(g: Generator) -> Drawn:
+) -> Draw:
+    def draw(g: Generator, n: Nominal) -> Drawn:
         top = most * (g.choice([-1.0, 1.0]) if signed else 1.0)
         fixed = {name: float(value(g)) for name, value in others.items()}
         return lambda s: {parameter: float(top * s), **fixed}
@@ -56,28 +57,38 @@ def _one_of(*values: float) -> Callable[[Generator], float]:
 _angle = _even(-math.pi, math.pi)
 
 
-def _damping(g: Generator) -> Drawn:
+def _damping(g: Generator, n: Nominal) -> Drawn:
     end = g.choice([0.1, 0.002])
-    return lambda s: {"zeta": float(n.DAMPING_RATIO + s * (end - n.DAMPING_RATIO))}
+    return lambda s: {"zeta": float(n.damping_ratio + s * (end - n.damping_ratio))}
 
 
-def _offsets(g: Generator) -> Drawn:
+def _warmth(g: Generator, n: Nominal) -> Drawn:
+    measured_at = g.choice([n.air_C, n.air_C, 20.0, 30.0])
+    return lambda s: {"alpha": 1.2e-3 * s, "T0": float(measured_at)}
+
+
+def _detent(g: Generator, n: Nominal) -> Drawn:
+    phi = _angle(g)
+    return lambda s: {"Fd": 0.1 * n.force_N * s, "phi": phi}
+
+
+def _offsets(g: Generator, n: Nominal) -> Drawn:
     angle = _angle(g)
     a, b = 0.05 * math.cos(angle), 0.05 * math.sin(angle)
     return lambda s: {"o_a": s * a, "o_b": s * b}
 
 
-def _hold(g: Generator) -> Drawn:
+def _hold(g: Generator, n: Nominal) -> Drawn:
     after_s = _log(0.05, 0.5)(g)
     return lambda s: {"h": 1 - 0.7 * s, "t_h": after_s}
 
 
-def _lost(g: Generator) -> Drawn:
+def _lost(g: Generator, n: Nominal) -> Drawn:
     sign, move, at = int(g.choice([-1, 1])), int(g.integers(1, 3)), float(g.uniform(0.2, 0.8))
     return lambda s: {"n": float(sign * max(1, round(50 * s))), "move": float(move), "at": at}
 
 
-def _hum(g: Generator) -> Drawn:
+def _hum(g: Generator, n: Nominal) -> Drawn:
     share, f = g.choice([0.0, 0.3]), g.choice([50.0, 60.0])
     phi, phi3 = _angle(g), _angle(g)
     return lambda s: {
@@ -85,28 +96,28 @@ def _hum(g: Generator) -> Drawn:
     }  # fmt: skip
 
 
-def _conduction(g: Generator) -> Drawn:
+def _conduction(g: Generator, n: Nominal) -> Drawn:
     growing = g.choice([0.0, 40.0])
-    return lambda s: {"G": 40.0 * s, "g": float(growing * s), "T_p": n.AIR_C}
+    return lambda s: {"G": 40.0 * s, "g": float(growing * s), "T_p": n.air_C}
 
 
-def _core(g: Generator) -> Drawn:
+def _core(g: Generator, n: Nominal) -> Drawn:
     share = g.choice([0.0, 1.0])
     return lambda s: {"kh": float(0.2 * s * share), "ke": float(2e-4 * s * (1 - share))}
 
 
-def _convection(g: Generator) -> Drawn:
+def _convection(g: Generator, n: Nominal) -> Drawn:
     end = g.choice([-0.5, 3.0])
     return lambda s: {"e": float(end * s)}
 
 
-def _periodic(g: Generator) -> Drawn:
+def _periodic(g: Generator, n: Nominal) -> Drawn:
     wavelength, phi = _log(3e-4, 0.05)(g), float(_angle(g))
     return lambda s: {"A": 1e-4 * s, "lambda": wavelength, "phi": phi}
 
 
-def _copper(g: Generator) -> Drawn:
-    return lambda s: {"alpha": 0.00393, "T0": n.AIR_C}
+def _copper(g: Generator, n: Nominal) -> Drawn:
+    return lambda s: {"alpha": 0.00393, "T0": n.air_C}
 
 
 ENTRIES = {
@@ -124,15 +135,15 @@ ENTRIES = {
         Entry("force_constant", _sized("e", 0.2, signed=True), family="lag"),
         Entry(
             "force_constant_temperature",
-            _sized("alpha", 1.2e-3, T0=_one_of(n.AIR_C, n.AIR_C, 20.0, 30.0)), 0.25, "lag",
+            _warmth, 0.25, "lag",
         ),
-        Entry("detent_force", _sized("Fd", 11.1, phi=_angle), 0.2, "fourth"),
+        Entry("detent_force", _detent, 0.2, "fourth"),
         Entry("phase_gain_imbalance", _sized("eps", 0.1, signed=True), 0.1, "second"),
         Entry("quadrature_error", _sized("phi", 0.0873, signed=True), 0.1, "second"),
         Entry("phase_current_offset", _offsets, 0.1, "first"),
         Entry("current_third_harmonic", _sized("s", 0.05, signed=True), 0.2, "fourth"),
         Entry("current_loop_lag", _sized("tau", 5e-4), 0.04, "delay"),
-        Entry("voltage_saturation", lambda g: lambda s: {"Vb": 40.0 / s}, 40 / 150, "square"),
+        Entry("voltage_saturation", lambda g, n: lambda s: {"Vb": 40.0 / s}, 40 / 150, "square"),
         Entry("hold_current_reduction", _hold, 0.25 / 0.7, "hold"),
         Entry("acceleration_scale", _sized("e", 0.5, signed=True), family="acceleration"),
         Entry("velocity_scale", _sized("e", 0.02, signed=True), family="clock"),
@@ -142,7 +153,7 @@ ENTRIES = {
         Entry("lost_steps", _lost, 0.02, "steps"),
         Entry("pitch_scale", _sized("e", 5e-4, signed=True), family="scale"),
         Entry(
-            "platen_expansion", _sized("dT", 40.0, share=_one_of(0.0), alpha=_one_of(n.STEEL_1_K)),
+            "platen_expansion", _sized("dT", 40.0, share=_one_of(0.0), alpha=_one_of(STEEL_1_K)),
             family="scale",
         ),
         Entry("backlash", _sized("B", 1e-4), 0.01, "friction"),
@@ -154,10 +165,10 @@ ENTRIES = {
             "sensor_nonlinearity",
             _sized(
                 "c3", 0.01, signed=True, c5=_one_of(0.0), mid=_even(-0.05, 0.05),
-                half=_one_of(n.LVDT_HALF_M),
+                half=_one_of(LVDT_HALF_M),
             ), 0.1, "bend",
         ),
-        Entry("sensor_bandwidth", lambda g: lambda s: {"f_c": 50.0 / s}, 0.05, "delay"),
+        Entry("sensor_bandwidth", lambda g, n: lambda s: {"f_c": 50.0 / s}, 0.05, "delay"),
         Entry("trigger_delay", _sized("t_d", 0.01), family="delay"),
         Entry("sample_clock", _sized("e", 5e-3, signed=True), 0.002, "clock"),
         Entry("hum", _hum, 0.05, "hum"),

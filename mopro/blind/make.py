@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +17,36 @@ from mopro.blind.case import Case, Generator, drawn
 from mopro.blind.grid import Spec, specs
 from mopro.blind.reference.experiment import Plant, Trial
 from mopro.blind.reference.motion import Floats
+from mopro.blind.reference.nominal import THESIS, Nominal
 from mopro.blind.reference.sensors import Instrument, stored
 
 ANSWERS = "answers.json"
+_MACHINE = "machine.toml"
 _SUFFIXES = (".toml", ".CMD", ".csv", ".DAT")
 
 
+@dataclass(frozen=True)
+class Machine:
+    """The machine of all cases: its numbers, and its name as experiments state it, or its file."""
+
+    nominal: Nominal = THESIS
+    stated: str | Path = "chow1992"
+
+    def put_into(self, folder: Path) -> str:
+        """A copy of its file into the folder of an experiment, which is to state this name."""
+        if isinstance(self.stated, str):
+            return self.stated
+        shutil.copyfile(self.stated, folder / _MACHINE)
+        return _MACHINE
+
+
 def make(
-    seed: int, grid: str, out: Path, only: frozenset[str] = frozenset(), jobs: int = 1
+    seed: int,
+    grid: str,
+    out: Path,
+    only: frozenset[str] = frozenset(),
+    jobs: int = 1,
+    machine: Machine = Machine(),
 ) -> Iterator[str]:
     """Write the grid's cases under `out`; yields each case's number, last the seal's hash.
 
@@ -32,7 +56,7 @@ def make(
     numbered = [(f"{i:03d}", spec) for i, spec in enumerate(specs(grid, seed), start=1)]
     chosen = [(number, spec) for number, spec in numbered if not only or number in only]
     answers: dict[str, Any] = {}
-    for number, answer in _written(seed, chosen, out, jobs):
+    for number, answer in _written(seed, chosen, out, jobs, machine):
         answers[number] = answer
         yield number
     document = {"seed": seed, "grid": grid, "cases": dict(sorted(answers.items()))}
@@ -43,9 +67,9 @@ def make(
 
 
 def _written(
-    seed: int, chosen: list[tuple[str, Spec]], out: Path, jobs: int
+    seed: int, chosen: list[tuple[str, Spec]], out: Path, jobs: int, machine: Machine
 ) -> Iterable[tuple[str, dict[str, Any]]]:
-    tasks = [(seed, number, spec, out) for number, spec in chosen]
+    tasks = [(seed, number, spec, out, machine) for number, spec in chosen]
     if jobs == 1:
         yield from map(_task, tasks)
         return
@@ -53,24 +77,25 @@ def _written(
         yield from pool.map(_task, tasks)
 
 
-def _task(task: tuple[int, str, Spec, Path]) -> tuple[str, dict[str, Any]]:
-    seed, number, spec, out = task
-    case = drawn(seed, number, spec)
-    write(case, out / number, np.random.default_rng([seed, 3, int(number)]))
+def _task(task: tuple[int, str, Spec, Path, Machine]) -> tuple[str, dict[str, Any]]:
+    seed, number, spec, out, machine = task
+    case = drawn(seed, number, spec, machine.nominal)
+    write(case, out / number, np.random.default_rng([seed, 3, int(number)]), machine)
     return number, case.answer()
 
 
-def write(case: Case, folder: Path, generator: Generator) -> None:
+def write(case: Case, folder: Path, generator: Generator, machine: Machine = Machine()) -> None:
     """The experiment: its file, programs and data; nothing of what is hidden."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in hashes(folder):
         (folder / name).unlink()
-    plant = Plant(case.effects, case.strange)
+    name = machine.put_into(folder)
+    plant = Plant(case.effects, case.strange, case.nominal)
     for i, trial in enumerate(case.trials, start=1):
         (folder / f"run{i}.CMD").write_text(trial.text, encoding="ascii")
         data = measured(plant, trial, case.instruments, case.offsets, generator)
         write_data(folder / data_name(f"run{i}", case.instruments), case.instruments, *data)
-    (folder / "experiment.toml").write_text(experiment_text(case), encoding="utf-8")
+    (folder / "experiment.toml").write_text(experiment_text(case, name), encoding="utf-8")
     case.files = hashes(folder)
 
 
@@ -113,9 +138,9 @@ def write_data(path: Path, sensors: list[Instrument], stamps: Floats, series: li
     np.savetxt(path, table, fmt=formats, delimiter=",", header=header, comments="")
 
 
-def experiment_text(case: Case) -> str:
+def experiment_text(case: Case, machine: str) -> str:
     """experiment.toml."""
-    parts = ['machine = "chow1992"\n', *map(_sensor_text, case.instruments)]
+    parts = [f'machine = "{machine}"\n', *map(_sensor_text, case.instruments)]
     for i, trial in enumerate(case.trials, start=1):
         parts.append(run_text(f"run{i}", trial.payload_kg, case.instruments))
     return "\n".join(parts)

@@ -11,6 +11,7 @@ import numpy as np
 from mopro.blind.hidden import Drawn
 from mopro.blind.reference.experiment import Plant, Trial
 from mopro.blind.reference.motion import Floats
+from mopro.blind.reference.nominal import THESIS, Nominal
 from mopro.blind.reference.sensors import Instrument
 
 BELOW = 8.0
@@ -30,10 +31,11 @@ def class_of(total_sigma: float) -> str:
 
 @dataclass
 class Bench:
-    """Runs and their instruments, against which sizes are measured."""
+    """Runs of a machine and their instruments, against which sizes are measured."""
 
     trials: Sequence[Trial]
     instruments: Sequence[Instrument]
+    nominal: Nominal = THESIS
     _plain: list[Floats] | None = field(default=None, init=False)
 
     def clean(self, plant: Plant) -> list[Floats]:
@@ -70,8 +72,8 @@ class Bench:
     def _change(self, effects: dict[str, dict[str, float]]) -> Floats | None:
         """What the effects change, in σ, each series less its mean; None for a stall."""
         if self._plain is None:
-            self._plain = self.clean(Plant({}))
-        plant = Plant(effects)
+            self._plain = self.clean(Plant({}, nominal=self.nominal))
+        plant = Plant(effects, nominal=self.nominal)
         shown = self.clean(plant)
         if plant.stalled:
             return None

@@ -32,26 +32,29 @@ def command() -> None:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True)
 @click.option("--grid", type=click.Choice(_GRIDS), default="small", show_default=True)
 @click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
+@click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True)
-def make(seed: int, out: Path, grid: str, cases: str | None, jobs: int) -> None:
+def make(seed: int, out: Path, grid: str, cases: str | None, machine: str, jobs: int) -> None:
     """Write a grid of experiments under --out, and their answers apart.
 
     Each case is a folder with experiment.toml, programs and data. answers.json holds
     what is hidden in them; its SHA-256 is printed, so that it can be told from another.
+    The numbers of --machine are what is known of it; effects are hidden on top of them.
 
     Example: mopro blind make --seed 1 --grid small --out cases
     """
     from mopro.blind.grid import specs
     from mopro.blind.make import ANSWERS
     from mopro.blind.make import make as write_cases
+    from mopro.cli.blind_machine import numbers_of
 
-    only = _padded(cases)
+    only, stated = _padded(cases), numbers_of(machine)
     count = len(specs(grid, seed))
     if beyond := sorted(c for c in only if not 1 <= int(c) <= count):
         raise click.BadParameter(
             f"{beyond[0]}: the grid {grid} has cases 1 to {count}", param_hint="--cases"
         )
-    steps = write_cases(seed, grid, out, only, jobs)
+    steps = write_cases(seed, grid, out, only, jobs, stated)
     *made, seal = _shown(steps, (len(only) or count) + 1, "making")
     click.echo(f"{len(made)} cases in {out}")
     click.echo(f"{out / ANSWERS} sha256 {seal}")

@@ -7,7 +7,7 @@ from paths import PROGRAMS
 
 from mopro import compile as compile_program
 from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import INCH_M, MICROSTEP_M
+from mopro.blind.reference.nominal import INCH_M, THESIS
 from mopro.blind.reference.profiles import duration_s, legs
 from mopro.language.load import load
 from mopro.motion import plan
@@ -27,8 +27,8 @@ def test_both_readers_see_the_same_moves(file):
     for mine, (move, stroke) in zip(ours.strokes, strokes, strict=False):
         assert mine.start_s == pytest.approx(move.start_s, abs=1e-9)
         assert mine.duration_s == pytest.approx(move.profile.duration_s, abs=1e-9)
-        assert mine.start_m == pytest.approx(stroke.start_u * MICROSTEP_M, abs=1e-12)
-        assert mine.way_m == pytest.approx(stroke.length_u * MICROSTEP_M, abs=1e-12)
+        assert mine.start_m == pytest.approx(stroke.start_u * THESIS.microstep_m, abs=1e-12)
+        assert mine.way_m == pytest.approx(stroke.length_u * THESIS.microstep_m, abs=1e-12)
     if theirs.complete:
         assert ours.duration_s == pytest.approx(theirs.duration_s, abs=1e-9)
 

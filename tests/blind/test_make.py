@@ -12,6 +12,7 @@ from mopro.blind.case import drawn, instruments
 from mopro.blind.grid import LASER, Spec, specs
 from mopro.blind.make import make, write
 from mopro.blind.reference.listing import timeline
+from mopro.blind.reference.nominal import THESIS
 from mopro.blind.sizes import Bench, class_of
 from mopro.instruments import read_thermocouple
 
@@ -94,7 +95,7 @@ def test_the_grid_s_effects_are_the_catalogue_s():
     parameters = {kind.name: {p.name for p in kind.parameters} for kind in OWN}
     assert set(hidden.ENTRIES) == set(parameters)
     for entry in hidden.ENTRIES.values():
-        values = entry.draw(np.random.default_rng(1))(0.5)
+        values = entry.draw(np.random.default_rng(1), THESIS)(0.5)
         assert set(values) <= parameters[entry.name], entry.name
 
 
@@ -105,7 +106,7 @@ def test_all_strengths_lie_in_the_plausible_range(name, seed):
 
     kind = next(k for k in OWN if k.name == name)
     entry = hidden.ENTRIES[name]
-    drawn_effect = entry.draw(np.random.default_rng(seed))
+    drawn_effect = entry.draw(np.random.default_rng(seed), THESIS)
     for strength in (entry.least, 0.5, 1.0):
         for parameter in kind.parameters:
             value = drawn_effect(strength).get(parameter.name, parameter.default)

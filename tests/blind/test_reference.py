@@ -8,12 +8,13 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from mopro.blind.reference import heat, motion, plant
-from mopro.blind.reference import nominal as n
 from mopro.blind.reference.experiment import Plant, Trial
 from mopro.blind.reference.listing import timeline
+from mopro.blind.reference.nominal import INCH_M
+from mopro.blind.reference.nominal import THESIS as n
 from mopro.blind.reference.sensors import Instrument
 
-LASER = Instrument("laser", "position", 1, "position_1_in", n.INCH_M, 2000.0, 2e-5, 0.0)
+LASER = Instrument("laser", "position", 1, "position_1_in", INCH_M, 2000.0, 2e-5, 0.0)
 MOVE = "UU012500/1\nVEL1 20.0\nACC1 0.25\nMRI1 4.0\nWX1\nWT300\nMRI1 -4.0\nWX1\nWT300\n"
 STILL = np.array([[0.0, 10.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0]])
 
@@ -46,8 +47,8 @@ def test_a_pendulum_s_frequencies():
     assert swing(1e-8) == pytest.approx(82.6895, abs=1e-3)
     assert swing(0.2e-3) == pytest.approx(74.8364, abs=1e-3)
     assert swing(0.4e-3) == pytest.approx(51.0491, abs=1e-3)
-    small = math.sqrt(n.WAVE_1_M * n.FORCE_N / n.MASS_KG) / (2 * math.pi)
-    period = 2 / math.pi * ellipk(math.sin(n.WAVE_1_M * 0.3e-3 / 2) ** 2) / small
+    small = math.sqrt(n.wave_1_m * n.force_N / n.mass_kg) / (2 * math.pi)
+    period = 2 / math.pi * ellipk(math.sin(n.wave_1_m * 0.3e-3 / 2) ** 2) / small
     assert swing(0.3e-3) == pytest.approx(1 / period, abs=1e-3)
 
 
@@ -58,13 +59,13 @@ def test_ten_newtons_push_it_aside_by_the_arcsine():
 
 @pytest.mark.parametrize(("acceleration", "lag_um"), [(250, 23.6), (600, 57.6)])
 def test_lag_under_even_acceleration(acceleration, lag_um):
-    a = acceleration * n.INCH_M
+    a = acceleration * INCH_M
     row = np.array([[0.0, 2.0, 0.0, 0.0, a, 0.0, 1.0, 1.0, 1.0, 0.0]])
     numbers = plant.numbers({"force_constant": {"e": 111.2 / 111.0 - 1}})
     times = np.array([1.2])
     ((x, *_, command),) = plant.axis_response(times, row, numbers)
     assert (command - x) * 1e6 == pytest.approx(lag_um, abs=0.05)
-    exact = math.asin(n.MASS_KG * a / 111.2) / n.WAVE_1_M
+    exact = math.asin(n.mass_kg * a / 111.2) / n.wave_1_m
     assert command - x == pytest.approx(exact, abs=1e-10)
 
 
@@ -88,8 +89,8 @@ def test_current_lag_turns_the_angle_by_its_arctangent():
     ((x, *_, command),) = plant.axis_response(
         np.array([1.5]), row, plant.numbers({"current_loop_lag": {"tau": tau}})
     )
-    angle = math.atan(n.WAVE_1_M * speed * tau)
-    assert command - x == pytest.approx(angle / n.WAVE_1_M, rel=1e-6)
+    angle = math.atan(n.wave_1_m * speed * tau)
+    assert command - x == pytest.approx(angle / n.wave_1_m, rel=1e-6)
 
 
 @pytest.mark.parametrize("hidden", HIDDEN, ids=lambda h: "+".join(h) or "nominal")
@@ -138,16 +139,16 @@ def test_scipy_s_own_solver_agrees(hidden):
     ],
 )
 def test_the_theory_column_of_table_3_2(speeds, ways, printed):
-    rise = heat.steady_rise_K([v * n.INCH_M for v in speeds], [w * n.INCH_M for w in ways], {})
+    rise = heat.steady_rise_K([v * INCH_M for v in speeds], [w * INCH_M for w in ways], {})
     assert rise == pytest.approx(printed, rel=5e-4)
 
 
 def test_a_warming_at_rest_is_an_exponential():
     times = np.linspace(0, 3600, 50)
     rise = heat.steady_rise_K([], [], {})
-    rate = heat.convection_W_K(0.0, n.SIDE_M) / (n.MASS_KG * n.SPECIFIC_HEAT_J_KG_K)
+    rate = heat.convection_W_K(0.0, n.side_m) / n.capacity_J_K
     found = heat.temperature_C(timeline("UU012500/1\nWT9000000\n"), times, {})
-    assert found == pytest.approx(n.AIR_C + rise * (1 - np.exp(-rate * times)), abs=1e-6)
+    assert found == pytest.approx(n.air_C + rise * (1 - np.exp(-rate * times)), abs=1e-6)
 
 
 def test_samples_are_taken_late_by_the_trigger_s_delay():
@@ -164,7 +165,7 @@ def test_play_is_crossed_at_a_reversal():
     generator = np.random.default_rng(0)
     _, (usual,) = Plant({}).readings(Trial(MOVE), [LASER], generator)
     _, (seen,) = backlash.readings(Trial(MOVE), [LASER], generator)
-    play_m = (usual - seen) * n.INCH_M
+    play_m = (usual - seen) * INCH_M
     forth, back = 2000 * 14 // 100, 2000 * 72 // 100
     assert play_m[forth] == pytest.approx(5e-5, abs=1e-9)
     assert play_m[back] == pytest.approx(-5e-5, abs=1e-9)

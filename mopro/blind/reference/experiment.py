@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from mopro.blind.reference import heat, nominal, plant, sensors, strange
+from mopro.blind.reference import heat, plant, sensors, strange
 from mopro.blind.reference.listing import Timeline, timeline
 from mopro.blind.reference.motion import Floats
+from mopro.blind.reference.nominal import THESIS, Nominal
 from mopro.blind.reference.plant import Hidden
 from mopro.blind.reference.sensors import Instrument
 
@@ -45,10 +46,11 @@ class Trial:
 
 @dataclass
 class Plant:
-    """The machine with what is hidden in it; `stalled` once an axis lost its tooth."""
+    """A machine with what is hidden in it; `stalled` once an axis lost its tooth."""
 
     hidden: Hidden
     strange: Strange | None = None
+    nominal: Nominal = THESIS
     stalled: bool = field(default=False, init=False)
 
     def readings(
@@ -60,8 +62,9 @@ class Plant:
         the program does nominally.
         """
         until_s = 1e4 if trial.until_s is None else trial.until_s
-        expected = timeline(trial.text, until_s=until_s)
-        real = timeline(trial.text, plant.controller(self.hidden), until_s)
+        microstep_m = self.nominal.microstep_m
+        expected = timeline(trial.text, until_s=until_s, microstep_m=microstep_m)
+        real = timeline(trial.text, plant.controller(self.hidden), until_s, microstep_m)
         lasts = expected.duration_s if trial.until_s is None else trial.until_s
         if instruments[0].quantity == "temperature":
             stamps = thermocouple_times(lasts)
@@ -74,9 +77,9 @@ class Plant:
         tau = sensors.lag_s("temperature", self.hidden)
         taken = np.maximum(sensors.sampled_at(stamps, self.hidden), 0.0)
         if not tau:
-            return heat.temperature_C(real, taken, self.hidden)
+            return self._temperature(real, taken)
         dense = np.arange(0.0, float(taken[-1]) + 1.0, 0.25)
-        seen = sensors.lagging(heat.temperature_C(real, dense, self.hidden), 0.25, tau)
+        seen = sensors.lagging(self._temperature(real, dense), 0.25, tau)
         return sensors.resampled(0.25, seen, taken)
 
     def _place(
@@ -123,18 +126,22 @@ class Plant:
 
     def _axis(self, real: Timeline, trial: Trial, axis: int, times: Floats) -> Floats:
         def temperature(at_s: Floats) -> Floats:
-            return heat.temperature_C(real, at_s, self.hidden)
+            return self._temperature(real, at_s)
 
-        command = plant.rows(real, axis, self.hidden, temperature)
-        numbers = plant.numbers(self.hidden, trial.payload_kg)
+        pitch_m = self.nominal.pitch_m
+        command = plant.rows(real, axis, self.hidden, temperature, pitch_m)
+        numbers = plant.numbers(self.hidden, trial.payload_kg, self.nominal)
         found = plant.axis_response(times, command, numbers)
-        self.stalled |= plant.lost_lock(found, self.hidden)
+        self.stalled |= plant.lost_lock(found, self.hidden, pitch_m)
         return found
 
     def _rise(self, real: Timeline, times: Floats) -> Floats | float:
         if not self.hidden.get("platen_expansion", {}).get("share"):
             return 0.0
-        return heat.temperature_C(real, np.maximum(times, 0.0), self.hidden) - nominal.AIR_C
+        return self._temperature(real, np.maximum(times, 0.0)) - self.nominal.air_C
+
+    def _temperature(self, real: Timeline, at_s: Floats) -> Floats:
+        return heat.temperature_C(real, at_s, self.hidden, self.nominal)
 
 
 def thermocouple_times(lasts_s: float) -> Floats:

@@ -18,14 +18,12 @@ import numpy as np
 from numba import njit
 from scipy.integrate import odeint
 
-from mopro.blind.reference import nominal as n
 from mopro.blind.reference.listing import Stroke, Timeline
 from mopro.blind.reference.motion import Floats
+from mopro.blind.reference.nominal import THESIS, Nominal
 
 _SIGMA = 5.670374419e-8
 _KELVIN = 273.15
-_RADIATING_M2 = n.SIDE_AREA_M2 + n.TOP_AREA_M2
-_CAPACITY_J_K = n.MASS_KG * n.SPECIFIC_HEAT_J_KG_K
 _AXES = (1, 2)
 _APART_S = 1e-7
 
@@ -43,22 +41,29 @@ class Piece:
 
 
 def temperature_C(
-    timeline: Timeline, times_s: Floats, hidden: Mapping[str, Mapping[str, float]]
+    timeline: Timeline,
+    times_s: Floats,
+    hidden: Mapping[str, Mapping[str, float]],
+    n: Nominal = THESIS,
 ) -> Floats:
     """The forcer's temperature at ascending times; it starts as warm as the air."""
-    found, here_C, now_s, done = np.empty(len(times_s)), n.AIR_C, 0.0, 0
-    for piece in pieces(timeline, max(float(times_s[-1]), 0.0), hidden):
+    found, here_C, now_s, done = np.empty(len(times_s)), n.air_C, 0.0, 0
+    for piece in pieces(timeline, max(float(times_s[-1]), 0.0), hidden, n):
         last = int(np.searchsorted(times_s, piece.until_s, side="right"))
         inside = np.maximum(times_s[done:last], now_s)
         marks = np.concatenate(([now_s], inside, [piece.until_s]))
-        curve = _curve(here_C, marks, piece, hidden)
+        curve = _curve(here_C, marks, piece, hidden, n)
         found[done:last] = curve[1:-1]
         here_C, now_s, done = float(curve[-1]), piece.until_s, last
     return found
 
 
 def _curve(
-    start_C: float, marks: Floats, piece: Piece, hidden: Mapping[str, Mapping[str, float]]
+    start_C: float,
+    marks: Floats,
+    piece: Piece,
+    hidden: Mapping[str, Mapping[str, float]],
+    n: Nominal,
 ) -> Floats:
     """The temperature at ascending marks; LSODA refuses those that all but coincide."""
     apart = np.concatenate(([True], np.diff(marks) > _APART_S))
@@ -69,13 +74,15 @@ def _curve(
     numbers = (
         piece.coil_W,
         copper.get("alpha", 0.0),
-        copper.get("T0", n.AIR_C),
+        copper.get("T0", n.air_C),
         piece.core_W,
         piece.loss_W_K,
         hidden.get("ambient_drift", {}).get("r", 0.0),
         piece.conduction_W_K,
         piece.platen_C,
-        hidden.get("radiation", {}).get("eps", 0.0),
+        hidden.get("radiation", {}).get("eps", 0.0) * (n.side_area_m2 + n.top_area_m2),
+        n.air_C,
+        n.capacity_J_K,
     )
     curve = odeint(_slope, start_C, distinct, args=numbers, rtol=1e-9, atol=1e-9, tfirst=True)
     found: Floats = curve[np.cumsum(apart) - 1, 0]
@@ -83,17 +90,23 @@ def _curve(
 
 
 @njit(cache=True)
-def _slope(t, y, coil_W, tempco, copper_C, core_W, loss, drift, conduction, platen_C, grey):  # type: ignore[no-untyped-def]
-    temperature, air = y[0], n.AIR_C + drift * t
+def _slope(  # type: ignore[no-untyped-def]
+    t, y, coil_W, tempco, copper_C, core_W, loss, drift, conduction, platen_C, grey_m2, air_C,
+    capacity_J_K,
+):  # fmt: skip
+    temperature, air = y[0], air_C + drift * t
     flow = coil_W * (1 + tempco * (temperature - copper_C)) + core_W
     flow -= loss * (temperature - air) + conduction * (temperature - platen_C)
     hot, cold = temperature + _KELVIN, air + _KELVIN
-    flow -= grey * _SIGMA * _RADIATING_M2 * (hot**4 - cold**4)
-    return flow / _CAPACITY_J_K
+    flow -= grey_m2 * _SIGMA * (hot**4 - cold**4)
+    return flow / capacity_J_K
 
 
 def pieces(
-    timeline: Timeline, until_s: float, hidden: Mapping[str, Mapping[str, float]]
+    timeline: Timeline,
+    until_s: float,
+    hidden: Mapping[str, Mapping[str, float]],
+    n: Nominal = THESIS,
 ) -> list[Piece]:
     """The times of even heating from the program's start to `until_s`."""
     until_s += 1e-6
@@ -113,13 +126,16 @@ def pieces(
             at += 1
         moving = [s for s in moving if s.start_s + s.duration_s > middle]
         shares = [_share(held[axis], middle, hidden) for axis in _AXES]
-        found.append(_piece(end, moving, shares, hidden))
+        found.append(_piece(end, moving, shares, hidden, n))
         start_s = end
     return found
 
 
 def steady_rise_K(
-    speeds_m_s: list[float], ways_m: list[float], hidden: Mapping[str, Mapping[str, float]]
+    speeds_m_s: list[float],
+    ways_m: list[float],
+    hidden: Mapping[str, Mapping[str, float]],
+    n: Nominal = THESIS,
 ) -> float:
     """The final temperature above the air of steady motion back and forth (eq. 3.26)."""
     still = [
@@ -127,8 +143,8 @@ def steady_rise_K(
         for i, (speed, way) in enumerate(zip(speeds_m_s, ways_m, strict=True))
         if way
     ]
-    piece = _piece(1.0, still, [1.0, 1.0], hidden)
-    platen = piece.conduction_W_K * (piece.platen_C - n.AIR_C)
+    piece = _piece(1.0, still, [1.0, 1.0], hidden, n)
+    platen = piece.conduction_W_K * (piece.platen_C - n.air_C)
     return (piece.coil_W + piece.core_W + platen) / (piece.loss_W_K + piece.conduction_W_K)
 
 
@@ -137,38 +153,39 @@ def _piece(
     moving: list[Stroke],
     shares: list[float],
     hidden: Mapping[str, Mapping[str, float]],
+    n: Nominal,
 ) -> Piece:
     speeds = [s.peak_m_s for s in moving]
     ways = [abs(s.way_m) for s in moving]
     squares = [share**2 for share in shares]
-    rest_W = 2 * n.COIL_OHM * n.CURRENT_A**2 * sum(squares)
-    moving_W = len(moving) * n.COIL_OHM * n.MOVING_CURRENT_A**2 * max(squares)
+    rest_W = 2 * n.coil_ohm * n.current_A**2 * sum(squares)
+    moving_W = len(moving) * n.coil_ohm * n.moving_current_A**2 * max(squares)
     scale = 1 + hidden.get("convection_scale", {}).get("e", 0.0)
     platen = hidden.get("platen_conduction", {})
     core = hidden.get("speed_dependent_heat", {})
-    steps_Hz = [speed / n.PITCH_M for speed in speeds]
+    steps_Hz = [speed / n.pitch_m for speed in speeds]
     return Piece(
         until_s,
         rest_W + moving_W,
-        scale * convection_W_K(math.hypot(*speeds), math.hypot(*ways) or n.SIDE_M),
+        scale * convection_W_K(math.hypot(*speeds), math.hypot(*ways) or n.side_m, n),
         platen.get("G", 0.0) + platen.get("g", 0.0) * sum(ways),
-        platen.get("T_p", n.AIR_C),
+        platen.get("T_p", n.air_C),
         sum(core.get("kh", 0.0) * f + core.get("ke", 0.0) * f * f for f in steps_Hz),
     )
 
 
-def convection_W_K(speed_m_s: float, length_m: float) -> float:
+def convection_W_K(speed_m_s: float, length_m: float, n: Nominal = THESIS) -> float:
     """h A over the sides and, with the bearing's air, the top."""
     return (
-        _film(speed_m_s, length_m) * n.SIDE_AREA_M2
-        + _film(speed_m_s + n.BEARING_M_S, length_m) * n.TOP_AREA_M2
+        _film(speed_m_s, length_m, n) * n.side_area_m2
+        + _film(speed_m_s + n.bearing_m_s, length_m, n) * n.top_area_m2
     )
 
 
-def _film(air_m_s: float, length_m: float) -> float:
-    reynolds = air_m_s * length_m / n.AIR_VISCOSITY_M2_S
-    nusselt = 0.664 * math.sqrt(reynolds) * math.cbrt(n.PRANDTL)
-    return nusselt * n.AIR_CONDUCTIVITY_W_M_K / n.SIDE_M
+def _film(air_m_s: float, length_m: float, n: Nominal) -> float:
+    reynolds = air_m_s * length_m / n.air_viscosity_m2_s
+    nusselt = 0.664 * math.sqrt(reynolds) * math.cbrt(n.prandtl)
+    return nusselt * n.air_conductivity_W_m_K / n.side_m
 
 
 def _held_times(

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from mopro.blind.reference.nominal import MICROSTEP_M
+from mopro.blind.reference.nominal import THESIS
 from mopro.blind.reference.profiles import Leg, duration_s, legs
 
 _AXES = (1, 2)
@@ -79,6 +79,7 @@ class _Axis:
 class _Clockwork:
     controller: Controller
     until_s: float
+    microstep_m: float
     now_s: float = 0.0
     axes: dict[int, _Axis] = field(default_factory=lambda: {n: _Axis() for n in _AXES})
     strokes: list[Stroke] = field(default_factory=list)
@@ -146,7 +147,7 @@ class _Clockwork:
 
     def _stroke(self, number: int, way_u: int, major_u: int, parts: list[Leg]) -> None:
         axis, rate = self.axes[number], self.controller.clock
-        share = way_u / major_u * MICROSTEP_M
+        share = way_u / major_u * self.microstep_m
         scaled = tuple(
             (t / rate, v * share * rate, a * share * rate**2, j * share * rate**3)
             for t, v, a, j in parts
@@ -156,8 +157,8 @@ class _Clockwork:
         if way_u:
             self.strokes.append(
                 Stroke(
-                    number, self.now_s / rate, lasts / rate, axis.at_u * MICROSTEP_M,
-                    way_u * MICROSTEP_M, abs(peak * share * rate), scaled,
+                    number, self.now_s / rate, lasts / rate, axis.at_u * self.microstep_m,
+                    way_u * self.microstep_m, abs(peak * share * rate), scaled,
                 )
             )  # fmt: skip
         axis.at_u += way_u
@@ -178,11 +179,16 @@ def statements(text: str) -> list[dict[str, str | None]]:
     return found
 
 
-def timeline(text: str, controller: Controller | None = None, until_s: float = 1e4) -> Timeline:
+def timeline(
+    text: str,
+    controller: Controller | None = None,
+    until_s: float = 1e4,
+    microstep_m: float = THESIS.microstep_m,
+) -> Timeline:
     """When which axis moves; a program that loops is followed up to `until_s`."""
     listing = statements(text)
     labels = {(s["label"] or "").upper(): i for i, s in enumerate(listing) if s["label"]}
-    works = _Clockwork(controller or Controller(), until_s)
+    works = _Clockwork(controller or Controller(), until_s, microstep_m)
     works.now_s = works.controller.delay_s
     at = 0
     while at < len(listing) and works.now_s < until_s:

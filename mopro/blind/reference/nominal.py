@@ -1,32 +1,62 @@
-"""The nominal axis in numbers: SI, from the tables of the source and of the plant."""
+"""A machine in numbers, as nominal as it can be stated: what is hidden comes on top."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 INCH_M = 0.0254
-PITCH_M = 1.016e-3
-WAVE_1_M = 2 * math.pi / PITCH_M
-MICROSTEPS_PER_PITCH = 500
-MICROSTEP_M = PITCH_M / MICROSTEPS_PER_PITCH
-MASS_KG = 2.543
-FORCE_N = 111.0
-DAMPING_RATIO = 0.03
-CURRENT_A = 4.0
-COIL_OHM = 2.0
-COIL_H = 2e-3
 # The current loop brings a current back to its setpoint within this time (assumed).
 LOOP_S = 50e-6
-
-AIR_C = 24.87
-SPECIFIC_HEAT_J_KG_K = 883.0
-MOVING_CURRENT_A = 1.0
-SIDE_M = 0.1778
-SIDE_AREA_M2 = 0.05148
-TOP_AREA_M2 = 0.0316
-AIR_CONDUCTIVITY_W_M_K = 0.0263
-AIR_VISCOSITY_M2_S = 1.589e-5
-PRANDTL = 0.707
-BEARING_M_S = 4.719e-4 / 1.445e-5
 STEEL_1_K = 11.35e-6
 LVDT_HALF_M = 0.254
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """Two like axes and their forcer, SI; by default the source's, from its tables."""
+
+    pitch_m: float = 1.016e-3
+    microsteps_per_pitch: float = 500.0
+    mass_kg: float = 2.543
+    force_N: float = 111.0
+    damping_ratio: float = 0.03
+    current_A: float = 4.0
+    coil_ohm: float = 2.0
+    coil_H: float = 2e-3
+    air_C: float = 24.87
+    specific_heat_J_kg_K: float = 883.0
+    moving_current_A: float = 1.0
+    side_m: float = 0.1778
+    side_area_m2: float = 0.05148
+    top_area_m2: float = 0.0316
+    air_conductivity_W_m_K: float = 0.0263
+    air_viscosity_m2_s: float = 1.589e-5
+    prandtl: float = 0.707
+    bearing_m_s: float = 4.719e-4 / 1.445e-5
+
+    @property
+    def wave_1_m(self) -> float:
+        """k = 2π/p."""
+        return 2 * math.pi / self.pitch_m
+
+    @property
+    def microstep_m(self) -> float:
+        return self.pitch_m / self.microsteps_per_pitch
+
+    @property
+    def microsteps_per_inch(self) -> int:
+        """As a program states them, in a whole number."""
+        return round(INCH_M / self.microstep_m)
+
+    @property
+    def agility(self) -> float:
+        """How hard it could be pulled (m/s²)."""
+        return self.force_N / self.mass_kg
+
+    @property
+    def capacity_J_K(self) -> float:
+        return self.mass_kg * self.specific_heat_J_kg_K
+
+
+THESIS = Nominal()

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mopro.blind.reference import motion as m
-from mopro.blind.reference import nominal as n
 from mopro.blind.reference.listing import Controller, Stroke, Timeline
 from mopro.blind.reference.motion import Floats
+from mopro.blind.reference.nominal import LOOP_S, THESIS, Nominal
 
 Hidden = Mapping[str, Mapping[str, float]]
 Temperature = Callable[[Floats], Floats]
@@ -33,15 +33,15 @@ def controller(hidden: Hidden) -> Controller:
     )
 
 
-def numbers(hidden: Hidden, payload_kg: float = 0.0) -> Floats:
+def numbers(hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS) -> Floats:
     """The numbers of the equation of motion."""
-    stiffness = n.WAVE_1_M * n.FORCE_N
-    zeta = _of(hidden, "electrical_damping", "zeta", n.DAMPING_RATIO)
+    stiffness = n.wave_1_m * n.force_N
+    zeta = _of(hidden, "electrical_damping", "zeta", n.damping_ratio)
     values = dict.fromkeys(m.NAMES, 0.0) | {
-        "wave": n.WAVE_1_M,
-        "force": n.FORCE_N * (1 + _of(hidden, "force_constant", "e")),
-        "mass": n.MASS_KG + payload_kg + _of(hidden, "payload_mass", "dm"),
-        "damping": 2 * zeta * math.sqrt(stiffness * n.MASS_KG),
+        "wave": n.wave_1_m,
+        "force": n.force_N * (1 + _of(hidden, "force_constant", "e")),
+        "mass": n.mass_kg + payload_kg + _of(hidden, "payload_mass", "dm"),
+        "damping": 2 * zeta * math.sqrt(stiffness * n.mass_kg),
         "viscous": _of(hidden, "viscous_drag", "b"),
         "quadratic": _of(hidden, "quadratic_drag", "c"),
         "friction": _of(hidden, "coulomb_friction", "Fc"),
@@ -58,17 +58,21 @@ def numbers(hidden: Hidden, payload_kg: float = 0.0) -> Floats:
         "third": _of(hidden, "current_third_harmonic", "s"),
         "lag_s": _of(hidden, "current_loop_lag", "tau"),
         "supply": _of(hidden, "voltage_saturation", "Vb"),
-        "ohm": n.COIL_OHM,
-        "henry": n.COIL_H,
-        "current": n.CURRENT_A,
-        "emf": n.FORCE_N / n.CURRENT_A,
-        "loop_s": n.LOOP_S,
+        "ohm": n.coil_ohm,
+        "henry": n.coil_H,
+        "current": n.current_A,
+        "emf": n.force_N / n.current_A,
+        "loop_s": LOOP_S,
     }
     return np.array([values[name] for name in m.NAMES])
 
 
 def rows(
-    timeline: Timeline, axis: int, hidden: Hidden, temperature: Temperature | None = None
+    timeline: Timeline,
+    axis: int,
+    hidden: Hidden,
+    temperature: Temperature | None = None,
+    pitch_m: float = THESIS.pitch_m,
 ) -> Floats:
     """The command of one axis as rows, in order of time, without gaps."""
     strokes = [s for s in timeline.strokes if s.axis == axis]
@@ -79,7 +83,7 @@ def rows(
     if "hold_current_reduction" in hidden:
         command = _held(command, **hidden["hold_current_reduction"])
     if "lost_steps" in hidden:
-        command = _slipped(command, strokes, hidden["lost_steps"])
+        command = _slipped(command, strokes, hidden["lost_steps"], pitch_m)
     if "force_constant_temperature" in hidden and temperature is not None:
         alpha, t0 = (hidden["force_constant_temperature"][key] for key in ("alpha", "T0"))
         command[:, m.F_FROM] = 1 - alpha * (temperature(command[:, m.T0]) - t0)
@@ -96,7 +100,7 @@ def equilibrium(row: Floats, p: Floats) -> Floats:
         return float(strength * electric + m.loads(x, 0.0, 0.0, p))
 
     ia, ib, _, _ = m.setpoints(p[m.WAVE] * row[m.X0], row[m.SHARE], p)
-    near = n.PITCH_M / 5
+    near = 2 * math.pi / p[m.WAVE] / 5
     x = brentq(pull, row[m.X0] - near, row[m.X0] + near, xtol=1e-16)
     return np.array([x, 0.0, 0.0, ia, ib])
 
@@ -173,7 +177,9 @@ def _held(command: Floats, h: float, t_h: float) -> Floats:
     return np.array(found)
 
 
-def _slipped(command: Floats, strokes: list[Stroke], lost: Mapping[str, float]) -> Floats:
+def _slipped(
+    command: Floats, strokes: list[Stroke], lost: Mapping[str, float], pitch_m: float
+) -> Floats:
     """The axis falls back by whole pitches within one of its strokes."""
     index = int(lost["move"]) - 1
     if index >= len(strokes):
@@ -186,12 +192,12 @@ def _slipped(command: Floats, strokes: list[Stroke], lost: Mapping[str, float]) 
     before[m.T1] = after[m.T0] = when_s
     after[m.X0] = x + tau * (v + tau * (a / 2 + tau * j / 6))
     after[m.V0], after[m.A0] = v + tau * (a + tau * j / 2), a + tau * j
-    after[m.SLIP] = lost["n"] * n.PITCH_M
+    after[m.SLIP] = lost["n"] * pitch_m
     return np.concatenate([command[:at], [before, after], command[at + 1 :]])
 
 
-def lost_lock(response: Floats, hidden: Hidden) -> bool:
+def lost_lock(response: Floats, hidden: Hidden, pitch_m: float = THESIS.pitch_m) -> bool:
     """Whether the axis left its tooth by itself."""
     lag = response[:, 3] - response[:, 0]
-    steps = abs(_of(hidden, "lost_steps", "n")) * n.PITCH_M
-    return bool(np.abs(lag).max() > n.PITCH_M * 0.3 + steps)
+    steps = abs(_of(hidden, "lost_steps", "n")) * pitch_m
+    return bool(np.abs(lag).max() > pitch_m * 0.3 + steps)
