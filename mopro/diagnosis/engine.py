@@ -32,6 +32,9 @@ _NUMERICS_MATTER = 1.0
 # The same as a share of the excess that is left over: a change of δ takes at most 2 δ √excess
 # away, so this is what could account for a tenth of it.
 _SHARE_OF_EXCESS = 0.05**2
+# So many times what is left over an effect must explain beside it: of any slow disturbance one or
+# another signature of a catalogue takes three quarters.
+_OUTWEIGHS = 10.0
 
 
 def reconcile(
@@ -137,13 +140,13 @@ def _firm(search: Search, found: Fit) -> tuple[Fit, list[Rejected]]:
     """`found` without the effects that may only lean on what nothing accounts for.
 
     Beside an unexplained remainder an effect is kept if it is not flexible and explains
-    more than what is left over.
+    many times what is left over.
     """
     doubted: list[Rejected] = []
     while found.candidates:
-        excess = found.rss - _noise(search, found)
+        enough = _OUTWEIGHS * (found.rss - _noise(search, found))
         gains = {name: search.fits.without(found, name).rss - found.rss for name in found.names}
-        weak = [c.name for c in found.candidates if c.flexible or gains[c.name] < excess]
+        weak = [c.name for c in found.candidates if c.flexible or gains[c.name] < enough]
         if not weak:
             break
         least = min(weak, key=lambda name: gains[name])

@@ -112,6 +112,18 @@ def test_something_named_beside_something_unexplained():
     assert (verdict.verdict, names(verdict)) == ("unexplained", {"viscous"})
 
 
+@pytest.mark.parametrize(("slope", "named"), [(0.0, set()), (8.0, {"slope"})])
+def test_three_quarters_of_a_drift_are_no_slope(slope, named):
+    """What levels off looks like a slope, by how much it does so; a steep one is there besides."""
+    t = np.linspace(0.0, 1.0, 2000)
+    straight = Candidate("slope", (Parameter("b", "N", -90.0, 90.0, (0.1,)),))
+    values = 3 * SIGMA * (1 - np.exp(-t / 0.3)) + slope * SIGMA * t
+    values = values + SIGMA * np.random.default_rng(1).standard_normal(len(t))
+    data = [Series("run", "force", "N", values, SIGMA, t, np.arange(2000) // 200)]
+    verdict = mopro.reconcile(lambda s: [s.get("slope", {"b": 0.0})["b"] * t], [straight], data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", named)
+
+
 def test_a_family_is_answered_as_one():
     """Within one slow sine, drag and a lag of the same signature cannot be told apart."""
     twin = Candidate("twin_of_viscous", (Parameter("c", "N s/m", 0, 20, (1.0,)),))
