@@ -6,7 +6,7 @@ import numpy as np
 
 from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.fits import Fits
-from mopro.diagnosis.promise import MISJUDGED, Promises, rough
+from mopro.diagnosis.promise import MISJUDGED, RIVAL_MARGIN, Promises, rough
 from mopro.diagnosis.remainder import examine
 from mopro.diagnosis.rivals import Rivals
 from mopro.diagnosis.signature import Scored
@@ -58,7 +58,8 @@ class Search:
         found = base
         for _ in range(_MOST_STEPS):
             grown = self._extended(base) if rough(base) else self._sketched(base)
-            best = min([*grown, *map(self.fits.refined, grown)], key=self.fits.cost, default=found)
+            freed = self.fits.each(self.fits.refined, self._distinct(grown))
+            best = min([*grown, *freed], key=self.fits.cost, default=found)
             best = self.fits.pruned(best)
             if self.fits.cost(best) >= self.fits.cost(found):
                 break
@@ -68,6 +69,15 @@ class Search:
             base = self._swapped(self._core(found))
             found = min(found, base, key=self.fits.cost)
         return self._swapped(found)
+
+    def _distinct(self, fits: list[Fit]) -> list[Fit]:
+        """Those that leave something else each, the cheapest of twins."""
+        kept: list[Fit] = []
+        for fit in sorted(fits, key=self.fits.cost):
+            apart = (float(np.sum((fit.residual - k.residual) ** 2)) for k in kept)
+            if all(distance > RIVAL_MARGIN * fit.variance for distance in apart):
+                kept.append(fit)
+        return kept
 
     def _other_beginnings(self, found: Fit) -> list[Fit]:
         """Single effects that account for nearly all by themselves, and were left for others.
