@@ -27,6 +27,7 @@ _STEPS_A_PERIOD = 4
 # phase of one at least is right over the ten periods of a ring.
 _SHARES = (0.35, 0.6)
 _CLOSE_SHARES = tuple(np.geomspace(0.3, 0.75, 16).tolist())
+# From there both are moved in steps (shares, and periods of the ring) to where they fit best.
 _CLOSE = np.array([1 / 1.03, 1.0, 1.03])
 _CLOSE_TIMES = np.linspace(-0.5, 0.5, 9)
 _ROUNDS = 6
