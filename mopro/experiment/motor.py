@@ -37,6 +37,8 @@ FINE = Stepping(2.5e-5)
 # Between samples of the true motion a cubic is within 0.03 µm at a jump of acceleration.
 DENSE_HZ = 4000.0
 _KEPT = 96
+# How a move fares is watched between steps as well: few samples are enough.
+_WATCHED_HZ = 100.0
 _BEYOND = 1.01
 
 # What the diagnosis adds to an effect's own parameters: on which axis alone it acts (0 for
@@ -145,6 +147,25 @@ class Motor:
                 chosen[name] = _active(catalogue()[name], values, index)
         order = list(catalogue())
         return tuple(sorted(chosen.values(), key=lambda a: order.index(a.name)))
+
+    def keeps_up(self, settings: Settings) -> bool:
+        """Whether every axis stays within a quarter pitch of its command in all its moves.
+
+        Beyond that the force falls again, and what holds an axis is luck.
+        """
+        runs = range(len(self.experiment.trials))
+        return all(self._least_margin(run, self.active(run, settings)) > 0 for run in runs)
+
+    def _least_margin(self, index: int, active: tuple[Active, ...]) -> float:
+        staging = self._staging(index, _padded(_of_the_motion(active)))
+        end_s = staging.schedule.duration_s
+        times = np.arange(0.0, end_s, 1 / _WATCHED_HZ)
+        margins = [1.0]
+        for axis in staging.axes:
+            axis.advance(times, end_s)
+            moves = (m for m in staging.schedule.moves if axis.number in m.axes)
+            margins += [axis.fates.of(move).stall_margin for move in moves]
+        return min(margins)
 
     # -- one reading -----------------------------------------------------------
 

@@ -137,6 +137,9 @@ class _Planner:
 
         A piece that is repeated tells more each time.
         """
+        pieces = [piece for piece in pieces if self._holds(self._imagined([piece]))]
+        if not pieces:
+            return []
         trials = [self._imagined([piece]) for piece in pieces]
         lengths = np.array([trial.duration_s for trial in trials])
         squares = np.array([self._parted(trial) for trial in trials]) ** 2
@@ -172,8 +175,15 @@ class _Planner:
         return self._predictions(trial).parted()
 
     def _predictions(self, trial: Trial) -> _Predictions:
-        motor = Motor(replace(self._experiment, trials=(trial,), tables=()))
-        return _Predictions(motor, self._sensor.sigma, self._contests)
+        return _Predictions(self._motor(trial), self._sensor.sigma, self._contests)
+
+    def _holds(self, trial: Trial) -> bool:
+        """Whether the axis keeps its tooth under every rival."""
+        sides = {str(side): side for c in self._contests for side in (c.settings, c.other)}
+        return all(map(self._motor(trial).keeps_up, sides.values()))
+
+    def _motor(self, trial: Trial) -> Motor:
+        return Motor(replace(self._experiment, trials=(trial,), tables=()))
 
     def _imagined(self, pieces: Sequence[Piece]) -> Trial:
         """The run that the pieces would be, its data still to come."""

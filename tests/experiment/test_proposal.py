@@ -141,6 +141,17 @@ def test_no_piece_stalls_even_with_a_fifth_less_force(payload_kg):
     assert all(move.lost_pitches == 0 for move in run.moves)
 
 
+def test_no_rival_loses_its_tooth_in_what_is_proposed():
+    """A controller that moves on every ten milliseconds pulls in jerks, the harder the faster."""
+    tick = {"profile_tick": {"T": 0.01, "interpolate": 1.0}}
+    lvdt = Sensor("lvdt", "position", "position_1_in", 800.0, 1, 0.025)
+    proposal = propose(experiment(lvdt), ambiguous({"trigger_delay": {"t_d": 0.01}}, [tick]))
+    assert proposal.separations["profile_tick"] > 6.0
+    _, run = seen(mopro.compile(proposal.text), tick, lvdt)
+    assert not run.stalled
+    assert min(move.stall_margin for move in run.moves) > 0.0
+
+
 def test_pieces_stay_within_the_travel_on_both_axes():
     for piece in (*moving_pieces(BARE), *warming_pieces(BARE)):
         schedule = plan(mopro.compile(text_of(MACHINE, 1, [piece])), for_s=30.0)
