@@ -168,7 +168,7 @@ def _piece(
         until_s,
         rest_W + moving_W,
         scale * convection_W_K(math.hypot(*speeds), math.hypot(*ways) or n.side_m, n),
-        platen.get("G", 0.0) + platen.get("g", 0.0) * sum(ways),
+        platen.get("G", 0.0) + platen.get("g", 0.0) * math.hypot(*ways),
         platen.get("T_p", n.air_C),
         sum(core.get("kh", 0.0) * f + core.get("ke", 0.0) * f * f for f in steps_Hz),
     )

@@ -1,0 +1,38 @@
+"""What one effect of heat does: the reference plant and the emulator, written apart, agree."""
+
+import numpy as np
+import pytest
+
+import mopro
+from mopro.blind import hidden
+from mopro.blind.case import instruments
+from mopro.blind.grid import THERMOCOUPLE
+from mopro.blind.programs import Author
+from mopro.blind.reference.experiment import Plant, Trial
+from mopro.blind.reference.nominal import THESIS
+from mopro.emulator.measured import Sensor
+from mopro.experiment.model import Experiment, Reading
+from mopro.experiment.model import Trial as Measured
+from mopro.experiment.motor import Motor
+from mopro.machine import load_machine
+from mopro.source import Source
+
+SEEN = Sensor("thermocouple", "temperature", "temperature_C", 1.0, 1, 0.1)
+
+
+@pytest.mark.parametrize("two_axes", [False, True], ids=["one axis", "two axes"])
+@pytest.mark.parametrize("name", hidden.THERMAL)
+def test_they_warm_alike(name, two_axes):
+    """Within a hundredth of a degree over ten minutes, where the effect does twice that and more."""
+    draw = np.random.default_rng(6)
+    text = Author().cycles(draw, two_axes)
+    effects = {name: hidden.ENTRIES[name].draw(draw, THESIS)(1.0)}
+    (thermocouple,) = instruments(THERMOCOUPLE, "cycles")
+    times, (usual,) = Plant({}).readings(Trial(text, 0.0, 600.0), [thermocouple], draw)
+    _, (warm,) = Plant(effects).readings(Trial(text, 0.0, 600.0), [thermocouple], draw)
+    reading = Reading(SEEN, times, np.zeros(len(times)))
+    run = Measured("run.DAT", mopro.compile(text), None, 0.0, (reading,))
+    motor = Motor(Experiment(Source("experiment.toml", ""), load_machine("chow1992"), (run,), ()))
+    (predicted,) = motor(effects)
+    assert predicted == pytest.approx(warm, abs=0.01)
+    assert np.abs(warm - usual).max() > 0.02
