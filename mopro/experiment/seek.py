@@ -21,6 +21,8 @@ _FINEST_PERIOD_M = 1e-4
 _FEWEST_PERIODS = 2.0
 # A delay this many standard deviations clear of zero may be a tick.
 _CLEARLY = 5.0
+# Where its grid shows by as many, only ticks that are close have its phase throughout.
+_GRID_SHOWS = 2.0
 _TICKS_TRIED = 21
 _WHOLE = 0.25
 _CONTRAST = 6.0
@@ -106,7 +108,7 @@ class Seeker:
         tick_s = ticks * delay_s
         if not (delay_s > _CLEARLY * error_s and 1e-4 < tick_s < 0.015):
             return
-        if self._grid_shows(left, tick_s) < _CLEARLY:
+        if self._grid_shows(left, tick_s) < _GRID_SHOWS:
             yield {"T": tick_s}
             return
         last_s = max(float(reading.time_s[-1]) for _, reading in self._positions.values())

@@ -16,15 +16,20 @@ from mopro.experiment.rests import EARLIEST_S
 from mopro.experiment.series import series_of
 
 
-def starts(name, truth, fitted=(), seed=0, program=PROGRAM):
+def starts(name, truth, fitted=(), seed=0, program=PROGRAM, noise_in=LASER.noise_rms, form=""):
     """The starts that the search of candidate `name` finds in a run with `truth` in it."""
     (clean,) = Motor(of(np.zeros(3200), program), FINE)(truth)
-    noise = LASER.noise_rms * np.random.default_rng(seed).standard_normal(len(clean))
-    motor = Motor(of(clean + noise, program), COARSE)
+    noise = noise_in * np.random.default_rng(seed).standard_normal(len(clean))
+    experiment = of(clean + noise, program)
+    (trial,) = experiment.trials
+    (reading,) = trial.readings
+    seen = dataclasses.replace(reading, sensor=dataclasses.replace(LASER, noise_rms=noise_in))
+    trial = dataclasses.replace(trial, readings=(seen,))
+    motor = Motor(dataclasses.replace(experiment, trials=(trial,)), COARSE)
     residuals = Residuals(motor, series_of(motor))
     base = fit(residuals, (), [{}])
     base = dataclasses.replace(base, settings={n: truth[n] for n in fitted})
-    (candidate,) = [c for c in candidates(motor) if c.name == name]
+    (candidate,) = [c for c in candidates(motor) if c.name == name and form in ("", c.form)]
     return [group[0].values for group in sought(residuals, base, candidate)]
 
 
@@ -38,6 +43,14 @@ def test_a_period_is_found_under_a_sensor_that_bends():
     strongest = max(found, key=lambda values: values["A"])
     assert strongest["lambda"] == pytest.approx(4.6e-4, rel=1e-3)
     assert strongest["A"] == pytest.approx(2e-6, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_tick_whose_grid_barely_shows_is_looked_for_closely(seed):
+    """A thousandth off, it is soon out of step with the command."""
+    tick = {"profile_tick": {"T": 0.01, "interpolate": 1.0}}
+    found = starts("profile_tick", tick, seed=seed, noise_in=0.01, form="interpolated")
+    assert min(abs(values["T"] - 0.01) for values in found) < 7e-6
 
 
 @pytest.mark.parametrize(
