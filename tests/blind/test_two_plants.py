@@ -23,7 +23,7 @@ SEEN = Sensor("thermocouple", "temperature", "temperature_C", 1.0, 1, 0.1)
 @pytest.mark.parametrize("two_axes", [False, True], ids=["one axis", "two axes"])
 @pytest.mark.parametrize("name", hidden.THERMAL)
 def test_they_warm_alike(name, two_axes):
-    """Within a hundredth of a degree over ten minutes, where the effect does twice that and more."""
+    """Within a hundredth of a degree over ten minutes; the effect does twice that and more."""
     draw = np.random.default_rng(6)
     text = Author().cycles(draw, two_axes)
     effects = {name: hidden.ENTRIES[name].draw(draw, THESIS)(1.0)}
