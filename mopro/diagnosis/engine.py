@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -140,19 +140,24 @@ def _firm(search: Search, found: Fit) -> tuple[Fit, list[Rejected]]:
     """`found` without the effects that may only lean on what nothing accounts for.
 
     Beside an unexplained remainder an effect is kept if it is not flexible and explains
-    many times what is left over.
+    many times what the rigid ones together leave over.
     """
     doubted: list[Rejected] = []
-    while found.candidates:
-        enough = _OUTWEIGHS * (found.rss - _noise(search, found))
-        gains = {name: search.fits.without(found, name).rss - found.rss for name in found.names}
-        weak = [c.name for c in found.candidates if c.flexible or gains[c.name] < enough]
-        if not weak:
-            break
-        least = min(weak, key=lambda name: gains[name])
+
+    def dropped(found: Fit, gains: Mapping[str, float]) -> Fit:
+        least = min(gains, key=lambda name: gains[name])
         reason = "leaves much unexplained, of which it may be a part"
         doubted.append(Rejected(least, gains[least], reason))
-        found = search.fits.without(found, least)
+        return search.fits.without(found, least)
+
+    def gains_of(names: Iterable[str]) -> dict[str, float]:
+        return {name: search.fits.without(found, name).rss - found.rss for name in names}
+
+    while flexible := gains_of(c.name for c in found.candidates if c.flexible):
+        found = dropped(found, flexible)
+    enough = _OUTWEIGHS * (found.rss - _noise(search, found))
+    while weak := {n: gain for n, gain in gains_of(found.names).items() if gain < enough}:
+        found = dropped(found, weak)
     return found, doubted
 
 

@@ -124,6 +124,24 @@ def test_three_quarters_of_a_drift_are_no_slope(slope, named):
     assert (verdict.verdict, names(verdict)) == ("unexplained", named)
 
 
+def test_a_strong_effect_is_named_beside_a_weak_one_that_may_be_part_of_the_unexplained():
+    """The weak one explains five times what is left over, the strong one fifty times."""
+    t = np.linspace(0.0, 5.0, 2000)
+    shapes = {name: np.sin(f * t) for name, f in (("strong", 7.0), ("weak", 11.0))}
+    size = Parameter("size", "V", -90.0, 90.0, (1.0,))
+
+    def simulate(settings):
+        return [sum((v["size"] * shapes[n] for n, v in settings.items()), np.zeros(2000))]
+
+    strange = 1.4 * np.exp(-(((t - 2.0) / 0.8) ** 2))
+    (values,) = simulate({"strong": {"size": 5.0}, "weak": {"size": 1.5}})
+    values = values + strange + 0.5 * np.random.default_rng(4).standard_normal(2000)
+    data = [Series("run", "probe", "V", values, 0.5, t, np.arange(2000) // 400)]
+    verdict = mopro.reconcile(simulate, [Candidate(n, (size,)) for n in shapes], data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"strong"})
+    assert "weak" in {rejected.name for rejected in verdict.rejected}
+
+
 def test_a_family_is_answered_as_one():
     """Within one slow sine, drag and a lag of the same signature cannot be told apart."""
     twin = Candidate("twin_of_viscous", (Parameter("c", "N s/m", 0, 20, (1.0,)),))
