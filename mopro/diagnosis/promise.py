@@ -95,7 +95,7 @@ class Promises:
             groups = self._signatures(at, candidate)
             groups = [*groups, *sought(self._fits.residuals, base, candidate)]
             first = score(base, tangent, candidate, groups)
-            if first.gain < _WORTH_ANOTHER_LOOK or not far_from_probes(first, groups):
+            if first.gain < _WORTH_ANOTHER_LOOK or not far_from_probes(first):
                 return first
             closer = probed_at(self._fits.residuals, at, candidate, first.starts[0])
             return score(base, tangent, candidate, [*groups, closer])

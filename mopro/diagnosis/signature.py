@@ -166,16 +166,19 @@ def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str
     return values, allowed
 
 
-def far_from_probes(scored: Scored, groups: Sequence[Group]) -> bool:
-    """Whether the best start is of quite another size than what was simulated."""
+def far_from_probes(scored: Scored) -> bool:
+    """Whether the best start is of quite another size than what was simulated for it."""
     amplitudes = [p for p in scored.candidate.parameters if p.role is Role.AMPLITUDE]
     if len(amplitudes) != 1 or not scored.starts:
         return False
     (own,) = amplitudes
-    value = scored.starts[0][scored.candidate.name][own.name]
-    probed = [group[0].values[own.name] for group in groups]
-    ratios = [abs(own.size(value, of=p)) for p in probed if p != own.null]
-    return value != own.null and not any(1 / _FAR < ratio < _FAR for ratio in ratios)
+    value, probed = (
+        values[own.name] for values in (scored.starts[0][scored.candidate.name],
+                                        scored.group[0].values)
+    )  # fmt: skip
+    if own.null in (value, probed):
+        return value != own.null
+    return not 1 / _FAR < abs(own.size(value, of=probed)) < _FAR
 
 
 def probed_at(residuals: Residuals, at: Fit, candidate: Candidate, start: Settings) -> Group:

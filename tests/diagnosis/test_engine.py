@@ -410,6 +410,25 @@ def test_a_rival_whose_signature_misjudges_it_is_in_the_family(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_a_signature_is_taken_again_where_the_best_one_was_far_off(seed):
+    """Another probe is near, but of a worse shape; resized, neither does justice to it."""
+    t = np.linspace(0.0, 5.0, 2000)
+
+    def simulate(settings):
+        bent, mimic = (settings.get(name, {}).get("size", 0.0) for name in ("bent", "mimic"))
+        like = np.sin(7 * t) + 0.46 * np.cos(11 * t)
+        return [bent * np.sin(7 * t) + 0.5 * bent**2 * np.cos(11 * t) + mimic * like]
+
+    bent = Candidate("bent", (Parameter("size", "V", -9.0, 9.0, (0.1, 2.8)),))
+    mimic = Candidate("mimic", (Parameter("size", "V", 0.0, 0.97, (0.5,)),))
+    noise = 0.7 * np.random.default_rng(seed).standard_normal(len(t))
+    values = simulate({"bent": {"size": 1.0}})[0] + noise
+    data = [Series("run", "probe", "V", values, 0.7, t, np.arange(2000) // 400)]
+    verdict = mopro.reconcile(simulate, [bent, mimic], data)
+    assert (verdict.verdict, names(verdict)) == ("named", {"bent"})
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_a_weak_rival_is_none_if_it_bends_at_the_size_that_it_would_have(seed):
     """At the size that it is tried at it is the same; at its own it is not, and noise shows it."""
     t = np.linspace(0.0, 5.0, 2000)
