@@ -58,7 +58,8 @@ class Search:
         found = base
         for _ in range(_MOST_STEPS):
             grown = self._extended(base) if rough(base) else self._sketched(base)
-            freed = self.fits.each(self.fits.refined, self._distinct(grown))
+            # One after the other: whose fit of a set they share comes first must not be chance.
+            freed = map(self.fits.refined, self._distinct(grown))
             best = min([*grown, *freed], key=self.fits.cost, default=found)
             best = self.fits.pruned(best)
             if self.fits.cost(best) >= self.fits.cost(found):
