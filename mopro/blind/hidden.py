@@ -133,10 +133,7 @@ ENTRIES = {
         Entry("constant_force", _sized("F_b", 5.0, signed=True), 0.02, "constant"),
         Entry("electrical_damping", _damping, family="ringing"),
         Entry("force_constant", _sized("e", 0.2, signed=True), family="lag"),
-        Entry(
-            "force_constant_temperature",
-            _warmth, 0.25, "lag",
-        ),
+        Entry("force_constant_temperature", _warmth, 0.25, "lag"),
         Entry("detent_force", _detent, 0.2, "fourth"),
         Entry("phase_gain_imbalance", _sized("eps", 0.1, signed=True), 0.1, "second"),
         Entry("quadrature_error", _sized("phi", 0.0873, signed=True), 0.1, "second"),

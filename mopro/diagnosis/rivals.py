@@ -93,7 +93,7 @@ class Rivals:
             enough = min(gain, promised)
         close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
         close.sort(key=lambda s: -s.gain)
-        limit = found.rss + _OUT_OF_REACH * found.variance
+        limit = _reach(found)
         joined = self._fits.each(
             lambda s: self._fits.replaced(found, name, s, limit), close[:_TRIED]
         )
@@ -107,8 +107,7 @@ class Rivals:
         shown = replace(scored, gain=rest.rss - left)
         worse = self._promises.predicted(rest, shown) - self._fits.cost(found)
         if worse >= RIVAL_MARGIN:
-            limit = found.rss + _OUT_OF_REACH * found.variance
-            swapped = self._fits.replaced(found, name, scored, limit)
+            swapped = self._fits.replaced(found, name, scored, _reach(found))
             settings = swapped.settings
             worse = self._fits.cost(swapped) - self._fits.cost(found)
             if worse >= RIVAL_MARGIN or not swapped.plausible:
@@ -127,6 +126,11 @@ class Rivals:
                 scored = self._promises.sought_in(unmoved, rest, scored)
             self._places[key] = rest, scored
         return self._places[key]
+
+
+def _reach(found: Fit) -> float:
+    """The sum of squares from which on no rival of `found` is as good."""
+    return found.rss + _OUT_OF_REACH * found.variance
 
 
 def _plausible(scored: Scored) -> bool:

@@ -4,8 +4,8 @@
 
 P = 2 R I² for the two coil pairs of each axis and R I2² for each moving axis (eq. 3.12);
 h is that of a flat plate (eq. 3.16, 3.17), the Reynolds number's length the travelled
-one, at rest the forcer's side. A move counts at its peak speed (eq. 3.18). Payloads are
-taken to be insulated from the forcer.
+one, at rest the forcer's side; the platen takes its share along the same path. A move
+counts at its peak speed (eq. 3.18). Payloads are taken to be insulated from the forcer.
 """
 
 from __future__ import annotations
