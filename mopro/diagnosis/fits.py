@@ -77,9 +77,10 @@ class Fits:
                 self._fits[key] = found, limit
             return self._fits[key][0]
 
-    def joined(self, base: Fit, scored: Scored) -> Fit:
+    def joined(self, base: Fit, scored: Scored, limit: float = math.inf) -> Fit:
+        """`base` with a candidate beside it; for `limit` see `fitted`."""
         starts = [{**base.settings, **start} for start in scored.starts]
-        return self.fitted((*base.candidates, scored.candidate), starts)
+        return self.fitted((*base.candidates, scored.candidate), starts, limit)
 
     def replaced(self, found: Fit, name: str, scored: Scored, limit: float) -> Fit:
         """`found` with a candidate in the place of `name`.

@@ -23,7 +23,7 @@ _CLEARLY = 2.0
 # Others that leave no more than this share, once an effect is gone, hide what it was from a search.
 _MADE_UP_FOR = 0.8
 # A rival whose misfit is larger by more cannot be as good, whatever parameters cost.
-_OUT_OF_REACH = 100.0
+OUT_OF_REACH = 100.0
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class Rivals:
 
 def _reach(found: Fit) -> float:
     """The sum of squares from which on no rival of `found` is as good."""
-    return found.rss + _OUT_OF_REACH * found.variance
+    return found.rss + OUT_OF_REACH * found.variance
 
 
 def _plausible(scored: Scored) -> bool:

@@ -8,12 +8,14 @@ from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.fits import Fits
 from mopro.diagnosis.promise import MISJUDGED, RIVAL_MARGIN, Promises, rough
 from mopro.diagnosis.remainder import examine
-from mopro.diagnosis.rivals import Rivals
+from mopro.diagnosis.rivals import OUT_OF_REACH, Rivals
 from mopro.diagnosis.signature import Scored
 from mopro.diagnosis.sketch import Sketch, Sketcher, distinct
 
 _SHORTLIST = 10
 _FITTED_SETS = 3
+# As many however many jobs there are: what is found must not hang on that.
+_FITTED_TO_THE_END = 2
 _MOST_EFFECTS = 3
 _MOST_STEPS = 4
 _FORMS_OF_A_NAME = 2
@@ -51,7 +53,7 @@ class Search:
                 found = min(found, self._grown(other), key=self.fits.cost)
                 if self._explained(found):
                     break
-        return found
+        return self.exchanged(found)
 
     def _grown(self, base: Fit) -> Fit:
         """The cheapest set that steps forward from `base`, swaps and steps back lead to."""
@@ -156,6 +158,7 @@ class Search:
         """`base` with each of the candidates that promise to pay for themselves.
 
         One stands for those that the data cannot tell from it; the others come as its rivals.
+        All but the first are given up where they come near neither those nor next to nothing.
         """
         chosen: list[Scored] = []
         for s in self.promises.scores(base) if len(base.candidates) < _MOST_EFFECTS else ():
@@ -163,7 +166,11 @@ class Search:
             worth = s.starts and self.promises.predicted(base, s) < self.fits.cost(base)
             if worth and forms < _FORMS_OF_A_NAME and not any(s.twin_of(c) for c in chosen):
                 chosen.append(s)
-        return self.fits.each(lambda s: self.fits.joined(base, s), chosen[:_SHORTLIST])
+        first = self.fits.each(lambda s: self.fits.joined(base, s), chosen[:_FITTED_TO_THE_END])
+        left = min((fit.rss for fit in first), default=base.rss)
+        limit = max(left, _NEXT_TO_NOTHING * base.rss)
+        further = chosen[_FITTED_TO_THE_END:_SHORTLIST]
+        return [*first, *self.fits.each(lambda s: self.fits.joined(base, s, limit), further)]
 
     def _swapped(self, found: Fit) -> Fit:
         """`found` with an effect replaced by a rival as long as that is better.
@@ -178,4 +185,26 @@ class Search:
             if self.fits.cost(better) > self.fits.cost(found) - _WORTH_A_SWAP:
                 break
             found = self.fits.pruned(self.fits.refined(better))
+        return found
+
+    def exchanged(self, found: Fit) -> Fit:
+        """`found` with two effects replaced at once as long as that is better.
+
+        What mimics one effect pulls along what stands in for another, and then neither is
+        better replaced while the other stays.
+        """
+        for _ in range(_MOST_SWAPS):
+            swaps = [swap for name in found.names for swap in self.rivals.swaps(found, name)]
+            near = self.fits.cost(found) + OUT_OF_REACH
+            halfway = [swap for swap in swaps if self.fits.cost(swap) < near]
+            both = [
+                swap
+                for half in self._distinct([found, *halfway])
+                for name in half.names & found.names if half.names != found.names
+                for swap in self.rivals.swaps(half, name)
+            ]  # fmt: skip
+            better = min(both, key=self.fits.cost, default=found)
+            if self.fits.cost(better) > self.fits.cost(found) - _WORTH_A_SWAP:
+                break
+            found = self._swapped(self.fits.pruned(self.fits.refined(better)))
         return found

@@ -26,7 +26,8 @@ OFFSET = "sensor_offset"
 _CLEARLY = 6.0
 _THE_SAME = 1e-3
 _FEWEST_RUNS = 2
-# What microsteps must take away in chi-squared before they are taken to show.
+# What microsteps must take away in chi-squared before they are taken to show; where something is
+# left unexplained, in units of its mean square, as anything takes away a little of that.
 _STEPS_SHOW = 10.0
 
 
@@ -73,9 +74,11 @@ def diagnose(
     """
     experiment = thinned(experiment)
     smooth = _judged(Model(experiment), jobs, progress)
-    moving = any(r.sensor.quantity == POSITION for t in experiment.trials for r in t.readings)
-    stepped = Model(experiment, resolved=True)
-    if not moving or _misfit(smooth, stepped) > _misfit(smooth, Model(experiment)) - _STEPS_SHOW:
+    if not any(r.sensor.quantity == POSITION for t in experiment.trials for r in t.readings):
+        return smooth
+    stepped, left = Model(experiment, resolved=True), _misfit(smooth, Model(experiment))
+    mean_square = max(left / sum(map(len, smooth.series)), 1.0)
+    if left - _misfit(smooth, stepped) < _STEPS_SHOW * mean_square:
         return smooth
     return _judged(stepped, jobs, progress)
 

@@ -505,6 +505,33 @@ def test_what_has_to_be_looked_for_is_found_though_others_make_up_for_it():
     assert {"clock", "tick"} in [set(fit.names) for fit in swapped if fit.rss < 2200]
 
 
+def test_two_effects_are_exchanged_at_once_where_neither_goes_without_the_other():
+    """What mimics the one is wrong by what the other mimic makes up for, but for a little."""
+    t = np.linspace(0.0, 5.0, 2000)
+    u, v, w, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0))
+    shapes = {
+        "one": 100 * u,
+        "other": 10 * v,
+        "like one": 100 * u + 0.2 * w,
+        "like other": 10 * v - 0.2 * w + 0.15 * z,
+    }
+
+    def simulate(settings):
+        return [sum((settings[name]["size"] * shapes[name] for name in settings), 0 * t)]
+
+    truth = {"one": {"size": 1.0}, "other": {"size": 1.0}}
+    values = simulate(truth)[0] + np.random.default_rng(3).standard_normal(len(t))
+    data = [Series("run", "probe", "V", values, 1.0, t, np.arange(2000) // 400)]
+    size = Parameter("size", "V", -10.0, 10.0, (0.5,))
+    effects = [Candidate(name, (size,)) for name in shapes]
+    search = Search(Fits(Residuals(simulate, data), effects))
+    mimics = {name: {"size": 1.0} for name in ("like one", "like other")}
+    found = search.fits.fitted(effects[2:], [mimics])
+    dearer = [search.fits.cost(s) for name in mimics for s in search.rivals.swaps(found, name)]
+    assert dearer and min(dearer) > search.fits.cost(found)
+    assert search.exchanged(found).names == set(truth)
+
+
 @pytest.mark.parametrize(
     ("bump", "searched", "expected"), [(0.0, True, "none"), (20.0, False, "unexplained")]
 )

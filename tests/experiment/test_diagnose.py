@@ -10,6 +10,7 @@ import mopro
 from mopro.diagnosis import Role
 from mopro.emulator.effects import catalogue
 from mopro.emulator.measured import Sensor
+from mopro.experiment import diagnose as diagnosis
 from mopro.experiment import motor
 from mopro.experiment.catalogue import candidates
 from mopro.experiment.diagnose import diagnose
@@ -30,6 +31,7 @@ PROGRAMS = tuple(
 # What a search found has no interval.
 SEARCHED = ("n", "move", "at", "run")
 FINE = Sensor("laser", "position", "position_1_in", 1000.0, 1, 2e-5)
+SHARP = dataclasses.replace(FINE, noise_rms=4e-6)
 COARSE = dataclasses.replace(FINE, name="coarse", noise_rms=5e-3)
 
 
@@ -193,6 +195,22 @@ def test_an_effect_that_the_machine_has_already_is_measured_against_it():
     (effect,) = diagnose(dataclasses.replace(more, machine=machine)).verdict.effects
     assert effect.name == "viscous_drag"
     assert effect.parameters["b"].value == pytest.approx(8.0, rel=0.02)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_microsteps_do_not_show_by_taking_a_little_off_what_nothing_accounts_for(monkeypatch, sign):
+    """One sign of a random walk or the other seems to have some of them in it."""
+    judged, judge = [], diagnosis._judged
+    monkeypatch.setattr(
+        diagnosis, "_judged", lambda model, *how: judged.append(model) or judge(model, *how)
+    )
+
+    def walk(stamps, _):
+        steps = np.random.default_rng(len(stamps)).standard_normal(len(stamps))
+        return sign * 1e-4 * np.cumsum(steps)
+
+    assert verdict({}, sensor=SHARP, extra=walk).verdict == "unexplained"
+    assert [model.resolved for model in judged] == [False]
 
 
 class TestCandidates:
