@@ -77,7 +77,7 @@ class Layout:
 
         The voltage loop then takes the currents where they are wanted.
         """
-        return self.integrated[:2] if self.voltage is not None and self.lag is None else []
+        return [] if self.voltage is None else self.integrated[:2]
 
     @property
     def on_path(self) -> list[str]:
@@ -235,9 +235,10 @@ def _lag_lines(layout: Layout, n: int) -> list[str]:
 def _commanded_lines(layout: Layout, n: int) -> list[str]:
     """The currents at stage `n` of a drive that is free to set them.
 
-    Its loop knows how ideal setpoints change, and is behind by its own time with the rest.
+    Its loop knows how ideal setpoints change, or those behind a lag, and is behind by its own
+    time with the rest.
     """
-    if not layout.commanded:
+    if not layout.commanded or (n == 1 and layout.lag is not None):
         return []
     if n == 1:
         places = (("u0", "c0", "0"), ("u_mid", "c_mid", "_mid"), ("u1", "c1", "1"))
@@ -248,6 +249,12 @@ def _commanded_lines(layout: Layout, n: int) -> list[str]:
             lines += [f"sa{at}, sb{at} = aims({c}, gain, k{layout.all_numbers()})"]
         return ["if free:", *(f"    {line}" for line in lines)]
     at, span = ("1", "h") if n == 4 else ("_mid", "half")
+    if layout.lag is not None:
+        return ["if free:"] + [
+            f"    j{p}_{n} = l{p}_{n} + followed(j{p} - l{p}, 0.0, 0.0, 0.0, {span}, h,"
+            " CURRENT_LOOP_S)"
+            for p in "ab"
+        ]
     return ["if free:"] + [
         f"    j{p}_{n} = q{p}{at} + followed(j{p} - q{p}0, s{p}0 - q{p}0, s{p}_mid - q{p}_mid,"
         f" s{p}1 - q{p}1, {span}, h, CURRENT_LOOP_S)"
@@ -262,20 +269,33 @@ def _pace_lines(layout: Layout) -> list[str]:
     """
     if layout.voltage is None:
         return ["longest = max_step"]
-    lines = ["free = False"]
-    if layout.commanded:
-        limit = f"p{layout.voltage}_0"
-        lines = [
-            f"ia, ib = aims(u0 * microstep, gain, k{layout.all_numbers()})",
-            "off = max(abs(ia - ja), abs(ib - jb))",
-            "tau = t + length - anchor",
-            "w1 = (uv + tau * (ua + tau * uj / 2)) * microstep",
-            "fastest = max(abs(v), abs(w0), abs(w1)) + 2.0 * f0 / mass * length",
-            "asked = amps * (ohms * gain + henries * off / CURRENT_LOOP_S)",
-            "asked += (f0 * constant / amps + henries * amps * k * gain) * fastest",
-            f"free = asked < {limit}",
-        ]
+    lines = [
+        f"ia, ib = aims(u0 * microstep, gain, k{layout.all_numbers()})",
+        "tau = t + length - anchor",
+        "w1 = (uv + tau * (ua + tau * uj / 2)) * microstep",
+        "fastest = max(abs(v), abs(w0), abs(w1)) + 2.0 * f0 / mass * length",
+        *_off_lines(layout),
+        "asked = amps * (ohms * gain + henries * off)",
+        "asked += (f0 * constant / amps + henries * amps * k * gain) * fastest",
+        f"free = free and asked < p{layout.voltage}_0",
+    ]
     return [*lines, "longest = max_step if free else min(max_step, LOOP_STEP_S)"]
+
+
+def _off_lines(layout: Layout) -> list[str]:
+    """`off`: how fast the currents (over I) are to change for being off their setpoints.
+
+    A lag of no length follows nothing: its loop is integrated.
+    """
+    if layout.lag is None:
+        return ["off = max(abs(ia - ja), abs(ib - jb)) / CURRENT_LOOP_S", "free = True"]
+    lag = f"p{layout.lag}_0"
+    return [
+        "off = max(abs(la - ja), abs(lb - jb)) / CURRENT_LOOP_S",
+        f"free = {lag} > 0.0",
+        "if free:",
+        f"    off += max(abs(ia - la), abs(ib - lb)) / {lag}",
+    ]
 
 
 def _slide_line(layout: Layout, state: str, target: str, way: str) -> str:

@@ -528,7 +528,8 @@ def test_two_effects_are_exchanged_at_once_where_neither_goes_without_the_other(
     mimics = {name: {"size": 1.0} for name in ("like one", "like other")}
     found = search.fits.fitted(effects[2:], [mimics])
     dearer = [search.fits.cost(s) for name in mimics for s in search.rivals.swaps(found, name)]
-    assert dearer and min(dearer) > search.fits.cost(found)
+    assert dearer
+    assert min(dearer) > search.fits.cost(found)
     assert search.exchanged(found).names == set(truth)
 
 

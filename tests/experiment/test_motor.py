@@ -44,6 +44,12 @@ def positions_um(settings, stepping):
         {"voltage_saturation": {"Vb": 45.0}},
         {"voltage_saturation": {"Vb": 60.0}, "phase_gain_imbalance": {"eps": 0.05}},
         {"voltage_saturation": {"Vb": 50.0}, "hold_current_reduction": {"h": 0.5, "t_h": 0.1}},
+        {"voltage_saturation": {"Vb": 45.0}, "current_loop_lag": {"tau": 2e-5}},
+        {
+            "voltage_saturation": {"Vb": 55.0},
+            "current_loop_lag": {"tau": 3e-4},
+            "phase_gain_imbalance": {"eps": 0.05},
+        },
     ],
     ids=lambda settings: next(iter(settings)),
 )
@@ -60,7 +66,7 @@ def test_long_steps_are_within_a_tenth_of_a_micrometre(settings):
 )
 @pytest.mark.parametrize("supply_V", [42.0, 60.0, 400.0])
 def test_a_drive_free_to_set_its_currents_moves_as_one_that_is_integrated(supply_V, beside):
-    """Beside a lag, be it of no length, currents are integrated in short steps throughout."""
+    """Beside a lag of no length currents are integrated in short steps throughout."""
     settings = {"voltage_saturation": {"Vb": supply_V}, **beside}
     integrated = positions_um(settings | {"current_loop_lag": {"tau": 0.0}}, COARSE)
     assert np.abs(positions_um(settings, COARSE) - integrated).max() < 0.1
