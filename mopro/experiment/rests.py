@@ -69,7 +69,8 @@ class Rests:
         times = np.arange(first_s, begun_s + _AFTER * self._period_s + step_s, step_s)
         found_s = self._best(left, [(h, t) for t in times.tolist() for h in _SHARES])[0]["t_h"]
         likeliest = self._best(left, [(h, found_s) for h in _CLOSE_SHARES])
-        for _ in range(_ROUNDS):
+        rounds = _ROUNDS if _gains(left, likeliest[0]) else 0
+        for _ in range(rounds):
             best = likeliest[0]
             likeliest = self._best(left, self._around(best["h"], best["t_h"]))
             if likeliest[0] == best:
@@ -113,6 +114,12 @@ class Rests:
         lasts = np.searchsorted(times, times + _BEFORE * self._period_s)
         within = so_far[lasts] - so_far[:-1]
         return float(times[int(np.argmax(within))])
+
+
+def _gains(left: Leftover, values: Values) -> bool:
+    """Whether a trial is any better than none: where it is worse, no step makes it good."""
+    without = sum(float(part @ part) for part in left.residuals)
+    return left.misfit({"hold_current_reduction": values}) < without
 
 
 def _shows(excess: Floats) -> bool:

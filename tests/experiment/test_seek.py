@@ -90,6 +90,26 @@ def test_what_begins_as_soon_as_a_move_ends_is_sought_from_the_earliest_moment_o
     assert all(group[0].values["t_h"] >= EARLIEST_S for group in found)
 
 
+def test_the_search_for_a_moment_ends_early_where_none_is_any_better():
+    """A frame that sways long after a move shows at rest, and is no ring of the tooth."""
+    (clean,) = Motor(of(np.zeros(3200)), FINE)({})
+    (move, _) = Motor(of(clean), FINE).schedule(0).moves
+    rested_s = np.arange(len(clean)) / LASER.rate_hz - move.end_s
+    sway = np.where(rested_s > 0, np.exp(-rested_s) * np.sin(20 * rested_s), 0.0)
+    noise = LASER.noise_rms * np.random.default_rng(0).standard_normal(len(clean))
+    motor = Motor(of(clean + 2 * LASER.noise_rms * sway + noise), COARSE)
+    (candidate,) = [c for c in candidates(motor) if c.name == "hold_current_reduction"]
+    asked = []
+
+    def simulate(settings):
+        asked.append(settings)
+        return motor(settings)
+
+    residuals = Residuals(simulate, series_of(motor))
+    assert sought(residuals, fit(residuals, (), [{}]), candidate)
+    assert len(asked) < 80
+
+
 @pytest.mark.parametrize("truth", [{}, {"viscous_drag": {"b": 8.0}}], ids=["nothing", "drag"])
 def test_where_nothing_begins_at_rest_no_moment_is_sought(truth):
     assert starts("hold_current_reduction", truth) == []
