@@ -31,6 +31,8 @@ _LONGEST_S = 90.0
 _WARMING_S = 3600.0
 _MOST_RIVALS = 8
 _AFTER_S = 0.3
+# So many standard deviations to either side are a 95 % interval.
+_WITHIN_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -50,12 +52,18 @@ class Proposal:
 
 @dataclass(frozen=True)
 class _Contest:
-    """Two effects of a family, each with its settings; `known` is the relative error of size."""
+    """Two effects of a family, each with its settings; `known` is the relative error of size.
+
+    `found` are the settings of the verdict, and each of `beside` has one number of what was
+    found beside the family off by its standard deviation.
+    """
 
     names: tuple[str, str]
     settings: Settings
     other: Settings
     known: float
+    found: Settings
+    beside: tuple[Settings, ...]
 
 
 def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
@@ -80,10 +88,23 @@ def _contests(verdict: Verdict, effect: Named) -> list[_Contest]:
     known = 1 / max(effect.sigmas, 1.0)
     rivals = list(effect.alternatives.items())[:_MOST_RIVALS]
     family = [(effect.name, verdict.settings), *rivals]
+    beside = tuple(_moved(verdict, effect))
     return [
-        _Contest((name, rival), settings, others, known)
+        _Contest((name, rival), settings, others, known, verdict.settings, beside)
         for (name, settings), (rival, others) in combinations(family, 2)
     ]
+
+
+def _moved(verdict: Verdict, effect: Named) -> Iterator[Settings]:
+    """What was found, with one number of another effect than `effect` off by what it may be."""
+    found = verdict.settings
+    for other in (*verdict.effects, *verdict.calibration):
+        for name, estimate in other.parameters.items():
+            low, high = estimate.ci95
+            off = (high - low) / (2 * _WITHIN_95)
+            if other.name != effect.name and math.isfinite(off):
+                moved = {**found[other.name], name: found[other.name][name] + off}
+                yield {**found, other.name: moved}
 
 
 class _Planner:
@@ -257,13 +278,16 @@ class _Predictions:
     def parted(self) -> Floats:
         """By how many σ the two sides of each contest differ.
 
-        The size of an effect is as well known as the data so far tell it; a constant
-        offset tells nothing.
+        The size of an effect, and what was found beside it, are as well known as the data so
+        far tell them; a constant offset tells nothing.
         """
-        return np.array(
-            [_distance(self._change(c.settings), self._change(c.other), c.known)
-             for c in self._contests]
-        )  # fmt: skip
+        return np.array([self._apart(contest) for contest in self._contests])
+
+    def _apart(self, contest: _Contest) -> float:
+        found, other = self._change(contest.found), self._change(contest.other)
+        beside = (self._change(moved) - found for moved in contest.beside)
+        free = np.stack([contest.known * other, *beside], axis=1)
+        return _distance(self._change(contest.settings) - other, free)
 
     def _change(self, settings: Settings) -> Floats:
         change = (self.under(settings) - self.under({})) / self._sigma
@@ -283,9 +307,8 @@ def _worth(squares: Floats) -> Floats:
     return worth
 
 
-def _distance(one: Floats, other: Floats, known: float) -> float:
-    """The least |one - (1 + α) other|, α being known to be 0 within `known`."""
-    strength = float(other @ other)
-    alpha = float(other @ (one - other)) / (strength + 1 / known**2)
-    apart = one - (1 + alpha) * other
-    return math.sqrt(float(apart @ apart) + (alpha / known) ** 2)
+def _distance(apart: Floats, free: Floats) -> float:
+    """The least √(|apart - free z|² + |z|²): the z are known to be 0 within 1 each."""
+    shown = free.T @ apart
+    told = np.linalg.solve(free.T @ free + np.eye(free.shape[1]), shown)
+    return math.sqrt(max(float(apart @ apart - shown @ told), 0.0))

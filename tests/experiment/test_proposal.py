@@ -34,16 +34,20 @@ def experiment(sensor, payload_kg=0.0, times=None):
     return Experiment(Source("experiment.toml", ""), MACHINE, (trial,), ())
 
 
-def ambiguous(one, others, sigmas=50.0):
-    """`one` and each of `others` as effect name to parameters: the verdict on them."""
-    ((name, values),) = one.items()
+def ambiguous(one, others, sigmas=50.0, beside=()):
+    """`one` and each of `others` as effect name to parameters: the verdict on them.
+
+    What was found as well is in all of them, and `beside` says how well it is known.
+    """
+    name, values = next(iter(one.items()))
+    rivals = {next(iter(other)): other for other in others}
     named = Named(
         name, "", {p: Estimate(v, "1", (v, v), False) for p, v in values.items()},
-        [n for other in others for n in other], {n: 0.0 for other in others for n in other},
-        {n: other for other in others for n in other}, 100.0, sigmas, True,
+        [*rivals], dict.fromkeys(rivals, 0.0), rivals, 100.0, sigmas, True,
     )  # fmt: skip
     gap = Gap("in", 1.0, 1.0, 1.0, None)
-    return Verdict("ambiguous", (named,), (), (), (), gap, Remainder(False, None, 1.0), one)
+    effects = (named, *beside)
+    return Verdict("ambiguous", effects, (), (), (), gap, Remainder(False, None, 1.0), one)
 
 
 def seen(program, effects, sensor, for_s=None, payload_kg=0.0):
@@ -81,6 +85,29 @@ def test_a_drag_and_a_delay_are_parted_by_as_much_as_is_said():
     measured = apart((drag - nothing)[:count], (late - nothing)[:count], LASER)
     assert promised == pytest.approx(measured, rel=0.15)
     assert f"trigger_delay by {promised:.3g} σ" in proposal.text.splitlines()[0]
+
+
+def test_what_stands_beside_a_family_may_make_up_for_what_parts_it():
+    """A mass that is hardly known makes up for much of what a drag does and a delay does not."""
+    mass, heavier = ({"payload_mass": {"dm": dm}} for dm in (0.2, 0.201))
+    beside = Named(
+        "payload_mass", "", {"dm": Estimate(0.2, "kg", (-0.8, 1.2), False)}, [], {}, {},
+        100.0, 50.0, True,
+    )  # fmt: skip
+    verdict = ambiguous({**DRAG, **mass}, [{**LATE, **mass}], beside=(beside,))
+    proposal = propose(experiment(LASER), verdict)
+    promised = proposal.separations["trigger_delay"]
+    program = mopro.compile(proposal.text)
+    runs = [
+        seen(program, effects, LASER)[0]
+        for effects in (None, {**DRAG, **mass}, {**LATE, **mass}, {**DRAG, **heavier})
+    ]
+    count = min(map(len, runs))
+    nothing, drag, late, more = (run[:count] - run[:count].mean() for run in runs)
+    shapes = np.stack([late - nothing, more - drag], axis=1)
+    free = np.linalg.lstsq(shapes, drag - late)[0]
+    parted = float(np.linalg.norm(drag - late - shapes @ free)) / LASER.sigma
+    assert promised == pytest.approx(parted, rel=0.15)
 
 
 def test_what_no_motion_can_part_gets_no_program():
