@@ -178,9 +178,8 @@ class Search:
         One may stand for two: beside it an effect that mended a wrong one does not pay.
         """
         for _ in range(_MOST_SWAPS):
-            swaps = [swap for name in found.names for swap in self.rivals.swaps(found, name)]
-            near = self.fits.cost(found) + _PRICE_OF_ONE
-            lighter = [self.fits.pruned(s) for s in swaps if self.fits.cost(s) < near]
+            near = self._swaps(found, found.names, _PRICE_OF_ONE)
+            lighter = [self.fits.pruned(swap) for swap in near]
             better = min(lighter, key=self.fits.cost, default=found)
             if self.fits.cost(better) > self.fits.cost(found) - _WORTH_A_SWAP:
                 break
@@ -194,17 +193,24 @@ class Search:
         better replaced while the other stays.
         """
         for _ in range(_MOST_SWAPS):
-            swaps = [swap for name in found.names for swap in self.rivals.swaps(found, name)]
-            near = self.fits.cost(found) + OUT_OF_REACH
-            halfway = [swap for swap in swaps if self.fits.cost(swap) < near]
+            near = self._swaps(found, found.names, OUT_OF_REACH)
+            halfway = [fit for fit in self._distinct([found, *near]) if fit.names != found.names]
             both = [
                 swap
-                for half in self._distinct([found, *halfway])
-                for name in half.names & found.names if half.names != found.names
-                for swap in self.rivals.swaps(half, name)
-            ]  # fmt: skip
+                for half in halfway
+                for swap in self._swaps(half, half.names & found.names, OUT_OF_REACH)
+            ]
             better = min(both, key=self.fits.cost, default=found)
             if self.fits.cost(better) > self.fits.cost(found) - _WORTH_A_SWAP:
                 break
             found = self._swapped(self.fits.pruned(self.fits.refined(better)))
         return found
+
+    def _swaps(self, found: Fit, names: frozenset[str], dearer: float) -> list[Fit]:
+        """`found` with one of `names` replaced by a rival, where that is not `dearer` or more.
+
+        In their order: who fits a set first that two ways lead to must not be chance.
+        """
+        swaps = [swap for name in sorted(names) for swap in self.rivals.swaps(found, name)]
+        near = self.fits.cost(found) + dearer
+        return [swap for swap in swaps if self.fits.cost(swap) < near]

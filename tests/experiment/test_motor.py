@@ -72,6 +72,14 @@ def test_a_drive_free_to_set_its_currents_moves_as_one_that_is_integrated(supply
     assert np.abs(positions_um(settings, COARSE) - integrated).max() < 0.1
 
 
+@pytest.mark.parametrize("tau_s", [1e-5, 3e-4])
+def test_a_drive_with_volts_to_spare_adds_nothing_to_a_lag(tau_s):
+    """Its loop knows how the currents behind the lag change, and has no reason to be off."""
+    lag = {"current_loop_lag": {"tau": tau_s}}
+    ample = positions_um({"voltage_saturation": {"Vb": 400.0}, **lag}, COARSE)
+    assert np.abs(ample - positions_um(lag, COARSE)).max() < 0.01
+
+
 @pytest.mark.parametrize("tau_s", [1e-6, 5e-5, 5e-4])
 def test_a_lag_of_any_length_is_followed_in_long_steps(tau_s):
     """Behind by atan(ω tau)/k at a steady speed, ω = k ẋ; the source is the effect's own."""
