@@ -58,6 +58,11 @@ class Fit:
         return frozenset(candidate.key for candidate in self.candidates)
 
     @property
+    def place(self) -> tuple[frozenset[tuple[str, str]], float]:
+        """What tells it from other fits, of the same effects as well."""
+        return self.key, self.rss
+
+    @property
     def values(self) -> Floats:
         return np.array([self.settings[effect][p.name] for effect, p in self.order])
 
@@ -163,6 +168,24 @@ class Fit:
         own = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * self.variance)
         deviations: Floats = own / strengths * spans
         return deviations
+
+    def others_without(self, name: str) -> Settings:
+        """Where the other effects would go if `name` were off, as far as the slopes tell."""
+        own = np.array([effect == name for effect, _ in self.order], dtype=bool)
+        off = [
+            p.null - value if effect == name and p.role is Role.AMPLITUDE else 0.0
+            for (effect, p), value in zip(self.order, self.values.tolist(), strict=True)
+        ]
+        kept = {effect: dict(values) for effect, values in self.settings.items() if effect != name}
+        change = self.jacobian @ np.nan_to_num(off, posinf=0.0, neginf=0.0)
+        slopes = self.jacobian[:, ~own]
+        scale = np.linalg.norm(slopes, axis=0)
+        scale[scale == 0] = 1.0
+        moved = np.linalg.lstsq(slopes / scale, -change, rcond=1e-9)[0] / scale
+        others = (entry for entry, mine in zip(self.order, own, strict=True) if not mine)
+        for (effect, p), step in zip(others, moved.tolist(), strict=True):
+            kept[effect][p.name] = p.within(kept[effect][p.name] + step)
+        return kept
 
     def intervals(self, level: float = 0.95) -> list[tuple[float, float]]:
         """Confidence intervals of the parameters, in `order`."""

@@ -20,11 +20,16 @@ from mopro.diagnosis.signature import Scored
 # What an effect and a parameter cost that are not needed, in any but the largest data.
 _ONE_TOO_MANY = 40.0
 
+# By so much a start must be nearer than a known fit, in chi-squared, to be fitted from as well.
+_NEARER = 1.0
+
 T = TypeVar("T")
 R = TypeVar("R")
 Progress = Callable[[str], None]
 # A set of effects in their forms.
 Key = frozenset[tuple[str, str]]
+# A fit of such a set, told from a nearer one by its sum of squares.
+Place = tuple[Key, float]
 
 
 class Fits:
@@ -44,6 +49,7 @@ class Fits:
         self._lock = Lock()
         # With the limit that each was fitted for.
         self._fits: dict[Key, tuple[Fit, float]] = {}
+        self._begun: set[tuple[Place, str]] = set()
 
     @property
     def null(self) -> Fit:
@@ -94,9 +100,27 @@ class Fits:
         return self.fitted((*kept, scored.candidate), [nearest], limit)
 
     def without(self, found: Fit, name: str, limit: float = math.inf) -> Fit:
-        """`found` without the effect `name`; for `limit` see `fitted`."""
+        """`found` without the effect `name`; for `limit` see `fitted`.
+
+        Where the slopes lead the others nearer than they were ever fitted, that was not their best
+        fit, and it is begun anew there.
+        """
         kept, settings = _others(found, name)
-        return self.fitted(kept, [settings], limit)
+        fewer = self.fitted(kept, [settings], limit)
+        if not kept or (found.place, name) in self._begun:
+            return fewer
+        self._begun.add((found.place, name))
+        led = found.others_without(name)
+        if float(np.sum(self.residuals.at(led) ** 2)) > fewer.rss - _NEARER * found.variance:
+            return fewer
+        return self._begun_anew(kept, led, limit)
+
+    def _begun_anew(self, candidates: Sequence[Candidate], start: Settings, limit: float) -> Fit:
+        """The fit from `start`, in the place of one that is not as near."""
+        found = fit(self.residuals, candidates, [start], limit)
+        with self._lock:
+            self._fits[found.key] = found, limit
+        return found
 
     def stripped(self, found: Fit, name: str) -> Fit:
         """`found` without the effect `name`, the others left as they are."""
@@ -133,13 +157,12 @@ class Fits:
 
     def _forms_beside(self, candidate: Candidate) -> list[Candidate]:
         """The forms that free more of an effect, and those that free less of a freed one."""
-        own = {p.name for p in candidate.parameters}
         return [
             form
             for form in self.catalogue
             if (form.name, form.refines) == candidate.key
-            or (candidate.refines is not None and form.name == candidate.name
-                and {p.name for p in form.parameters} < own)
+            or (candidate.refines is not None and (form.frees_more_than(candidate)
+                                                   or candidate.frees_more_than(form)))
         ]  # fmt: skip
 
     def pruned(self, found: Fit) -> Fit:

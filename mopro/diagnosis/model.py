@@ -143,9 +143,9 @@ class Candidate:
     Where honest people write an effect differently there are several `form`s of one name,
     of which the evidence picks one; `fixed` are the parameters that a form does not fit.
     A form that `refines` another (by its form) frees more of it, and is tried only when
-    that one has been found. A `flexible` effect (a free period) can mimic much that is in
-    no catalogue, and is believed only if it leaves nothing. `seek` looks for starts in
-    what is left over, where a few fixed ones cannot find it.
+    that one has been found, unless it may come `by_itself`. A `flexible` effect (a free
+    period) can mimic much that is in no catalogue, and is believed only if it leaves nothing.
+    `seek` looks for starts in what is left over, where a few fixed ones cannot find it.
     """
 
     name: str
@@ -153,12 +153,19 @@ class Candidate:
     form: str = ""
     fixed: Mapping[str, float] = field(default_factory=dict)
     refines: str | None = None
+    by_itself: bool = False
     flexible: bool = False
     seek: Seek | None = None
 
     @property
     def key(self) -> tuple[str, str]:
         return self.name, self.form
+
+    def frees_more_than(self, other: Candidate) -> bool:
+        """Whether it is the effect `other` with parameters fitted that are fixed there."""
+        own, others = ({p.name for p in c.parameters} for c in (self, other))
+        kept = {name: value for name, value in other.fixed.items() if name not in own}
+        return self.name == other.name and others < own and kept == dict(self.fixed)
 
     @property
     def calibrates(self) -> bool:

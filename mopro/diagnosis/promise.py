@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mopro.diagnosis.fit import Fit, choice_price, price
-from mopro.diagnosis.fits import Fits, Key
+from mopro.diagnosis.fits import Fits, Place
 from mopro.diagnosis.model import Candidate, Role
 from mopro.diagnosis.signature import (
     Group,
@@ -41,8 +41,8 @@ class Promises:
 
     def __init__(self, fits: Fits) -> None:
         self._fits = fits
-        self._scores: dict[tuple[Key, Key], list[Scored]] = {}
-        self._groups: dict[tuple[Key, tuple[str, str]], list[Group]] = {}
+        self._scores: dict[tuple[Place, Place], list[Scored]] = {}
+        self._groups: dict[tuple[Place, tuple[str, str]], list[Group]] = {}
 
     def scores(self, base: Fit, at: Fit | None = None) -> list[Scored]:
         """All candidates that may join `base`, the most promising first (score test).
@@ -50,14 +50,14 @@ class Promises:
         Signatures are those at `at`, which is `base` itself unless given: those at a fit
         nearby cost no simulation.
         """
-        key = base.key, (at or base).key
+        key = base.place, (at or base).place
         if key not in self._scores:
             self._scores[key] = self._scored(base, at or base)
         return self._scores[key]
 
     def taken_at(self, base: Fit) -> bool:
         """Whether signatures at `base` itself are known already."""
-        return (base.key, base.key) in self._scores
+        return (base.place, base.place) in self._scores
 
     def fresh(self, base: Fit) -> list[Scored]:
         """As `scores`, signatures taken anew for those that those at the null speak for.
@@ -85,7 +85,11 @@ class Promises:
         return sorted(found, key=lambda s: self.predicted(base, s))
 
     def _scored(self, base: Fit, at: Fit) -> list[Scored]:
-        others = [c for c in self._fits.catalogue if c.name not in base.names and c.refines is None]
+        others = [
+            c
+            for c in self._fits.catalogue
+            if c.name not in base.names and (c.refines is None or c.by_itself)
+        ]
         return self._weighed(base, at, others)
 
     def _weighed(self, base: Fit, at: Fit, candidates: Sequence[Candidate]) -> list[Scored]:
@@ -123,7 +127,7 @@ class Promises:
         return strongest
 
     def _signatures(self, at: Fit, candidate: Candidate) -> list[Group]:
-        key = (at.key, candidate.key)
+        key = (at.place, candidate.key)
         if key not in self._groups:
             self._fits.progress(f"the signature of {candidate.name}")
             self._groups[key] = signatures(self._fits.residuals, at, candidate)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.fits import Fits, Key
+from mopro.diagnosis.fits import Fits, Place
 from mopro.diagnosis.model import Settings
 from mopro.diagnosis.promise import MISJUDGED, RIVAL_MARGIN, Promises
 from mopro.diagnosis.signature import Scored
@@ -45,7 +45,7 @@ class Rivals:
     def __init__(self, fits: Fits, promises: Promises) -> None:
         self._fits = fits
         self._promises = promises
-        self._places: dict[tuple[Key, str], tuple[Fit, list[Scored]]] = {}
+        self._places: dict[tuple[Place, str], tuple[Fit, list[Scored]]] = {}
 
     def of(self, found: Fit, name: str) -> list[Rival]:
         """Effects that do as well in the place of `name`, the cheapest first.
@@ -64,7 +64,8 @@ class Rivals:
             worse = self._fits.cost(swapped) - self._fits.cost(found)
             as_well = worse < RIVAL_MARGIN and swapped.plausible
             # What a form was freed further for, it needs: that is no roominess.
-            if as_well and (rival.refines or not _contains(swapped, found)):
+            needed = rival.refines and not rival.by_itself
+            if as_well and (needed or not _contains(swapped, found)):
                 other = Rival(rival.name, worse, swapped.settings)
                 as_good[rival.name] = min(other, as_good.get(rival.name, other), key=_dearer)
         fitted = {candidate.key for swap in swaps for candidate in swap.candidates}
@@ -116,7 +117,7 @@ class Rivals:
 
     def _in_place_of(self, found: Fit, name: str) -> tuple[Fit, list[Scored]]:
         """`found` without `name`, and what promises to take its place."""
-        key = found.key, name
+        key = found.place, name
         if key not in self._places:
             rest = self._fits.without(found, name)
             anew = self._promises.taken_at(rest)

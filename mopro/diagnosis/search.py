@@ -123,7 +123,7 @@ class Search:
             return null
         if null.excess - most.gain > MISJUDGED * most.gain:
             return null
-        return self._swapped(self.fits.pruned(self.fits.joined(null, most)))
+        return self._swapped(self.fits.pruned(self.fits.refined(self.fits.joined(null, most))))
 
     def _sketched(self, base: Fit) -> list[Fit]:
         """`base` with the sets of candidates whose signatures promise the most."""

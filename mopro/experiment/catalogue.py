@@ -10,6 +10,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from mopro.diagnosis import Candidate, Parameter, Role
 from mopro.emulator.effects import catalogue
 from mopro.emulator.effects.resolve import values_by_effect
@@ -23,6 +25,8 @@ from mopro.machine import Machine
 
 # A range is fitted this far beyond what is plausible, so that its ends can be told.
 _WIDER = 1.5
+# Where the middle of a bend is looked for.
+_MIDDLES_TRIED = 7
 # What a machine has already is tried this share of the range away from it.
 _APART = 0.1
 
@@ -204,7 +208,7 @@ def _measurements(motor: Motor) -> Iterator[Candidate]:
 
 
 def _bends(motor: Motor) -> Iterator[Candidate]:
-    """Shares of the range that the effect states, about the middle of the way at first."""
+    """Shares of the range that the effect states, about the middle of the way or another place."""
     low, high = motor.way_m()
     middle, half = (low + high) / 2, _value("sensor_nonlinearity", "half")
     fixed = {"c5": 0.0, "mid": middle, "half": half}
@@ -216,10 +220,17 @@ def _bends(motor: Motor) -> Iterator[Candidate]:
         "sensor_nonlinearity", (cubic, quintic), "cubic and quintic",
         {"mid": middle, "half": half}, refines="cubic", flexible=True,
     )  # fmt: skip
-    mid = Parameter("mid", "m", low - half, high + half, (middle,), Role.SHAPE, null=middle)
-    yield Candidate(
+    # A way that lies to one side of the sensor's middle shows little of a bend about its own.
+    places = tuple(np.linspace(low - half / 2, high + half / 2, _MIDDLES_TRIED).tolist())
+    mid = Parameter("mid", "m", low - half, high + half, places, Role.SHAPE, null=middle)
+    elsewhere = Candidate(
         "sensor_nonlinearity", (cubic, mid), "cubic, middle fitted",
-        {"c5": 0.0, "half": half}, refines="cubic", flexible=True,
+        {"c5": 0.0, "half": half}, refines="cubic", by_itself=True, flexible=True,
+    )  # fmt: skip
+    yield elsewhere
+    yield replace(
+        elsewhere, parameters=(cubic, quintic, mid), fixed={"half": half},
+        form="cubic and quintic, middle fitted", refines=elsewhere.form,
     )  # fmt: skip
 
 

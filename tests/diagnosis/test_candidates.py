@@ -249,3 +249,34 @@ def test_an_effect_that_another_form_makes_superfluous_is_not_named(seed):
     (effect,) = asked(predict, truth, plain, freed, *powers, seed=seed).effects
     assert (effect.name, effect.form) == ("cubic", "middle fitted")
     assert effect.parameters["middle"].value == pytest.approx(0.08, abs=0.02)
+
+
+@pytest.mark.parametrize("by_itself", [False, True])
+def test_a_freed_form_may_come_by_itself_where_the_plain_one_explains_nothing(by_itself):
+    """A line at 7 Hz says nothing of one at 11 Hz."""
+
+    def predict(settings):
+        line = settings.get("line", {"A": 0.0, "f": 7.0})
+        return line["A"] * np.sin(2 * np.pi * line["f"] * T)
+
+    height = Parameter("A", "N", -1, 1, (0.1,))
+    hertz = Parameter("f", "Hz", 5.0, 13.0, (7.0, 10.8), Role.SHAPE)
+    plain = Candidate("line", (height,), fixed={"f": 7.0})
+    freed = Candidate("line", (height, hertz), "any f", refines="", by_itself=by_itself)
+    found = asked(predict, {"line": {"A": 0.2, "f": 11.0}}, plain, freed)
+    assert [e.form for e in found.effects] == (["any f"] if by_itself else [])
+
+
+def test_forms_free_more_only_where_the_rest_is_the_same():
+    b, n, m = (Parameter(name, "1", 0.0, 3.0, (1.0,)) for name in "bnm")
+    plain = Candidate("drag", (b,), fixed={"n": 1.0, "m": 0.0})
+    power = Candidate("drag", (b, n), "power", {"m": 0.0}, refines="")
+    both = Candidate("drag", (b, n, m), "both", refines="power")
+    assert power.frees_more_than(plain)
+    assert both.frees_more_than(plain)
+    assert both.frees_more_than(power)
+    assert not plain.frees_more_than(power)
+    assert not plain.frees_more_than(plain)
+    elsewhere = Candidate("drag", (b, n), "power, there", {"m": 0.0, "axis": 2.0}, refines="")
+    assert not elsewhere.frees_more_than(plain)
+    assert not Candidate("lift", (b, n), "power", {"m": 0.0}).frees_more_than(plain)

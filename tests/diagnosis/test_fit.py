@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.descent import Descent
 from mopro.diagnosis.fit import fit
 from mopro.diagnosis.fits import Fits
@@ -181,3 +181,56 @@ def test_fewer_samples_than_it_takes_to_tell_their_noise_are_worth_nothing():
     residuals = Residuals(model, [Series("run", "probe", "V", np.array([0.0, 1.0, 2.1]), None)])
     assert residuals.count == 2
     assert fit(residuals, [line], [{"line": {"v": 0.5}}]).cost(1) == math.inf
+
+
+def waves(settings):
+    return [sum(w["A"] * np.sin(w["w"] * TIME_S) for w in settings.values()) + 0.0 * TIME_S]
+
+
+def wave(name):
+    height = Parameter("A", "V", -5.0, 5.0, (0.5,))
+    return Candidate(name, (height, Parameter("w", "rad/s", 1.0, 60.0, (9.0,), Role.SHAPE)))
+
+
+def test_a_fit_that_ended_in_a_hollow_is_begun_anew_where_a_wider_one_leads():
+    """A frequency far off goes nowhere; with another wave beside it the right one was found."""
+    rng = np.random.default_rng(5)
+    (clean,) = waves({"main": {"A": 1.0, "w": 30.0}})
+    noisy = clean + SIGMA * rng.standard_normal(len(clean))
+    series = Series("run", "probe", "V", noisy, SIGMA, nuisances=np.zeros((len(clean), 0)))
+    fits = Fits(Residuals(waves, [series]), [wave("main"), wave("other")])
+    hollow = fits.fitted([wave("main")], [{"main": {"A": 0.3, "w": 9.0}}])
+    assert hollow.rss > 1000 * hollow.count
+    both = fits.fitted(
+        [wave("main"), wave("other")],
+        [{"main": {"A": 1.1, "w": 29.5}, "other": {"A": 0.2, "w": 12.0}}],
+    )
+    alone = fits.without(both, "other")
+    assert alone.rss == pytest.approx(alone.count, rel=0.2)
+    assert alone.settings["main"]["w"] == pytest.approx(30.0, abs=0.01)
+    assert fits.without(both, "other") is alone
+    assert fits.fitted([wave("main")], [{"main": {"A": 0.3, "w": 9.0}}]) is alone
+
+
+def test_where_the_others_go_without_an_effect_is_what_a_straight_fit_of_them_finds():
+    rng = np.random.default_rng(6)
+    shapes = {name: rng.standard_normal(len(TIME_S)) for name in ("a", "b", "c")}
+    shapes["c"] += 0.8 * shapes["a"]
+
+    def model(settings):
+        return [sum(v["v"] * shapes[name] for name, v in settings.items()) + 0.0 * TIME_S]
+
+    number = Parameter("v", "V", -50.0, 50.0, (0.5,))
+    a, b, c = (Candidate(name, (number,)) for name in shapes)
+    (clean,) = model({"a": {"v": 1.0}, "b": {"v": -2.0}, "c": {"v": 0.5}})
+    series = Series(
+        "run", "probe", "V", clean + SIGMA * rng.standard_normal(len(clean)), SIGMA,
+        nuisances=np.zeros((len(clean), 0)),
+    )  # fmt: skip
+    residuals = Residuals(model, [series])
+    start = {name: {"v": 0.0} for name in shapes}
+    led = fit(residuals, [a, b, c], [start]).others_without("c")
+    alone = fit(residuals, [a, b], [{"a": {"v": 0.0}, "b": {"v": 0.0}}]).settings
+    assert set(led) == {"a", "b"}
+    for name in led:
+        assert led[name]["v"] == pytest.approx(alone[name]["v"], abs=1e-6)

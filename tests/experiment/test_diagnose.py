@@ -102,6 +102,25 @@ def test_a_hum_has_a_third_harmonic_where_that_shows():
         assert low - (high - low) <= truth[name.split("_")[0]] <= high + (high - low)
 
 
+@pytest.mark.parametrize(
+    ("c3", "c5", "mid", "sensor"),
+    [
+        (-0.01, 0.0, -0.06, COARSE),
+        (0.004, 0.0, 0.2, COARSE),
+        (-0.01, 0.004, -0.03, FINE),
+        (-1e-3, -4e-3, 0.18, FINE),
+    ],
+)
+def test_a_bend_is_named_wherever_its_middle_is(c3, c5, mid, sensor):
+    values = {"c3": c3, "c5": c5, "mid": mid, "half": 0.254}
+    (effect,) = verdict({"sensor_nonlinearity": values}, sensor=sensor).effects
+    assert effect.name == "sensor_nonlinearity"
+    assert ("c5" in effect.parameters) == (c5 != 0)
+    for key, estimate in effect.parameters.items():
+        low, high = estimate.ci95
+        assert low - (high - low) <= values[key] <= high + (high - low)
+
+
 def test_a_recording_without_any_is_none():
     verdicts = [verdict({}, seed=seed).verdict for seed in range(3)]
     assert verdicts == ["none"] * 3
