@@ -89,11 +89,18 @@ def _lost(g: Generator, n: Nominal) -> Drawn:
 
 
 def _hum(g: Generator, n: Nominal) -> Drawn:
-    share, f = g.choice([0.0, 0.3]), g.choice([50.0, 60.0])
-    phi, phi3 = _angle(g), _angle(g)
-    return lambda s: {
-        "A": 5.08e-4 * s, "f": float(f), "phi": phi, "A3": float(5.08e-4 * s * share), "phi3": phi3,
-    }  # fmt: skip
+    """With a second or a third harmonic, both, or none."""
+    f, shares = float(g.choice([50.0, 60.0])), g.choice([0.0, 0.3], 2)
+    phi, phi2, phi3 = _angle(g), _angle(g), _angle(g)
+
+    def sized(s: float) -> Parameters:
+        second, third = (5.08e-4 * s * shares).tolist()
+        return {
+            "A": 5.08e-4 * s, "f": f, "phi": phi,
+            "A2": second, "phi2": phi2, "A3": third, "phi3": phi3,
+        }  # fmt: skip
+
+    return sized
 
 
 def _conduction(g: Generator, n: Nominal) -> Drawn:

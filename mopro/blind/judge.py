@@ -13,7 +13,7 @@ from mopro.blind.sizes import BELOW
 RIGHT, FAMILY, PARTLY, WRONG = "right", "family", "partly", "wrong"
 NONE, UNEXPLAINED, FAILED = "none", "unexplained", "failed"
 GOOD = (RIGHT, FAMILY)
-_ANGLES = ("phi", "phi3")
+_ANGLES = ("phi", "phi2", "phi3")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import combinations, product
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from mopro.machine import Machine
 
 # A range is fitted this far beyond what is plausible, so that its ends can be told.
 _WIDER = 1.5
+# Of the mains, that a sensor may show besides.
+_HARMONICS = (2, 3)
 # Where the middle of a bend is looked for.
 _MIDDLES_TRIED = 7
 # What a machine has already is tried this share of the range away from it.
@@ -245,17 +248,19 @@ def _lines(motor: Motor) -> Iterator[Candidate]:
         "periodic_error", (amplitude, period, _angle("phi")), flexible=True, seek=seek.period
     )
     runs = range(len(motor.experiment.trials))
-    angles = [_angle(angle_in(run)) for run in runs]
-    harmonic = [replace(amplitude, name="A3"), *(_angle(angle_in(run, "phi3")) for run in runs)]
-    for mains in (50.0, 60.0):
-        yield Candidate(
-            "hum", (amplitude, *angles), f"{mains:g} Hz",
-            {"f": mains, "A3": 0.0, "phi3": 0.0}, seek=seek.hum(mains),
-        )  # fmt: skip
-        yield Candidate(
-            "hum", (amplitude, *angles, *harmonic), f"{mains:g} and {3 * mains:g} Hz",
-            {"f": mains}, seek=seek.hum(mains, harmonic=True),
-        )  # fmt: skip
+    lines = {
+        n: (replace(amplitude, name=f"A{n}"), *(_angle(angle_in(run, f"phi{n}")) for run in runs))
+        for n in _HARMONICS
+    }
+    main = (amplitude, *(_angle(angle_in(run)) for run in runs))
+    for mains, count in product((50.0, 60.0), range(len(_HARMONICS) + 1)):
+        for harmonics in combinations(_HARMONICS, count):
+            off = {f"A{n}": 0.0 for n in _HARMONICS if n not in harmonics}
+            yield Candidate(
+                "hum", (*main, *(p for n in harmonics for p in lines[n])),
+                f"{' and '.join(f'{n * mains:g}' for n in (1, *harmonics))} Hz",
+                {"f": mains, **off}, seek=seek.hum(mains, harmonics),
+            )  # fmt: skip
 
 
 # -- stage T -----------------------------------------------------------------------

@@ -52,7 +52,7 @@ _TOGETHER = (
 )
 
 # Angles of effects that may be others in each run.
-ANGLES = ("phi", "phi3")
+ANGLES = ("phi", "phi2", "phi3")
 
 
 def angle_in(run: int, angle: str = "phi") -> str:

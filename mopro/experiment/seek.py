@@ -67,13 +67,13 @@ class Seeker:
                 "phi": math.atan2(cosine, sine),
             }
 
-    def hum(self, mains_hz: float, harmonic: bool = False) -> Seek:
-        """A line of `mains_hz` in time, and one at three times that if `harmonic`."""
+    def hum(self, mains_hz: float, harmonics: Sequence[int] = ()) -> Seek:
+        """A line of `mains_hz` in time, and one at so many times that for each of `harmonics`."""
 
         def seek(left: Leftover) -> Iterator[Values]:
             values = self._line_in_time(left, mains_hz, "A", "phi")
-            if harmonic:
-                values |= self._line_in_time(left, 3 * mains_hz, "A3", "phi3")
+            for n in harmonics:
+                values |= self._line_in_time(left, n * mains_hz, f"A{n}", f"phi{n}")
             yield values
 
         return seek

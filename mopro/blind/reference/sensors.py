@@ -109,10 +109,11 @@ def electronics(seen: Floats, taken_s: Floats, hidden: Hidden) -> Floats:
     if "hum" not in hidden:
         return seen
     hum = hidden["hum"]
-    angle = 2 * math.pi * hum["f"] * taken_s
-    return (
-        seen + hum["A"] * np.sin(angle + hum["phi"]) + hum["A3"] * np.sin(3 * angle + hum["phi3"])
-    )
+    noisy = seen.copy()
+    for n in ("", "2", "3"):
+        angle = 2 * math.pi * int(n or 1) * hum["f"] * taken_s + hum[f"phi{n}"]
+        noisy += hum[f"A{n}"] * np.sin(angle)
+    return noisy
 
 
 def stored(reading: Floats, instrument: Instrument, generator: np.random.Generator) -> Floats:

@@ -236,8 +236,9 @@ class SampleClock(Effect):
 class Hum(Effect):
     """The mains get into the sensor's line.
 
-    x' = x + Σ A_n sin(2π n f t + phi_n): A in m for the mains frequency f (Hz), A3 in m
-    for its third harmonic. On the thesis's LVDT 1 mV is 25.4 µm. Source: assumed.
+    x' = x + Σ A_n sin(2π n f t + phi_n): A in m for the mains frequency f (Hz), A2 and A3
+    in m for its second (a rectifier's) and its third harmonic (a transformer's). On the
+    thesis's LVDT 1 mV is 25.4 µm. Source: assumed.
     """
 
     name = "hum"
@@ -248,9 +249,13 @@ class Hum(Effect):
         Parameter("phi", "rad", "angle", 0.0, (-math.pi, math.pi), -7.0, 7.0, "phase"),
         Parameter("A3", "m", "length", 0.0, (0.0, 2e-4), 0.0, 0.1, "third harmonic's amplitude"),
         Parameter("phi3", "rad", "angle", 0.0, (-math.pi, math.pi), -7.0, 7.0, "its phase"),
+        Parameter("A2", "m", "length", 0.0, (0.0, 2e-4), 0.0, 0.1, "second harmonic's amplitude"),
+        Parameter("phi2", "rad", "angle", 0.0, (-math.pi, math.pi), -7.0, 7.0, "its phase"),
     )
 
     def electronics(self, x: Floats, time_s: Floats, *p: float) -> Floats:
-        angle = 2 * math.pi * p[1] * time_s
-        noisy: Floats = x + p[0] * np.sin(angle + p[2]) + p[3] * np.sin(3 * angle + p[4])
+        amplitude, mains, phi, third, phi3, second, phi2 = p
+        angle = 2 * math.pi * mains * time_s
+        noisy: Floats = x + amplitude * np.sin(angle + phi)
+        noisy += second * np.sin(2 * angle + phi2) + third * np.sin(3 * angle + phi3)
         return noisy

@@ -80,7 +80,7 @@ def test_each_says_its_equation_and_source_and_keeps_its_own_bounds(name):
     for p in effect.parameters:
         for value in (p.default, p.null, *p.plausible):
             assert p.low <= value <= p.high, p.name
-        assert p.name in effect.equation() or p.name in ("o_a", "o_b", "phi3")
+        assert p.name in effect.equation() or p.name in ("o_a", "o_b", "phi2", "phi3")
 
 
 def test_the_page_is_what_the_command_prints():
