@@ -146,10 +146,7 @@ def _memory(left: _Left) -> _Finding:
         return _Finding(0.0, None)
     shares = cumulative_periodogram(z)
     distance = float(stats.kstest(shares, "uniform", method="asymp").statistic)
-    return _Finding(
-        _kolmogorov(distance * math.sqrt(len(shares))),
-        None if shares[len(shares) // 2] < 0.5 else _wander(left, shares),
-    )
+    return _Finding(_kolmogorov(distance * math.sqrt(len(shares))), _wander(left, shares))
 
 
 def cumulative_periodogram(z: Floats) -> Floats:
@@ -167,14 +164,16 @@ def _kolmogorov(distance: float) -> float:
 
 
 def _wander(left: _Left, shares: Floats) -> str | None:
-    """Words for power that gathers at low frequencies, without being a line there."""
+    """Words for power that gathers at low or high frequencies, without being a line there."""
     time_s = left.series.time_s
     if time_s is None:
         return None
-    spread = np.linspace(0, 1, len(shares))
-    edge = int(np.argmax(shares - spread)) + 1
-    slowest = edge / float(np.ptp(time_s))
-    return f"a slow wander in time, below {slowest:.2g} Hz, in {left.series.run}"
+    beyond = shares - np.linspace(0, 1, len(shares))
+    edge = int(np.argmax(np.abs(beyond)))
+    hertz = (edge + 1) / float(np.ptp(time_s))
+    if beyond[edge] > 0:
+        return f"a slow wander in time, below {hertz:.2g} Hz, in {left.series.run}"
+    return f"a quick scatter in time, above {hertz:.2g} Hz, in {left.series.run}"
 
 
 def _drift(series: Series, time_s: Floats, z: Floats) -> _Finding:

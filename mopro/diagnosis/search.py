@@ -23,6 +23,10 @@ _MOST_SWAPS = 3
 # What a single effect leaves at most, as a share, for the others to be a matter of detail.
 _NEXT_TO_NOTHING = 0.02
 _MOST_BEGINNINGS = 2
+# What an effect promises at least, as a share of what several gain, to be tried in their place,
+# and how many are.
+_MOST_OF_IT = 0.5
+_INSTEAD = 4
 # A rival that is cheaper by less is as good, and may as well stay a rival.
 _WORTH_A_SWAP = 2.0
 # What an effect costs at most that a rival of another one makes superfluous.
@@ -53,7 +57,7 @@ class Search:
                 found = min(found, self._grown(other), key=self.fits.cost)
                 if self._explained(found):
                     break
-        return self.exchanged(found)
+        return self.exchanged(self._one_for_several(found))
 
     def _grown(self, base: Fit) -> Fit:
         """The cheapest set that steps forward from `base`, swaps and steps back lead to."""
@@ -95,6 +99,35 @@ class Search:
             if fit.rss < _NEXT_TO_NOTHING * null.rss and not fit.names <= found.names
         ]
         return sorted(alone, key=self.fits.cost)[:_MOST_BEGINNINGS]
+
+    def _one_for_several(self, found: Fit) -> Fit:
+        """`found`, or a single effect in the place of all of it or of all but one.
+
+        Where a response bends, its signature promises less than several others add up to.
+        """
+        beginnings = [self.fits.null] if len(found.candidates) > 1 else []
+        if len(found.candidates) > 2:
+            beginnings += [self._only(found, name) for name in sorted(found.names)]
+        limit = self.fits.no_dearer(found, OUT_OF_REACH)
+        fewer = [fit for base in beginnings for fit in self._instead(base, found, limit)]
+        freed = [self.fits.refined(fit, limit) for fit in self._distinct(fewer)]
+        best = min(freed, key=self.fits.cost, default=found)
+        return self._swapped(best) if self.fits.cost(best) < self.fits.cost(found) else found
+
+    def _only(self, found: Fit, name: str) -> Fit:
+        for other in sorted(found.names - {name}):
+            found = self.fits.without(found, other)
+        return found
+
+    def _instead(self, base: Fit, found: Fit, limit: float) -> list[Fit]:
+        """`base` with one effect that promises most of what those of `found` gain."""
+        enough = _MOST_OF_IT * (base.rss - found.rss)
+        others = [
+            s
+            for s in self.promises.scores(base, self.fits.null)
+            if s.starts and s.gain > enough and s.candidate.name not in found.names
+        ]
+        return self.fits.each(lambda s: self.fits.joined(base, s, limit), others[:_INSTEAD])
 
     def settled_at(self, found: Fit) -> Fit:
         """The effects of `found`, known from another weighing, as far as they pay in this one."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from mopro.diagnosis import Candidate, Parameter, Role
 from mopro.emulator.effects import catalogue
+from mopro.emulator.effects.base import Parameter as Number
 from mopro.emulator.effects.resolve import values_by_effect
 from mopro.emulator.measured import POSITION, TEMPERATURE
 from mopro.experiment import thermal
@@ -26,6 +27,10 @@ from mopro.machine import Machine
 
 # A range is fitted this far beyond what is plausible, so that its ends can be told.
 _WIDER = 1.5
+# Masses that are tried are so many times apart.
+_HEAVIER = 1.12
+# The most to expect of the teeth, as a share of the pull-out force.
+_MOST_DETENT = 0.1
 # Of the mains, that a sensor may show besides.
 _HARMONICS = (2, 3)
 # Where the middle of a bend is looked for.
@@ -84,9 +89,7 @@ def _on_one(candidate: Candidate, axis: int) -> Candidate:
 
 def _forces(experiment: Experiment) -> Iterator[Candidate]:
     machine = experiment.machine
-    # A ring's frequency goes with both masses and forces: a signature taken too far off is out
-    # of phase with what it is to show.
-    yield _one("payload_mass", "dm", 0.02, 0.25, 0.5, 1.0, 2.0)
+    yield _one("payload_mass", "dm", 0.02, *_heavier(machine.axis.moving_mass_kg))
     yield _one("viscous_drag", "b", 3.0)
     yield _one("quadratic_drag", "c", 1.5)
     coulomb = _one("coulomb_friction", "Fc", 1.0, fixed={"delta": 5e-6})
@@ -107,12 +110,34 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
     yield Candidate("electrical_damping", (_damping(machine.axis.damping_ratio),))
     yield _one("force_constant", "e", 0.003, -0.05, 0.09, -0.11, -0.17, 0.17)
     yield from _weakening(machine.heat.ambient_C)
-    yield Candidate(
-        "detent_force",
-        # Where the teeth pass at their own frequency the answer is no mirror image half a
-        # turn on.
-        (_own("detent_force", "Fd", 3.0), _angle("phi", 0.0, math.pi)),
-        fixed={"pitch": machine.axis.pitch_m},
+    yield _detent(machine)
+
+
+def _heavier(mass_kg: float) -> Iterator[float]:
+    """Payloads to try beside a mass, to the end of the plausible range.
+
+    A ring's frequency goes with both masses and forces: a signature taken too far off is out
+    of phase with what it is to show.
+    """
+    _, most = _stated("payload_mass", "dm").plausible
+    total_kg = _HEAVIER * mass_kg
+    while total_kg < mass_kg + most:
+        yield total_kg - mass_kg
+        total_kg *= _HEAVIER
+    yield most
+
+
+def _detent(machine: Machine) -> Candidate:
+    """Shares of the pull-out force, small ones and large ones, as a ring bends under it.
+
+    Where the teeth pass at their own frequency the answer is no mirror image half a turn on.
+    """
+    most = _MOST_DETENT * machine.axis.pull_out_force_N
+    own = _own("detent_force", "Fd", most / 4, 0.75 * most)
+    highest = min(_WIDER * most, _stated("detent_force", "Fd").high)
+    force = replace(own, high=highest, plausible=(0.0, most))
+    return Candidate(
+        "detent_force", (force, _angle("phi", 0.0, math.pi)), fixed={"pitch": machine.axis.pitch_m}
     )
 
 
@@ -130,10 +155,7 @@ def _weakening(air_C: float) -> Iterator[Candidate]:
     """Magnets weaken from the air's temperature on, or from where they were measured."""
     own = _one("force_constant_temperature", "alpha", 5e-4, fixed={"T0": air_C})
     yield own
-    (reference,) = (
-        p for p in catalogue()["force_constant_temperature"].parameters if p.name == "T0"
-    )
-    for measured_C in reference.plausible:
+    for measured_C in _stated("force_constant_temperature", "T0").plausible:
         yield replace(own, form=f"measured at {measured_C:g} C", fixed={"T0": measured_C})
 
 
@@ -189,7 +211,7 @@ def _commands(motor: Motor) -> Iterator[Candidate]:
 
 
 def _measurements(motor: Motor) -> Iterator[Candidate]:
-    steel = _value("platen_expansion", "alpha")
+    steel = _stated("platen_expansion", "alpha").default
     yield _one("pitch_scale", "e", 1e-4)
     yield _one("platen_expansion", "dT", 10.0, fixed={"share": 0.0, "alpha": steel})
     yield replace(
@@ -213,7 +235,7 @@ def _measurements(motor: Motor) -> Iterator[Candidate]:
 def _bends(motor: Motor) -> Iterator[Candidate]:
     """Shares of the range that the effect states, about the middle of the way or another place."""
     low, high = motor.way_m()
-    middle, half = (low + high) / 2, _value("sensor_nonlinearity", "half")
+    middle, half = (low + high) / 2, _stated("sensor_nonlinearity", "half").default
     fixed = {"c5": 0.0, "mid": middle, "half": half}
     cubic = replace(_own("sensor_nonlinearity", "c3", 1e-3), low=-0.1, high=0.1)
     cubic = replace(cubic, plausible=(-0.05, 0.05))
@@ -253,14 +275,14 @@ def _lines(motor: Motor) -> Iterator[Candidate]:
         for n in _HARMONICS
     }
     main = (amplitude, *(_angle(angle_in(run)) for run in runs))
-    for mains, count in product((50.0, 60.0), range(len(_HARMONICS) + 1)):
-        for harmonics in combinations(_HARMONICS, count):
-            off = {f"A{n}": 0.0 for n in _HARMONICS if n not in harmonics}
-            yield Candidate(
-                "hum", (*main, *(p for n in harmonics for p in lines[n])),
-                f"{' and '.join(f'{n * mains:g}' for n in (1, *harmonics))} Hz",
-                {"f": mains, **off}, seek=seek.hum(mains, harmonics),
-            )  # fmt: skip
+    for mains, harmonics in product((50.0, 60.0), ((), _HARMONICS, *combinations(_HARMONICS, 1))):
+        off = {f"A{n}": 0.0 for n in _HARMONICS if n not in harmonics}
+        yield Candidate(
+            "hum", (*main, *(p for n in harmonics for p in lines[n])),
+            f"{' and '.join(f'{n * mains:g}' for n in (1, *harmonics))} Hz",
+            {"f": mains, **off}, refines=f"{mains:g} Hz" if harmonics else None,
+            by_itself=harmonics == _HARMONICS, seek=seek.hum(mains, harmonics),
+        )  # fmt: skip
 
 
 # -- stage T -----------------------------------------------------------------------
@@ -283,7 +305,7 @@ def _one(
 
 def _own(name: str, parameter: str, *starts: float) -> Parameter:
     """The effect's parameter, in a range somewhat wider than the plausible one."""
-    (stated,) = (p for p in catalogue()[name].parameters if p.name == parameter)
+    stated = _stated(name, parameter)
     low, high = stated.plausible
     low = low if low < 0 else 0.0
     wider = (_WIDER * low, _WIDER * high)
@@ -297,9 +319,9 @@ def _angle(name: str, *starts: float) -> Parameter:
     return Parameter(name, "rad", -math.pi, math.pi, starts, Role.PHASE)
 
 
-def _value(name: str, parameter: str) -> float:
+def _stated(name: str, parameter: str) -> Number:
     (stated,) = (p for p in catalogue()[name].parameters if p.name == parameter)
-    return stated.default
+    return stated
 
 
 def _from_the_machine(candidate: Candidate, own: Mapping[str, float]) -> Candidate:
@@ -342,7 +364,7 @@ def _with_tolerance(candidate: Candidate, machine: Machine) -> Candidate:
     if not reach:
         return candidate
     (own,) = candidate.parameters
-    (stated,) = (p for p in catalogue()[candidate.name].parameters if p.name == own.name)
+    stated = _stated(candidate.name, own.name)
     low, high = own.plausible or (own.low, own.high)
     tolerant = replace(
         own,

@@ -11,6 +11,7 @@ from scipy import stats
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
 from mopro.diagnosis.residual import Residuals
+from mopro.emulator.effects import catalogue
 from mopro.emulator.engine import Stepping
 from mopro.emulator.measured import POSITION
 from mopro.experiment import thermal
@@ -21,7 +22,7 @@ from mopro.experiment.rounded import thinned
 from mopro.experiment.series import series_of
 from mopro.experiment.steady import rises
 
-OFFSET = "sensor_offset"
+OFFSET, TILT = "sensor_offset", "constant_force"
 # An offset this many standard deviations clear of zero, and the same in all runs, is one.
 _CLEARLY = 6.0
 _THE_SAME = 1e-3
@@ -94,7 +95,7 @@ def _judged(model: Model, jobs: int, progress: Callable[[str], None]) -> Diagnos
         progress=progress,
     )
     if verdict.verdict == "none":
-        verdict = _with_offset(verdict, data, model(verdict.settings))
+        verdict = _with_offset(verdict, data, model)
     return Diagnosis(model.experiment, verdict, tuple(data), model.resolved)
 
 
@@ -103,14 +104,38 @@ def _misfit(found: Diagnosis, model: Model) -> float:
     return float(np.sum(Residuals(model, found.series).at(found.verdict.settings) ** 2))
 
 
-def _with_offset(verdict: Verdict, data: Sequence[Series], predicted: Sequence[Floats]) -> Verdict:
+def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verdict:
     """`verdict` with the offsets that all runs share, if they are all there is to find."""
     found = []
+    predicted = model(verdict.settings)
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
         offset = _common_offset([data[i] for i in rows], [predicted[i] for i in rows])
-        found += [replace(offset, form=sensor)] if offset else []
-    return replace(verdict, verdict="named", effects=tuple(found)) if found else verdict
+        if offset:
+            as_well = _pushed(model, verdict.settings, rows, offset.parameters["o"])
+            rivals = dict.fromkeys(as_well, 0.0)
+            found += [
+                replace(offset, form=sensor, rivals=rivals, indistinguishable_from=list(rivals))
+            ]
+    if not found:
+        return verdict
+    word = "ambiguous" if any(offset.rivals for offset in found) else "named"
+    return replace(verdict, verdict=word, effects=tuple(found))
+
+
+def _pushed(
+    model: Model, settings: Settings, rows: Sequence[int], offset: Estimate
+) -> tuple[str, ...]:
+    """What holds the forcer off its place all the time as a sensor's zero does, if a force may.
+
+    F/K, which no motion changes: a plausible force off a few micrometres at most.
+    """
+    (force,) = (p for p in catalogue()[TILT].parameters if p.name == "F_b")
+    without = model(settings)
+    with_one_N = model({**settings, TILT: {"F_b": 1.0}})
+    per_N = float(np.mean([np.mean(with_one_N[i] - without[i]) for i in rows]))
+    most = max(map(abs, force.plausible)) * abs(per_N)
+    return (TILT,) if min(map(abs, offset.ci95)) <= most else ()
 
 
 def _common_offset(data: Sequence[Series], predicted: Sequence[Floats]) -> Named | None:

@@ -280,3 +280,25 @@ def test_forms_free_more_only_where_the_rest_is_the_same():
     elsewhere = Candidate("drag", (b, n), "power, there", {"m": 0.0, "axis": 2.0}, refines="")
     assert not elsewhere.frees_more_than(plain)
     assert not Candidate("lift", (b, n), "power", {"m": 0.0}).frees_more_than(plain)
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_one_effect_whose_response_turns_is_not_told_as_several(beside):
+    """Of the size that is there it looks like three others, where it is probed like none."""
+    shapes = {n: np.sin(2 * np.pi * n * T) for n in (4, 5, 7, 9, 11)}
+
+    def predict(settings):
+        size = settings.get("turning", {"a": 0.0})["a"]
+        angle = 1.45 * (size - 0.5)
+        three = (shapes[5] + shapes[7] + shapes[9]) / math.sqrt(3)
+        force = 2 * size * (math.cos(angle) * three + math.sin(angle) * shapes[11])
+        lines = (settings.get(f"{n} Hz", {"A": 0.0})["A"] * shapes[n] for n in (4, 5, 7, 9))
+        return force + sum(lines)
+
+    turning = Candidate("turning", (Parameter("a", "N", 0, 3, (1.0,)),))
+    height = Parameter("A", "N", -3, 3, (0.1,))
+    lines = [Candidate(f"{n} Hz", (height,)) for n in (4, 5, 7, 9)]
+    truth = {"turning": {"a": 0.5}} | ({"4 Hz": {"A": 0.6}} if beside else {})
+    found = asked(predict, truth, turning, *lines)
+    assert {e.name for e in found.effects} == set(truth)
+    assert found.verdict == "named"

@@ -619,3 +619,14 @@ def test_a_line_does_not_make_a_mean_more_certain_than_its_samples():
     values = np.sin(0.3 * np.arange(5000))
     assert lasting_variance(values) == pytest.approx(0.5, rel=0.05)
     assert lasting_variance(np.ones(10)) == 0.0
+
+
+def test_noise_whose_neighbours_undo_each_other_is_a_quick_scatter():
+    rng = np.random.default_rng(8)
+    white = rng.standard_normal(2001)
+    t = np.linspace(0.0, 1.0, 2000)
+    values = SIGMA * (white[1:] - 0.5 * white[:-1]) / math.sqrt(1.25)
+    series = Series("run", "force", "N", values, SIGMA, t)
+    verdict = mopro.reconcile(lambda settings: [0.0 * t], [], [series])
+    assert verdict.verdict == "unexplained"
+    assert verdict.remainder.description.startswith("a quick scatter in time, above")

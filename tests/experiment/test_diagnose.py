@@ -65,9 +65,12 @@ def verdict(truth, **how):
     ("name", "values"),
     [
         ("payload_mass", {"dm": 0.1}),
+        ("payload_mass", {"dm": 3.0}),
         ("coulomb_friction", {"Fc": 2.0, "delta": 5e-6}),
         ("umbilical_spring", {"k_h": 30.0, "x_h": 0.0}),
         ("detent_force", {"Fd": 4.0, "phi": 1.0, "pitch": 1.016e-3}),
+        ("detent_force", {"Fd": 11.0, "phi": -3.0, "pitch": 1.016e-3}),
+        ("voltage_saturation", {"Vb": 45.0}),
         ("current_loop_lag", {"tau": 1e-4}),
         ("acceleration_scale", {"e": -0.3}),
         ("start_delay", {"d": 4e-3, "every_move": 1.0}),
@@ -174,6 +177,16 @@ def test_an_offset_of_all_runs_is_named_only_when_nothing_else_is_there():
     low, high = alone.effects[0].parameters["o"].ci95
     assert low < 0.01 < high
     assert "sensor_offset" not in {effect.name for effect in beside.effects}
+
+
+@pytest.mark.parametrize(("force_N", "as_well"), [(3.0, True), (9.0, False)])
+def test_a_small_offset_of_all_runs_may_as_well_be_a_tilt(force_N, as_well):
+    """That holds the forcer F/K off its place, wherever it is."""
+    found = verdict({}, offset=force_N / MACHINE.axis.stiffness_N_m / 0.0254)
+    (offset,) = found.effects
+    assert offset.name == "sensor_offset"
+    assert offset.indistinguishable_from == (["constant_force"] if as_well else [])
+    assert found.verdict == ("ambiguous" if as_well else "named")
 
 
 def test_half_the_step_and_other_order_and_units_do_not_change_the_verdict():
