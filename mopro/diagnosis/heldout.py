@@ -16,8 +16,9 @@ _FEWEST_FOLDS, _MOST_FOLDS = 2, 12
 # Below so many samples a problem is refitted in earnest; above, the slopes at the fit
 # tell what leaving a part out would have changed, as it is a small change.
 _FEW = 1000
-# A part with such a share of what tells a parameter is cut into so many pieces.
-_NEARLY_ALL = 0.9
+# A part is cut into so many pieces where the others have no more than such a share of what tells
+# a parameter.
+_NEXT_TO_NOTHING = 0.1
 _PIECES = 4
 
 
@@ -48,7 +49,7 @@ def held_out(
     parts = folds(residuals)
     if len(parts) < _FEWEST_FOLDS:
         return None
-    parts = list(_told_apart(parts, found))
+    parts = list(_told_apart(residuals, parts, found))
     after = _predicted(residuals, found, parts)
     return HeldOut(
         before=_mean_square(_predicted(residuals, null, parts)),
@@ -80,23 +81,27 @@ def folds(residuals: Residuals) -> list[Mask]:
     return [joined == label for label in np.unique(joined)]
 
 
-def _told_apart(parts: Sequence[Mask], found: Fit) -> Iterator[Mask]:
-    """`parts`, cut in time where one has nearly all that tells a parameter of a rigid effect.
+def _told_apart(residuals: Residuals, parts: Sequence[Mask], found: Fit) -> Iterator[Mask]:
+    """`parts`, cut in time where the others tell next to nothing of a rigid effect's parameter.
 
     Of what shows in a single move no other move tells anything, but the rest of that one does.
     """
     rigid = {candidate.name for candidate in found.candidates if not candidate.flexible}
     columns = [i for i, (effect, _) in enumerate(found.order) if effect in rigid]
-    told = found.jacobian[:, columns] ** 2
-    whole = np.maximum(told.sum(axis=0), 1e-300)
+    slopes = found.jacobian[:, columns]
+    whole = np.maximum(np.sum(slopes**2, axis=0), 1e-300)
     for part in parts:
-        shares = told[part].sum(axis=0) / whole
-        if len(part) <= _FEW or shares.max(initial=0.0) < _NEARLY_ALL:
+        if not columns or len(part) <= _FEW:
+            yield part
+            continue
+        others = projected_out(residuals.nuisance_basis(~part), slopes[~part])
+        told = np.sum(others**2, axis=0) / whole
+        if told.min() > _NEXT_TO_NOTHING:
             yield part
             continue
         places = np.flatnonzero(part)
-        so_far = np.cumsum(told[places, int(np.argmax(shares))])
-        pieces = np.minimum((_PIECES * so_far / so_far[-1]).astype(int), _PIECES - 1)
+        so_far = np.cumsum(slopes[places, int(np.argmin(told))] ** 2)
+        pieces = np.minimum(_PIECES * so_far / max(so_far[-1], 1e-300), _PIECES - 1).astype(int)
         for piece in np.unique(pieces):
             cut = np.zeros_like(part)
             cut[places[pieces == piece]] = True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mopro.diagnosis.fit import Fit
@@ -29,6 +31,8 @@ _MOST_OF_IT = 0.5
 _INSTEAD = 4
 # A rival that is cheaper by less is as good, and may as well stay a rival.
 _WORTH_A_SWAP = 2.0
+# What an effect must pay beyond its price to be named: odds of 10 to 1.
+_WORTH_A_NAME = 2 * math.log(10)
 # What an effect costs at most that a rival of another one makes superfluous.
 _PRICE_OF_ONE = 30.0
 
@@ -42,6 +46,10 @@ class Search:
         self.rivals = Rivals(fits, self.promises)
 
     def run(self) -> Fit:
+        """The cheapest set of effects that is found, each of which is worth its name."""
+        return self._sure(self._cheapest())
+
+    def _cheapest(self) -> Fit:
         """The cheapest set of effects that steps forward, swaps and steps back lead to.
 
         Where signatures can be trusted whole sets are weighed by them, and the best are
@@ -129,9 +137,19 @@ class Search:
         ]
         return self.fits.each(lambda s: self.fits.joined(base, s, limit), others[:_INSTEAD])
 
+    def _sure(self, found: Fit) -> Fit:
+        """`found` without the effects that hardly pay: even odds are not worth a name."""
+        limit = self.fits.no_dearer(found, _WORTH_A_NAME)
+        fewer = [self.fits.without(found, name, limit) for name in sorted(found.names)]
+        cheapest = min(fewer, key=self.fits.cost, default=found)
+        if cheapest is found or self.fits.cost(cheapest) > self.fits.cost(found) + _WORTH_A_NAME:
+            return found
+        return self._sure(cheapest)
+
     def settled_at(self, found: Fit) -> Fit:
         """The effects of `found`, known from another weighing, as far as they pay in this one."""
-        return self._swapped(self.fits.pruned(self.fits.fitted(found.candidates, [found.settings])))
+        again = self.fits.fitted(found.candidates, [found.settings])
+        return self._sure(self._swapped(self.fits.pruned(again)))
 
     def _core(self, found: Fit) -> Fit:
         """`found` without the effects that explain less than it leaves over.

@@ -10,6 +10,7 @@ from mopro.diagnosis.descent import Descent
 from mopro.diagnosis.fit import fit
 from mopro.diagnosis.fits import Fits
 from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.search import Search
 from mopro.diagnosis.slopes import Slopes
 
 TIME_S = np.linspace(0.0, 2.0, 400)
@@ -234,3 +235,39 @@ def test_where_the_others_go_without_an_effect_is_what_a_straight_fit_of_them_fi
     assert set(led) == {"a", "b"}
     for name in led:
         assert led[name]["v"] == pytest.approx(alone[name]["v"], abs=1e-6)
+
+
+@pytest.mark.parametrize(("beyond", "named"), [(-1.0, set()), (4.0, set()), (5.2, {"line"})])
+def test_an_effect_is_named_that_pays_ten_times_over(beyond, named):
+    """What it gains in chi-squared, beyond the price of its parameter, is 2 ln of the odds."""
+    rng = np.random.default_rng(7)
+    shape = np.sin(5 * TIME_S) / np.linalg.norm(np.sin(5 * TIME_S))
+    noise = rng.standard_normal(len(TIME_S))
+    noise -= shape * (shape @ noise)
+    values = SIGMA * (noise + shape * math.sqrt(math.log(len(TIME_S)) + beyond))
+    series = Series("run", "probe", "V", values, SIGMA, nuisances=np.zeros((len(TIME_S), 0)))
+    line = Candidate("line", (Parameter("v", "V", -1.0, 1.0, (0.01,)),))
+    residuals = Residuals(lambda s: [s.get("line", {"v": 0.0})["v"] * shape], [series])
+    assert Search(Fits(residuals, [line])).run().names == named
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_what_shows_in_one_move_only_is_borne_out_by_the_rest_of_it(alike):
+    """After a step the run's offset takes the level: the last move alone tells its height."""
+    rng = np.random.default_rng(9)
+    t = np.linspace(0.0, 3.0, 3000)
+    grown = np.clip(t - 2.2, 0.0, 0.4)
+    bent = np.where(t > 2.4, 2 * 0.2 - grown, grown)
+
+    def model(settings):
+        return [settings.get("growth", {"v": 0.0})["v"] * grown]
+
+    values = (grown if alike else bent) + SIGMA * rng.standard_normal(len(t))
+    series = Series("run", "probe", "V", values, SIGMA, folds=np.minimum(t.astype(int), 2))
+    residuals = Residuals(model, [series])
+    growth = Candidate("growth", (Parameter("v", "V/s", -5.0, 5.0, (0.5,)),))
+    fits = Fits(residuals, [growth])
+    found = fits.fitted([growth], [{"growth": {"v": 0.5}}])
+    held = fits.held_out(found)
+    assert held.supports("growth") is alike
+    assert (held.after < 1.1) is alike
