@@ -92,7 +92,7 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
     yield _one("payload_mass", "dm", 0.02, *_heavier(machine.axis.moving_mass_kg))
     yield _one("viscous_drag", "b", 3.0)
     yield _one("quadratic_drag", "c", 1.5)
-    coulomb = _one("coulomb_friction", "Fc", 1.0, fixed={"delta": 5e-6})
+    coulomb = _one("coulomb_friction", "Fc", 1.0, 3.0, 9.0, fixed={"delta": 5e-6})
     yield coulomb
     presliding = Parameter("delta", "m", 5e-7, 5e-5, (5e-6,), Role.SHAPE, plausible=(1e-6, 2e-5))
     yield replace(
