@@ -107,6 +107,15 @@ class Promises:
         found = self._fits.each(scored, candidates)
         return sorted(found, key=lambda s: self.predicted(base, s))
 
+    def closer(self, base: Fit, scored: Scored) -> Scored:
+        """`scored` by a signature at the best start itself, where that promises more."""
+        candidate = scored.candidate
+        if not any(p.role is Role.AMPLITUDE for p in candidate.parameters):
+            return scored
+        tangent, _ = np.linalg.qr(base.jacobian)
+        probe = probed_at(self._fits.residuals, base, candidate, scored.starts[0])
+        return max(scored, score(base, tangent, candidate, [probe]), key=lambda s: s.gain)
+
     def expected_sigmas(self, at: Fit, candidate: Candidate) -> float | None:
         """How strong the largest effect to expect would be, or None if nobody can say.
 

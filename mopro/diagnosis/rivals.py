@@ -17,6 +17,8 @@ from mopro.diagnosis.signature import Scored
 _TRIED = 5
 # The most that a signature is taken to misjudge a gain by, as a share of it.
 _MOST_MISJUDGED = 0.1
+# One that promises less by no more than this share of a gain is looked at where it would stand.
+_WORTH_A_LOOK = 0.2
 # What is no stronger than 20 standard deviations in all is small, and so linear.
 _WEAK = 400.0
 _CLEARLY = 2.0
@@ -92,8 +94,15 @@ class Rivals:
         enough = min(gain, promised) - 4 * RIVAL_MARGIN - misjudged * gain
         if gain < _WEAK:
             enough = min(gain, promised)
-        close = [s for s in scored if s.candidate.name != name and s.starts and s.gain > enough]
-        close.sort(key=lambda s: -s.gain)
+        likely = [
+            s
+            for s in scored
+            if s.candidate.name != name and s.starts and s.gain > enough - _WORTH_A_LOOK * gain
+        ]
+        seen = self._fits.each(
+            lambda s: s if s.gain > enough else self._promises.closer(rest, s), likely
+        )
+        close = sorted((s for s in seen if s.gain > enough), key=lambda s: -s.gain)
         limit = _reach(found)
         joined = self._fits.each(
             lambda s: self._fits.replaced(found, name, s, limit), close[:_TRIED]

@@ -149,23 +149,26 @@ class Seeker:
     def lost_steps(self, left: Leftover) -> Iterator[Values]:
         """Steps of whole pitches that stay, in one run or in the same move of all."""
         found: list[dict[str, float]] = []
+        begun, over = 0.0, 1.0
         pitch_m = self._motor.experiment.machine.axis.pitch_m
         for row, (run, reading) in self._positions.items():
             step = _step(left.residuals[row], self._metres(left, row), reading.time_s)
             moves = [m for m in self._motor.schedule(run).moves if reading.sensor.axis in m.axes]
             if step is None or not moves:
                 continue
-            time_s, height_m = step
+            before_s, after_s, height_m = step
             pitches = round(-height_m / pitch_m)
             if not pitches or abs(-height_m / pitch_m - pitches) > _WHOLE * max(1, abs(pitches)):
                 continue
-            found.append({"n": float(pitches), **_place(moves, time_s), RUN: float(run)})
+            index, share = _place(moves, (before_s + after_s) / 2)
+            found.append({"n": float(pitches), "move": index + 1.0, "at": share, RUN: float(run)})
+            begun = max(begun, _share(moves[index], before_s))
+            over = min(over, _share(moves[index], after_s))
         yield from found
         alike = {(f["n"], f["move"]) for f in found}
         if len(found) > 1 and len(found) == len(self._positions) and len(alike) == 1:
-            # Each run tells the moment to half a sample; the middle of all suits all.
-            shares = [f["at"] for f in found]
-            yield {**found[0], "at": (min(shares) + max(shares)) / 2, RUN: -1.0}
+            # Each run tells between which samples it was; what all say is the closest.
+            yield {**found[0], "at": (begun + over) / 2, RUN: -1.0}
 
     # -- readings ------------------------------------------------------------------
 
@@ -203,8 +206,8 @@ def _round_numbers(tick_s: float) -> set[float]:
     return {t for t in near if abs(t - tick_s) < 0.01 * tick_s}
 
 
-def _step(z: Floats, metres: Floats, time_s: Floats) -> tuple[float, float] | None:
-    """Time and height (m) of the step that divides the samples best, if there is one."""
+def _step(z: Floats, metres: Floats, time_s: Floats) -> tuple[float, float, float] | None:
+    """The times before and after the step that divides the samples best, and its height (m)."""
     n = len(z)
     if n < _FEWEST_FOR_A_STEP:
         return None
@@ -214,13 +217,16 @@ def _step(z: Floats, metres: Floats, time_s: Floats) -> tuple[float, float] | No
     if abs(contrast[at]) < _CONTRAST:
         return None
     height = float(metres[at + 1 :].mean() - metres[: at + 1].mean())
-    return float(time_s[at] + time_s[at + 1]) / 2, height
+    return float(time_s[at]), float(time_s[at + 1]), height
 
 
-def _place(moves: Sequence[PlannedMove], time_s: float) -> dict[str, float]:
-    """Which of the moves, and at which share of it."""
+def _place(moves: Sequence[PlannedMove], time_s: float) -> tuple[int, float]:
+    """Which of the moves (from 0), and at which share of it."""
     begun = [i for i, move in enumerate(moves) if move.start_s <= time_s]
     index = begun[-1] if begun else 0
-    move = moves[index]
-    share = (time_s - move.start_s) / move.profile.duration_s
-    return {"move": index + 1.0, "at": min(max(share, 0.0), 1.0)}
+    return index, _share(moves[index], time_s)
+
+
+def _share(move: PlannedMove, time_s: float) -> float:
+    """Of the move's time, what is over at `time_s`."""
+    return min(max((time_s - move.start_s) / move.profile.duration_s, 0.0), 1.0)

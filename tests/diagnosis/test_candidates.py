@@ -302,3 +302,19 @@ def test_one_effect_whose_response_turns_is_not_told_as_several(beside):
     found = asked(predict, truth, turning, *lines)
     assert {e.name for e in found.effects} == set(truth)
     assert found.verdict == "named"
+
+
+def test_a_rival_whose_response_bends_is_looked_at_where_it_would_stand():
+    """Where it is probed it promises 96 of 100 parts, too few for so strong an effect."""
+    shapes = [np.sin(2 * np.pi * n * T) for n in (5, 7)]
+
+    def predict(settings):
+        size = settings.get("turning", {"a": 0.0})["a"]
+        angle = 0.4 * (size - 0.5)
+        force = 2 * size * (math.cos(angle) * shapes[0] + math.sin(angle) * shapes[1])
+        return force + settings.get("plain", {"A": 0.0})["A"] * shapes[0]
+
+    turning = Candidate("turning", (Parameter("a", "N", 0, 3, (1.0,)),))
+    plain = Candidate("plain", (Parameter("A", "N", -3, 3, (0.1,)),))
+    (effect,) = asked(predict, {"plain": {"A": 1.0}}, turning, plain).effects
+    assert {effect.name, *effect.indistinguishable_from} == {"plain", "turning"}

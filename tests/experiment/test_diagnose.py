@@ -75,6 +75,7 @@ def verdict(truth, **how):
         ("acceleration_scale", {"e": -0.3}),
         ("start_delay", {"d": 4e-3, "every_move": 1.0}),
         ("lost_steps", {"n": 2.0, "move": 2.0, "at": 0.4, "run": 1.0}),
+        ("lost_steps", {"n": 1.0, "move": 1.0, "at": 0.42, "run": -1.0}),
         ("backlash", {"B": 1e-5}),
         ("periodic_error", {"A": 3e-6, "lambda": 2.4e-3, "phi": 0.5}),
         ("sensor_bandwidth", {"f_c": 400.0}),
