@@ -19,7 +19,7 @@ _FITTED_SETS = 3
 # As many however many jobs there are: what is found must not hang on that.
 _FITTED_TO_THE_END = 2
 _MOST_EFFECTS = 3
-_MOST_STEPS = 4
+_MOST_STEPS = 6
 _FORMS_OF_A_NAME = 2
 _MOST_SWAPS = 3
 # What a single effect leaves at most, as a share, for the others to be a matter of detail.
@@ -77,7 +77,11 @@ class Search:
             best = min([*grown, *freed], key=self.fits.cost, default=found)
             best = self.fits.pruned(best)
             if self.fits.cost(best) >= self.fits.cost(found):
-                break
+                if base is found or not rough(found):
+                    break
+                # Where much is left yet, even what explains less than that may be there.
+                base = found
+                continue
             found = best
             if self._settled(found):
                 break

@@ -318,3 +318,19 @@ def test_a_rival_whose_response_bends_is_looked_at_where_it_would_stand():
     plain = Candidate("plain", (Parameter("A", "N", -3, 3, (0.1,)),))
     (effect,) = asked(predict, {"plain": {"A": 1.0}}, turning, plain).effects
     assert {effect.name, *effect.indistinguishable_from} == {"plain", "turning"}
+
+
+def test_two_effects_that_hide_each_other_are_found_beside_a_stronger_one():
+    """Each takes away less than it leaves, and both leave nothing."""
+    shapes = {n: np.sin(2 * np.pi * n * T) for n in (5, 7, 9)}
+    apart = math.radians(114)
+    shapes[9] = math.cos(apart) * shapes[7] + math.sin(apart) * shapes[9]
+
+    def predict(settings):
+        return sum((settings.get(f"{n} Hz", {"A": 0.0})["A"] * shapes[n] for n in shapes), 0.0 * T)
+
+    height = Parameter("A", "N", -9, 9, (0.1,))
+    effects = [Candidate(f"{n} Hz", (height,)) for n in shapes]
+    truth = {"5 Hz": {"A": 5.0}, "7 Hz": {"A": 3.8}, "9 Hz": {"A": 3.5}}
+    found = asked(predict, truth, *effects)
+    assert (found.verdict, {e.name for e in found.effects}) == ("named", set(truth))
