@@ -13,6 +13,7 @@ from scipy import stats
 from mopro.diagnosis.descent import Descent
 from mopro.diagnosis.model import Candidate, Floats, Parameter, Role, Settings
 from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.slopes import step_against
 
 _NEAR_BOUND = 1e-3
 # What a fit may still be off its minimum, in chi-squared.
@@ -58,7 +59,7 @@ class Fit:
         return frozenset(candidate.key for candidate in self.candidates)
 
     @property
-    def place(self) -> tuple[frozenset[tuple[str, str]], float]:
+    def identity(self) -> tuple[frozenset[tuple[str, str]], float]:
         """What tells it from other fits, of the same effects as well."""
         return self.key, self.rss
 
@@ -178,12 +179,9 @@ class Fit:
         ]
         kept = {effect: dict(values) for effect, values in self.settings.items() if effect != name}
         change = self.jacobian @ np.nan_to_num(off, posinf=0.0, neginf=0.0)
-        slopes = self.jacobian[:, ~own]
-        scale = np.linalg.norm(slopes, axis=0)
-        scale[scale == 0] = 1.0
-        moved = np.linalg.lstsq(slopes / scale, -change, rcond=1e-9)[0] / scale
+        steps = step_against(self.jacobian[:, ~own], change).tolist()
         others = (entry for entry, mine in zip(self.order, own, strict=True) if not mine)
-        for (effect, p), step in zip(others, moved.tolist(), strict=True):
+        for (effect, p), step in zip(others, steps, strict=True):
             kept[effect][p.name] = p.within(kept[effect][p.name] + step)
         return kept
 

@@ -29,7 +29,7 @@ Progress = Callable[[str], None]
 # A set of effects in their forms.
 Key = frozenset[tuple[str, str]]
 # A fit of such a set, told from a nearer one by its sum of squares.
-Place = tuple[Key, float]
+Identity = tuple[Key, float]
 
 
 class Fits:
@@ -49,7 +49,7 @@ class Fits:
         self._lock = Lock()
         # With the limit that each was fitted for.
         self._fits: dict[Key, tuple[Fit, float]] = {}
-        self._begun: set[tuple[Place, str]] = set()
+        self._begun: set[tuple[Identity, str]] = set()
 
     @property
     def null(self) -> Fit:
@@ -107,9 +107,9 @@ class Fits:
         """
         kept, settings = _others(found, name)
         fewer = self.fitted(kept, [settings], limit)
-        if not kept or (found.place, name) in self._begun:
+        if not kept or (found.identity, name) in self._begun:
             return fewer
-        self._begun.add((found.place, name))
+        self._begun.add((found.identity, name))
         led = found.others_without(name)
         if float(np.sum(self.residuals.at(led) ** 2)) > fewer.rss - _NEARER * found.variance:
             return fewer
@@ -165,13 +165,13 @@ class Fits:
                                                    or candidate.frees_more_than(form)))
         ]  # fmt: skip
 
-    def pruned(self, found: Fit) -> Fit:
-        """`found` without the effects that do not pay for themselves."""
+    def pruned(self, found: Fit, least: float = 0.0) -> Fit:
+        """`found` without the effects that do not pay for themselves, by `least` at least."""
         while found.candidates:
-            limit = self.no_dearer(found)
+            limit = self.no_dearer(found, least)
             fewer = [self.without(found, name, limit) for name in sorted(found.names)]
             cheaper = min(fewer, key=self.cost)
-            if self.cost(cheaper) > self.cost(found):
+            if self.cost(cheaper) > self.cost(found) + least:
                 break
             found = cheaper
         return found

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mopro.diagnosis.fit import Fit, fit
 from mopro.diagnosis.model import Floats, Mask
 from mopro.diagnosis.residual import Residuals, projected_out
+from mopro.diagnosis.slopes import step_against
 
 _FEWEST_FOLDS, _MOST_FOLDS = 2, 12
 # Below so many samples a problem is refitted in earnest; above, the slopes at the fit
@@ -18,7 +19,7 @@ _FEWEST_FOLDS, _MOST_FOLDS = 2, 12
 _FEW = 1000
 # A part is cut into so many pieces where the others have no more than such a share of what tells
 # a parameter.
-_NEXT_TO_NOTHING = 0.1
+_LEAST_TOLD = 0.1
 _PIECES = 4
 
 
@@ -49,7 +50,7 @@ def held_out(
     parts = folds(residuals)
     if len(parts) < _FEWEST_FOLDS:
         return None
-    parts = list(_told_apart(residuals, parts, found))
+    parts = list(_divided(residuals, parts, found))
     after = _predicted(residuals, found, parts)
     return HeldOut(
         before=_mean_square(_predicted(residuals, null, parts)),
@@ -81,7 +82,7 @@ def folds(residuals: Residuals) -> list[Mask]:
     return [joined == label for label in np.unique(joined)]
 
 
-def _told_apart(residuals: Residuals, parts: Sequence[Mask], found: Fit) -> Iterator[Mask]:
+def _divided(residuals: Residuals, parts: Sequence[Mask], found: Fit) -> Iterator[Mask]:
     """`parts`, cut in time where the others tell next to nothing of a rigid effect's parameter.
 
     Of what shows in a single move no other move tells anything, but the rest of that one does.
@@ -89,23 +90,26 @@ def _told_apart(residuals: Residuals, parts: Sequence[Mask], found: Fit) -> Iter
     rigid = {candidate.name for candidate in found.candidates if not candidate.flexible}
     columns = [i for i, (effect, _) in enumerate(found.order) if effect in rigid]
     slopes = found.jacobian[:, columns]
+    if not columns or len(slopes) <= _FEW:
+        yield from parts
+        return
     whole = np.maximum(np.sum(slopes**2, axis=0), 1e-300)
     for part in parts:
-        if not columns or len(part) <= _FEW:
-            yield part
-            continue
         others = projected_out(residuals.nuisance_basis(~part), slopes[~part])
         told = np.sum(others**2, axis=0) / whole
-        if told.min() > _NEXT_TO_NOTHING:
-            yield part
-            continue
-        places = np.flatnonzero(part)
-        so_far = np.cumsum(slopes[places, int(np.argmin(told))] ** 2)
-        pieces = np.minimum(_PIECES * so_far / max(so_far[-1], 1e-300), _PIECES - 1).astype(int)
-        for piece in np.unique(pieces):
-            cut = np.zeros_like(part)
-            cut[places[pieces == piece]] = True
-            yield cut
+        least = int(np.argmin(told))
+        yield from _pieces(part, slopes[:, least]) if told[least] <= _LEAST_TOLD else [part]
+
+
+def _pieces(part: Mask, slope: Floats) -> Iterator[Mask]:
+    """`part` in stretches that tell as much of the parameter as each other."""
+    places = np.flatnonzero(part)
+    so_far = np.cumsum(slope[places] ** 2)
+    numbers = np.minimum(_PIECES * so_far / max(so_far[-1], 1e-300), _PIECES - 1).astype(int)
+    for number in np.unique(numbers):
+        piece = np.zeros_like(part)
+        piece[places[numbers == number]] = True
+        yield piece
 
 
 def _mean_square(residual: Floats) -> float:
@@ -135,8 +139,5 @@ def _extrapolated(residuals: Residuals, found: Fit, part: Mask) -> Floats:
     own, others = found.residual[part], projected_out(outer, found.residual[~part])
     if not len(found.order):
         return projected_out(inner, own)
-    slopes = projected_out(outer, found.jacobian[~part])
-    scale = np.linalg.norm(slopes, axis=0)
-    scale[scale == 0] = 1.0
-    change = np.linalg.lstsq(slopes / scale, -others, rcond=1e-9)[0] / scale
-    return projected_out(inner, own + found.jacobian[part] @ change)
+    step = step_against(projected_out(outer, found.jacobian[~part]), others)
+    return projected_out(inner, own + found.jacobian[part] @ step)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mopro.diagnosis.fit import Fit, choice_price, price
-from mopro.diagnosis.fits import Fits, Place
+from mopro.diagnosis.fits import Fits, Identity
 from mopro.diagnosis.model import Candidate, Role
 from mopro.diagnosis.signature import (
     Group,
@@ -41,8 +41,8 @@ class Promises:
 
     def __init__(self, fits: Fits) -> None:
         self._fits = fits
-        self._scores: dict[tuple[Place, Place], list[Scored]] = {}
-        self._groups: dict[tuple[Place, tuple[str, str]], list[Group]] = {}
+        self._scores: dict[tuple[Identity, Identity], list[Scored]] = {}
+        self._groups: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
 
     def scores(self, base: Fit, at: Fit | None = None) -> list[Scored]:
         """All candidates that may join `base`, the most promising first (score test).
@@ -50,14 +50,14 @@ class Promises:
         Signatures are those at `at`, which is `base` itself unless given: those at a fit
         nearby cost no simulation.
         """
-        key = base.place, (at or base).place
+        key = base.identity, (at or base).identity
         if key not in self._scores:
             self._scores[key] = self._scored(base, at or base)
         return self._scores[key]
 
     def taken_at(self, base: Fit) -> bool:
         """Whether signatures at `base` itself are known already."""
-        return (base.place, base.place) in self._scores
+        return (base.identity, base.identity) in self._scores
 
     def fresh(self, base: Fit) -> list[Scored]:
         """As `scores`, signatures taken anew for those that those at the null speak for.
@@ -136,7 +136,7 @@ class Promises:
         return strongest
 
     def _signatures(self, at: Fit, candidate: Candidate) -> list[Group]:
-        key = (at.place, candidate.key)
+        key = (at.identity, candidate.key)
         if key not in self._groups:
             self._fits.progress(f"the signature of {candidate.name}")
             self._groups[key] = signatures(self._fits.residuals, at, candidate)

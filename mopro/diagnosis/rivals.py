@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.fits import Fits, Place
+from mopro.diagnosis.fits import Fits, Identity
 from mopro.diagnosis.model import Settings
 from mopro.diagnosis.promise import MISJUDGED, RIVAL_MARGIN, Promises
 from mopro.diagnosis.signature import Scored
@@ -47,7 +47,7 @@ class Rivals:
     def __init__(self, fits: Fits, promises: Promises) -> None:
         self._fits = fits
         self._promises = promises
-        self._places: dict[tuple[Place, str], tuple[Fit, list[Scored]]] = {}
+        self._places: dict[tuple[Identity, str], tuple[Fit, list[Scored]]] = {}
 
     def of(self, found: Fit, name: str) -> list[Rival]:
         """Effects that do as well in the place of `name`, the cheapest first.
@@ -126,7 +126,7 @@ class Rivals:
 
     def _in_place_of(self, found: Fit, name: str) -> tuple[Fit, list[Scored]]:
         """`found` without `name`, and what promises to take its place."""
-        key = found.place, name
+        key = found.identity, name
         if key not in self._places:
             rest = self._fits.without(found, name)
             anew = self._promises.taken_at(rest)

@@ -47,7 +47,7 @@ class Search:
 
     def run(self) -> Fit:
         """The cheapest set of effects that is found, each of which is worth its name."""
-        return self._sure(self._cheapest())
+        return self.fits.pruned(self._cheapest(), _WORTH_A_NAME)
 
     def _cheapest(self) -> Fit:
         """The cheapest set of effects that steps forward, swaps and steps back lead to.
@@ -127,6 +127,7 @@ class Search:
         return self._swapped(best) if self.fits.cost(best) < self.fits.cost(found) else found
 
     def _only(self, found: Fit, name: str) -> Fit:
+        """The effect `name` of `found` by itself."""
         for other in sorted(found.names - {name}):
             found = self.fits.without(found, other)
         return found
@@ -141,19 +142,10 @@ class Search:
         ]
         return self.fits.each(lambda s: self.fits.joined(base, s, limit), others[:_INSTEAD])
 
-    def _sure(self, found: Fit) -> Fit:
-        """`found` without the effects that hardly pay: even odds are not worth a name."""
-        limit = self.fits.no_dearer(found, _WORTH_A_NAME)
-        fewer = [self.fits.without(found, name, limit) for name in sorted(found.names)]
-        cheapest = min(fewer, key=self.fits.cost, default=found)
-        if cheapest is found or self.fits.cost(cheapest) > self.fits.cost(found) + _WORTH_A_NAME:
-            return found
-        return self._sure(cheapest)
-
     def settled_at(self, found: Fit) -> Fit:
         """The effects of `found`, known from another weighing, as far as they pay in this one."""
         again = self.fits.fitted(found.candidates, [found.settings])
-        return self._sure(self._swapped(self.fits.pruned(again)))
+        return self.fits.pruned(self._swapped(self.fits.pruned(again)), _WORTH_A_NAME)
 
     def _core(self, found: Fit) -> Fit:
         """`found` without the effects that explain less than it leaves over.

@@ -12,12 +12,20 @@ from mopro.diagnosis.model import Floats
 
 # Secants follow as long as they foretell a step's change to within this share of it.
 _FORETOLD = 0.3
-# Slopes that never erred by more are as good as new ones.
-_ACCURATE = 0.1
 # So close to it a parameter is at an end of its range.
 _EDGE = 1e-6
+# Slopes closer than this to a combination of others are one.
+_PARALLEL = 1e-9
 # A change this small in chi-squared tells nothing of slopes.
 _TOO_SMALL = 1e-2
+
+
+def step_against(slopes: Floats, change: Floats) -> Floats:
+    """The step of the parameters that makes up for `change` best, by `slopes` (samples x them)."""
+    scale = np.linalg.norm(slopes, axis=0)
+    scale[scale == 0] = 1.0
+    step: Floats = np.linalg.lstsq(slopes / scale, -change, rcond=_PARALLEL)[0] / scale
+    return step
 
 
 @dataclass

@@ -15,7 +15,6 @@ import numpy as np
 
 from mopro.diagnosis import Candidate, Parameter, Role
 from mopro.emulator.effects import catalogue
-from mopro.emulator.effects.base import Parameter as Number
 from mopro.emulator.effects.resolve import values_by_effect
 from mopro.emulator.measured import POSITION, TEMPERATURE
 from mopro.experiment import thermal
@@ -119,7 +118,7 @@ def _heavier(mass_kg: float) -> Iterator[float]:
     A ring's frequency goes with both masses and forces: a signature taken too far off is out
     of phase with what it is to show.
     """
-    _, most = _stated("payload_mass", "dm").plausible
+    _, most = catalogue()["payload_mass"].parameter("dm").plausible
     total_kg = _HEAVIER * mass_kg
     while total_kg < mass_kg + most:
         yield total_kg - mass_kg
@@ -134,7 +133,7 @@ def _detent(machine: Machine) -> Candidate:
     """
     most = _MOST_DETENT * machine.axis.pull_out_force_N
     own = _own("detent_force", "Fd", most / 4, 0.75 * most)
-    highest = min(_WIDER * most, _stated("detent_force", "Fd").high)
+    highest = min(_WIDER * most, catalogue()["detent_force"].parameter("Fd").high)
     force = replace(own, high=highest, plausible=(0.0, most))
     return Candidate(
         "detent_force", (force, _angle("phi", 0.0, math.pi)), fixed={"pitch": machine.axis.pitch_m}
@@ -155,7 +154,7 @@ def _weakening(air_C: float) -> Iterator[Candidate]:
     """Magnets weaken from the air's temperature on, or from where they were measured."""
     own = _one("force_constant_temperature", "alpha", 5e-4, fixed={"T0": air_C})
     yield own
-    for measured_C in _stated("force_constant_temperature", "T0").plausible:
+    for measured_C in catalogue()["force_constant_temperature"].parameter("T0").plausible:
         yield replace(own, form=f"measured at {measured_C:g} C", fixed={"T0": measured_C})
 
 
@@ -211,7 +210,7 @@ def _commands(motor: Motor) -> Iterator[Candidate]:
 
 
 def _measurements(motor: Motor) -> Iterator[Candidate]:
-    steel = _stated("platen_expansion", "alpha").default
+    steel = catalogue()["platen_expansion"].parameter("alpha").default
     yield _one("pitch_scale", "e", 1e-4)
     yield _one("platen_expansion", "dT", 10.0, fixed={"share": 0.0, "alpha": steel})
     yield replace(
@@ -235,7 +234,7 @@ def _measurements(motor: Motor) -> Iterator[Candidate]:
 def _bends(motor: Motor) -> Iterator[Candidate]:
     """Shares of the range that the effect states, about the middle of the way or another place."""
     low, high = motor.way_m()
-    middle, half = (low + high) / 2, _stated("sensor_nonlinearity", "half").default
+    middle, half = (low + high) / 2, catalogue()["sensor_nonlinearity"].parameter("half").default
     fixed = {"c5": 0.0, "mid": middle, "half": half}
     cubic = replace(_own("sensor_nonlinearity", "c3", 1e-3), low=-0.1, high=0.1)
     cubic = replace(cubic, plausible=(-0.05, 0.05))
@@ -305,7 +304,7 @@ def _one(
 
 def _own(name: str, parameter: str, *starts: float) -> Parameter:
     """The effect's parameter, in a range somewhat wider than the plausible one."""
-    stated = _stated(name, parameter)
+    stated = catalogue()[name].parameter(parameter)
     low, high = stated.plausible
     low = low if low < 0 else 0.0
     wider = (_WIDER * low, _WIDER * high)
@@ -317,11 +316,6 @@ def _own(name: str, parameter: str, *starts: float) -> Parameter:
 
 def _angle(name: str, *starts: float) -> Parameter:
     return Parameter(name, "rad", -math.pi, math.pi, starts, Role.PHASE)
-
-
-def _stated(name: str, parameter: str) -> Number:
-    (stated,) = (p for p in catalogue()[name].parameters if p.name == parameter)
-    return stated
 
 
 def _from_the_machine(candidate: Candidate, own: Mapping[str, float]) -> Candidate:
@@ -364,7 +358,7 @@ def _with_tolerance(candidate: Candidate, machine: Machine) -> Candidate:
     if not reach:
         return candidate
     (own,) = candidate.parameters
-    stated = _stated(candidate.name, own.name)
+    stated = catalogue()[candidate.name].parameter(own.name)
     low, high = own.plausible or (own.low, own.high)
     tolerant = replace(
         own,

@@ -21,6 +21,7 @@ from mopro.experiment.motor import COARSE, FINE, Motor
 from mopro.experiment.rounded import thinned
 from mopro.experiment.series import series_of
 from mopro.experiment.steady import rises
+from mopro.machine import Machine
 
 OFFSET, TILT = "sensor_offset", "constant_force"
 # An offset this many standard deviations clear of zero, and the same in all runs, is one.
@@ -106,36 +107,34 @@ def _misfit(found: Diagnosis, model: Model) -> float:
 
 def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verdict:
     """`verdict` with the offsets that all runs share, if they are all there is to find."""
-    found = []
-    predicted = model(verdict.settings)
+    found, predicted = [], model(verdict.settings)
+    readings = [r for t in model.experiment.trials for r in t.readings]
+    units_m = {r.sensor.name: r.sensor.unit_si for r in readings if r.sensor.quantity == POSITION}
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
         offset = _common_offset([data[i] for i in rows], [predicted[i] for i in rows])
         if offset:
-            as_well = _pushed(model, verdict.settings, rows, offset.parameters["o"])
-            rivals = dict.fromkeys(as_well, 0.0)
-            found += [
-                replace(offset, form=sensor, rivals=rivals, indistinguishable_from=list(rivals))
-            ]
+            tilt = _may_be_a_tilt(offset, units_m.get(sensor), model.experiment.machine)
+            rivals = {TILT: 0.0} if tilt else {}
+            found.append(
+                replace(offset, form=sensor, rivals=rivals, indistinguishable_from=[*rivals])
+            )
     if not found:
         return verdict
     word = "ambiguous" if any(offset.rivals for offset in found) else "named"
     return replace(verdict, verdict=word, effects=tuple(found))
 
 
-def _pushed(
-    model: Model, settings: Settings, rows: Sequence[int], offset: Estimate
-) -> tuple[str, ...]:
-    """What holds the forcer off its place all the time as a sensor's zero does, if a force may.
+def _may_be_a_tilt(offset: Named, unit_m: float | None, machine: Machine) -> bool:
+    """Whether a plausible force holds the forcer as far off, F/K, wherever it is.
 
-    F/K, which no motion changes: a plausible force off a few micrometres at most.
+    `unit_m` is the offset's unit, None where it is no place.
     """
-    (force,) = (p for p in catalogue()[TILT].parameters if p.name == "F_b")
-    without = model(settings)
-    with_one_N = model({**settings, TILT: {"F_b": 1.0}})
-    per_N = float(np.mean([np.mean(with_one_N[i] - without[i]) for i in rows]))
-    most = max(map(abs, force.plausible)) * abs(per_N)
-    return (TILT,) if min(map(abs, offset.ci95)) <= most else ()
+    if unit_m is None:
+        return False
+    most_N = max(map(abs, catalogue()[TILT].parameter("F_b").plausible))
+    nearest_m = min(map(abs, offset.parameters["o"].ci95)) * unit_m
+    return nearest_m <= most_N / machine.axis.stiffness_N_m
 
 
 def _common_offset(data: Sequence[Series], predicted: Sequence[Floats]) -> Named | None:

@@ -129,6 +129,10 @@ class Effect:
     def __hash__(self) -> int:
         return hash(type(self))
 
+    def parameter(self, name: str) -> Parameter:
+        """Its parameter of that name; KeyError if it has none."""
+        return {p.name: p for p in self.parameters}[name]
+
     def equation(self) -> str:
         """The docstring: what the effect is, its equation, units and source."""
         return inspect.getdoc(type(self)) or ""
