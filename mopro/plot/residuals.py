@@ -49,12 +49,20 @@ def plot_residuals(
         if series.sigma:
             reach = _BAND * series.sigma
             panel.axhspan(-reach, reach, color="0.9", zorder=0, label=f"±{_BAND:g} σ of the sensor")
-    lines = np.asarray(series.labels.get("line", ()))
-    if series.time_s is not None and lines.any():  # a logged command has none
-        mark_lines(upper, series.time_s.tolist(), lines.tolist())
+    if series.time_s is not None and source_lines(series):
+        mark_lines(upper, series.time_s.tolist(), series.labels["line"].tolist())
     figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(f"{series.run}, {series.sensor}")
     return figure
+
+
+def source_lines(series: Series) -> list[int]:
+    """The source lines that run while `series` is measured, ascending.
+
+    Empty for a logged command (line 0) and for a table.
+    """
+    lines = np.unique(np.asarray(series.labels.get("line", ()), dtype=np.int64))
+    return [int(line) for line in lines if line > 0]
 
 
 def _draw_in_time(
