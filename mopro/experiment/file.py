@@ -15,7 +15,7 @@ from mopro.experiment.raw import KINDS
 from mopro.machine import Machine, builtin_machines, load_machine
 from mopro.program import AXES
 from mopro.source import Source, Span
-from mopro.tomlfile import TomlReader, parse_toml
+#from mopro.tomlfile import TomlReader, parse_toml
 from mopro.units import parse_quantity
 
 _SENSOR_KEYS = {
@@ -97,7 +97,7 @@ def read_entries(path: str | Path) -> Entries:
     return _Reader(source, parse_toml(source)).entries()
 
 
-class _Reader(TomlReader):
+class _Reader(object):
     def entries(self) -> Entries:
         self._known("", self._data, {"machine", "grammar", "sensor", "run"})
         grammar = self._data.get("grammar", _GRAMMARS[0])
