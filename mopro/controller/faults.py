@@ -107,7 +107,9 @@ def _fault(entry: Value) -> Fault | PlantFault | None:
     entry.only(allows | {"kind"})
     for key in sorted(needs - entry.data.keys()):
         entry.report(f"a {kind} has {key}", "missing-key", at="kind")
-    stated = {key: entry.get(key, _KEYS[key], None) for key in sorted(allows) if key in entry}
+    stated: dict[str, Any] = {
+        key: entry.get(key, _KEYS[key], None) for key in sorted(allows) if key in entry
+    }
     if entry.faults > before:
         return None
     return PlantFault(kind, **stated) if "run_s" in needs else Fault(kind, **stated)

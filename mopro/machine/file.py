@@ -23,7 +23,8 @@ from mopro.machine.model import (
 from mopro.program import AXES
 from mopro.source import Source
 from mopro.tomlfile import Document, Refused, Value, read_named, shown
-from mopro.tomlfile.schema import Reader, in_si, number_in, one_of, record, text
+from mopro.tomlfile.schema import Reader, number_in, one_of, record, text
+from mopro.units import to_si
 
 ORIGINS = ("thesis", "derived", "assumed", "measured")
 _SECTIONS: dict[str, type[Any]] = {"axis": Axis, "drive": Drive, "platen": Platen, "heat": Heat}
@@ -67,7 +68,7 @@ def _machine(root: Value, source: Source) -> Machine:
     root.only({"name", _EFFECTS, *_SECTIONS, *_OPTIONAL})
     missing = 'expected a name, such as name = "mine"'
     name = root.need("name", text(message=missing, rule="missing-key"), missing)
-    parts = {
+    parts: dict[str, Any] = {
         key: root.need(key, record(kind, _reader_of), f"expected a section [{key}]")
         for key, kind in (_SECTIONS | _OPTIONAL).items()
         if key in _SECTIONS or key in root
@@ -97,12 +98,20 @@ def _quantity(about: Mapping[str, Any], value: Value) -> float:
         form = "{ value = number, unit = ..., origin = ..., place = ... }"
         raise value.refused(f"expected {value.key} = {form}")
     _check_origin(value, about["tolerated"])
-    found = in_si(value, number, value.data.get("unit"), about["dimension"])
+    found = _in_si(value, number, about["dimension"])
     low, above = about["at_least"], about["above"]
     if found < low or (above and found == low):
         bound = "greater than" if above else "at least"
         raise value.refused(f"{value.key} must be {bound} {low:g}")
     return found
+
+
+def _in_si(value: Value, number: float, dimension: str) -> float:
+    try:
+        return to_si(number, shown(value.data.get("unit")), dimension)
+    except ValueError as error:
+        value.report(f"{value.key}: {error}", "wrong-unit", at="unit")
+        raise Refused from error
 
 
 def _check_origin(value: Value, tolerated: bool) -> None:
@@ -139,7 +148,8 @@ def _provenance(root: Value) -> dict[str, Provenance]:
 def _effects(value: Value) -> tuple[StatedEffect, ...]:
     if not isinstance(value.data, dict):
         raise value.refused("expected sections such as [effects.viscous_drag]")
-    return tuple(_effect(table) for table in value.values())
+    effects = [value.get(name, _effect, None) for name in value.data]
+    return tuple(effect for effect in effects if effect is not None)
 
 
 def _effect(table: Value) -> StatedEffect:

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from mopro.tomlfile.document import Refused, Value
 from mopro.tomlfile.shown import shown
-from mopro.units import parse_quantity, to_si
+from mopro.units import parse_quantity
 
 T = TypeVar("T")
 Reader = Callable[[Value], T]
@@ -124,14 +124,6 @@ def signed_quantity(dimension: str, unit: str) -> Reader[float]:
     return read
 
 
-def in_si(value: Value, number: float, unit: Any, dimension: str) -> float:
-    """`number` of `unit` in SI; Refused, as `wrong-unit`, if that does not measure it."""
-    try:
-        return to_si(number, shown(unit), dimension)
-    except ValueError as error:
-        raise value.refused(f"{value.key}: {error}", "wrong-unit") from error
-
-
 # -- tables ------------------------------------------------------------------------
 
 
@@ -170,7 +162,7 @@ def record(
         table.only(parts)
         values = {}
         for key, part in parts.items():
-            if key in table or part.default is MISSING:
+            if key in table or part.default is part.default_factory is MISSING:
                 rule = part.metadata.get("absent", "missing-key")
                 values[part.name] = table.need(key, reader_of(part), _absent(table, part), rule)
         if table.faults > before:
