@@ -12,14 +12,12 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-from mopro.errors import Diagnostic, ModelError
+from mopro.errors import MOST_SHOWN, Diagnostic, ModelError
 from mopro.source import Source, Span
 from mopro.tomlfile import scan
 from mopro.tomlfile.shown import shown
 
 MOST_BYTES = 1 << 20
-# As many as a report shows in full (`mopro.errors`); to compare names takes long.
-_MOST_SUGGESTIONS = 50
 _TOML_PLACE = re.compile(r"\(at line (\d+), column (\d+)\)")
 _TOP = Span(1, 1, 1)
 
@@ -68,11 +66,14 @@ class Document:
         return result
 
     def suggestion(self, key: str, names: Iterable[str]) -> str | None:
-        """The name that `key` resembles; None as well after a report's worth of them."""
+        """The name that `key` resembles.
+
+        None after as many as a report shows: to compare names takes long.
+        """
         from difflib import get_close_matches
 
         self._suggestions += 1
-        if self._suggestions > _MOST_SUGGESTIONS:
+        if self._suggestions > MOST_SHOWN:
             return None
         near = get_close_matches(key, names, n=1)
         return near[0] if near else None

@@ -20,6 +20,7 @@ from mopro.source import Span
 Path = tuple[str | int, ...]
 
 MOST_LEVELS = 32
+_TOO_DEEP = f"nested more than {MOST_LEVELS} levels deep"
 _LONGEST_INTEGER = 200  # characters; 64 bits in binary, each digit with an underscore, have fewer
 _INT64 = 1 << 63
 
@@ -127,7 +128,8 @@ class _Scan:
         if not self._in_value:
             self._parts.append((match[0], self._span(match)))
         elif _INTEGER.fullmatch(match[0]) and not _fits(match[0]):
-            raise BeyondLimit("an integer of more than 64 bits", self._span(match))
+            message = "an integer of more than 64 bits: write a large number as 1e30"
+            raise BeyondLimit(message, self._span(match))
 
     def _mark(self, match: re.Match[str]) -> None:
         mark = match[0]
@@ -136,11 +138,11 @@ class _Scan:
         elif self._in_value:
             self._mark_in_value(mark, match)
         elif mark == "=":
-            self._key(match)
+            self._key()
         elif mark == "[":
             self._header += 1
         elif mark == "]":
-            self._begin_section(match)
+            self._begin_section()
 
     def _mark_in_value(self, mark: str, match: re.Match[str]) -> None:
         if mark in "[{":
@@ -161,19 +163,19 @@ class _Scan:
 
     # -- places ----------------------------------------------------------------
 
-    def _key(self, match: re.Match[str]) -> None:
+    def _key(self) -> None:
         """The key before an equals sign; its value follows."""
         path = self._open[-1].path if self._open else self._section
-        self._limit(len(path) + len(self._parts), match)
+        self._check_levels(len(path))
         for name, span in self._parts:
             path = (*path, name)
             self._places.setdefault(path, span)
         self._path, self._in_value = path, True
         self._parts.clear()
 
-    def _begin_section(self, match: re.Match[str]) -> None:
+    def _begin_section(self) -> None:
         """`[name]` or `[[name]]`; a part that names a list means its last element."""
-        self._limit(len(self._parts), match)
+        self._check_levels(0)
         path: Path = ()
         for name, span in self._parts:
             if path in self._tables_of:
@@ -203,15 +205,16 @@ class _Scan:
         if not (self._open and self._open[-1].is_list):
             return self._path
         path = (*self._open[-1].path, self._open[-1].count)
-        self._limit(len(path), match)
+        if len(path) > MOST_LEVELS:
+            raise BeyondLimit(_TOO_DEEP, self._span(match))
         self._places[path] = self._span(match)
         return path
 
-    def _limit(self, levels: int, match: re.Match[str]) -> None:
-        if levels > MOST_LEVELS:
-            raise BeyondLimit(
-                f"more than {MOST_LEVELS} levels, one in the other", self._span(match)
-            )
+    def _check_levels(self, above: int) -> None:
+        """Refuse a key of too many parts, at the first one too many; `above` are taken."""
+        left = max(0, MOST_LEVELS - above)
+        if len(self._parts) > left:
+            raise BeyondLimit(_TOO_DEEP, self._parts[left][1])
 
 
 def _unquoted(token: str) -> str:
