@@ -12,17 +12,17 @@ from laboratory import PROGRAMS as PROGRAMS_OF_LAB
 from paths import PROGRAMS
 
 import mopro
-from mopro.api import compile_file
-from mopro.emulator.heat import HeatHistory
-from mopro.emulator.measured import Sensor
 from mopro.errors import DataError
 from mopro.experiment import load_experiment
-from mopro.experiment.compare import compare
-from mopro.experiment.nominal import predict
-from mopro.experiment.whiteness import memory_chance, quantile_residual
+from mopro.experiment.compare.comparison import compare
+from mopro.experiment.compare.noise_tests import memory_chance, quantile_residual
+from mopro.experiment.predict.nominal import predict
 from mopro.instruments import Thermocouple, read_lvdt, write_thermocouple
+from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
+from mopro.plant.heat import HeatHistory
+from mopro.program.compile import compile_file
 from mopro.recording import Header, open_sink
 from mopro.thesis import table
 from mopro.thesis.printed import THERMAL
