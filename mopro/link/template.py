@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
+
+from mopro.tomlfile import Value, shown
+from mopro.tomlfile.schema import Reader
+from mopro.tomlfile.schema import text as text_reader
 
 _FIELD = re.compile(r"\{([a-z_0-9]+)\}")
 _WORD, _INT = r"[^\s,;]+", r"[+-]?\d+"
@@ -75,3 +79,28 @@ class Template:
         if match is None:
             return None
         return {name: FIELDS[name][1](text) for name, text in match.groupdict().items()}
+
+
+def template(
+    needs: Set[str] = frozenset(), allows: Set[str] | None = None, ends: str = ""
+) -> Reader[Template]:
+    """Reads a template that has the fields it needs, others if allowed, and that end.
+
+    All others are, if `allows` is None.
+    """
+    read_text = text_reader(ascii_only=True)
+    wanted = ", ".join(f"{{{name}}}" for name in sorted(needs)) or "no field"
+
+    def read(value: Value) -> Template:
+        try:
+            found = Template(read_text(value))
+        except ValueError as error:
+            raise value.refused(f"{value.key}: {shown(error, 300)}", "bad-template") from error
+        surplus = found.fields - needs - allows if allows is not None else set()
+        if needs - found.fields or surplus:
+            raise value.refused(f"{value.key}: expected {wanted} in it", "bad-template")
+        if not found.text.endswith(ends):
+            raise value.refused(f"{value.key}: expected {ends} at its end", "bad-template")
+        return found
+
+    return read
