@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
 if TYPE_CHECKING:
     from mopro.link import Session
-
-_OPENING_S = 15.0
 
 Decorator = Callable[[Any], Any]
 
@@ -45,8 +43,10 @@ def opened_session(
     port: str, dialect: str, baud: int | None, trace: Path | None
 ) -> Iterator[Session]:
     """A conversation with the controller at `port`, found and begun; LinkError if there is none."""
+    from mopro.link.backend import OPENING_S
+
     with connected_session(port, dialect, baud, trace) as session:
-        session.give(_OPENING_S)
+        session.give(OPENING_S)
         session.open()
         yield session
 
@@ -66,9 +66,16 @@ def connected_session(
         open_things.callback(line.close)
         if trace is not None:
             try:
-                log = open_things.enter_context(open(trace, "w", encoding="utf-8"))
+                log = open(trace, "w", encoding="utf-8")
             except OSError as error:
                 message = f"{trace}: cannot be written: {error.strerror}"
                 raise DataError(message, "unwritable-output") from error
+            open_things.callback(_closed, log)
             line = TracedPort(line, log)
         yield Session(line, language, baud=baud)
+
+
+def _closed(log: TextIO) -> None:
+    """Close a trace; what it could not write was told when it failed."""
+    with suppress(OSError):
+        log.close()
