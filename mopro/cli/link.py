@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -66,16 +66,24 @@ def connected_session(
         open_things.callback(line.close)
         if trace is not None:
             try:
-                log = open(trace, "w", encoding="utf-8")
+                log = open_things.enter_context(_Log(trace))
             except OSError as error:
                 message = f"{trace}: cannot be written: {error.strerror}"
                 raise DataError(message, "unwritable-output") from error
-            open_things.callback(_closed, log)
             line = TracedPort(line, log)
         yield Session(line, language, baud=baud)
 
 
-def _closed(log: TextIO) -> None:
-    """Close a trace; what it could not write was told when it failed."""
-    with suppress(OSError):
-        log.close()
+class _Log(AbstractContextManager[TextIO]):
+    """The file of a trace; what it could not take was told then, and not again at its end."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> TextIO:
+        self._files = ExitStack()
+        return self._files.enter_context(open(self._path, "w", encoding="utf-8"))
+
+    def __exit__(self, *error: object) -> None:
+        with suppress(OSError):
+            self._files.close()

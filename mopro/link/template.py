@@ -16,7 +16,8 @@ MOST_DIGITS = 15
 _MOST_DECIMALS = 24
 _UINT = rf"\d{{1,{MOST_DIGITS}}}"
 _WORD, _INT = r"[^\s,;]{1,32}", rf"[+-]?{_UINT}"
-_REAL = rf"[+-]?(?:{_UINT}\.?\d{{0,{_MOST_DECIMALS}}}|\.\d{{1,{_MOST_DECIMALS}}})(?:[eE][+-]?\d{{1,3}})?"
+_FRACTION = rf"\d{{0,{_MOST_DECIMALS}}}"
+_REAL = rf"[+-]?(?:{_UINT}\.?{_FRACTION}|\.\d{_FRACTION})(?:[eE][+-]?\d{{1,3}})?"
 
 # field -> how it looks, how it is read
 FIELDS: dict[str, tuple[str, type[Any]]] = {
