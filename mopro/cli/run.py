@@ -130,7 +130,12 @@ def command(
             signals = told.enter_context(Signals())
             session = files.enter_context(connected_session(port, dialect, baud, trace))
             backend = SerialBackend(
-                session, plant, deadline_s=deadline, begun_s=begun_s, signals=signals
+                session,
+                plant,
+                deadline_s=deadline,
+                begun_s=begun_s,
+                signals=signals,
+                warn=lambda text: click.echo(f"warning: {text} [no-heartbeat]", err=True),
             )
         pictures = _Pictures(plot, report, files)
         run = _recorded(backend, program, for_s, out, pictures)

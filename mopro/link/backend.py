@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -11,7 +12,7 @@ from typing import Any
 from mopro.errors import DataError
 from mopro.link.flash import allowed_s, upload
 from mopro.link.halt import Allowance, Ending, Signals
-from mopro.link.session import Session
+from mopro.link.session import Refused, Session
 from mopro.link.watch import Samples, Watch
 from mopro.machine import DEFAULT_LOOP_S, Machine
 from mopro.machine.report import Outcome, move_report
@@ -25,12 +26,20 @@ OPENING_S = 15.0
 _SPARE_FACTOR = 1.1
 _SPARE_S = 10.0
 _STOP_S = 8.0
+# A controller that can brakes by itself after a silence of this, and of some lost lines.
+_SILENCE_S = 3.0
+_LINES_LOST = 3
+_UNWATCHED = (
+    "nothing stops the motor if this computer or the line fails in mid-run: "
+    "keep a hand on the machine's own stop button"
+)
 
 _ENDINGS = {
     "idle": "the controller knows of no run: it was reset",
     "stopped": "the controller was told to stop by someone else",
     "limit": "a limit switch opened",
     "overheated": "the motor is overheated",
+    "silent": "the controller heard nothing from this computer and stopped by itself",
 }
 
 
@@ -42,7 +51,8 @@ class SerialBackend:
     the host's clock, from opening to standstill after a stop, counted from `begun_s` on
     the port's clock or else from the call of `run` (without it: each part as long as
     planned, and some more). `signals` is to be entered by who has something to say after
-    the run that no signal may cut off.
+    the run that no signal may cut off. `warn` is told, before the start, what a person
+    should know.
     """
 
     session: Session
@@ -51,6 +61,7 @@ class SerialBackend:
     deadline_s: float | None = None
     begun_s: float | None = None
     signals: Signals = field(default_factory=Signals)
+    warn: Callable[[str], None] = lambda text: None
 
     def header(self, program: Program) -> Header:
         return Header(
@@ -100,6 +111,20 @@ class SerialBackend:
         self.session.give(allowed_s(self.session, program))
         upload(self.session, program, self.session.dialect.names.scratch, lambda done: None)
         watch.mark_start()
+        self._ask_for_heartbeat()
+
+    def _ask_for_heartbeat(self) -> None:
+        """Have the run braked by the controller when it hears nothing any more."""
+        dialect = self.session.dialect
+        if not dialect.knows("heartbeat"):
+            self.warn(f"the dialect {dialect.name} has no heartbeat: {_UNWATCHED}")
+            return
+        wait_s = max(dialect.conversation.reply_timeout_s, 1 / self.poll_hz)
+        silence_s = max(_SILENCE_S, _LINES_LOST * wait_s)
+        try:
+            self.session.ask("heartbeat", milliseconds=silence_s * 1000)
+        except Refused as refused:
+            self.warn(f"the controller refused a heartbeat ({refused.reason}): {_UNWATCHED}")
 
     def _followed(
         self, watch: Watch, schedule: Schedule, for_s: float | None, allowance: Allowance

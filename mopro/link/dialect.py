@@ -18,8 +18,10 @@ from mopro.tomlfile import TomlReader, parse_toml, read_named
 ORIGINS = ("assumed", "manual")
 STATES = (
     *("idle", "running", "done", "stopping", "stopped"),
-    *("expired", "limit", "overheated"),
+    *("expired", "limit", "overheated", "silent"),
 )
+# A controller without a word for these says the one on the right.
+_ELSE = {"silent": "stopped"}
 
 # statement -> the fields that it must have; those in _OPTIONAL may be left out.
 _STATEMENTS: dict[str, set[str]] = {
@@ -36,8 +38,9 @@ _STATEMENTS: dict[str, set[str]] = {
     "position": set(),
     "measured": set(),
     "moves": {"first"},
+    "heartbeat": {"milliseconds"},
 }
-_OPTIONAL = {"identify", "commit", "run_for", "measured", "moves"}
+_OPTIONAL = {"identify", "commit", "run_for", "measured", "moves", "heartbeat"}
 # reply line -> the fields that it must have, those that it may have
 _REPLIES: dict[str, tuple[set[str], set[str]]] = {
     "identify": ({"text"}, set()),
@@ -118,7 +121,8 @@ class Dialect:
         return statement in self.statements
 
     def word_of(self, state: str) -> str:
-        return self.states[state]
+        """What the controller calls `state`."""
+        return self.states[state if state in self.states else _ELSE[state]]
 
     def state_of(self, word: str) -> str | None:
         """The state that the controller calls `word`."""
@@ -276,7 +280,7 @@ class _Reader(TomlReader):
         table = self._table("states")
         self._known("states", table, STATES)
         for state in STATES:
-            if state not in table:
+            if state not in table and state not in _ELSE:
                 self._report("missing-key", f"[states] has no {state}", "states", state)
         words = {key: self._plain_text("states", table, key) for key in STATES if key in table}
         for key, word in words.items():

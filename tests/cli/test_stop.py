@@ -224,3 +224,20 @@ def test_a_controller_that_speaks_nonsense_is_stopped(controller, tmp_path):
         _, errors = told(process, controller)
     assert "makes no sense" in errors
     assert "both axes rest" in errors
+
+
+def test_a_killed_host_leaves_a_motor_that_brakes_by_itself(controller, tmp_path):
+    with running(controller, tmp_path) as process:
+        process.kill()
+        process.wait()
+    device = controller.station.device
+    device.move_on(controller.now_s + 3.5)
+    assert device.state == "silent"
+
+
+@pytest.mark.parametrize("controller", [("pty", "plain")], indirect=True)
+def test_a_dialect_without_a_heartbeat_is_warned_of(controller, tmp_path):
+    with running(controller, tmp_path) as process:
+        process.send_signal(signal.SIGINT)
+        _, errors = told(process, controller)
+    assert "warning: the dialect plain has no heartbeat" in errors

@@ -4,16 +4,20 @@ import errno
 import io
 import signal
 from dataclasses import replace
+from importlib import resources
 
 import pytest
 from bench_of_link import DIALECTS, OLD, SHORT, bench, with_line
 
 import mopro
+from mopro.controller.device import Refuse
 from mopro.errors import LinkError
 from mopro.link import SerialBackend, load_dialect
+from mopro.link.dialect import read_dialect
 from mopro.link.flash import flash
 from mopro.link.transport import TracedPort
 from mopro.machine import load_machine
+from mopro.source import Source
 
 LONG = mopro.compile(SHORT.replace("2.0", "12.0").replace("WT50", "WT60000"), "long.CMD")
 MACHINE = load_machine("chow1992")
@@ -334,3 +338,61 @@ def test_a_deadline_holds_where_nothing_answers_any_more():
     run = Counted(joined).run(deadline_s=6.0)
     assert "NOT CONFIRMED" in run.trouble
     assert joined.session.port.now_s() <= 6.1
+
+
+def without_heartbeat(name="checked"):
+    """The dialect as files had it that were written before there was a heartbeat."""
+    text = (resources.files("mopro.link") / "dialects" / f"{name}.toml").read_text("utf-8")
+    kept = [line for line in text.splitlines() if not line.startswith(("heartbeat", "silent"))]
+    return read_dialect(Source("old.toml", "\n".join(kept)))
+
+
+@pytest.mark.parametrize("dialect", [load_dialect("checked"), without_heartbeat()])
+def test_a_host_that_falls_silent_is_noticed_by_a_controller_that_can(dialect):
+    joined = bench(dialect)
+    counted = Counted(joined)
+
+    def killed():
+        raise SystemExit
+
+    joined.session.shout = lambda statement: None
+    joined.session.port = Troubled(joined.session.port, 2.0, killed, times=10**9)
+    warned = []
+    with pytest.raises(SystemExit):
+        counted.run(warn=warned.append)
+    device, now_s = joined.station.device, counted.said[-1][1]
+    device.move_on(now_s + 2.9)
+    assert device.state == "running"
+    device.move_on(now_s + 4.0)
+    assert device.state == ("silent" if dialect.knows("heartbeat") else "running")
+    assert bool(warned) != dialect.knows("heartbeat")
+
+
+def test_a_run_that_the_heartbeat_ended_is_told_as_that():
+    joined = bench()
+    joined.station.store.write("SCRATCH", ["WT9000"])
+    device = joined.station.device
+    device.do("heartbeat", {"milliseconds": 500.0}, 10.0)
+    device.do("run", {"name": "SCRATCH"}, 10.1)
+    device.do("status", {}, 10.5)
+    assert device.do("status", {}, 12.0)[0]["state"] == "silent"
+    assert joined.session.dialect.word_of("silent") == "QUIET"
+    assert without_heartbeat().word_of("silent") == "STOP"
+    device.do("run", {"name": "SCRATCH"}, 20.0)
+    assert device.do("status", {}, 25.0)[0]["state"] == "running", "it is for one run"
+
+
+def test_a_controller_that_refuses_a_heartbeat_is_run_with_a_warning():
+    joined = bench()
+    do = joined.station.device.do
+
+    def refusing(statement, fields, now_s):
+        if statement == "heartbeat":
+            raise Refuse(1, "not a statement of this controller")
+        return do(statement, fields, now_s)
+
+    joined.station.device.do = refusing
+    warned = []
+    run = Counted(joined).run(program=mopro.compile(SHORT), warn=warned.append)
+    assert run.trouble is None
+    assert "refused a heartbeat" in warned[0]
