@@ -167,8 +167,8 @@ class Watch:
 
     def poll(self) -> None:
         """Ask for state, positions and the account of finished moves; keep a sample."""
-        status = self._session.one("status")
-        self.state = self._session.dialect.state_of(status["state"]) or self.state
+        status = self._status()
+        self.state = status["state"]
         if self.state not in ("idle", "done"):
             self.statement = status.get("statement", 0)
         self.completed = status.get("completed", 0)
@@ -182,6 +182,15 @@ class Watch:
         self._samples.add(self.elapsed_s, self._line(self.statement), self.position_u, seen)
         if self.accounts and self.state in _UNDER_WAY:
             self._ask_moves()
+
+    def _status(self) -> dict[str, Any]:
+        """The status with its state by our name; a word that nobody knows is asked again."""
+        for _ in range(self._session.dialect.conversation.retries + 1):
+            status = self._session.one("status")
+            state = self._session.dialect.state_of(status["state"])
+            if state is not None:
+                return {**status, "state": state}
+        raise LinkError(f"the status `{status['state']}` is in no [states]", "unknown-state")
 
     def _ask_moves(self) -> bool:
         """Fetch accounts that are not here yet; whether any came."""

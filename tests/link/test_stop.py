@@ -396,3 +396,20 @@ def test_a_controller_that_refuses_a_heartbeat_is_run_with_a_warning():
     run = Counted(joined).run(program=mopro.compile(SHORT), warn=warned.append)
     assert run.trouble is None
     assert "refused a heartbeat" in warned[0]
+
+
+def test_a_state_that_nobody_knows_ends_the_run_by_a_stop():
+    joined = bench("plain")
+    counted = Counted(joined)
+    do = joined.station.device.do
+
+    def strange(statement, fields, now_s):
+        rows = do(statement, fields, now_s)
+        return [{}] if statement == "status" and not counted.times("stop") else rows
+
+    joined.station.device.do = strange
+    word = joined.station._protocol._row
+    joined.station._protocol._row = lambda name, row: word(name, row) if row else "WEIRD 1 0"
+    run = counted.run(program=mopro.compile(SHORT))
+    assert "the status `WEIRD` is in no [states]" in run.trouble
+    assert "both axes rest" in run.trouble
