@@ -29,7 +29,7 @@ class Controller:
 
     def __init__(self, listen="pty", dialect="checked"):
         self.dialect = dialect
-        emulator = Emulator(load_machine("chow1992"))
+        emulator = Emulator(load_machine("chow1992"), compiled=False)
         # The first use loads much: no client should have to wait for that.
         Motion(emulator, mopro.compile(TEXT), emulator.machine.travel_u(), 0.5).advance(0.1)
         self.station = Station(load_dialect(dialect), emulator, baud=BAUD)
