@@ -54,7 +54,8 @@ def render_all(diagnostics: Sequence[Diagnostic], source: Source) -> str:
 class MoproError(Exception):
     """Base of all errors meant for the person at the machine.
 
-    `rule` is a stable name for scripts to match.
+    `rule` is a stable name for scripts to match. Notes added to the error on its way
+    (`add_note`) are part of what is shown.
     """
 
     rule = "failed"
@@ -64,7 +65,7 @@ class MoproError(Exception):
         self.rule = rule or self.rule
 
     def render(self) -> str:
-        return f"{self} [{self.rule}]"
+        return "\n".join([f"{self} [{self.rule}]", *getattr(self, "__notes__", ())])
 
 
 class LocatedError(MoproError):

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
 if TYPE_CHECKING:
     from mopro.link import Session
-
-_OPENING_S = 15.0
 
 Decorator = Callable[[Any], Any]
 
@@ -45,8 +43,10 @@ def opened_session(
     port: str, dialect: str, baud: int | None, trace: Path | None
 ) -> Iterator[Session]:
     """A conversation with the controller at `port`, found and begun; LinkError if there is none."""
+    from mopro.link.backend import OPENING_S
+
     with connected_session(port, dialect, baud, trace) as session:
-        session.give(_OPENING_S)
+        session.give(OPENING_S)
         session.open()
         yield session
 
@@ -66,9 +66,24 @@ def connected_session(
         open_things.callback(line.close)
         if trace is not None:
             try:
-                log = open_things.enter_context(open(trace, "w", encoding="utf-8"))
+                log = open_things.enter_context(_Log(trace))
             except OSError as error:
                 message = f"{trace}: cannot be written: {error.strerror}"
                 raise DataError(message, "unwritable-output") from error
             line = TracedPort(line, log)
         yield Session(line, language, baud=baud)
+
+
+class _Log(AbstractContextManager[TextIO]):
+    """The file of a trace; what it could not take was told then, and not again at its end."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> TextIO:
+        self._files = ExitStack()
+        return self._files.enter_context(open(self._path, "w", encoding="utf-8"))
+
+    def __exit__(self, *error: object) -> None:
+        with suppress(OSError):
+            self._files.close()

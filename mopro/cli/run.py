@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.link import baud_option, dialect_option, opened_session, trace_option
+from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
 from mopro.cli.programs import compiled_program, refuse_unrunnable
@@ -113,22 +114,33 @@ def command(
 
     program = compiled_program(file, grammar)
     backend: Emulator | SerialBackend
-    with ExitStack() as files:
+    with ExitStack() as told, ExitStack() as files:
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
             backend = Emulator(load_machine(machine), payload, rate, seed)
         else:
-            from mopro.link import SerialBackend
+            from mopro.link import SerialBackend, Signals
 
             _only_with("--emulate", "payload", "rate", "seed")
             plant = load_machine(machine)
             if from_line is not None:
                 program = _from_line(program, from_line, yes)
             refuse_unrunnable(program, machine, for_s)
-            session = files.enter_context(opened_session(port, dialect, baud, trace))
-            backend = SerialBackend(session, plant, deadline_s=deadline)
-        run = _recorded(backend, program, for_s, out, _Pictures(plot, report, files))
-    _tell(run, program, out, as_json)
+            begun_s = time.monotonic()
+            signals = told.enter_context(Signals())
+            session = files.enter_context(connected_session(port, dialect, baud, trace))
+            backend = SerialBackend(
+                session,
+                plant,
+                deadline_s=deadline,
+                begun_s=begun_s,
+                signals=signals,
+                warn=lambda text: click.echo(f"warning: {text} [no-heartbeat]", err=True),
+            )
+        pictures = _Pictures(plot, report, files)
+        run = _recorded(backend, program, for_s, out, pictures)
+        files.close()
+        _tell(run, program, out, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble else 0
 
 
@@ -139,13 +151,26 @@ def _recorded(
     out: Path,
     pictures: _Pictures,
 ) -> Run:
-    """The run of `program` on either back end, its recording in `out`."""
+    """The run of `program` on either back end, its recording in `out`.
+
+    What a controller did is told even where the recording of it cannot be written.
+    """
+    from dataclasses import replace
+
+    from mopro.errors import DataError
     from mopro.recording import open_sink
 
     header = backend.header(program)
-    with open_sink(out, header) as sink:
-        run = backend.run(program, pictures.beside(sink), for_s)
-        pictures.draw(header, run)
+    run = None
+    try:
+        with open_sink(out, header) as sink:
+            run = backend.run(program, pictures.beside(sink), for_s)
+            pictures.draw(header, run)
+    except DataError as error:
+        if run is None or header.clock != "host":
+            raise
+        lost = f"the run has ended, but its recording is lost: {error}"
+        return replace(run, trouble="\n".join(filter(None, (run.trouble, lost))))
     return run
 
 

@@ -32,8 +32,10 @@ _NO_ORIGIN = f"expected an origin: one of {', '.join(ORIGINS)}"
 _TEXT = text(ascii_only=True)
 STATES = (
     *("idle", "running", "done", "stopping", "stopped"),
-    *("expired", "limit", "overheated"),
+    *("expired", "limit", "overheated", "silent"),
 )
+# A controller without a word for these says the one on the right.
+_ELSE = {"silent": "stopped"}
 
 # statement -> the fields that it must have, those that it may have; a file may leave those
 # in _OPTIONAL out.
@@ -51,8 +53,9 @@ _STATEMENTS: dict[str, tuple[set[str], set[str]]] = {
     "position": (set(), set()),
     "measured": (set(), set()),
     "moves": ({"first"}, set()),
+    "heartbeat": ({"milliseconds"}, set()),
 }
-_OPTIONAL = {"identify", "commit", "run_for", "measured", "moves"}
+_OPTIONAL = {"identify", "commit", "run_for", "measured", "moves", "heartbeat"}
 # reply line -> the fields that it must have, those that it may have
 _REPLIES: dict[str, tuple[set[str], set[str]]] = {
     "identify": ({"text"}, set()),
@@ -133,7 +136,11 @@ def _templates(known: Mapping[str, tuple[set[str], set[str]]]) -> Reader[Mapping
 def _states(value: Value) -> Mapping[str, str]:
     table = table_in(value)
     table.only(STATES)
-    words = {key: table.need(key, _TEXT, f"[states] has no {key}") for key in STATES}
+    words = {
+        key: table.need(key, _TEXT, f"[states] has no {key}")
+        for key in STATES
+        if key in table or key not in _ELSE
+    }
     often = Counter(words.values())
     for key, word in words.items():
         if word is not None and often[word] > 1:
@@ -162,7 +169,8 @@ class Dialect:
         return statement in self.statements
 
     def word_of(self, state: str) -> str:
-        return self.states[state]
+        """What the controller calls `state`."""
+        return self.states[state if state in self.states else _ELSE[state]]
 
     def state_of(self, word: str) -> str | None:
         """The state that the controller calls `word`."""
