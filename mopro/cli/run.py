@@ -13,6 +13,7 @@ import click
 from mopro.cli.link import baud_option, dialect_option, opened_session, trace_option
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
+from mopro.cli.outputs import check_outputs, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
 
 if TYPE_CHECKING:
@@ -108,10 +109,15 @@ def command(
     """
     if emulate == (port is not None):
         raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
+    keep_inputs(
+        [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)],
+        [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)],
+    )
     from mopro.emulator import Emulator
     from mopro.machine import load_machine
 
     program = compiled_program(file, grammar)
+    pictures = _Pictures(plot, report)
     backend: Emulator | SerialBackend
     with ExitStack() as files:
         if port is None:
@@ -127,9 +133,10 @@ def command(
             refuse_unrunnable(program, machine, for_s)
             session = files.enter_context(opened_session(port, dialect, baud, trace))
             backend = SerialBackend(session, plant, deadline_s=deadline)
-        run = _recorded(backend, program, for_s, out, _Pictures(plot, report, files))
+        run = _recorded(backend, program, for_s, out, pictures)
+    all_drawn = pictures.draw(backend.header(program), run)
     _tell(run, program, out, as_json)
-    return EXIT_FAILED if run.stalled or run.trip or run.trouble else 0
+    return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
 def _recorded(
@@ -142,11 +149,8 @@ def _recorded(
     """The run of `program` on either back end, its recording in `out`."""
     from mopro.recording import open_sink
 
-    header = backend.header(program)
-    with open_sink(out, header) as sink:
-        run = backend.run(program, pictures.beside(sink), for_s)
-        pictures.draw(header, run)
-    return run
+    with open_sink(out, backend.header(program)) as sink:
+        return backend.run(program, pictures.beside(sink), for_s)
 
 
 def _only_with(other: str, *names: str) -> None:
@@ -172,31 +176,34 @@ def _from_line(program: Program, line: int, yes: bool) -> Program:
 
 
 class _Pictures:
-    """The plot and the report of a run, their places claimed before it starts."""
+    """The plot and the report of a run, drawn when its recording has been written."""
 
-    def __init__(self, plot: Path | None, report: Path | None, files: ExitStack) -> None:
+    def __init__(self, plot: Path | None, report: Path | None) -> None:
         from mopro.recording import MemorySink
-        from mopro.recording.atomic import written_beside
 
-        self._wanted = bool(plot or report)
+        check_outputs(plot, report)
         self._plot = plot
-        self._plot_draft = files.enter_context(written_beside(plot)) if plot else None
-        self._report_draft = files.enter_context(written_beside(report)) if report else None
+        self._report = report
         self._memory = MemorySink(_MOST_PLOTTED)
 
     def beside(self, sink: Sink) -> Sink:
-        return _Tee(sink, self._memory) if self._wanted else sink
+        return _Tee(sink, self._memory) if self._plot or self._report else sink
 
-    def draw(self, header: Header, run: Run) -> None:
-        if not self._wanted:
-            return
-        from mopro.plot import plot_recording, report_page
+    def draw(self, header: Header, run: Run) -> bool:
+        """Whether all that was asked for could be drawn."""
 
-        recording = self._memory.recording(header, run)
-        if self._plot and self._plot_draft:
-            plot_recording(recording).savefig(self._plot_draft, format=self._plot.suffix[1:])
-        if self._report_draft:
-            self._report_draft.write_text(report_page(recording, run), encoding="utf-8")
+        def figure(form: str) -> bytes:
+            from mopro.plot import figure_bytes, plot_recording
+
+            return figure_bytes(plot_recording(self._memory.recording(header, run)), form)
+
+        def page(form: str) -> bytes:
+            from mopro.plot import report_page
+
+            return page_bytes(report_page(self._memory.recording(header, run), run))
+
+        # Both are tried, though the first may fail.
+        return all([drawn(self._plot, figure), drawn(self._report, page)])
 
 
 @dataclass(frozen=True)

@@ -68,10 +68,18 @@ class Entries:
     grammar: str
     sensors: tuple[SensorEntry, ...]
     runs: tuple[RunEntry, ...]
+    machine_file: Path | None = None
 
     @property
     def folder(self) -> Path:
         return Path(self.source.name).parent
+
+    @property
+    def files(self) -> list[Path]:
+        """Every file that it is made of, itself first; a built-in machine has none."""
+        named = [self.folder / name for run in self.runs for name in (run.motion, run.data)]
+        own = [] if self.machine_file is None else [self.machine_file]
+        return [Path(self.source.name), *own, *dict.fromkeys(named)]
 
 
 def read_experiment(path: str | Path) -> Experiment:
@@ -98,6 +106,8 @@ def read_entries(path: str | Path) -> Entries:
 
 
 class _Reader(TomlReader):
+    _machine_file: Path | None = None
+
     def entries(self) -> Entries:
         self._known("", self._data, {"machine", "grammar", "sensor", "run"})
         grammar = self._data.get("grammar", _GRAMMARS[0])
@@ -122,6 +132,7 @@ class _Reader(TomlReader):
             str(grammar),
             tuple(e for e in sensors if e is not None),
             tuple(e for e in runs if e is not None),
+            self._machine_file,
         )
 
     def _tables(self, section: str) -> list[dict[str, Any]]:
@@ -141,7 +152,7 @@ class _Reader(TomlReader):
             return None
         if name in builtin_machines():
             return load_machine(name)
-        path = self._file("", "machine", name)
+        self._machine_file = path = self._file("", "machine", name)
         return load_machine(str(path)) if path else None
 
     def _file(self, section: str, key: str, name: Any, nth: int = 0) -> Path | None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mopro.plot.figure import plain
 from mopro.recording import Recording
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def plot_recording(recording: Recording) -> Figure:
     panels[-1].set_xlabel("time (s)")
     mark_lines(panels[0], time.tolist(), recording["line"].tolist())
     header = recording.header
-    figure.suptitle(f"{header.program} on {header.machine}")
+    figure.suptitle(plain(f"{header.program} on {header.machine}"))
     return figure
 
 
