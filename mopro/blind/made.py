@@ -93,7 +93,7 @@ class Made:
         """DataError if there is a file at `path` that is not the one that was made."""
         file = self.folder / path
         try:
-            as_made = file.is_symlink() is False and _digest(file) == self.files.get(path)
+            as_made = not file.is_symlink() and _sha256(file.read_bytes()) == self.files.get(path)
         except FileNotFoundError:
             return
         except OSError as error:
@@ -112,8 +112,8 @@ class Made:
         write(self.folder / MADE, (json.dumps(document, indent=1) + "\n").encode())
 
 
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
 
 
 def _place(number: str, name: str) -> str:

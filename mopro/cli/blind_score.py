@@ -142,7 +142,9 @@ def _kept(path: Path) -> Reply | None:
     except DataError:
         return None
     effects = reply.get("effects")
-    if not isinstance(effects, list) or not all(isinstance(e, dict) for e in effects):
+    if not isinstance(effects, list) or not all(
+        isinstance(e, dict) and "name" in e for e in effects
+    ):
         return None
     shapes = {"verdict": str, "files": dict, "seconds": float, "exit_code": int, "stderr": str}
     usable = all(isinstance(reply.get(key), kind) for key, kind in shapes.items())
