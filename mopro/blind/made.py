@@ -120,10 +120,10 @@ def _place(number: str, name: str) -> str:
     return f"{number}/{name}" if number else name
 
 
-def _is_path(path: object) -> bool:
+def _is_path(path: str) -> bool:
     """Whether a list may name it: of the folder itself or of one of its cases."""
-    number, _, name = str(path).rpartition("/")
-    return path == ANSWERS or ((not number or is_case(number)) and is_name(name))
+    number, slash, name = path.rpartition("/")
+    return path == ANSWERS or (is_name(name) and (is_case(number) or not slash))
 
 
 def _foreign_list(path: Path) -> DataError:
