@@ -19,7 +19,7 @@ import sys
 import tempfile
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TextIO
@@ -63,13 +63,18 @@ def write(path: Path, data: bytes) -> None:
         draft.write_bytes(data)
 
 
-def check_writable(path: Path) -> None:
-    """Raise the DataError that `output` would raise before it begins."""
-    try:
-        with _drafted(_Target.of(path)):
-            pass
-    except OSError as error:
-        raise _unwritable(path, error) from error
+@contextmanager
+def claim(path: Path) -> Iterator[None]:
+    """An empty draft in the place of `path`, held while its content is worked out.
+
+    Raises the DataError that `output` would raise before its block.
+    """
+    with ExitStack() as held:
+        try:
+            held.enter_context(_drafted(_Target.of(path)))
+        except OSError as error:
+            raise _unwritable(path, error) from error
+        yield
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mopro.errors import DataError
-from mopro.files import check_writable, log, make_folder, output, write
+from mopro.files import claim, log, make_folder, output, write
 
 SCRIPT = """
 import os, signal, sys
@@ -80,8 +80,8 @@ def test_a_signal_just_after_the_draft_was_made_leaves_nothing(tmp_path, monkeyp
 @pytest.mark.parametrize(
     "attempt",
     [
-        check_writable,
         lambda path: write(path, b""),
+        lambda path: contextlib.ExitStack().enter_context(claim(path)),
         lambda path: contextlib.ExitStack().enter_context(log(path)),
     ],
 )
@@ -201,9 +201,10 @@ def test_a_read_only_file_is_refused_even_to_the_administrator(tmp_path, mode):
     path = tmp_path / "out.csv"
     path.write_text("before")
     path.chmod(mode)
-    for attempt in (check_writable, lambda path: write(path, b"after")):
-        with pytest.raises(DataError, match="it is read-only; make it writable"):
-            attempt(path)
+    with pytest.raises(DataError, match="it is read-only; make it writable"):
+        write(path, b"after")
+    with pytest.raises(DataError, match="it is read-only; make it writable"), claim(path):
+        pass
     assert (path.read_text(), stat.S_IMODE(path.stat().st_mode)) == ("before", mode)
 
 

@@ -12,7 +12,7 @@ import click
 
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity
-from mopro.cli.outputs import check_outputs, drawn, keep_inputs, page_bytes
+from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 
 T = TypeVar("T")
 
@@ -119,12 +119,12 @@ def score(
 
     ground = Ground.read(folder, _padded(cases))
     keep_inputs([("--report", report)], [("FOLDER", file) for file in ground.files])
-    check_outputs(report)
     if follow:
         ground.refuse_other_copies()
     asker = Asker(again, patience, answers_from)
-    told = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
-    after = _shown(followed(ground, asker, told, jobs), 0, "following up") if follow else []
+    with claimed(report):
+        told = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
+        after = _shown(followed(ground, asker, told, jobs), 0, "following up") if follow else []
     result = Score(tuple(told), tuple(after))
     all_drawn = drawn(report, lambda _: page_bytes(page(result)))
     click.echo(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)

@@ -12,7 +12,7 @@ import click
 
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity
-from mopro.cli.outputs import check_outputs, drawn, keep_inputs, machine_file
+from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
 
 if TYPE_CHECKING:
     from mopro.limits import Limit
@@ -84,11 +84,11 @@ def command(
     from mopro.machine import load_machine
 
     keep_inputs([("--plot", plot)], [("--machine", machine_file(machine))])
-    check_outputs(plot)
     loaded = load_machine(machine)
     if drive == "full":
         loaded = with_full_drive(loaded)
-    limits = find_limits(loaded, payload, velocities, distance)
+    with claimed(plot):
+        limits = find_limits(loaded, payload, velocities, distance)
     figure = _figure(limits, f"{loaded.name}, payload {payload:g} kg")
     code = 0 if drawn(plot, figure) else EXIT_FAILED
     if as_json:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
-from mopro.cli.outputs import check_outputs, keep_inputs, machine_file
+from mopro.cli.outputs import claimed, keep_inputs, machine_file
 from mopro.cli.programs import compiled_program
 
 if TYPE_CHECKING:
@@ -60,14 +60,14 @@ def command(
     from mopro.recording import MemorySink
 
     keep_inputs([("--out", out)], [("FILE", file), ("--machine", machine_file(machine))])
-    check_outputs(out)
     program = compiled_program(file, grammar)
     rate_hz = 4000.0 if instrument == "lvdt" else 10.0
     emulator = Emulator(load_machine(machine), payload, rate_hz, seed)
     if instrument == "lvdt" and for_s is None:
         for_s = _lvdt_duration_s()
     sink = MemorySink()
-    run = emulator.run(program, sink, for_s)
+    with claimed(out):
+        run = emulator.run(program, sink, for_s)
     recording = sink.recording(emulator.header(program), run)
     if instrument == "lvdt":
         count = _lvdt(recording, emulator, axis, None if no_ripple else seed, out)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from itertools import combinations
 from pathlib import Path
 
 import click
 
 from mopro.errors import MoproError
-from mopro.files import check_writable, write
+from mopro.files import claim, write
 
 # An option (or argument) as the person writes it, and the file that it was given.
 Named = tuple[str, str | Path | None]
@@ -58,11 +59,14 @@ def _same(one: Path, other: Path) -> bool:
         return False
 
 
-def check_outputs(*paths: Path | None) -> None:
-    """Raise DataError for an output that cannot be written, before any work is done."""
-    for path in paths:
-        if path is not None:
-            check_writable(path)
+@contextmanager
+def claimed(*paths: Path | None) -> Iterator[None]:
+    """Hold the places of outputs during the work; DataError first for one that takes no file."""
+    with ExitStack() as held:
+        for path in paths:
+            if path is not None:
+                held.enter_context(claim(path))
+        yield
 
 
 def drawn(path: Path | None, draw: Callable[[str], bytes]) -> bool:

@@ -14,7 +14,7 @@ import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile
-from mopro.cli.outputs import check_outputs, drawn, keep_inputs, page_bytes
+from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 from mopro.errors import DataError
 from mopro.files import write
 
@@ -49,11 +49,10 @@ def command(
     outputs = [("--out", out), ("--report", report)]
     keep_inputs(outputs, [("EXPERIMENT", experiment)])
     keep_inputs(outputs, [("EXPERIMENT", file) for file in read_entries(experiment).files])
-    check_outputs(out, report)
     loaded = load_experiment(experiment)
     for note in loaded.notes:
         click.echo(note, err=True)
-    with _progress() as progress:
+    with claimed(out, report), _progress() as progress:
         found = conclude(loaded, jobs or os.cpu_count() or 1, progress)
     code = _written(found, out, report)
     if as_json:

@@ -13,7 +13,7 @@ import click
 from mopro.cli.link import baud_option, dialect_option, opened_session, trace_option
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
-from mopro.cli.outputs import check_outputs, drawn, keep_inputs, machine_file, page_bytes
+from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
 
 if TYPE_CHECKING:
@@ -120,6 +120,7 @@ def command(
     pictures = _Pictures(plot, report)
     backend: Emulator | SerialBackend
     with ExitStack() as files:
+        files.enter_context(claimed(plot, report))
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
             backend = Emulator(load_machine(machine), payload, rate, seed)
@@ -181,7 +182,6 @@ class _Pictures:
     def __init__(self, plot: Path | None, report: Path | None) -> None:
         from mopro.recording import MemorySink
 
-        check_outputs(plot, report)
         self._plot = plot
         self._report = report
         self._memory = MemorySink(_MOST_PLOTTED)
