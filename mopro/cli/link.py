@@ -56,7 +56,7 @@ def connected_session(
     port: str, dialect: str, baud: int | None, trace: Path | None
 ) -> Iterator[Session]:
     """The open port with nothing said yet."""
-    from mopro.errors import DataError
+    from mopro.files import log
     from mopro.link import SerialPort, Session, load_dialect
     from mopro.link.transport import Port, TracedPort
 
@@ -65,12 +65,7 @@ def connected_session(
         line: Port = SerialPort(port, language.line, baud)
         open_things.callback(line.close)
         if trace is not None:
-            try:
-                log = open_things.enter_context(_Log(trace))
-            except OSError as error:
-                message = f"{trace}: cannot be written: {error.strerror}"
-                raise DataError(message, "unwritable-output") from error
-            line = TracedPort(line, log)
+            line = TracedPort(line, open_things.enter_context(log(trace)))
         yield Session(line, language, baud=baud)
 
 

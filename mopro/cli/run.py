@@ -14,6 +14,7 @@ import click
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
+from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
 
 if TYPE_CHECKING:
@@ -109,12 +110,18 @@ def command(
     """
     if emulate == (port is not None):
         raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
+    keep_inputs(
+        [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)],
+        [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)],
+    )
     from mopro.emulator import Emulator
     from mopro.machine import load_machine
 
     program = compiled_program(file, grammar)
+    pictures = _Pictures(plot, report)
     backend: Emulator | SerialBackend
     with ExitStack() as told, ExitStack() as files:
+        files.enter_context(claimed(plot, report))
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
             backend = Emulator(load_machine(machine), payload, rate, seed)
@@ -137,11 +144,11 @@ def command(
                 signals=signals,
                 warn=lambda text: click.echo(f"warning: {text} [no-heartbeat]", err=True),
             )
-        pictures = _Pictures(plot, report, files)
         run = _recorded(backend, program, for_s, out, pictures)
         files.close()
+        all_drawn = pictures.draw(backend.header(program), run)
         _tell(run, program, out, as_json)
-    return EXIT_FAILED if run.stalled or run.trip or run.trouble else 0
+    return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
 def _recorded(
@@ -165,7 +172,6 @@ def _recorded(
     try:
         with open_sink(out, header) as sink:
             run = backend.run(program, pictures.beside(sink), for_s)
-            pictures.draw(header, run)
     except DataError as error:
         if run is None or header.clock != "host":
             raise
@@ -197,31 +203,33 @@ def _from_line(program: Program, line: int, yes: bool) -> Program:
 
 
 class _Pictures:
-    """The plot and the report of a run, their places claimed before it starts."""
+    """The plot and the report of a run, drawn when its recording has been written."""
 
-    def __init__(self, plot: Path | None, report: Path | None, files: ExitStack) -> None:
+    def __init__(self, plot: Path | None, report: Path | None) -> None:
         from mopro.recording import MemorySink
-        from mopro.recording.atomic import written_beside
 
-        self._wanted = bool(plot or report)
         self._plot = plot
-        self._plot_draft = files.enter_context(written_beside(plot)) if plot else None
-        self._report_draft = files.enter_context(written_beside(report)) if report else None
+        self._report = report
         self._memory = MemorySink(_MOST_PLOTTED)
 
     def beside(self, sink: Sink) -> Sink:
-        return _Tee(sink, self._memory) if self._wanted else sink
+        return _Tee(sink, self._memory) if self._plot or self._report else sink
 
-    def draw(self, header: Header, run: Run) -> None:
-        if not self._wanted:
-            return
-        from mopro.plot import report_page
+    def draw(self, header: Header, run: Run) -> bool:
+        """Whether all that was asked for could be drawn."""
 
-        recording = self._memory.recording(header, run)
-        if self._plot and self._plot_draft:
-            recording.plot().savefig(self._plot_draft, format=self._plot.suffix[1:])
-        if self._report_draft:
-            self._report_draft.write_text(report_page(recording, run), encoding="utf-8")
+        def figure(form: str) -> bytes:
+            from mopro.plot import figure_bytes
+
+            return figure_bytes(self._memory.recording(header, run).plot(), form)
+
+        def page(form: str) -> bytes:
+            from mopro.plot import report_page
+
+            return page_bytes(report_page(self._memory.recording(header, run), run))
+
+        # Both are tried, though the first may fail.
+        return all([drawn(self._plot, figure), drawn(self._report, page)])
 
 
 @dataclass(frozen=True)

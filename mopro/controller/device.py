@@ -13,7 +13,7 @@ from mopro.controller.faults import PlantFault
 from mopro.controller.motion import Motion
 from mopro.controller.store import MOST_PROGRAMS, Store, is_name
 from mopro.emulator import Emulator
-from mopro.errors import LocatedError
+from mopro.errors import DataError, LocatedError
 from mopro.language import parse
 from mopro.program import AXES, Program, lower
 from mopro.source import Source
@@ -228,7 +228,7 @@ class Device:
         name, lines = self._download
         self._download = None
         self._compiled(lines)
-        self._store.write(name, lines)
+        self._keep(name, lines)
         return []
 
     def _compiled(self, lines: list[str]) -> Program:
@@ -248,8 +248,15 @@ class Device:
         names = self._store.names()
         if name not in names and len(names) >= MOST_PROGRAMS:
             raise Refuse(8, "no room for another program")
-        self._store.write(name, lines)
+        self._keep(name, lines)
         return []
+
+    def _keep(self, name: str, lines: list[str]) -> None:
+        """Store a program; only what will outlast a crash is answered with an OK."""
+        try:
+            self._store.write(name, lines)
+        except DataError as error:
+            raise Refuse(8, "the program cannot be kept") from error
 
     def _run(self, name: str, for_s: float | None = None) -> list[Row]:
         self._at_rest()

@@ -391,7 +391,7 @@ class TestRefused:
     def test_the_experiment_as_the_place_of_the_machine(self, tmp_path):
         laboratory(tmp_path, {})
         message = self.refused(tmp_path, "experiment.toml", "--out", "experiment.toml")
-        assert "--out would write the machine over the experiment" in message
+        assert "--out would overwrite experiment.toml, which EXPERIMENT reads" in message
 
 
 def test_a_signal_leaves_no_half_written_file(tmp_path):

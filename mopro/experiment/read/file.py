@@ -76,10 +76,18 @@ class Entries:
     grammar: str
     sensors: tuple[SensorEntry, ...]
     runs: tuple[RunEntry, ...]
+    machine_file: Path | None = None
 
     @property
     def folder(self) -> Path:
         return Path(self.source.name).parent
+
+    @property
+    def files(self) -> list[Path]:
+        """Every file that the experiment reads, its own first; a built-in machine has none."""
+        named = [self.folder / name for run in self.runs for name in (run.motion, run.data)]
+        own = [] if self.machine_file is None else [self.machine_file]
+        return [Path(self.source.name), *own, *dict.fromkeys(named)]
 
 
 def read_entries(path: str | Path) -> Entries:
@@ -93,6 +101,7 @@ class _Reader:
 
     def __init__(self, source: Source) -> None:
         self._source = source
+        self._machine_file: Path | None = None
 
     def entries(self, root: Value) -> Entries:
         root.only({"machine", "grammar", "sensor", "run"})
@@ -111,13 +120,15 @@ class _Reader:
             grammar,
             tuple(sensors.values()),
             tuple(e for e in runs if e is not None),
+            self._machine_file,
         )
 
     def _machine(self, value: Value) -> Machine:
         name = text(message=_NO_MACHINE, rule="missing-key")(value)
         if name in builtin_machines():
             return load_machine(name)
-        return load_machine(str(self._file(value)))
+        self._machine_file = self._file(value)
+        return load_machine(str(self._machine_file))
 
     def _file(self, value: Value) -> Path:
         """The path of a file that is there, as seen from the experiment file."""
