@@ -85,12 +85,10 @@ def log(path: Path) -> Iterator[TextIO]:
     flush, and is told of a full disk then: closing it does not raise that again.
     """
     try:
-        target = _Target.of(path)
-        handle = _opener(str(target.path), os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        file = open(_Target.of(path).path, "w", encoding="utf-8", opener=_opener)
     except OSError as error:
         raise _unwritable(path, error) from error
     with ExitStack() as closing:
-        file = open(handle, "w", encoding="utf-8")  # noqa: SIM115 (closed below, come what may)
         closing.callback(_closed, file)
         yield file
 
