@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy import stats
 
-from mopro.diagnosis.remainder import STILL, cumulative_periodogram
+from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.emulator.measured import Sensor
 from mopro.experiment.model import Floats
 
@@ -15,7 +15,6 @@ from mopro.experiment.model import Floats
 _LEAST_NOISE = 0.03
 # Beyond this many deviations the size says enough, and a tail's chance underflows.
 _FAR = 5.0
-_FEWEST = 60
 
 
 def quantile_residual(
@@ -52,14 +51,8 @@ def mean_chance(z: Floats) -> float:
 
 
 def memory_chance(z: Floats) -> float:
-    """How often noise has as much memory.
-
-    Bartlett's test (1955): the cumulative periodogram of white noise is a straight line.
-    """
-    if len(z) < _FEWEST or float(np.var(z)) < STILL:
-        return 1.0
-    test = stats.kstest(cumulative_periodogram(z), "uniform", method="asymp")
-    return float(test.pvalue)
+    """p-value of Bartlett's test of whiteness."""
+    return whiteness_p(z)
 
 
 def aligned(residual: Floats) -> Floats:
