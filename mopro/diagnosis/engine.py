@@ -28,7 +28,7 @@ _STEP_ERROR_SHARE = 0.05**2
 # takes three quarters, which is three times what it leaves.
 _MASKED_FACTOR = 10.0
 
-_FAILS_CV = "lowers chi-squared where it is fitted, and raises it in held-out data"
+_FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
 _MIMICS = "is flexible enough to be a part of what remains unexplained"
 _MASKED = (
     f"explains less than {_MASKED_FACTOR:g} times what remains unexplained, and may be a part of it"
