@@ -135,7 +135,7 @@ def _in_units(search: Search, whitened: Floats) -> list[Floats]:
 
 
 def _signature(search: Search, fit: Fit, name: str) -> Signature:
-    """What an effect adds to the prediction of each series, nuisances projected out."""
+    """Change of the prediction of each series by an effect, nuisances projected out."""
     reduced = search.fits.without(fit, name)
     others = {n: values for n, values in fit.settings.items() if n != name}
     change = search.fits.residuals.at(others) - fit.residual

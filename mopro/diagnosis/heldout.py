@@ -133,6 +133,7 @@ def _predicted(residuals: Residuals, fit: Fit, masks: Sequence[Mask]) -> Floats:
 
 
 def _by_refit(residuals: Residuals, fit: Fit, mask: Mask) -> Floats:
+    """Residual of the fold after a fit of the other folds."""
     settings = fit.settings
     if fit.candidates:
         others = residuals.subset(~mask)
@@ -141,7 +142,7 @@ def _by_refit(residuals: Residuals, fit: Fit, mask: Mask) -> Floats:
 
 
 def _by_step(residuals: Residuals, fit: Fit, mask: Mask) -> Floats:
-    """By one Gauss-Newton step from the fit of all data to that of the other folds."""
+    """Residual of the fold after one Gauss-Newton step to the fit of the other folds."""
     inner, outer = residuals.nuisance_basis(mask), residuals.nuisance_basis(~mask)
     own, others = fit.residual[mask], projected_out(outer, fit.residual[~mask])
     if not len(fit.order):

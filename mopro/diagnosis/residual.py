@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from scipy import fft
+from scipy import fft, linalg
 
 from mopro.diagnosis.model import Floats, Mask, Series, Settings, Simulate
 
@@ -110,7 +110,8 @@ class Residuals:
             own = np.arange(end, end + len(series))
             end += len(series)
             shapes = series.nuisance_shapes()
-            for shape in _orthonormal(shapes[mask[own]]).T:
+            # A series has one sigma, so that its weight does not change the basis.
+            for shape in linalg.orth(shapes[mask[own]], _RANK_TOLERANCE).T:
                 column = np.zeros(len(mask))
                 column[own[mask[own]]] = shape
                 columns.append(column[mask])
@@ -149,11 +150,3 @@ def long_run_variance(values: Floats) -> float:
     wide_enough = np.arange(len(times)) >= _WINDOW * times
     integrated = float(times[np.argmax(wide_enough)])
     return variance * max(integrated, 1.0)
-
-
-def _orthonormal(shapes: Floats) -> Floats:
-    """Orthonormal basis of the columns; one sigma a series, so weights change nothing."""
-    left, strengths, _ = np.linalg.svd(shapes, full_matrices=False)
-    independent = strengths > _RANK_TOLERANCE * max(strengths.max(initial=0.0), 1e-300)
-    basis: Floats = left[:, independent]
-    return basis

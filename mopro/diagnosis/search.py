@@ -72,8 +72,8 @@ class Search:
         """The set with the lowest EBIC that forward, backward and swap steps lead to.
 
         A single effect that is predicted to account for nearly all is tried before any set.
-        Where the null model is far from linear and the search ends in a misfit, it is begun
-        again with other single effects.
+        Where the null model is far from linear and the search ends with more than noise, it is
+        begun again with other single effects.
         """
         single = self._best_single()
         if single.candidates and self._complete(single):
@@ -96,7 +96,7 @@ class Search:
             if self.fits.ebic(step) >= self.fits.ebic(best):
                 if base is best or not far_from_linear(best):
                     break
-                # Where the misfit is still large, an effect below the excess may be real.
+                # Where the residual is still large, an effect below the excess may be real.
                 base = best
                 continue
             best = step

@@ -104,7 +104,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Signature:
-    """What an effect adds to each series, in its unit, and its reduction of chi-squared."""
+    """Change of each series by an effect, in its unit, and its reduction of chi-squared."""
 
     name: str
     changes: tuple[Floats, ...]
