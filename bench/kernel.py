@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mopro.emulator import compiled, kernel
 from mopro.machine import load_machine
+from mopro.plant import compiled, kernel
 
 ROOT = Path(__file__).resolve().parents[1]
 STEPS = 200_000

@@ -25,7 +25,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from random import Random
 
-from mopro.api import compile as compile_text
 from mopro.controller import Device, JoinedPort, MemoryStore, Scenario, Station
 from mopro.controller.faults import Fault, PlantFault
 from mopro.emulator import Emulator
@@ -34,6 +33,7 @@ from mopro.link import SerialBackend, Session, builtin_dialects, load_dialect
 from mopro.link.flash import allowed_s, flash, statements_of
 from mopro.machine import load_machine
 from mopro.program import AXES, Program
+from mopro.program.compile import compile as compile_text
 from mopro.recording import MemorySink, Run
 
 SLACK_S = 0.5

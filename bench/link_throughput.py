@@ -18,13 +18,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
-from mopro.api import compile as compile_text
 from mopro.controller import JoinedPort, Station
 from mopro.emulator import Emulator
 from mopro.link import Port, SerialPort, Session, builtin_dialects, load_dialect
 from mopro.link.flash import allowed_s, upload, verify
 from mopro.machine import load_machine
 from mopro.program import Program
+from mopro.program.compile import compile as compile_text
 
 BAUDS = (9600, 115200)
 

@@ -6,14 +6,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mopro.api import compile  # noqa: A004
     from mopro.diagnosis import reconcile
     from mopro.emulator import emulate
+    from mopro.program.compile import compile  # noqa: A004
     from mopro.recording import Recording, read
 
 # Each name comes with what it needs when it is first used: a text tool loads no numpy.
 _HOMES = {
-    "compile": "mopro.api",
+    "compile": "mopro.program.compile",
     "emulate": "mopro.emulator",
     "reconcile": "mopro.diagnosis",
     "Recording": "mopro.recording",

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mopro.api import compile as compile_text
 from mopro.emulator import Emulator
 from mopro.machine import Machine
 from mopro.motion import plan_profile
+from mopro.program.compile import compile as compile_text
 from mopro.recording import MemorySink
 
 TRAPEZOID, PARABOLA = "trapezoid", "parabola"

@@ -43,9 +43,9 @@ def make(seed: int, out: Path, grid: str, cases: str | None, machine: str, jobs:
 
     Example: mopro blind make --seed 1 --grid small --out cases
     """
-    from mopro.blind.grid import specs
-    from mopro.blind.make import ANSWERS
-    from mopro.blind.make import make as write_cases
+    from mopro.benchmark.grid import specs
+    from mopro.benchmark.make import ANSWERS
+    from mopro.benchmark.make import make as write_cases
     from mopro.cli.blind_machine import numbers_of
 
     only, stated = _padded(cases), numbers_of(machine)
@@ -110,8 +110,8 @@ def score(
 
     Example: mopro blind score cases --report score.md
     """
-    from mopro.blind.page import page
-    from mopro.blind.score import Score
+    from mopro.benchmark.page import page
+    from mopro.benchmark.score import Score
     from mopro.cli.blind_score import Asker, Ground, followed, judged
     from mopro.recording.atomic import written_beside
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from mopro.blind.make import Machine
-from mopro.blind.reference.nominal import Nominal
+from mopro.benchmark.make import Machine
+from mopro.benchmark.reference.nominal import Nominal
 from mopro.machine import builtin_machines, load_machine
 from mopro.machine.model import FULL_STEPS_PER_PITCH
 from mopro.machine.model import Machine as Stated

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mopro.blind.follow import FOLDER, proposed
-from mopro.blind.judge import FAILED, Judgement, judge
-from mopro.blind.make import ANSWERS, hashes
-from mopro.blind.score import Followed, pair
+from mopro.benchmark.follow import FOLDER, proposed
+from mopro.benchmark.judge import FAILED, Judgement, judge
+from mopro.benchmark.make import ANSWERS, hashes
+from mopro.benchmark.score import Followed, pair
 from mopro.errors import DataError
 
 VERDICT = "verdict.json"

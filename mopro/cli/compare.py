@@ -10,7 +10,7 @@ import click
 from mopro.cli.main import EXIT_FAILED
 
 if TYPE_CHECKING:
-    from mopro.experiment.compare import Comparison, Place, SeriesTest
+    from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
 
 _MOST_ROWS = 40
 _PLACES = ("run", "line", "phase", "axis", "way", "sensor", "samples", "mean", "rms", "sigma", "")
@@ -34,7 +34,7 @@ def command(experiment: str, seed: int, as_json: bool) -> int:
     import numpy as np
 
     from mopro.experiment import load_experiment
-    from mopro.experiment.compare import DISAGREEMENT, compare
+    from mopro.experiment.compare.comparison import DISAGREEMENT, compare
 
     loaded = load_experiment(experiment)
     for note in loaded.notes:

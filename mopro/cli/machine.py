@@ -76,14 +76,14 @@ def effects() -> None:
 
     Example: mopro machine effects > docs/effects.md
     """
-    from mopro.emulator.effects.document import markdown
+    from mopro.effects.document import markdown
 
     click.echo(markdown(), nl=False)
 
 
 def _checked(machine: str) -> str:
-    from mopro.emulator.effects import catalogue
-    from mopro.emulator.effects.resolve import active_effects
+    from mopro.effects import catalogue
+    from mopro.effects.resolve import active_effects
     from mopro.machine import load_machine
 
     loaded = load_machine(machine)
@@ -115,8 +115,8 @@ def _quantities(machine: Machine) -> list[dict[str, Any]]:
 
 
 def _effects(machine: Machine) -> list[dict[str, Any]]:
-    from mopro.emulator.effects import catalogue
-    from mopro.emulator.effects.resolve import active_effects
+    from mopro.effects import catalogue
+    from mopro.effects.resolve import active_effects
 
     rows = []
     for active in active_effects(machine, catalogue()):

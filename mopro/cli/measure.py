@@ -12,7 +12,7 @@ from mopro.cli.programs import compiled_program
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
-    from mopro.emulator.command import Floats
+    from mopro.plant.command_table import Floats
     from mopro.recording import Recording
 
 
@@ -84,8 +84,9 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
     """The transducer is placed where the stroke's middle is its own."""
     import numpy as np
 
-    from mopro.emulator.measured import Sensor, measure
     from mopro.instruments import Lvdt, write_lvdt
+    from mopro.instruments.sensor import Sensor
+    from mopro.plant.measurement import measure
 
     way = recording[f"command_{axis}_m"]
     lvdt = Lvdt(middle_m=float(way.max() + way.min()) / 2)
@@ -103,8 +104,9 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
 
 
 def _thermocouple(recording: Recording, emulator: Emulator, out: Path) -> int:
-    from mopro.emulator.measured import Sensor, interpolated, measure
     from mopro.instruments import Thermocouple, write_thermocouple
+    from mopro.instruments.sensor import Sensor
+    from mopro.plant.measurement import interpolated, measure
 
     chain = Thermocouple()
     sensor = Sensor("thermocouple", "temperature", "temperature_C", recording.header.rate_hz)

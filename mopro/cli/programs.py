@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from mopro.api import compile_file
 from mopro.errors import render_all
 from mopro.program import Program
+from mopro.program.compile import compile_file
 
 
 def compiled_program(file: str, grammar: str) -> Program:

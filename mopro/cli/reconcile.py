@@ -17,7 +17,7 @@ from mopro.cli.options import OutputFile
 
 if TYPE_CHECKING:
     from mopro.diagnosis import Named, Verdict
-    from mopro.experiment.conclude import Conclusion
+    from mopro.experiment.conclude.conclusion import Conclusion
 
 _MOST_ROWS = 40
 _EFFECTS = ("effect", "parameter", "95 % interval", "σ in all", "log10 Bayes", "held out")
@@ -40,7 +40,7 @@ def command(
     Example: mopro reconcile experiment.toml --out machine.toml --report why.html
     """
     from mopro.experiment import load_experiment
-    from mopro.experiment.conclude import conclude
+    from mopro.experiment.conclude.conclusion import conclude
     from mopro.recording.atomic import written_beside
 
     if out and out.resolve() == Path(experiment).resolve():
@@ -82,7 +82,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
 def _tell(found: Conclusion) -> None:
     from mopro.cli.table import print_table
-    from mopro.experiment.words import (
+    from mopro.experiment.conclude.wording import (
         NO_PROPOSAL,
         calibration_words,
         faint_words,
@@ -121,7 +121,7 @@ def _tell(found: Conclusion) -> None:
 
 def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:
     """A row for each parameter; the form is below the name, as terminals are narrow."""
-    from mopro.experiment.words import (
+    from mopro.experiment.conclude.wording import (
         form_words,
         held_out_words,
         interval_words,

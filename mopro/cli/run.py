@@ -159,7 +159,7 @@ def _only_with(other: str, *names: str) -> None:
 
 def _from_line(program: Program, line: int, yes: bool) -> Program:
     """The program from `line` on, its settings shown and agreed to."""
-    from mopro.link.resume import resume
+    from mopro.program.resume import resume
 
     resumed = resume(program, line)
     click.echo(f"Begin at line {resumed.line}; in force there, without any motion:", err=True)
@@ -190,11 +190,11 @@ class _Pictures:
     def draw(self, header: Header, run: Run) -> None:
         if not self._wanted:
             return
-        from mopro.plot import plot_recording, report_page
+        from mopro.plot import report_page
 
         recording = self._memory.recording(header, run)
         if self._plot and self._plot_draft:
-            plot_recording(recording).savefig(self._plot_draft, format=self._plot.suffix[1:])
+            recording.plot().savefig(self._plot_draft, format=self._plot.suffix[1:])
         if self._report_draft:
             self._report_draft.write_text(report_page(recording, run), encoding="utf-8")
 

@@ -97,8 +97,8 @@ def command(
 
 def _warm(emulator: Emulator) -> None:
     """Load the compiled kernel by a first use: no client should have to wait for that."""
-    from mopro.api import compile as compile_text
     from mopro.controller.motion import Motion
+    from mopro.program.compile import compile as compile_text
 
     program = compile_text("UU012500/1\nVEL0 1.0\nACC0 1.0\nMRI1 0.001\nWX1\n")
     motion = Motion(emulator, program, emulator.machine.travel_u())

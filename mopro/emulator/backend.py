@@ -10,18 +10,18 @@ from importlib.metadata import version
 
 import numpy as np
 
-from mopro.emulator.axis import EmulatedAxis, Fate, Samples
-from mopro.emulator.command import Floats
-from mopro.emulator.effects import Active, catalogue
-from mopro.emulator.effects.resolve import active_effects
-from mopro.emulator.engine import Stepping
-from mopro.emulator.platen import platen_result, yaw_rad
-from mopro.emulator.setup import Settings, Staging, planned, stage, staged
+from mopro.effects import Active, catalogue
+from mopro.effects.resolve import active_effects
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
 from mopro.machine.backend import DEFAULT_LOOP_S
 from mopro.machine.report import Outcome, move_report
 from mopro.motion import PlannedMove, Schedule
+from mopro.plant.axis import EmulatedAxis, Fate, Samples
+from mopro.plant.command_table import Floats
+from mopro.plant.engine import Stepping
+from mopro.plant.platen import platen_result, yaw_rad
+from mopro.plant.simulate import Settings, Staging, planned, stage, staged
 from mopro.program import Program
 from mopro.recording import Header, MemorySink, MoveReport, Recording, Run, Sink
 from mopro.recording.record import Columns

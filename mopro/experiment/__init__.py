@@ -1,6 +1,6 @@
 """Experiments: measured data beside the program and the machine that they came from."""
 
-from mopro.experiment.load import load_experiment
+from mopro.experiment.check.load import load_experiment
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, SteadyTable, Trial
 
 __all__ = [

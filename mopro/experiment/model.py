@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.emulator.measured import Sensor
+from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.program import Program
 from mopro.source import Source, Span

@@ -34,7 +34,7 @@ def overheating(machine: Machine, survey: Survey, loops: bool) -> Overheating | 
     """The first time at which the temperature passes the rating, or None if it never does."""
     import numpy as np
 
-    from mopro.emulator.heat import HeatHistory
+    from mopro.plant.heat import HeatHistory
 
     moves = survey.schedule.moves
     if not moves:

@@ -1,6 +1,5 @@
-"""Pictures of recordings, and the HTML report."""
+"""Pages and figures that people look at."""
 
-from mopro.plot.picture import plot_recording
 from mopro.plot.report import report_page
 
-__all__ = ["plot_recording", "report_page"]
+__all__ = ["report_page"]

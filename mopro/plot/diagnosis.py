@@ -9,8 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from mopro.diagnosis import Verdict
-from mopro.experiment.conclude import Conclusion
-from mopro.experiment.words import (
+from mopro.experiment.conclude.conclusion import Conclusion
+from mopro.experiment.conclude.wording import (
     NO_PROPOSAL,
     calibration_words,
     effect_words,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from mopro.plot.page import heading, page, paragraph, picture, table
-from mopro.plot.picture import plot_recording
 from mopro.recording import Recording, Run
 from mopro.recording.table import MOVE_COLUMNS, move_cells, outcome
 
@@ -16,9 +15,7 @@ def report_page(recording: Recording, run: Run) -> str:
         [
             paragraph(outcome(run)),
             table("Moves", MOVE_COLUMNS, map(move_cells, run.moves)),
-            picture(
-                plot_recording(recording), "Position, velocity, following error, force, temperature"
-            ),
+            picture(recording.plot(), "Position, velocity, following error, force, temperature"),
             heading("How it was made"),
             table("The recording", (), ([key, str(value)] for key, value in header.items())),
         ],

@@ -10,7 +10,7 @@ import numpy as np
 
 from mopro.diagnosis import Series
 from mopro.diagnosis.model import Floats
-from mopro.plot.picture import mark_lines
+from mopro.recording.figure import mark_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -88,9 +88,9 @@ class Recording:
 
     def plot(self) -> Figure:
         """Position, velocity, following error and phase currents over time."""
-        from mopro.plot import plot_recording
+        from mopro.recording.figure import draw
 
-        return plot_recording(self)
+        return draw(self.columns, self.axes, f"{self.header.program} on {self.header.machine}")
 
 
 class MemorySink:

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from mopro.api import compile_file
 from mopro.emulator import Emulator
-from mopro.emulator.heat import heat_balance
-from mopro.emulator.platen import elongation_m
 from mopro.machine import load_machine
 from mopro.motion import Profile, plan_profile
+from mopro.plant.heat import heat_balance
+from mopro.plant.platen import elongation_m
+from mopro.program.compile import compile_file
 from mopro.recording import MemorySink, Run
 from mopro.thesis.printed import EXPERIMENTS, PROFILE_TABLES, THERMAL, Entry, Experiment
 from mopro.units import INCH_M, POUND_KG

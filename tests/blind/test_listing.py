@@ -6,9 +6,9 @@ import pytest
 from paths import PROGRAMS
 
 from mopro import compile as compile_program
-from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import INCH_M, THESIS
-from mopro.blind.reference.profiles import duration_s, legs
+from mopro.benchmark.reference.listing import timeline
+from mopro.benchmark.reference.nominal import INCH_M, THESIS
+from mopro.benchmark.reference.profiles import duration_s, legs
 from mopro.language.load import load
 from mopro.motion import plan
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mopro.blind import hidden
-from mopro.blind.case import drawn, instruments
-from mopro.blind.grid import LASER, Spec, specs
-from mopro.blind.make import make, write
-from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import THESIS
-from mopro.blind.sizes import Bench, class_of
+from mopro.benchmark import hidden
+from mopro.benchmark.case import drawn, instruments
+from mopro.benchmark.grid import LASER, Spec, specs
+from mopro.benchmark.make import make, write
+from mopro.benchmark.reference.listing import timeline
+from mopro.benchmark.reference.nominal import THESIS
+from mopro.benchmark.sizes import Bench, class_of
 from mopro.instruments import read_thermocouple
 
 ONE = Spec("single", LASER, (("viscous_drag", "clear"),), runs=1, run_s=1.0)
@@ -90,7 +90,7 @@ def test_the_full_grid_has_what_the_issue_asks_for():
 
 
 def test_the_grid_s_effects_are_the_catalogue_s():
-    from mopro.emulator.effects import OWN
+    from mopro.effects import OWN
 
     parameters = {kind.name: {p.name for p in kind.parameters} for kind in OWN}
     assert set(hidden.ENTRIES) == set(parameters)
@@ -102,7 +102,7 @@ def test_the_grid_s_effects_are_the_catalogue_s():
 @pytest.mark.parametrize("name", [n for n in hidden.ENTRIES if n != "lost_steps"])
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_all_strengths_lie_in_the_plausible_range(name, seed):
-    from mopro.emulator.effects import OWN
+    from mopro.effects import OWN
 
     kind = next(k for k in OWN if k.name == name)
     entry = hidden.ENTRIES[name]

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.blind import hidden
-from mopro.blind.case import drawn
-from mopro.blind.follow import hidden_plant
-from mopro.blind.grid import LASER, THERMOCOUPLE, Spec
-from mopro.blind.make import Machine, write
-from mopro.blind.reference.experiment import Plant
-from mopro.blind.reference.nominal import THESIS
+from mopro.benchmark import hidden
+from mopro.benchmark.case import drawn
+from mopro.benchmark.follow import hidden_plant
+from mopro.benchmark.grid import LASER, THERMOCOUPLE, Spec
+from mopro.benchmark.make import Machine, write
+from mopro.benchmark.reference.experiment import Plant
+from mopro.benchmark.reference.nominal import THESIS
 from mopro.cli.blind_machine import numbers_of
-from mopro.experiment.diagnose import Model
-from mopro.experiment.load import load_experiment
+from mopro.experiment.check.load import load_experiment
+from mopro.experiment.diagnose.diagnosis import Model
 from mopro.machine import load_machine
 
 STATED = Path(mopro.__file__).parent / "machine" / "machines" / "chow1992.toml"

@@ -7,12 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from mopro.blind.reference import heat, motion, plant
-from mopro.blind.reference.experiment import Plant, Trial
-from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import INCH_M
-from mopro.blind.reference.nominal import THESIS as n
-from mopro.blind.reference.sensors import Instrument
+from mopro.benchmark.reference import heat, motion, plant
+from mopro.benchmark.reference.experiment import Plant, Trial
+from mopro.benchmark.reference.listing import timeline
+from mopro.benchmark.reference.nominal import INCH_M
+from mopro.benchmark.reference.nominal import THESIS as n
+from mopro.benchmark.reference.sensors import Instrument
 
 LASER = Instrument("laser", "position", 1, "position_1_in", INCH_M, 2000.0, 2e-5, 0.0)
 MOVE = "UU012500/1\nVEL1 20.0\nACC1 0.25\nMRI1 4.0\nWX1\nWT300\nMRI1 -4.0\nWX1\nWT300\n"

@@ -8,11 +8,11 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from mopro.blind.follow import proposed
-from mopro.blind.judge import judge
-from mopro.blind.make import make
-from mopro.blind.page import page
-from mopro.blind.score import Followed, Score, pair
+from mopro.benchmark.follow import proposed
+from mopro.benchmark.judge import judge
+from mopro.benchmark.make import make
+from mopro.benchmark.page import page
+from mopro.benchmark.score import Followed, Score, pair
 from mopro.cli.blind import command
 
 HIDDEN = {"name": "viscous_drag", "parameters": {"b": 5.0}, "total_sigma": 50.0}

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.blind import hidden
-from mopro.blind.case import instruments
-from mopro.blind.grid import THERMOCOUPLE
-from mopro.blind.programs import Author
-from mopro.blind.reference.experiment import Plant, Trial
-from mopro.blind.reference.nominal import THESIS
-from mopro.emulator.measured import Sensor
+from mopro.benchmark import hidden
+from mopro.benchmark.case import instruments
+from mopro.benchmark.grid import THERMOCOUPLE
+from mopro.benchmark.programs import Author
+from mopro.benchmark.reference.experiment import Plant, Trial
+from mopro.benchmark.reference.nominal import THESIS
 from mopro.experiment.model import Experiment, Reading
 from mopro.experiment.model import Trial as Measured
-from mopro.experiment.motor import Motor
+from mopro.experiment.predict.forward_model import Motor
+from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.source import Source
 

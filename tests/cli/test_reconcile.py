@@ -19,7 +19,7 @@ import pytest
 from laboratory import Lab
 from paths import PROGRAMS, ROOT
 
-from mopro.emulator.measured import Sensor
+from mopro.instruments.sensor import Sensor
 
 TABLE_3_2 = PROGRAMS / "thermal" / "experiment.toml"
 SETUP = "UU012500/1\nVEL1 15.0\nACC1 0.2\n"

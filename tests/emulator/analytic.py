@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import mopro
-from mopro.emulator import kernel
 from mopro.machine import load_machine
+from mopro.plant import kernel
 
 MACHINE = load_machine("chow1992")
 AXIS = MACHINE.axis

@@ -16,7 +16,7 @@ from analytic import (
     swing_frequency,
 )
 
-from mopro.emulator import kernel
+from mopro.plant import kernel
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.emulator.platen import elongation_m
 from mopro.machine import load_machine
 from mopro.machine.model import Forcers
+from mopro.plant.platen import elongation_m
 
 MACHINE = load_machine("chow1992")
 FULL = replace(MACHINE, drive=replace(MACHINE.drive, model="full"))

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.api import compile_file
 from mopro.emulator import Emulator
-from mopro.emulator.heat import HeatHistory, heat_balance
-from mopro.emulator.plant import PlantNumbers
-from mopro.emulator.setup import compiling_pays
 from mopro.errors import MoproError
 from mopro.machine import load_machine
+from mopro.machine.constants import PlantNumbers
 from mopro.motion import plan
+from mopro.plant.heat import HeatHistory, heat_balance
+from mopro.plant.simulate import compiling_pays
+from mopro.program.compile import compile_file
 from mopro.recording import MemorySink, column_names
 
 SETUP = "UU012500/1\nVEL0 40.0\nACC0 {acc}\n"

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.emulator.assembly import Layout, assemble
-from mopro.emulator.effects import Active, Effect, Parameter, Stage, catalogue
-from mopro.emulator.kept import module_text, term_text
+from mopro.effects import Active, Effect, Parameter, Stage, catalogue
+from mopro.plant.assembly import Layout, assemble
+from mopro.plant.kept import module_text, term_text
 
 BODY = "UU012500/1\nVEL1 15.0\nACC1 50.0\nMRI1 0.1\nWX1\n"
 SCRIPT = f"""
 import hashlib, mopro
-from mopro.emulator.assembly import Layout, assemble
-from mopro.emulator.effects import Active, catalogue
+from mopro.plant.assembly import Layout, assemble
+from mopro.effects import Active, catalogue
 effects = {{"quadratic_drag": {{"c": 5.0}}}}
 run = mopro.emulate(mopro.compile({BODY!r}), effects=effects, compiled=True)
 layout = Layout.of([Active(catalogue()[n], (1.0,), (1,)) for n in effects])

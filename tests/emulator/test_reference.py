@@ -5,7 +5,7 @@ import pytest
 import reference
 
 import mopro
-from mopro.api import compile_file
+from mopro.program.compile import compile_file
 
 UM, NM = 1e-6, 1e-9
 INCH = reference.INCH

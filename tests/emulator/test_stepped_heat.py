@@ -7,13 +7,13 @@ import pytest
 from paths import PROGRAMS
 
 import mopro
-from mopro.api import compile_file
-from mopro.emulator.effects import Active, Effect, Stage, catalogue
-from mopro.emulator.engine import Strength
-from mopro.emulator.heat import heat_pieces
-from mopro.emulator.stepped_heat import SteppedHeat
+from mopro.effects import Active, Effect, Stage, catalogue
 from mopro.machine import load_machine
 from mopro.motion import plan
+from mopro.plant.engine import Strength
+from mopro.plant.heat import heat_pieces
+from mopro.plant.stepped_heat import SteppedHeat
+from mopro.program.compile import compile_file
 
 MACHINE = load_machine("chow1992")
 CAPACITY_J_K = MACHINE.axis.moving_mass_kg * MACHINE.heat.specific_heat_J_kg_K

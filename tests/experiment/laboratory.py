@@ -4,9 +4,10 @@ import numpy as np
 
 import mopro
 from mopro.emulator import Emulator
-from mopro.emulator.measured import Sensor, measure
 from mopro.experiment import load_experiment
+from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
+from mopro.plant.measurement import measure
 from mopro.recording import MemorySink
 
 LASER = """

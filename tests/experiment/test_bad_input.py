@@ -7,11 +7,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mopro.emulator.measured import Sensor
 from mopro.errors import DataError, MoproError
 from mopro.experiment import load_experiment
-from mopro.experiment.data import read_data
-from mopro.experiment.readings import reading
+from mopro.experiment.read.data import read_data
+from mopro.experiment.read.readings import reading
+from mopro.instruments.sensor import Sensor
 
 RUN = 'program = "fast.CMD"\ndata = "fast.csv"'
 

@@ -8,15 +8,15 @@ import pytest
 
 import mopro
 from mopro.diagnosis import Role
-from mopro.emulator.effects import catalogue
-from mopro.emulator.measured import Sensor
-from mopro.experiment import diagnose as diagnosis
-from mopro.experiment import motor
-from mopro.experiment.catalogue import candidates
-from mopro.experiment.diagnose import diagnose
+from mopro.effects import catalogue
+from mopro.experiment.conclude.machine_file import machine_with
+from mopro.experiment.diagnose import diagnosis
+from mopro.experiment.diagnose.candidates import candidates
+from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial
-from mopro.experiment.motor import Motor
-from mopro.experiment.outcome import machine_with
+from mopro.experiment.predict import forward_model as motor
+from mopro.experiment.predict.forward_model import Motor
+from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.machine.file import read_machine
 from mopro.motion import plan

@@ -8,9 +8,9 @@ from test_motor import LASER, of
 
 import mopro
 from mopro.diagnosis import reconcile
-from mopro.experiment.catalogue import candidates
-from mopro.experiment.motor import COARSE, FINE, Motor
-from mopro.experiment.series import series_of
+from mopro.experiment.diagnose.candidates import candidates
+from mopro.experiment.diagnose.series import series_of
+from mopro.experiment.predict.forward_model import COARSE, FINE, Motor
 
 STROKES = mopro.compile("UU012500/1\nVEL1 5.0\nACC1 0.1\n" + 4 * "MRI1 3.0\nWX1\nWT300\n")
 COARSER = dataclasses.replace(LASER, noise_rms=1e-4)

@@ -7,13 +7,13 @@ import pytest
 from thermal_table import MACHINE, table
 
 import mopro
-from mopro.emulator.measured import Sensor
-from mopro.experiment.catalogue import candidates
-from mopro.experiment.diagnose import diagnose
+from mopro.experiment.diagnose.candidates import candidates
+from mopro.experiment.diagnose.diagnosis import diagnose
+from mopro.experiment.diagnose.quantisation import thinned
 from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.motor import FINE, Motor
-from mopro.experiment.rounded import thinned
-from mopro.experiment.steady import rises
+from mopro.experiment.predict.forward_model import FINE, Motor
+from mopro.experiment.predict.steady import rises
+from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine
 from mopro.motion import plan
 from mopro.source import Source

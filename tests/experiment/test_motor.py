@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.emulator.engine import Stepping
-from mopro.emulator.measured import Sensor
 from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.motor import COARSE, Motor
+from mopro.experiment.predict.forward_model import COARSE, Motor
+from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
+from mopro.plant.engine import Stepping
 from mopro.source import Source
 
 # A ripple of the tooth goes by in a quarter of a millisecond at full speed, so steps in

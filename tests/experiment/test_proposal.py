@@ -10,13 +10,14 @@ from mopro.diagnosis import Estimate, Named, Verdict
 from mopro.diagnosis.remainder import Remainder
 from mopro.diagnosis.verdict import Gap
 from mopro.emulator import Emulator
-from mopro.emulator.measured import Sensor, measure
-from mopro.emulator.trips import limit_trip, switches_u
+from mopro.experiment.design.experiment_design import propose
+from mopro.experiment.design.test_motions import Bounds, moving_pieces, text_of, warming_pieces
 from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.pieces import Bounds, moving_pieces, text_of, warming_pieces
-from mopro.experiment.proposal import propose
+from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
+from mopro.plant.measurement import measure
+from mopro.plant.trips import limit_trip, switches_u
 from mopro.recording import MemorySink
 from mopro.source import Source
 

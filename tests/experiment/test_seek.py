@@ -10,10 +10,10 @@ import mopro
 from mopro.diagnosis.fit import least_squares_fit
 from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.signature import searched
-from mopro.experiment.catalogue import candidates
-from mopro.experiment.motor import COARSE, FINE, Motor
-from mopro.experiment.rests import EARLIEST_S
-from mopro.experiment.series import series_of
+from mopro.experiment.diagnose.candidates import candidates
+from mopro.experiment.diagnose.hold_current_search import EARLIEST_S
+from mopro.experiment.diagnose.series import series_of
+from mopro.experiment.predict.forward_model import COARSE, FINE, Motor
 
 
 def starts(name, truth, fitted=(), seed=0, program=PROGRAM, noise_in=LASER.noise_rms, form=""):

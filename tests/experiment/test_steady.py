@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from thermal_table import AIR, CYCLE_M, INCH, MACHINE, source_table, table
 
+from mopro.experiment.diagnose.thermal import candidates, series
 from mopro.experiment.model import SteadyTable
-from mopro.experiment.steady import HOTTEST_RISE_K, rises
-from mopro.experiment.thermal import candidates, series
+from mopro.experiment.predict.steady import HOTTEST_RISE_K, rises
 from mopro.thesis.printed import THERMAL
 
 NOT_REPRODUCIBLE = 4

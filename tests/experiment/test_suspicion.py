@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from laboratory import LASER
 
-from mopro.emulator.measured import Sensor
 from mopro.errors import ModelError, MotionError
+from mopro.instruments.sensor import Sensor
 
 BOTH = "UU012500/1\nVEL0 6.0\nACC0 0.1\nMRI1 2.0\nWX1\nMRI2 1.0\nWX2\nMRI1 -2.0\nWX1\nWT300\n"
 

@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 from thermal_table import AIR, CYCLE_M, MACHINE, table
 
 import mopro
-from mopro.experiment.steady import rises
-from mopro.experiment.thermal import candidates, series
+from mopro.experiment.diagnose.thermal import candidates, series
+from mopro.experiment.predict.steady import rises
 
 CANDIDATES = candidates(MACHINE)
 

@@ -5,11 +5,11 @@ import pytest
 
 import mopro
 from mopro.emulator import Emulator
-from mopro.emulator.setup import Settings, staged
 from mopro.experiment import load_experiment
-from mopro.experiment.diagnose import diagnose
+from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.instruments import Thermocouple
 from mopro.machine import load_machine
+from mopro.plant.simulate import Settings, staged
 
 PROGRAM = (
     "UU012500/1\nVEL2 {}\nACC2 0.2\n:B1\nMRI2 {}\nWX2\nWT4000\nMRI2 -{}\nWX2\nWT4000\nJUMP B1\n"

@@ -8,8 +8,8 @@ import pytest
 from mopro.diagnosis import Estimate, Named, Verdict
 from mopro.diagnosis.remainder import Remainder
 from mopro.diagnosis.verdict import BelowResolution, Gap
-from mopro.experiment.compare import Place
-from mopro.experiment.words import (
+from mopro.experiment.compare.comparison import Place
+from mopro.experiment.conclude.wording import (
     calibration_words,
     effect_words,
     faint_words,

@@ -5,11 +5,11 @@ import pytest
 from bench_of_link import DIALECTS, SHORT, bench
 
 import mopro
-from mopro.api import compile_file
 from mopro.controller.faults import Fault, PlantFault
 from mopro.errors import MotionError, SourceError
-from mopro.link.resume import resume
 from mopro.machine import load_machine
+from mopro.program.compile import compile_file
+from mopro.program.resume import resume
 from mopro.program.text import canonical
 
 MICROSTEP_M = load_machine("chow1992").microstep_m

@@ -6,11 +6,11 @@ import pytest
 from agreement import agreement
 
 import mopro
-from mopro.emulator.heat import heat_balance
 from mopro.lint import Settings, lint
 from mopro.lint.check import subject_of
 from mopro.lint.swing import Swing, Swinger, greatest_step_m_s2
 from mopro.machine import load_machine
+from mopro.plant.heat import heat_balance
 from mopro.source import Source
 
 MACHINE = load_machine("chow1992")

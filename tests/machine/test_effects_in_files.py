@@ -4,8 +4,8 @@ from importlib import resources
 
 import pytest
 
-from mopro.emulator.effects import catalogue
-from mopro.emulator.effects.resolve import active_effects
+from mopro.effects import catalogue
+from mopro.effects.resolve import active_effects
 from mopro.errors import ModelError
 from mopro.machine.file import read_machine
 from mopro.source import Source

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from mopro.api import compile_file
 from mopro.language import load, parse
 from mopro.program import text
+from mopro.program.compile import compile_file
 
 GOLDEN = Path(__file__).parents[1] / "data" / "ir"
 

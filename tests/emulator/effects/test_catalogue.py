@@ -11,15 +11,15 @@ import pytest
 from paths import PROGRAMS
 
 import mopro
-from mopro.emulator.assembly import Layout, assemble
-from mopro.emulator.command import CommandTable
-from mopro.emulator.effects import Active, Effect, Parameter, Stage, catalogue
-from mopro.emulator.effects.document import markdown
-from mopro.emulator.engine import AssembledEngine, Stepping, Strength
-from mopro.emulator.plant import PlantNumbers
+from mopro.effects import Active, Effect, Parameter, Stage, catalogue
+from mopro.effects.document import markdown
 from mopro.errors import ModelError
 from mopro.machine import load_machine
+from mopro.machine.constants import PlantNumbers
 from mopro.motion.track import Track
+from mopro.plant.assembly import Layout, assemble
+from mopro.plant.command_table import CommandTable
+from mopro.plant.engine import AssembledEngine, Stepping, Strength
 
 NAMES = [
     "payload_mass",
@@ -118,7 +118,7 @@ def test_compiled_and_plain_kernels_give_the_same_bits():
 
 OUTSIDE = '''
 import math
-from mopro.emulator.effects import Effect, Parameter, Stage
+from mopro.effects import Effect, Parameter, Stage
 
 
 class Wobble(Effect):

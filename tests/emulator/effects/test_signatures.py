@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 import mopro
+from mopro.effects import catalogue
 from mopro.emulator import Emulator
-from mopro.emulator.effects import catalogue
-from mopro.emulator.engine import Strength
-from mopro.emulator.heat import HeatHistory
-from mopro.emulator.measured import Sensor, measure
-from mopro.emulator.stepped_heat import SteppedHeat
+from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
+from mopro.plant.engine import Strength
+from mopro.plant.heat import HeatHistory
+from mopro.plant.measurement import measure
+from mopro.plant.stepped_heat import SteppedHeat
 
 MACHINE = load_machine("chow1992")
 K = MACHINE.axis.stiffness_N_m

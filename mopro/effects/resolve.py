@@ -1,0 +1,88 @@
+"""From what a machine states to the effects that run, with every fault at its line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+from mopro.effects.base import Active, Effect, Parameter
+from mopro.effects.phases import VoltageSaturation
+from mopro.errors import Diagnostic, ModelError
+from mopro.machine import Machine, StatedEffect, StatedValue
+from mopro.program import AXES
+from mopro.source import Source, Span
+from mopro.units import to_si
+
+
+def active_effects(machine: Machine, catalogue: dict[str, Effect]) -> tuple[Active, ...]:
+    """The effects that `machine` switches on, in the catalogue's order.
+
+    A drive of the full electrical model is voltage_saturation at its supply. Raises
+    ModelError with all findings.
+    """
+    resolver = _Resolver(catalogue)
+    active = [a for stated in machine.effects if (a := resolver.resolve(stated))]
+    if resolver.found:
+        raise ModelError(machine.source or Source(machine.name, ""), resolver.found)
+    names = {a.name for a in active}
+    if machine.drive.model == "full" and VoltageSaturation.name not in names:
+        active.append(Active(VoltageSaturation(), (machine.drive.supply_V,), AXES))
+    order = {name: i for i, name in enumerate(catalogue)}
+    return tuple(sorted(active, key=lambda a: order[a.name]))
+
+
+def values_by_effect(machine: Machine, catalogue: dict[str, Effect]) -> dict[str, dict[str, float]]:
+    """The numbers (SI) of each effect that `machine` switches on, by the parameters' names."""
+    return {
+        a.name: {p.name: v for p, v in zip(a.effect.parameters, a.values, strict=True)}
+        for a in active_effects(machine, catalogue)
+    }
+
+
+class _Resolver:
+    def __init__(self, catalogue: dict[str, Effect]) -> None:
+        self.found: list[Diagnostic] = []
+        self._catalogue = catalogue
+
+    def resolve(self, stated: StatedEffect) -> Active | None:
+        effect = self._catalogue.get(stated.name)
+        if effect is None:
+            message = f"there is no effect {stated.name}"
+            self._report(
+                "unknown-effect", message, stated.span, _near(stated.name, self._catalogue)
+            )
+            return None
+        parameters = {p.name: p for p in effect.parameters}
+        for key, value in stated.values.items():
+            if key not in parameters:
+                message = f"{effect.name} has no parameter {key}"
+                self._report("unknown-parameter", message, value.span, _near(key, parameters))
+        values = tuple(self._value(p, stated.values.get(p.name)) for p in effect.parameters)
+        return Active(effect, values, stated.axes)
+
+    def _value(self, parameter: Parameter, stated: StatedValue | None) -> float:
+        """The value in SI; an unstated one is the default."""
+        if stated is None:
+            return parameter.default
+        value = stated.number
+        if stated.unit is not None:
+            try:
+                value = to_si(value, stated.unit, parameter.dimension)
+            except ValueError as error:
+                self._report("wrong-unit", f"{parameter.name}: {error}", stated.span)
+                return parameter.default
+        if fault := parameter.fault(value):
+            self._report("bad-value", fault, stated.span, f"it is {parameter.meaning}")
+        return value
+
+    def _report(self, rule: str, message: str, span: Span, hint: str | None = None) -> None:
+        self.found.append(Diagnostic(rule, message, span, hint=hint))
+
+
+def _near(name: str, known: Iterable[str]) -> str:
+    """A suggestion; a wrong letter case is the nearest of all."""
+    by_lower = {each.lower(): each for each in known}
+    near = get_close_matches(name.lower(), by_lower, n=1)
+    if near:
+        return f"did you mean `{by_lower[near[0]]}`?"
+    return f"known are {', '.join(sorted(by_lower.values()))}"

@@ -1,0 +1,1 @@
+"""Consistency of an experiment before it is compared: units, times, limits, stalls."""

@@ -1,0 +1,193 @@
+"""Whether data and programs belong together: what no effect of a machine could explain.
+
+Data are held against what the programs command, not against a simulation. A machine that
+lags, loses pitches, or moves at another speed than it is told still follows its own
+program far better than any other one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+
+from mopro.errors import Diagnostic, ModelError
+from mopro.experiment.check.feasible import Suspect, check_motion, too_long, too_short
+from mopro.experiment.model import Experiment, Floats, Reading
+from mopro.experiment.predict.nominal import compiling_pays, planned
+from mopro.instruments.sensor import Sensor
+from mopro.machine import Machine
+from mopro.motion import Schedule
+from mopro.plant.command_table import CommandTable
+from mopro.program import AXES
+from mopro.units import UNITS
+
+# Another program (axis, unit) fits far better: its misfit is smaller by this factor.
+FAR_BETTER = 5.0
+_UNIT_TOLERANCE = 0.05
+_MOVES_SHARE = 0.2
+_EXPLAINED = 0.9
+_FOLLOWS = 0.5
+_LENGTHS = ("in", "mm", "um", "m", "cm")
+
+
+def check(experiment: Experiment) -> list[str]:
+    """Refuse data that cannot have come from the runs that they are said to be of.
+
+    Gives notes on data that are odd. Raises ModelError at the runs of the experiment
+    file, or MotionError at the line of a program that the machine cannot follow.
+    """
+    endless = list(too_long(experiment.trials))
+    if endless:
+        raise ModelError(experiment.source, endless)
+    suspects = [Suspect(trial, planned(trial, experiment.machine)) for trial in experiment.trials]
+    machine = experiment.machine
+    # The first that finds something explains what the later ones would find.
+    for look in (_swapped, _wrong_axes, _wrong_units, too_short):
+        found = list(look(suspects, machine))
+        if found:
+            raise ModelError(experiment.source, found)
+    compiled = compiling_pays(experiment)
+    for suspect in suspects:
+        check_motion(suspect, machine, compiled)
+    return list(_doubts(suspects, machine))
+
+
+def _command_m(schedule: Schedule, axis: int, time_s: Floats, machine: Machine) -> Floats:
+    command: Floats = CommandTable(schedule.tracks[axis]).position_u(time_s) * machine.microstep_m
+    return command
+
+
+def _misfit_m(reading: Reading, command_m: Floats) -> float:
+    """RMS distance from the command, an offset and the sensor's noise taken out (m).
+
+    Never below what the noise leaves uncertain.
+    """
+    sensor = reading.sensor
+    apart = reading.values * sensor.unit_si - command_m
+    sigma_m = sensor.sigma * sensor.unit_si
+    excess = float(np.var(apart)) - sigma_m**2
+    return math.sqrt(max(excess, 2 * sigma_m**2 * math.sqrt(2 / len(apart))))
+
+
+# -- two runs exchanged ----------------------------------------------------------
+
+
+def _swapped(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnostic]:
+    for one, other in combinations(suspects, 2):
+        if _far_better(one, other, machine) and _far_better(other, one, machine):
+            names = one.trial.name, other.trial.name
+            message = (
+                f"two runs seem to be swapped: {names[0]} fits {other.commanded_by} far better"
+                f" than {one.commanded_by}, and {names[1]} the other way round"
+            )
+            hint = "exchange their programs, or their data"
+            yield Diagnostic("swapped", message, one.trial.span, hint=hint)
+
+
+def _far_better(one: Suspect, other: Suspect, machine: Machine) -> bool:
+    """Whether all data of `one` follow the motion of `other` and not its own."""
+    ratios = []
+    for reading in one.positions():
+        own, strange = (
+            _command_m(s.schedule, reading.sensor.axis, reading.time_s, machine)
+            for s in (one, other)
+        )
+        if np.ptp(strange) or np.ptp(own):
+            moved = _moves_enough(reading, strange)
+            ratio = _misfit_m(reading, own) / _misfit_m(reading, strange)
+            ratios.append(ratio if moved else 0.0)
+    return bool(ratios) and min(ratios) > FAR_BETTER
+
+
+def _moves_enough(reading: Reading, command_m: Floats) -> bool:
+    """Whether a command moves about as much as the data; data at rest fit any rest."""
+    spread_m = float(np.std(reading.values)) * reading.sensor.unit_si
+    return float(np.std(command_m)) > _MOVES_SHARE * spread_m
+
+
+# -- the other axis, another unit --------------------------------------------------
+
+
+def _wrong_axes(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnostic]:
+    for suspect in suspects:
+        for reading in suspect.positions():
+            axis = reading.sensor.axis
+            other = next(n for n in AXES if n != axis)
+            own, strange = (
+                _command_m(suspect.schedule, n, reading.time_s, machine) for n in (axis, other)
+            )
+            if not _moves_enough(reading, strange):
+                continue
+            if _misfit_m(reading, own) > FAR_BETTER * _misfit_m(reading, strange):
+                message = (
+                    f"{suspect.trial.name}: {reading.sensor.column} follows the command of axis"
+                    f" {other}, and sensor {reading.sensor.name} is said to be on axis {axis}"
+                )
+                hint = "correct the sensor's axis and column, or the data"
+                yield Diagnostic("wrong-axis", message, suspect.trial.span, hint=hint)
+
+
+def _wrong_units(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnostic]:
+    for suspect in suspects:
+        for reading in suspect.positions():
+            command_m = _command_m(suspect.schedule, reading.sensor.axis, reading.time_s, machine)
+            found = _scale_of(reading, command_m)
+            if found is not None:
+                yield from _scale_finding(suspect, reading.sensor, found)
+
+
+def _scale_of(reading: Reading, command_m: Floats) -> float | None:
+    """How many times as large as commanded the data are, if they follow the command.
+
+    None where the fit is too poor to tell.
+    """
+    if not np.ptp(command_m):
+        return None
+    values_m = (reading.values - reading.values.mean()) * reading.sensor.unit_si
+    command = command_m - command_m.mean()
+    scale = float(values_m @ command) / float(command @ command)
+    sigma_m = reading.sensor.sigma * reading.sensor.unit_si
+    explained = scale**2 * float(np.var(command))
+    left = max(float(np.var(values_m)) - explained - sigma_m**2, 0.0)
+    uncertain = sigma_m / math.sqrt(float(command @ command))
+    clear = uncertain < _UNIT_TOLERANCE * abs(scale) and left < (1 / _EXPLAINED - 1) * explained
+    return scale if clear else None
+
+
+def _scale_finding(suspect: Suspect, sensor: Sensor, scale: float) -> Iterator[Diagnostic]:
+    unit = sensor.column.rsplit("_", 1)[-1]
+    here = f"{suspect.trial.name}: {sensor.column}"
+    what = f"goes {abs(scale):.4g} times as far as {suspect.commanded_by} commands"
+    if abs(scale + 1) < _UNIT_TOLERANCE:
+        hint = "correct the sign of the data: an offset is fitted, a direction is not"
+        message = f"{here} goes the other way than {suspect.commanded_by} commands"
+        yield Diagnostic("wrong-sign", message, suspect.trial.span, hint=hint)
+    for other in _LENGTHS:
+        ratio = float(UNITS[unit][1] / UNITS[other][1])
+        if other != unit and abs(abs(scale) / ratio - 1) < _UNIT_TOLERANCE:
+            message = f"{here} {what}: the data seem to be in {other}, not in {unit}"
+            hint = "units are not guessed: name the column after its unit, or convert the data"
+            yield Diagnostic("mixed-units", message, suspect.trial.span, hint=hint)
+
+
+def _doubts(suspects: Sequence[Suspect], machine: Machine) -> Iterator[str]:
+    """Notes on data that hardly follow any command: a machine may, a column may be wrong."""
+    for suspect in suspects:
+        for reading in suspect.positions():
+            command_m = _command_m(suspect.schedule, reading.sensor.axis, reading.time_s, machine)
+            sigma_m = reading.sensor.sigma * reading.sensor.unit_si
+            if float(np.std(command_m)) > sigma_m and _alike(reading.values, command_m) < _FOLLOWS:
+                yield (
+                    f"{suspect.trial.name}: {reading.sensor.column} hardly follows"
+                    f" {suspect.commanded_by}: is it the right column, and the right run?"
+                )
+
+
+def _alike(values: Floats, command: Floats) -> float:
+    """The share of the data's variance that follows the command; none of data at rest."""
+    if not np.ptp(values):
+        return 0.0
+    return float(np.corrcoef(values, command)[0, 1]) ** 2

@@ -1,0 +1,122 @@
+"""Whether a run can be simulated: its length, its limits, and that its motor keeps up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mopro.effects import Active, catalogue
+from mopro.emulator import Emulator
+from mopro.errors import Diagnostic, MotionError
+from mopro.experiment.model import Reading, Trial
+from mopro.instruments.sensor import POSITION
+from mopro.machine import Machine
+from mopro.machine.report import move_report
+from mopro.motion import Schedule
+from mopro.plant.simulate import planned as planned_with
+from mopro.plant.trips import limit_trip, switches_u
+from mopro.program import AXES
+from mopro.recording import Run
+from mopro.recording.table import stalls
+
+# Positions are simulated sample by sample; temperatures may last for days.
+LONGEST_S = 1800.0
+# The fastest that the catalogue's plausible effects make a program.
+_FASTEST = {"acceleration_scale": 0.5, "velocity_scale": 0.02}
+_CLOCK_TOLERANCE = 0.01
+_STALL_RATE_HZ = 100.0
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A run and what commands its motion."""
+
+    trial: Trial
+    schedule: Schedule
+
+    def positions(self) -> Iterator[Reading]:
+        return (r for r in self.trial.readings if r.sensor.quantity == POSITION)
+
+    @property
+    def commanded_by(self) -> str:
+        program = self.trial.program
+        return "its logged command" if program is None else program.name
+
+
+def too_long(trials: Sequence[Trial]) -> Iterator[Diagnostic]:
+    """Runs that would take too long to simulate."""
+    for trial in trials:
+        moving = any(r.sensor.quantity == POSITION for r in trial.readings)
+        if moving and trial.duration_s > LONGEST_S:
+            message = f"{trial.name} has {trial.duration_s:.6g} s of positions"
+            hint = f"expected at most {LONGEST_S:g} s: cut them, and say partial = true"
+            yield Diagnostic("data-too-long", message, trial.span, hint=hint)
+
+
+def too_short(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnostic]:
+    """Runs whose data end before their program can have ended."""
+    for suspect in suspects:
+        trial = suspect.trial
+        if trial.program is None or trial.partial or trial.program.loops_forever:
+            continue
+        interval_s = max(float(r.time_s[-1] - r.time_s[-2]) for r in trial.readings)
+        needed_s = _shortest_s(trial, machine) * (1 - _CLOCK_TOLERANCE) - 2 * interval_s
+        if trial.duration_s < needed_s:
+            message = (
+                f"{trial.name} ends after {trial.duration_s:.6g} s, and {trial.program.name}"
+                f" takes {suspect.schedule.duration_s:.6g} s"
+            )
+            hint = "record the whole run, or say partial = true if it was cut on purpose"
+            yield Diagnostic("data-too-short", message, trial.span, hint=hint)
+
+
+def _shortest_s(trial: Trial, machine: Machine) -> float:
+    """How long the program takes at least, on a machine that is faster than told."""
+    assert trial.program is not None, "a logged command has no program"
+    faster = tuple(Active(catalogue()[name], (e,), AXES) for name, e in _FASTEST.items())
+    own = Emulator(machine, trial.payload_kg).active
+    return planned_with(trial.program, machine, (*own, *faster), None).duration_s
+
+
+def check_motion(suspect: Suspect, machine: Machine, compiled: bool) -> None:
+    """MotionError for a program that runs into a limit switch, or stalls, when simulated."""
+    trial, schedule = suspect.trial, suspect.schedule
+    if trial.program is None:
+        return
+    trip = limit_trip(schedule, switches_u(schedule, machine.travel_u()))
+    if trip is not None:
+        span = next(op.span for op in trial.program.ops if op.span.line == trip.line)
+        message = f"axis {trip.axis} runs into its limit switch at {trip.time_s:.3f} s"
+        hint = f"{trial.name} cannot be compared with a run that its machine breaks off"
+        raise MotionError(
+            trial.program.source, [Diagnostic("limit-switch", message, span, hint=hint)]
+        )
+    if not any(suspect.positions()):
+        return
+    hint = f"{trial.name} cannot be compared: what a motor does that slips is chance"
+    run = _simulated(trial, schedule, machine, compiled)
+    found = [
+        Diagnostic("stall", f"when simulated, {message}", span, hint=hint)
+        for span, message in stalls(run, trial.program)
+    ]
+    if found:
+        raise MotionError(trial.program.source, found)
+
+
+def _simulated(trial: Trial, schedule: Schedule, machine: Machine, compiled: bool) -> Run:
+    """The moves of the run on the machine as its file has it, as far as the data go."""
+    emulation = Emulator(machine, trial.payload_kg, compiled=compiled).begin(schedule)
+    end_s = min(schedule.duration_s, trial.duration_s)
+    emulation.advance(np.arange(0.0, end_s, 1 / _STALL_RATE_HZ), end_s)
+    emulation.settle()
+    moves = (m for m in schedule.moves if m.start_s < end_s)
+    return Run(
+        program=schedule.program.name,
+        machine=machine.name,
+        duration_s=end_s,
+        loops_forever=schedule.program.loops_forever,
+        complete=True,
+        moves=tuple(move_report(m, emulation.outcome(m), machine.microstep_m) for m in moves),
+    )

@@ -1,0 +1,1 @@
+"""Where measured data and the simulation disagree."""

@@ -1,0 +1,239 @@
+"""Where measured and simulated disagree: by run, line, phase, direction, axis and sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from mopro.diagnosis.noise_tests import whiteness_p
+from mopro.experiment.compare.labels import PHASES, Labels, labels_of
+from mopro.experiment.compare.noise_tests import (
+    mean_chance,
+    quantile_residual,
+    size_chance,
+)
+from mopro.experiment.model import Experiment, Floats, Reading, SteadyTable
+from mopro.experiment.predict.alignment import aligned
+from mopro.experiment.predict.nominal import planned, predict, predict_table
+from mopro.instruments.sensor import POSITION
+
+# A false alarm in one of a thousand comparisons that agree, over all their tests together.
+FALSE_ALARMS = 1e-3
+NO_DISAGREEMENT, DISAGREEMENT = "no disagreement", "disagreement"
+NOT_JUDGED = "not judged"
+STEADY = "steady"
+
+Predict = Callable[[Experiment], list[list[Floats]]]
+
+
+@dataclass(frozen=True)
+class Place:
+    """The residual at one place of a run: mean and RMS in the sensor's unit.
+
+    `sigma` is the RMS over the sensor's noise, `p_value` how often noise alone is as
+    large or as one-sided. `axis` is None for a temperature; for a row of a table `line`
+    is the row, and both are None where the noise is unknown.
+    """
+
+    run: str
+    line: int
+    phase: str
+    axis: int | None
+    direction: int
+    sensor: str
+    unit: str
+    count: int
+    mean: float
+    rms: float
+    sigma: float | None
+    p_value: float | None
+    significant: bool
+
+
+@dataclass(frozen=True)
+class SeriesTest:
+    """The whole residual of one sensor in one run.
+
+    `size_p` (chi-squared) and `memory_p` (Bartlett) are how often noise alone looks so.
+    """
+
+    run: str
+    sensor: str
+    unit: str
+    count: int
+    rms: float
+    noise_rms: float | None
+    sigma: float | None
+    size_p: float | None
+    memory_p: float | None
+    white: bool | None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All of it; `where` has the worst places first."""
+
+    verdict: str
+    where: tuple[Place, ...]
+    series: tuple[SeriesTest, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class _Residual:
+    """One reading less its prediction, and the same in standard deviations."""
+
+    run: str
+    reading: Reading
+    labels: Labels
+    values: Floats
+    z: Floats
+
+
+def compare(
+    experiment: Experiment,
+    generator: np.random.Generator,
+    prediction: Predict = predict,
+) -> Comparison:
+    """Compare all data of `experiment` with what `prediction` makes of it.
+
+    `generator` breaks the ties that a coarse converter leaves (see quantile_residual).
+    """
+    residuals = list(_residuals(experiment, prediction(experiment), generator))
+    groups = [(r, rows) for r in residuals for rows in _places(r.labels)]
+    tests = 2 * len(residuals) + 2 * len(groups) + sum(len(t.rise_K) for t in experiment.tables)
+    level = FALSE_ALARMS / max(tests, 1)
+    series = [_series(r, level) for r in residuals]
+    where = [_place(r, rows, level) for r, rows in groups]
+    for table in experiment.tables:
+        rows, whole = _table(table, predict_table(table, experiment.machine), level)
+        where += rows
+        series.append(whole)
+    where.sort(key=lambda place: (not place.significant, -(place.sigma or 0.0), -place.rms))
+    return Comparison(_verdict(where, series), tuple(where), tuple(series))
+
+
+def _verdict(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
+    if any(s.white is False for s in series) or any(p.significant for p in where):
+        return DISAGREEMENT
+    return NO_DISAGREEMENT if all(s.white for s in series) else NOT_JUDGED
+
+
+def _residuals(
+    experiment: Experiment, predicted: list[list[Floats]], generator: np.random.Generator
+) -> Iterator[_Residual]:
+    microstep_m = experiment.machine.microstep_m
+    for trial, of_trial in zip(experiment.trials, predicted, strict=True):
+        schedule = planned(trial, experiment.machine)
+        for reading, expected in zip(trial.readings, of_trial, strict=True):
+            values = aligned(reading.values - expected)
+            z = quantile_residual(
+                reading.values, reading.values - values, reading.sensor, generator
+            )
+            marks = labels_of(reading, schedule, microstep_m)
+            yield _Residual(trial.name, reading, marks, values, z)
+
+
+def _places(labels: Labels) -> Iterator[np.ndarray[Any, np.dtype[np.intp]]]:
+    """The samples of each line, phase and direction, in the order of the lines."""
+    codes = np.unique(labels.phase, return_inverse=True)[1]
+    keys = (labels.line.astype(np.int64) * len(PHASES) + codes) * 3 + labels.direction
+    group = np.unique(keys, return_inverse=True)[1]
+    order = np.argsort(group, kind="stable")
+    edges = np.flatnonzero(np.diff(group[order])) + 1
+    yield from np.split(order, edges)
+
+
+def _place(r: _Residual, rows: np.ndarray[Any, np.dtype[np.intp]], level: float) -> Place:
+    sensor, first = r.reading.sensor, int(rows[0])
+    values, z = r.values[rows], r.z[rows]
+    p_value = min(size_chance(z), mean_chance(z))
+    rms = _rms(values)
+    return Place(
+        run=r.run,
+        line=int(r.labels.line[first]),
+        phase=str(r.labels.phase[first]),
+        axis=sensor.axis if sensor.quantity == POSITION else None,
+        direction=int(r.labels.direction[first]),
+        sensor=sensor.name,
+        unit=unit_of(r.reading),
+        count=len(rows),
+        mean=float(values.mean()),
+        rms=rms,
+        sigma=rms / sensor.sigma,
+        p_value=p_value,
+        significant=p_value < level,
+    )
+
+
+def _series(r: _Residual, level: float) -> SeriesTest:
+    sensor = r.reading.sensor
+    size_p, memory_p = size_chance(r.z, fitted=1), whiteness_p(r.z)
+    rms = _rms(r.values)
+    return SeriesTest(
+        run=r.run,
+        sensor=sensor.name,
+        unit=unit_of(r.reading),
+        count=len(r.z),
+        rms=rms,
+        noise_rms=sensor.sigma,
+        sigma=rms / sensor.sigma,
+        size_p=size_p,
+        memory_p=memory_p,
+        white=min(size_p, memory_p) >= level,
+    )
+
+
+def _table(table: SteadyTable, predicted: Floats, level: float) -> tuple[list[Place], SeriesTest]:
+    """Rows of a table, each a place of its own; without known noise nothing is judged."""
+    residual = table.rise_K - predicted
+    noise = table.noise_K
+    places = []
+    for row, value in enumerate(residual.tolist(), start=1):
+        p_value = None if noise is None else mean_chance(np.array([value / noise]))
+        places.append(
+            Place(
+                run=table.name,
+                line=row,
+                phase=STEADY,
+                axis=None,
+                direction=0,
+                sensor="table",
+                unit="C",
+                count=1,
+                mean=value,
+                rms=abs(value),
+                sigma=None if noise is None else abs(value) / noise,
+                p_value=p_value,
+                significant=p_value is not None and p_value < level,
+            )
+        )
+    rms = _rms(residual)
+    size_p = None if noise is None else size_chance(residual / noise)
+    whole = SeriesTest(
+        run=table.name,
+        sensor="table",
+        unit="C",
+        count=len(residual),
+        rms=rms,
+        noise_rms=noise,
+        sigma=None if noise is None else rms / noise,
+        size_p=size_p,
+        memory_p=None,
+        white=None if size_p is None else size_p >= level,
+    )
+    return places, whole
+
+
+def unit_of(reading: Reading) -> str:
+    """The unit that the sensor's column is named after."""
+    return reading.sensor.column.rsplit("_", 1)[-1]
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))

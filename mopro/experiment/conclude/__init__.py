@@ -1,0 +1,1 @@
+"""The consequences of a verdict: machine file, gap, places and wording."""

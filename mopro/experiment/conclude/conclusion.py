@@ -1,0 +1,106 @@
+"""What comes of a diagnosis: the machine file, the gap with it, the places, the next experiment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mopro.diagnosis import Series, Verdict
+from mopro.experiment.compare.comparison import Place, compare
+from mopro.experiment.conclude.machine_file import machine_text, machine_with
+from mopro.experiment.conclude.wording import reservations
+from mopro.experiment.design.experiment_design import Proposal, propose
+from mopro.experiment.diagnose.diagnosis import Model, diagnose
+from mopro.experiment.model import Experiment
+
+_MOST_PLACES = 40
+# The comparison draws the place of a reading within a coarse converter's step.
+_SEED = 0
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """A verdict and what follows from it.
+
+    `rerun_rms` is the gap of each series, in its unit, when the experiment is run again
+    on the machine that `machine_text` describes.
+    """
+
+    experiment: Experiment
+    series: tuple[Series, ...]
+    verdict: Verdict
+    where: tuple[Place, ...]
+    machine_text: str
+    rerun_rms: tuple[float, ...]
+    next_experiment: Proposal | None
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """The names of the runs that have time series."""
+        return tuple(trial.name for trial in self.experiment.trials)
+
+    def as_json(self) -> dict[str, Any]:
+        answer = self.verdict.as_json()
+        answer["where"] = [asdict(place) for place in self.where]
+        answer["reservations"] = list(reservations(self.verdict, self.runs))
+        answer["gap"]["runs"] = [
+            {**run, "rerun_rms": rerun}
+            for run, rerun in zip(answer["gap"]["runs"], self.rerun_rms, strict=True)
+        ]
+        if self.next_experiment:
+            answer["next_experiment"] = self.next_experiment.text
+            answer["next_experiment_separations"] = self.next_experiment.separations
+            answer["next_experiment_pairs"] = [
+                {"effects": list(names), "sigma": apart}
+                for names, apart in self.next_experiment.pairs.items()
+            ]
+            answer["next_experiment_payload_kg"] = self.next_experiment.payload_kg
+        return {key: _strict(value) for key, value in answer.items()}
+
+
+def conclude(
+    experiment: Experiment, jobs: int = 1, progress: Callable[[str], None] = lambda _: None
+) -> Conclusion:
+    """Diagnose `experiment` and draw the conclusions; raises MotionError, ModelError."""
+    progress("comparing")
+    places = compare(experiment, np.random.default_rng(_SEED)).where
+    diagnosis = diagnose(experiment, jobs, progress)
+    verdict, series = diagnosis.verdict, diagnosis.series
+    progress("running the experiment again with what was found")
+    machine = machine_with(experiment, verdict)
+    again = Model(replace(diagnosis.experiment, machine=machine), resolved=diagnosis.resolved)
+    proposal = None
+    if verdict.verdict == "ambiguous":
+        progress("looking for an experiment that tells the rivals apart")
+        proposal = propose(experiment, verdict)
+    return Conclusion(
+        experiment=experiment,
+        series=series,
+        verdict=verdict,
+        where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
+        machine_text=machine_text(experiment, verdict),
+        rerun_rms=tuple(_rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)),
+        next_experiment=proposal,
+    )
+
+
+def _strict(value: Any) -> Any:
+    """`value` without the numbers that JSON does not have; null stands for them."""
+    if isinstance(value, dict):
+        return {key: _strict(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_strict(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _rms(series: Series, predicted: np.ndarray[Any, np.dtype[np.float64]]) -> float:
+    """The residual's, without what nobody would call an effect."""
+    left = series.values - predicted
+    shapes = series.nuisance_shapes()
+    if shapes.shape[1]:
+        left = left - shapes @ np.linalg.lstsq(shapes, left, rcond=None)[0]
+    return float(np.sqrt(np.mean(left**2)))

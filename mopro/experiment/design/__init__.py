@@ -1,0 +1,1 @@
+"""The next experiment: the program that separates the alternatives of a verdict."""

@@ -1,0 +1,1 @@
+"""An experiment through the diagnosis: its candidates, their starts, the verdict."""

@@ -1,0 +1,42 @@
+"""An experiment's readings as the series that the diagnosis takes."""
+
+from __future__ import annotations
+
+from mopro.diagnosis import Series
+from mopro.experiment.compare.labels import labels_of
+from mopro.experiment.model import Reading
+from mopro.experiment.predict.forward_model import Motor
+from mopro.instruments.sensor import TEMPERATURE
+
+
+def series_of(motor: Motor) -> list[Series]:
+    """Every reading of the runs, in order, with the parts that can be held out."""
+    return [
+        _series(motor, index, reading)
+        for index, trial in enumerate(motor.experiment.trials)
+        for reading in trial.readings
+    ]
+
+
+def _series(motor: Motor, index: int, reading: Reading) -> Series:
+    experiment, sensor = motor.experiment, reading.sensor
+    labels = labels_of(reading, motor.schedule(index), experiment.machine.microstep_m)
+    unit = sensor.column.rsplit("_", 1)[-1]
+    scale = 1 / sensor.unit_si
+    motion = {
+        "position": labels.command_m * scale,
+        "velocity": labels.velocity_m_s * scale,
+        "acceleration": labels.acceleration_m_s2 * scale,
+    }
+    return Series(
+        run=experiment.trials[index].name,
+        sensor=sensor.name,
+        unit=unit,
+        values=reading.values,
+        sigma=sensor.sigma or None,
+        time_s=reading.time_s,
+        folds=labels.move,
+        # What is warm is warm wherever it stands.
+        labels={} if sensor.quantity == TEMPERATURE else motion,
+        position_unit=unit,
+    )

@@ -1,0 +1,285 @@
+"""The motor as a model that the diagnosis can run: settings of effects to every reading.
+
+What a program commands and how the axis answers (stages C and D) is simulated and kept;
+what a sensor makes of it (stage M) is worked out anew each time, as it costs next to
+nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from threading import Lock
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from mopro.diagnosis import Settings
+from mopro.effects import Active, Effect, Stage, catalogue
+from mopro.effects.resolve import active_effects
+from mopro.experiment.model import Experiment, Floats, Reading, Trial
+from mopro.experiment.predict.logged import schedule_of
+from mopro.instruments.sensor import POSITION, TEMPERATURE
+from mopro.motion import Schedule
+from mopro.plant.engine import Stepping
+from mopro.plant.heat import HeatPieces, heat_pieces
+from mopro.plant.measurement import measured_at
+from mopro.plant.simulate import Settings as EmulatorSettings
+from mopro.plant.simulate import Staging, heat_of, planned, staged
+from mopro.program import AXES
+from mopro.recording.record import Columns
+
+# RK4 in such steps is within 0.1 µm, and several times as quick as a recorded run: the
+# tooth swings in ten milliseconds, and the finest ripples of the force are 0.25 mm long.
+COARSE = Stepping(2.5e-4, 5e-5)
+FINE = Stepping(2.5e-5)
+# Between samples of the true motion a cubic is within 0.03 µm at a jump of acceleration.
+DENSE_HZ = 4000.0
+_KEPT = 96
+# How a move fares is watched between steps as well: few samples are enough.
+_WATCHED_HZ = 100.0
+_BEYOND = 1.01
+
+# What the diagnosis adds to an effect's own parameters: on which axis alone it acts (0 for
+# all), in which run alone (-1 for all), and an angle that is another one in each run.
+AXIS, RUN = "axis", "run"
+
+# Effects of one group cost little: a kernel for all of them saves compiling others.
+_TOGETHER = (
+    ("viscous_drag", "quadratic_drag", "umbilical_spring", "constant_force"),
+    ("phase_gain_imbalance", "quadrature_error", "phase_current_offset", "current_third_harmonic"),
+)
+
+# Angles of effects that may be others in each run.
+ANGLES = ("phi", "phi2", "phi3")
+
+
+def angle_in(run: int, angle: str = "phi") -> str:
+    """The name of an angle's parameter in run number `run`."""
+    return f"{angle}_{run + 1}"
+
+
+T = TypeVar("T")
+
+
+class _Kept(Generic[T]):
+    """The latest results by what they were made for; two threads may both make the same."""
+
+    def __init__(self) -> None:
+        self._results: OrderedDict[object, T] = OrderedDict()
+        self._lock = Lock()
+
+    def get(self, key: object, make: Callable[[], T]) -> T:
+        with self._lock:
+            if key in self._results:
+                self._results.move_to_end(key)
+                return self._results[key]
+        result = make()
+        with self._lock:
+            self._results[key] = result
+            while len(self._results) > _KEPT:
+                self._results.popitem(last=False)
+        return result
+
+
+class Motor:
+    """Predicts every reading of an experiment's runs, in their order.
+
+    `resolved` tells whether the drive's angle moves in whole microsteps; a fine sensor
+    sees the difference.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        stepping: Stepping = COARSE,
+        resolved: bool = False,
+    ) -> None:
+        self.experiment = experiment
+        self._stepping = stepping
+        self._resolved = resolved
+        self._own = active_effects(experiment.machine, catalogue())
+        self._motions: _Kept[Columns] = _Kept()
+        self._schedules: _Kept[Schedule] = _Kept()
+        self._pieces: _Kept[HeatPieces] = _Kept()
+
+    def __call__(self, settings: Settings) -> list[Floats]:
+        return [self._reading(run, reading, settings) for run, reading in self.readings()]
+
+    def readings(self) -> list[tuple[int, Reading]]:
+        """Every reading with the number of its run, in the order of the predictions."""
+        trials = enumerate(self.experiment.trials)
+        return [(run, reading) for run, trial in trials for reading in trial.readings]
+
+    def positions(self) -> dict[int, tuple[int, Reading]]:
+        """Those of positions, by their place among all."""
+        return {
+            row: (run, reading)
+            for row, (run, reading) in enumerate(self.readings())
+            if reading.sensor.quantity == POSITION
+        }
+
+    def targets(self, settings: Settings) -> list[Floats]:
+        """The readings, in their units, of sensors that err in time only."""
+        return [
+            self._reading(run, reading, settings, distorted=False)
+            for run, reading in self.readings()
+        ]
+
+    def schedule(self, index: int) -> Schedule:
+        """What run number `index` commands without further effects."""
+        return self._schedule(index, self._own)
+
+    def way_m(self) -> tuple[float, float]:
+        """The least and the greatest position that any sensor was to see."""
+        places = [
+            self._motion(run, _of_the_motion(self._own))[f"position_{reading.sensor.axis}_m"]
+            for run, reading in self.positions().values()
+        ]
+        return min(float(x.min()) for x in places), max(float(x.max()) for x in places)
+
+    def active(self, index: int, settings: Settings) -> tuple[Active, ...]:
+        """The machine's effects and those in `settings`, as they are in run `index`."""
+        chosen = {a.name: a for a in self._own}
+        for name, values in settings.items():
+            if values.get(RUN, -1) in (-1, index):
+                chosen[name] = _active(catalogue()[name], values, index)
+        order = list(catalogue())
+        return tuple(sorted(chosen.values(), key=lambda a: order.index(a.name)))
+
+    def keeps_up(self, settings: Settings) -> bool:
+        """Whether every axis stays within a quarter pitch of its command in all its moves.
+
+        Beyond that the force falls again, and what holds an axis is luck.
+        """
+        runs = range(len(self.experiment.trials))
+        return all(self._least_margin(run, self.active(run, settings)) > 0 for run in runs)
+
+    def _least_margin(self, index: int, active: tuple[Active, ...]) -> float:
+        staging = self._staging(index, _padded(_of_the_motion(active)))
+        end_s = staging.schedule.duration_s
+        times = np.arange(0.0, end_s, 1 / _WATCHED_HZ)
+        margins = [1.0]
+        for axis in staging.axes:
+            axis.advance(times, end_s)
+            moves = (m for m in staging.schedule.moves if axis.number in m.axes)
+            margins += [axis.fates.of(move).stall_margin for move in moves]
+        return min(margins)
+
+    # -- one reading -----------------------------------------------------------
+
+    def _reading(
+        self, index: int, reading: Reading, settings: Settings, distorted: bool = True
+    ) -> Floats:
+        active, machine = self.active(index, settings), self.experiment.machine
+        if not distorted:
+            active = tuple(a for a in active if not a.effect.distorts)
+        if reading.sensor.quantity == TEMPERATURE:
+            columns = self._warmth(index, float(reading.time_s[-1]), active)
+        else:
+            columns = self._motion(index, _of_the_motion(active))
+        return measured_at(columns, reading.sensor, machine, active, reading.time_s)
+
+    def _warmth(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
+        """On a grid of its own, as a thermocouple is slow against the motion."""
+        machine, schedule = self.experiment.machine, self._schedule(index, active)
+        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
+        pieces = self._pieces.get(
+            (index, *_key(commanding)), lambda: heat_pieces(machine, schedule.moves)
+        )
+        heat = heat_of(schedule, machine, active, pieces)
+        grid = _every_second(end_s)
+        return {"time_s": grid, "temperature_C": heat.temperature_C(grid)}
+
+    # -- one motion --------------------------------------------------------------
+
+    def _motion(self, index: int, active: tuple[Active, ...]) -> Columns:
+        """The true motion of run `index`: columns as a recording has them."""
+        return self._motions.get((index, *_key(active)), lambda: self._moved(index, active))
+
+    def _moved(self, index: int, active: tuple[Active, ...]) -> Columns:
+        trial = self.experiment.trials[index]
+        staging = self._staging(index, _padded(active))
+        seen = {r.sensor.axis for r in trial.readings if r.sensor.quantity != TEMPERATURE}
+        # A sample clock that runs slow takes its last samples behind the end.
+        end_s = trial.duration_s * _BEYOND if seen else 0.0
+        times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
+        columns: Columns = {"time_s": times}
+        for axis in staging.axes if seen else ():
+            # One that is parked and not looked at stays where it is.
+            moving = axis.number in seen or staging.schedule.tracks[axis.number].segments
+            place = axis.positions_m(times, float(times[-1])) if moving else 0.0 * times
+            columns[f"position_{axis.number}_m"] = place
+        grid = _every_second(float(times[-1]))
+        columns["temperature_C"] = np.interp(times, grid, staging.heat.temperature_C(grid))
+        return columns
+
+    def _staging(self, index: int, active: tuple[Active, ...]) -> Staging:
+        trial, machine = self.experiment.trials[index], self.experiment.machine
+        how = EmulatorSettings(machine, trial.payload_kg, self._resolved, self._stepping, True)
+        return staged(self._schedule(index, active), how, active)
+
+    def _schedule(self, index: int, active: tuple[Active, ...]) -> Schedule:
+        """What run `index` commands, as long as its data last."""
+        trial = self.experiment.trials[index]
+        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
+
+        def lasting() -> Schedule:
+            schedule = self._planned(trial, commanding)
+            return replace(schedule, duration_s=max(schedule.duration_s, trial.duration_s))
+
+        return self._schedules.get((index, *_key(commanding)), lasting)
+
+    def _planned(self, trial: Trial, active: tuple[Active, ...]) -> Schedule:
+        """What `trial` commands; only effects of the command change it."""
+        machine = self.experiment.machine
+        if trial.program is None:
+            assert trial.command is not None, "a run has a program or a logged command"
+            schedule = schedule_of(trial.command, machine)
+            for a in active:
+                schedule = a.effect.schedule(schedule, *a.values)
+            return schedule
+        for_s = trial.duration_s if trial.program.loops_forever or trial.partial else None
+        return planned(trial.program, machine, active, for_s)
+
+
+def _active(effect: Effect, values: Mapping[str, float], index: int) -> Active:
+    """`effect` with `values`, unstated ones at their defaults."""
+    own = dict(values)
+    own |= {a: own[angle_in(index, a)] for a in ANGLES if angle_in(index, a) in own}
+    numbers = tuple(float(own.get(p.name, p.default)) for p in effect.parameters)
+    axis = int(values.get(AXIS, 0))
+    return Active(effect, numbers, (axis,) if axis else AXES)
+
+
+def _every_second(end_s: float) -> Floats:
+    """Times to `end_s` that are close enough for a temperature."""
+    return np.linspace(0.0, end_s, max(2, math.ceil(end_s) + 1))
+
+
+def _key(active: Sequence[Active]) -> tuple[object, ...]:
+    return tuple((a.name, a.values, a.axes) for a in active)
+
+
+def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:
+    """Those of `active` that the true motion depends on; heat only if a force does on it."""
+    kept = [a for a in active if a.effect.stage in (Stage.COMMAND, Stage.DYNAMICS)]
+    warm = [a for a in active if a.effect.stage is Stage.HEAT]
+    forces = [a for a in kept if a.effect.force_factor(np.zeros(1), *a.values) is not None]
+    growing = [a for a in active if a.name == "platen_expansion"]
+    return tuple(kept + warm if forces or growing else kept)
+
+
+def _padded(active: tuple[Active, ...]) -> tuple[Active, ...]:
+    """`active` with the rest of each group that it has a part of, at their neutral values."""
+    names = {a.name for a in active}
+    padding = [
+        Active(effect, tuple(p.null for p in effect.parameters), AXES)
+        for group in _TOGETHER
+        if names.intersection(group)
+        for effect in (catalogue()[name] for name in group if name not in names)
+    ]
+    order = list(catalogue())
+    return tuple(sorted((*active, *padding), key=lambda a: order.index(a.name)))

@@ -1,0 +1,70 @@
+"""What the machine, as its file describes it, predicts for each reading of an experiment."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mopro.emulator import Emulator
+from mopro.emulator.backend import MAX_STEP_S
+from mopro.experiment.model import Experiment, Floats, SteadyTable, Trial
+from mopro.experiment.predict.alignment import aligned
+from mopro.experiment.predict.forward_model import Motor
+from mopro.experiment.predict.logged import schedule_of
+from mopro.experiment.predict.steady import rises
+from mopro.instruments.sensor import POSITION
+from mopro.machine import Machine
+from mopro.motion import Schedule
+from mopro.plant.engine import Stepping
+from mopro.plant.simulate import COMPILE_FROM_STEPS
+from mopro.program import AXES
+
+
+def predict(experiment: Experiment) -> list[list[Floats]]:
+    """For each trial, for each of its readings: the values without noise, in its unit.
+
+    The drive follows its command smoothly or in microsteps, whichever fits the data better.
+    """
+    drives = [
+        _by_trial(experiment, Motor(experiment, Stepping(MAX_STEP_S), resolved)({}))
+        for resolved in (False, True)
+    ]
+    return min(drives, key=lambda predicted: _misfit(experiment, predicted))
+
+
+def predict_table(table: SteadyTable, machine: Machine) -> Floats:
+    """The rise (K) of each row of a table."""
+    return rises(table, machine, {})
+
+
+def planned(trial: Trial, machine: Machine) -> Schedule:
+    """What commands the trial's motion; a program without end lasts as long as the data."""
+    if trial.program is None:
+        assert trial.command is not None, "a trial has a program or a logged command"
+        return schedule_of(trial.command, machine)
+    endless = trial.program.loops_forever or trial.partial
+    for_s = trial.duration_s if endless else None
+    return Emulator(machine, trial.payload_kg).plan(trial.program, for_s)
+
+
+def compiling_pays(experiment: Experiment) -> bool:
+    """Whether importing a compiler takes less time than it saves over all runs."""
+    moved_s = sum(
+        trial.duration_s
+        for trial in experiment.trials
+        if any(r.sensor.quantity == POSITION for r in trial.readings)
+    )
+    return moved_s * len(AXES) / MAX_STEP_S >= COMPILE_FROM_STEPS
+
+
+def _by_trial(experiment: Experiment, predicted: list[Floats]) -> list[list[Floats]]:
+    values = iter(predicted)
+    return [[next(values) for _ in trial.readings] for trial in experiment.trials]
+
+
+def _misfit(experiment: Experiment, predicted: list[list[Floats]]) -> float:
+    """Chi-squared of all readings, their offsets taken out."""
+    return sum(
+        float(np.sum((aligned(reading.values - expected) / reading.sensor.sigma) ** 2))
+        for trial, of_trial in zip(experiment.trials, predicted, strict=True)
+        for reading, expected in zip(trial.readings, of_trial, strict=True)
+    )

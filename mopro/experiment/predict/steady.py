@@ -1,0 +1,96 @@
+"""Steady states: the final temperatures of motion back and forth, and what may change them.
+
+Each row is the motion between two points over and over, whose heat balance is that of
+Table 3.2 (eq. 3.12 to 3.26): the Reynolds number's length is the way travelled, the path's
+for two axes, and the forcer's side at rest. Effects of the heat stage change the balance
+by their own hooks; the final temperature is where nothing flows any more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from mopro.effects import Active, Stage, catalogue
+from mopro.effects.base import Surroundings
+from mopro.effects.resolve import active_effects
+from mopro.experiment.model import Floats, SteadyTable
+from mopro.machine import Machine
+from mopro.motion import plan_profile
+from mopro.plant.heat import heat_balance
+from mopro.program import AXES
+
+# No forcer is hotter: what has no steady state below is given this rise.
+HOTTEST_RISE_K = 2000.0
+_RESOLUTION_K = 1e-9
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """One row: the speeds (m/s) and strokes (m) of the axes that move."""
+
+    speeds_m_s: tuple[float, ...]
+    lengths_m: tuple[float, ...]
+
+    @classmethod
+    def of(cls, table: SteadyTable, row: int) -> _Motion:
+        """The longer stroke has the set speed, if it reaches it; the other keeps step."""
+        velocity, acceleration = table.velocity_m_s[row], table.acceleration_m_s2[row]
+        ways = (abs(float(table.x_m[row])), abs(float(table.y_m[row])))
+        lengths = tuple(way for way in ways if way > 0)
+        if not lengths or velocity <= 0 or acceleration <= 0:
+            return cls((), ())
+        longest = max(lengths)
+        peak = plan_profile(longest, float(velocity), float(acceleration)).peak_velocity
+        return cls(tuple(peak * length / longest for length in lengths), lengths)
+
+
+def rises(
+    table: SteadyTable, machine: Machine, effects: Mapping[str, Mapping[str, float]]
+) -> Floats:
+    """The final rise above the air (K) of each row of `table`.
+
+    `effects` are on besides the machine's own, as name to parameters (SI, unstated ones at
+    their defaults); those that are not of the heat stage, or only of the way there, change
+    nothing. A row without a steady state comes to HOTTEST_RISE_K.
+    """
+    active = _active(machine, effects)
+    motions = [_Motion.of(table, row) for row in range(len(table.rise_K))]
+    return np.array([_rise(machine, motion, active) for motion in motions])
+
+
+def _active(machine: Machine, effects: Mapping[str, Mapping[str, float]]) -> list[Active]:
+    chosen = {a.name: a for a in active_effects(machine, catalogue())}
+    for name, values in effects.items():
+        effect = catalogue()[name]
+        numbers = tuple(float(values.get(p.name, p.default)) for p in effect.parameters)
+        chosen[name] = Active(effect, numbers, AXES)
+    return [a for a in chosen.values() if a.effect.stage is Stage.HEAT]
+
+
+def _rise(machine: Machine, motion: _Motion, active: Sequence[Active]) -> float:
+    balance = heat_balance(
+        machine, len(motion.lengths_m), math.hypot(*motion.speeds_m_s),
+        math.hypot(*motion.lengths_m),
+    )  # fmt: skip
+    air = machine.heat.ambient_C
+
+    def flow_W(rise_K: float) -> float:
+        here = Surroundings(
+            0.0, air + rise_K, air, balance.power_W, balance.conductance_W_K,
+            motion.speeds_m_s, motion.lengths_m, machine,
+        )  # fmt: skip
+        for a in active:
+            a.effect.heat(here, *a.values)
+        return here.flow_W
+
+    coldest_K = -air - 273.0
+    if flow_W(HOTTEST_RISE_K) > 0:
+        return HOTTEST_RISE_K
+    if flow_W(coldest_K) < 0:
+        return coldest_K
+    return float(optimize.brentq(flow_W, coldest_K, HOTTEST_RISE_K, xtol=_RESOLUTION_K))

@@ -1,0 +1,1 @@
+"""An experiment from its files: the file itself, its runs, their data and raw formats."""

@@ -1,0 +1,262 @@
+"""One emulated axis: its motion piece by piece, and what becomes of each of its moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.machine.constants import PlantNumbers
+from mopro.motion import PlannedMove
+from mopro.plant.command_table import CommandTable, Floats
+from mopro.plant.engine import Engine, Trace
+
+_SETTLING_S = 0.05
+_MOST_SETTLING_S = 10.0
+
+
+@dataclass(frozen=True)
+class Samples:
+    """One axis at the times asked for; currents in A, volts only of a full drive."""
+
+    command_m: Floats
+    position_m: Floats
+    velocity_m_s: Floats
+    phase_a_A: Floats
+    phase_b_A: Floats
+    force_N: Floats
+    voltage_a_V: Floats | None = None
+    voltage_b_V: Floats | None = None
+
+
+class EmulatedAxis:
+    """Goes through time once; `advance` gives the motion at the samples asked for.
+
+    `corners_s` are times that no step may straddle besides those of the command, `jumps`
+    times at which the axis falls behind by a number of pitches.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        plant: PlantNumbers,
+        command: CommandTable,
+        engine: Engine,
+        moves: Sequence[PlannedMove],
+        resolved: bool = True,
+        corners_s: Sequence[float] = (),
+        jumps: Sequence[tuple[float, float]] = (),
+        has_voltage: bool = False,
+    ) -> None:
+        self.number = number
+        self._plant = plant
+        self._command = command
+        self._engine = engine
+        self._resolved = resolved
+        self._corners_s = np.array(sorted(corners_s))
+        self._jumps = sorted(jumps)
+        self._has_voltage = has_voltage
+        self._now_s = 0.0
+        self.fates = _Fates([m for m in moves if number in m.axes], plant)
+
+    def advance(self, samples_s: Floats, end_s: float) -> Samples:
+        """The axis at `samples_s`; it goes on to `end_s`.
+
+        Samples ascend and lie between the time reached before and `end_s`.
+        """
+        parts = [self._advance(part, stop_s) for part, stop_s in self._pieces(samples_s, end_s)]
+        return _joined(parts) if len(parts) > 1 else parts[0]
+
+    def positions_m(self, samples_s: Floats, end_s: float) -> Floats:
+        """As `advance`, the positions alone, and nothing is kept of how the moves fared."""
+        parts = []
+        for part, stop_s in self._pieces(samples_s, end_s):
+            knots = self._knots(part, stop_s)
+            trace = self._through(knots)
+            parts.append(trace.position[np.searchsorted(knots, part)])
+        return np.concatenate(parts)
+
+    def _pieces(self, samples_s: Floats, end_s: float) -> Iterator[tuple[Floats, float]]:
+        """The samples up to each jump, which comes when their motion is worked out."""
+        for stop_s, pitches in self._stops(end_s):
+            last = np.searchsorted(samples_s, stop_s, side="left" if pitches else "right")
+            yield samples_s[:last], stop_s
+            samples_s = samples_s[last:]
+            self._engine.x -= pitches * self._plant.pitch_m
+
+    def _stops(self, end_s: float) -> list[tuple[float, float]]:
+        """The jumps up to `end_s`, and then the end."""
+        due = [jump for jump in self._jumps if jump[0] < end_s]
+        self._jumps = self._jumps[len(due) :]
+        return [*due, (end_s, 0.0)]
+
+    def _knots(self, samples_s: Floats, end_s: float) -> Floats:
+        """The times that no step straddles, up to `end_s`."""
+        corners = self._command.corners_s(self._now_s, end_s)
+        own = self._corners_s[(self._corners_s > self._now_s) & (self._corners_s < end_s)]
+        ends = np.array([self._now_s, max(end_s, self._now_s)])
+        return np.union1d(np.concatenate((ends, corners, own)), samples_s)
+
+    def _through(self, knots: Floats) -> Trace:
+        trace = self._engine.through(knots)
+        self._now_s = float(knots[-1])
+        return trace
+
+    def _advance(self, samples_s: Floats, end_s: float) -> Samples:
+        knots = self._knots(samples_s, end_s)
+        trace = self._through(knots)
+        begun = self.fates.begun(knots)
+        lags = self._lags(knots[begun], trace.position[begun])
+        self.fates.watch(knots, lags, trace.low, trace.high)
+        at = np.searchsorted(knots, samples_s)
+        position, velocity = trace.position[at], trace.velocity[at]
+        electrical = None if trace.electrical is None else trace.electrical.take(at, axis=1)
+        return self._samples(self.command_m(samples_s), position, velocity, electrical)
+
+    def _samples(
+        self, command: Floats, position: Floats, velocity: Floats, electrical: Floats | None
+    ) -> Samples:
+        k, current = self._plant.wave_number_1_m, self._plant.phase_current_A
+        if electrical is None:
+            force = self._plant.pull_out_force_N * np.sin(k * (command - position))
+            a, b = current * np.cos(k * command), current * np.sin(k * command)
+            return Samples(command, position, velocity, a, b, force)
+        a, b, va, vb, force = electrical
+        volts = (va, vb) if self._has_voltage else (None, None)
+        return Samples(command, position, velocity, current * a, current * b, force, *volts)
+
+    def take_over(self, other: EmulatedAxis) -> None:
+        """Go on from where `other` is, which was under the same command up to now."""
+        self._now_s = other._now_s
+        self._engine.take_over(other._engine)
+        self._jumps = [jump for jump in self._jumps if jump[0] >= self._now_s]
+        self.fates.take_over(other.fates)
+
+    @property
+    def position_m(self) -> float:
+        """Where the axis is at the time reached."""
+        return self._engine.x
+
+    def slip(self, pitches: float) -> None:
+        """Fall behind by whole pitches at once, as after a blow."""
+        self._engine.x -= pitches * self._plant.pitch_m
+
+    def settle(self) -> None:
+        """Under a command at rest, wait until the tooth that holds the axis is certain."""
+        deadline_s = self._now_s + _MOST_SETTLING_S
+        resting = self._command.at_rest(self._now_s)
+        while resting and not self._captured() and self._now_s < deadline_s:
+            knots = np.array([self._now_s, self._now_s + _SETTLING_S])
+            self._engine.through(knots)
+            self._now_s = float(knots[1])
+        self.fates.finish(self._lag_m())
+
+    def command_m(self, time_s: Floats) -> Floats:
+        """What the drive is told: whole microsteps where they are resolved."""
+        command = self._command.position_u(time_s)
+        if self._resolved:
+            command = np.floor(command + 0.5)
+        return command * self._plant.microstep_m
+
+    def _lags(self, time_s: Floats, position: Floats) -> Floats:
+        return self._command.position_u(time_s) * self._plant.microstep_m - position
+
+    def _lag_m(self) -> float:
+        """The lag now."""
+        return float(self._lags(np.array([self._now_s]), np.array([self._engine.x]))[0])
+
+    def _captured(self) -> bool:
+        """Whether the energy left is too small to pass over to another tooth."""
+        plant = self._plant
+        depth = plant.pull_out_m_s2 / plant.wave_number_1_m
+        energy = self._engine.v**2 / 2 + depth * (
+            1 - math.cos(plant.wave_number_1_m * self._lag_m())
+        )
+        return energy < 2 * depth
+
+
+def _joined(parts: list[Samples]) -> Samples:
+    first, second = parts[0], _joined(parts[1:]) if len(parts) > 2 else parts[1]
+    columns: dict[str, Floats] = {}
+    for name, values in vars(first).items():
+        if values is not None:
+            columns[name] = np.concatenate([values, getattr(second, name)])
+    return Samples(**columns)
+
+
+class _Fates:
+    """The lag of one axis in each of its moves, gathered piece by piece.
+
+    `teeth` are the pitches by which the axis is behind its command, before each move
+    and at the end.
+    """
+
+    def __init__(self, moves: Sequence[PlannedMove], plant: PlantNumbers) -> None:
+        self._pitch_m = plant.pitch_m
+        self._wave_number = plant.wave_number_1_m
+        self._index = {id(move): i for i, move in enumerate(moves)}
+        self._starts_s = np.array([move.start_s for move in moves])
+        self._ends_s = np.array([move.end_s for move in moves])
+        self._low_m = np.full(len(moves), np.inf)
+        self._high_m = np.full(len(moves), -np.inf)
+        self._teeth = np.zeros(len(moves) + 1, dtype=np.int64)
+
+    def take_over(self, other: _Fates) -> None:
+        """Keep what became of the moves begun so far; they are the first ones of both."""
+        shared = min(len(self._starts_s), len(other._starts_s))
+        self._low_m[:shared] = other._low_m[:shared]
+        self._high_m[:shared] = other._high_m[:shared]
+        self._teeth[:shared] = other._teeth[:shared]
+
+    def begun(self, knots: Floats) -> NDArray[np.intp]:
+        """Which of `knots` are the starts of moves."""
+        return np.searchsorted(knots, self._starts_s[self._among(knots)])
+
+    def watch(self, knots: Floats, lags: Floats, low: Floats, high: Floats) -> None:
+        """Take in the lag at the starts among `knots` and its extremes between knots (m)."""
+        if not len(self._starts_s):
+            return
+        self._teeth[:-1][self._among(knots)] = self._tooth(lags)
+        move = np.searchsorted(self._starts_s, knots[:-1], side="right") - 1
+        inside = (move >= 0) & (knots[:-1] < self._ends_s[move])
+        np.minimum.at(self._low_m, move[inside], low[inside])
+        np.maximum.at(self._high_m, move[inside], high[inside])
+
+    def _among(self, knots: Floats) -> slice:
+        """The moves that begin from the first knot on and before the last."""
+        return slice(*np.searchsorted(self._starts_s, [knots[0], knots[-1]]))
+
+    def finish(self, lag_m: float) -> None:
+        self._teeth[-1] = self._tooth(np.array([lag_m]))[0]
+
+    def of(self, move: PlannedMove) -> Fate:
+        i = self._index[id(move)]
+        lost = int(self._teeth[i + 1] - self._teeth[i])
+        if self._low_m[i] > self._high_m[i]:
+            return Fate(0.0, 1.0, lost, bool(lost))
+        home = self._teeth[i] * self._pitch_m
+        largest = float(max(self._high_m[i] - home, home - self._low_m[i]))
+        quarter = self._pitch_m / 4
+        margin = 1 - math.sin(self._wave_number * largest) if largest < quarter else 0.0
+        return Fate(largest, margin, lost, bool(lost) or largest > 2 * quarter)
+
+    def _tooth(self, lags: Floats) -> NDArray[np.int64]:
+        return np.rint(lags / self._pitch_m).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Fate:
+    """How one axis fared in one move.
+
+    `max_lag_m` is counted from the tooth that held it at the start, `stall_margin` is
+    1 - |F|/F0 at the worst moment, 0 from a quarter pitch of lag on, where the force
+    falls again; `lost_pitches` is positive where the axis stayed behind.
+    """
+
+    max_lag_m: float
+    stall_margin: float
+    lost_pitches: int
+    slipped: bool

@@ -1,0 +1,29 @@
+"""The response of a first-order lag."""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+import numpy as np
+from scipy.signal import lfilter
+
+from mopro.plant.command_table import Floats
+
+
+def first_order(interval_s: float, x: Floats, lag_s: float) -> Floats:
+    """What follows evenly sampled `x` with the time constant `lag_s`, from rest at its start.
+
+    y' = (x - y)/lag, exact for what is linear or a parabola over the samples.
+    """
+    decay = math.exp(-interval_s / lag_s)
+    mean = lag_s / interval_s * (1 - decay)
+    new, old = 1 - mean, mean - decay
+    # What a parabola adds between two samples, for each unit of its second difference.
+    bend = lag_s / interval_s * ((lag_s / interval_s + 0.5) * (1 - decay) - 1)
+    second = np.pad(np.diff(x, 2), 1, "edge") if len(x) > 2 else np.zeros(len(x))
+    means = np.concatenate(([0.0], (second[1:] + second[:-1]) / 2))
+    driven = new * x + old * np.concatenate((x[:1], x[:-1])) + bend * means
+    driven[0] = 0.0
+    followed, _ = lfilter([1.0], [1, -decay], driven, zi=[float(x[0])])
+    return cast(Floats, followed)

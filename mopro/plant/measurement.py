@@ -1,0 +1,118 @@
+"""What a sensor shows of a run: the recording is the truth, this is the measurement.
+
+Effects of the measurement act here, in the order of the chain: where the target really
+is (geometry), what the transducer makes of it (reading), how slowly it follows
+(bandwidth), when samples are taken, what the electronics add; then noise and the
+converter's step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mopro.effects import Active, on_axis
+from mopro.effects.base import Scene
+from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
+from mopro.machine import Machine
+from mopro.plant.command_table import Floats
+from mopro.plant.first_order import first_order
+from mopro.program import AXES
+from mopro.recording import Recording
+from mopro.recording.record import Columns
+
+
+def measure(
+    recording: Recording,
+    sensor: Sensor,
+    machine: Machine,
+    active: Sequence[Active] = (),
+    generator: np.random.Generator | None = None,
+) -> tuple[Floats, Floats]:
+    """The sensor's time stamps (s) and readings (in its column's unit).
+
+    Noise needs a `generator`. Before and after the recording everything stands still.
+    """
+    end_s = float(recording["time_s"][-1])
+    stamps = np.arange(math.floor(end_s * sensor.rate_hz + 1e-6) + 1) / sensor.rate_hz
+    seen = measured_at(recording.columns, sensor, machine, active, stamps)
+    return stamps, _converted(seen, sensor, generator)
+
+
+def measured_at(
+    columns: Columns,
+    sensor: Sensor,
+    machine: Machine,
+    active: Sequence[Active],
+    stamps: Floats,
+) -> Floats:
+    """The reading for each stamp (s), in the column's unit; no noise, no converter's step.
+
+    `columns` are those of a recording, evenly sampled from 0 on; for a temperature
+    `time_s` and `temperature_C` will do.
+    """
+    chain = tuple(active)
+    if sensor.quantity == POSITION:
+        chain = on_axis(chain, sensor.axis)
+    dense = columns["time_s"]
+    seen = _target(columns, sensor, machine, chain)
+    for a in chain:
+        lag_s = a.effect.bandwidth_s(sensor.quantity, *a.values)
+        seen = first_order(float(dense[1]), seen, lag_s) if lag_s > 0 else seen
+    taken = stamps
+    for a in chain:
+        taken = a.effect.sampled_at(taken, *a.values)
+    reading = interpolated(dense, seen, taken)
+    if sensor.quantity == POSITION:
+        for a in chain:
+            reading = a.effect.electronics(reading, taken, *a.values)
+    return reading / sensor.unit_si
+
+
+def _target(columns: Columns, sensor: Sensor, machine: Machine, chain: Sequence[Active]) -> Floats:
+    if sensor.quantity == TEMPERATURE:
+        temperature: Floats = columns["temperature_C"]
+        return temperature
+    x: Floats = columns[f"position_{sensor.axis}_m"]
+    others = [n for n in AXES if n != sensor.axis and f"position_{n}_m" in columns]
+    scene = Scene(
+        time_s=columns["time_s"],
+        other_m=columns[f"position_{others[0]}_m"] if others else np.zeros_like(x),
+        temperature_C=columns["temperature_C"],
+        air_C=machine.heat.ambient_C,
+    )
+    for a in chain:
+        x = a.effect.geometry(x, scene, *a.values)
+    for a in chain:
+        x = a.effect.reading(x, scene, *a.values)
+    return x
+
+
+def interpolated(time_s: Floats, values: Floats, at_s: Floats) -> Floats:
+    """`values` between evenly spaced samples, by a cubic with central slopes."""
+    if len(time_s) < 2:
+        return np.full(len(at_s), float(values[0]))
+    h = float(time_s[1] - time_s[0])
+    place = np.clip(at_s / h, 0.0, len(time_s) - 1)
+    i = np.minimum(place.astype(np.int64), len(time_s) - 2)
+    u = place - i
+    slope = np.gradient(values)
+    start, end = values[i], values[i + 1]
+    curve: Floats = (
+        start * (1 + 2 * u) * (1 - u) ** 2
+        + slope[i] * u * (1 - u) ** 2
+        + end * u**2 * (3 - 2 * u)
+        - slope[i + 1] * u**2 * (1 - u)
+    )
+    return curve
+
+
+def _converted(reading: Floats, sensor: Sensor, generator: np.random.Generator | None) -> Floats:
+    """With noise, in whole steps of the converter."""
+    if sensor.noise_rms and generator is not None:
+        reading = reading + generator.normal(0.0, sensor.noise_rms, len(reading))
+    if sensor.adc_step:
+        reading = np.rint(reading / sensor.adc_step) * sensor.adc_step
+    return reading
