@@ -14,8 +14,8 @@ from mopro.diagnosis.model import Settings
 from mopro.diagnosis.screening import ALTERNATIVE_MARGIN, LINEARITY_ERROR, Screening
 from mopro.diagnosis.signature import ScoreTest
 
-# Alternatives that are fitted in the place of one effect. Doubled, the search is nearly twice as
-# long; halved, a family of six may lose a member.
+# Alternatives that are fitted in the place of one effect, one or two fits each. Fewer, and larger
+# families lose members.
 _MOST_FITTED = 5
 # Largest error of the predicted reduction that is allowed for, as a share of it.
 _MOST_LINEARITY_ERROR = 0.1

@@ -36,7 +36,7 @@ _MOST_RESTARTS = 2
 # Candidates tried in the place of several effects.
 _MOST_SUBSTITUTES = 4
 
-# Share of the sum of squares that a single effect must not leave, to be taken for the main one.
+# Largest share of the sum of squares that a single effect leaves if it is the main one.
 _MAIN_EFFECT_LEAVES = 0.02
 # Share of what several effects gain that a single one must be predicted to gain, to be tried in
 # their place.
