@@ -85,7 +85,7 @@ def log(path: Path) -> Iterator[TextIO]:
     flush, and is told of a full disk then: closing it does not raise that again.
     """
     try:
-        file = open(_Target.of(path).path, "w", encoding="utf-8", opener=_opener)
+        file = open(_Target.of(path).path, "w", encoding="utf-8", opener=_opener)  # noqa: SIM115 (closed below)
     except OSError as error:
         raise _unwritable(path, error) from error
     with ExitStack() as closing:
