@@ -16,10 +16,10 @@ from dataclasses import replace
 import numpy as np
 
 from mopro.emulator.backend import DEFAULT_RATE_HZ, Emulation, Emulator
-from mopro.machine.report import Outcome
 from mopro.motion import PlannedMove, Schedule, Segment
 from mopro.motion.track import Track, brake
 from mopro.program import AXES, Program
+from mopro.recording import MoveOutcome
 
 _HORIZON_S = 60.0
 _PIECE = 4096
@@ -49,7 +49,7 @@ class Motion:
         self._samples = 0
         self._ended = False
         self._cut_s = math.inf
-        self._accounts: list[Outcome] = []
+        self._accounts: list[MoveOutcome] = []
         self._slips: list[tuple[float, int, int]] = []
         self.now_s = 0.0
         self.seen_u = dict.fromkeys(AXES, 0.0)
@@ -244,11 +244,11 @@ class Motion:
             later.update(moves[index].axes)
         return moves[:final]
 
-    def outcome(self, move: PlannedMove) -> Outcome:
+    def outcome(self, move: PlannedMove) -> MoveOutcome:
         end_s = min(self._cut_s, self.end_s)
         return replace(self._begun().outcome(move), complete=move.end_s <= end_s)
 
-    def account(self, first: int, most: int) -> list[tuple[int, Outcome]]:
+    def account(self, first: int, most: int) -> list[tuple[int, MoveOutcome]]:
         """Up to `most` finished moves from number `first` (counted from 1) on."""
         moves = self.finished_moves()[first - 1 : first - 1 + most]
         numbered = list(enumerate(moves, start=first))

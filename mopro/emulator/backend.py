@@ -15,15 +15,14 @@ from mopro.effects.resolve import active_effects
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
 from mopro.machine.backend import DEFAULT_LOOP_S
-from mopro.machine.report import Outcome, move_report
 from mopro.motion import PlannedMove, Schedule
-from mopro.plant.axis import EmulatedAxis, Fate, Samples
+from mopro.plant.axis import EmulatedAxis, Samples
 from mopro.plant.command_table import Floats
 from mopro.plant.engine import Stepping
 from mopro.plant.platen import platen_result, yaw_rad
 from mopro.plant.simulate import Settings, Staging, planned, stage, staged
 from mopro.program import Program
-from mopro.recording import Header, MemorySink, MoveReport, Recording, Run, Sink
+from mopro.recording import Header, MemorySink, MoveOutcome, MoveReport, Recording, Run, Sink
 from mopro.recording.record import Columns
 
 DEFAULT_RATE_HZ = 2000.0
@@ -162,9 +161,9 @@ class Emulator:
     def _move_report(
         self, move: PlannedMove, ended_s: float, axes: dict[int, EmulatedAxis]
     ) -> MoveReport:
-        fates = [axes[number].fates.of(move) for number in move.axes]
-        outcome = replace(_worst(fates), complete=move.end_s <= ended_s)
-        return move_report(move, outcome, self.machine.microstep_m)
+        outcomes = [axes[number].outcomes.of(move) for number in move.axes]
+        outcome = replace(MoveOutcome.worst(outcomes), complete=move.end_s <= ended_s)
+        return MoveReport.of(move, outcome, self.machine.microstep_m)
 
     def plan(self, program: Program, for_s: float | None = None) -> Schedule:
         """What `program` commands on this machine; raises MotionError, as `plan` does."""
@@ -213,18 +212,10 @@ class Emulation:
         for axis in self._staging.axes:
             axis.settle()
 
-    def outcome(self, move: PlannedMove) -> Outcome:
+    def outcome(self, move: PlannedMove) -> MoveOutcome:
         """How `move` went; final once its axes have begun another, or after `settle`."""
-        return _worst([a.fates.of(move) for a in self._staging.axes if a.number in move.axes])
-
-
-def _worst(fates: list[Fate]) -> Outcome:
-    return Outcome(
-        max_lag_m=max(fate.max_lag_m for fate in fates),
-        stall_margin=min(fate.stall_margin for fate in fates),
-        lost_pitches=max((fate.lost_pitches for fate in fates), key=abs),
-        slipped=any(fate.slipped for fate in fates),
-    )
+        axes = (axis for axis in self._staging.axes if axis.number in move.axes)
+        return MoveOutcome.worst([axis.outcomes.of(move) for axis in axes])
 
 
 def emulate(

@@ -1,4 +1,4 @@
-"""One emulated axis: its motion piece by piece, and what becomes of each of its moves."""
+"""One emulated axis: its motion piece by piece, and how each of its moves goes."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mopro.machine.constants import PlantNumbers
 from mopro.motion import PlannedMove
 from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.engine import Engine, Trace
+from mopro.recording import MoveOutcome
 
 _SETTLING_S = 0.05
 _MOST_SETTLING_S = 10.0
@@ -60,7 +61,7 @@ class EmulatedAxis:
         self._jumps = sorted(jumps)
         self._has_voltage = has_voltage
         self._now_s = 0.0
-        self.fates = _Fates([m for m in moves if number in m.axes], plant)
+        self.outcomes = _MoveOutcomes([m for m in moves if number in m.axes], plant)
 
     def advance(self, samples_s: Floats, end_s: float) -> Samples:
         """The axis at `samples_s`; it goes on to `end_s`.
@@ -71,7 +72,7 @@ class EmulatedAxis:
         return _joined(parts) if len(parts) > 1 else parts[0]
 
     def positions_m(self, samples_s: Floats, end_s: float) -> Floats:
-        """As `advance`, the positions alone, and nothing is kept of how the moves fared."""
+        """As `advance`, the positions alone, and nothing is kept of how the moves went."""
         parts = []
         for part, stop_s in self._pieces(samples_s, end_s):
             knots = self._knots(part, stop_s)
@@ -108,9 +109,9 @@ class EmulatedAxis:
     def _advance(self, samples_s: Floats, end_s: float) -> Samples:
         knots = self._knots(samples_s, end_s)
         trace = self._through(knots)
-        begun = self.fates.begun(knots)
+        begun = self.outcomes.begun(knots)
         lags = self._lags(knots[begun], trace.position[begun])
-        self.fates.watch(knots, lags, trace.low, trace.high)
+        self.outcomes.watch(knots, lags, trace.low, trace.high)
         at = np.searchsorted(knots, samples_s)
         position, velocity = trace.position[at], trace.velocity[at]
         electrical = None if trace.electrical is None else trace.electrical.take(at, axis=1)
@@ -133,7 +134,7 @@ class EmulatedAxis:
         self._now_s = other._now_s
         self._engine.take_over(other._engine)
         self._jumps = [jump for jump in self._jumps if jump[0] >= self._now_s]
-        self.fates.take_over(other.fates)
+        self.outcomes.take_over(other.outcomes)
 
     @property
     def position_m(self) -> float:
@@ -152,7 +153,7 @@ class EmulatedAxis:
             knots = np.array([self._now_s, self._now_s + _SETTLING_S])
             self._engine.through(knots)
             self._now_s = float(knots[1])
-        self.fates.finish(self._lag_m())
+        self.outcomes.finish(self._lag_m())
 
     def command_m(self, time_s: Floats) -> Floats:
         """What the drive is told: whole microsteps where they are resolved."""
@@ -187,7 +188,7 @@ def _joined(parts: list[Samples]) -> Samples:
     return Samples(**columns)
 
 
-class _Fates:
+class _MoveOutcomes:
     """The lag of one axis in each of its moves, gathered piece by piece.
 
     `teeth` are the pitches by which the axis is behind its command, before each move
@@ -204,7 +205,7 @@ class _Fates:
         self._high_m = np.full(len(moves), -np.inf)
         self._teeth = np.zeros(len(moves) + 1, dtype=np.int64)
 
-    def take_over(self, other: _Fates) -> None:
+    def take_over(self, other: _MoveOutcomes) -> None:
         """Keep what became of the moves begun so far; they are the first ones of both."""
         shared = min(len(self._starts_s), len(other._starts_s))
         self._low_m[:shared] = other._low_m[:shared]
@@ -232,31 +233,16 @@ class _Fates:
     def finish(self, lag_m: float) -> None:
         self._teeth[-1] = self._tooth(np.array([lag_m]))[0]
 
-    def of(self, move: PlannedMove) -> Fate:
+    def of(self, move: PlannedMove) -> MoveOutcome:
         i = self._index[id(move)]
         lost = int(self._teeth[i + 1] - self._teeth[i])
         if self._low_m[i] > self._high_m[i]:
-            return Fate(0.0, 1.0, lost, bool(lost))
+            return MoveOutcome(0.0, 1.0, lost, bool(lost))
         home = self._teeth[i] * self._pitch_m
         largest = float(max(self._high_m[i] - home, home - self._low_m[i]))
         quarter = self._pitch_m / 4
         margin = 1 - math.sin(self._wave_number * largest) if largest < quarter else 0.0
-        return Fate(largest, margin, lost, bool(lost) or largest > 2 * quarter)
+        return MoveOutcome(largest, margin, lost, bool(lost) or largest > 2 * quarter)
 
     def _tooth(self, lags: Floats) -> NDArray[np.int64]:
         return np.rint(lags / self._pitch_m).astype(np.int64)
-
-
-@dataclass(frozen=True)
-class Fate:
-    """How one axis fared in one move.
-
-    `max_lag_m` is counted from the tooth that held it at the start, `stall_margin` is
-    1 - |F|/F0 at the worst moment, 0 from a quarter pitch of lag on, where the force
-    falls again; `lost_pitches` is positive where the axis stayed behind.
-    """
-
-    max_lag_m: float
-    stall_margin: float
-    lost_pitches: int
-    slipped: bool

@@ -9,8 +9,8 @@ import pytest
 import mopro
 from mopro.diagnosis import Role
 from mopro.effects import catalogue
-from mopro.experiment.diagnose import diagnosis
 from mopro.experiment.conclude.machine_file import machine_with
+from mopro.experiment.diagnose import diagnosis
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial

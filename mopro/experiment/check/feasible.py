@@ -13,13 +13,12 @@ from mopro.errors import Diagnostic, MotionError
 from mopro.experiment.model import Reading, Trial
 from mopro.instruments.sensor import POSITION
 from mopro.machine import Machine
-from mopro.machine.report import move_report
 from mopro.motion import Schedule
 from mopro.plant.simulate import planned as planned_with
 from mopro.plant.trips import limit_trip, switches_u
 from mopro.program import AXES
-from mopro.recording import Run
-from mopro.recording.table import stalls
+from mopro.recording import MoveReport, Run
+from mopro.recording.run import stalls
 
 # Positions are simulated sample by sample; temperatures may last for days.
 LONGEST_S = 1800.0
@@ -118,5 +117,5 @@ def _simulated(trial: Trial, schedule: Schedule, machine: Machine, compiled: boo
         duration_s=end_s,
         loops_forever=schedule.program.loops_forever,
         complete=True,
-        moves=tuple(move_report(m, emulation.outcome(m), machine.microstep_m) for m in moves),
+        moves=tuple(MoveReport.of(m, emulation.outcome(m), machine.microstep_m) for m in moves),
     )

@@ -165,7 +165,8 @@ class Motor:
         for axis in staging.axes:
             axis.advance(times, end_s)
             moves = (m for m in staging.schedule.moves if axis.number in m.axes)
-            margins += [axis.fates.of(move).stall_margin for move in moves]
+            outcomes = (axis.outcomes.of(move) for move in moves)
+            margins += [o.stall_margin for o in outcomes if o.stall_margin is not None]
         return min(margins)
 
     # -- one reading -----------------------------------------------------------
