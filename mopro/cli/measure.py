@@ -12,7 +12,7 @@ from mopro.cli.programs import compiled_program
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
-    from mopro.plant.command_table import Floats
+    from mopro.experiment.model import Floats
     from mopro.recording import Recording
 
 
@@ -86,7 +86,7 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
 
     from mopro.instruments import Lvdt, write_lvdt
     from mopro.instruments.sensor import Sensor
-    from mopro.plant.measurement import measure
+    from mopro.plant import measure
 
     way = recording[f"command_{axis}_m"]
     lvdt = Lvdt(middle_m=float(way.max() + way.min()) / 2)
@@ -106,7 +106,7 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
 def _thermocouple(recording: Recording, emulator: Emulator, out: Path) -> int:
     from mopro.instruments import Thermocouple, write_thermocouple
     from mopro.instruments.sensor import Sensor
-    from mopro.plant.measurement import interpolated, measure
+    from mopro.plant import interpolated, measure
 
     chain = Thermocouple()
     sensor = Sensor("thermocouple", "temperature", "temperature_C", recording.header.rate_hz)

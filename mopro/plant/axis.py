@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.machine.constants import PlantNumbers
+from mopro.machine.constants import PlantConstants
 from mopro.motion import PlannedMove
 from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.engine import Engine, Trace
@@ -43,7 +43,7 @@ class EmulatedAxis:
     def __init__(
         self,
         number: int,
-        plant: PlantNumbers,
+        plant: PlantConstants,
         command: CommandTable,
         engine: Engine,
         moves: Sequence[PlannedMove],
@@ -195,7 +195,7 @@ class _MoveOutcomes:
     and at the end.
     """
 
-    def __init__(self, moves: Sequence[PlannedMove], plant: PlantNumbers) -> None:
+    def __init__(self, moves: Sequence[PlannedMove], plant: PlantConstants) -> None:
         self._pitch_m = plant.pitch_m
         self._wave_number = plant.wave_number_1_m
         self._index = {id(move): i for i, move in enumerate(moves)}

@@ -1,57 +1,85 @@
-"""What one run needs, made from program, machine and effects."""
+"""The one way into the plant: a schedule and a machine give a run that is taken through time.
+
+    schedule → trips → scaling of the drive → temperature → equation of motion → columns
+
+each made from what stands before it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from mopro.effects import Active, Stage, on_axis
+from mopro.effects import Active, Stage, catalogue, on_axis
+from mopro.effects.resolve import active_effects
 from mopro.machine import Machine
-from mopro.machine.constants import PlantNumbers
-from mopro.motion import Schedule, plan
+from mopro.machine.constants import PlantConstants
+from mopro.motion import PlannedMove, Schedule, Stopping
 from mopro.plant import kernel
 from mopro.plant.assembly import Layout
 from mopro.plant.axis import EmulatedAxis
+from mopro.plant.columns import columns_of
 from mopro.plant.command_table import CommandTable, Floats
-from mopro.plant.engine import (
-    AssembledEngine,
-    Engine,
-    Integrate,
-    NominalEngine,
-    Stepping,
-    Strength,
-)
-from mopro.plant.heat import HeatHistory, HeatPieces
+from mopro.plant.drive_scaling import DriveScaling, hold_scaling, with_heat
+from mopro.plant.engine import AssembledEngine, Engine, Integrate, NominalEngine, Stepping
+from mopro.plant.heat import HeatHistory, HeatIntervals
 from mopro.plant.stepped_heat import SteppedHeat
-from mopro.plant.trips import (
-    PlatenEdge,
-    Ranges,
-    Trip,
-    braked,
-    frozen,
-    heat_trip,
-    limit_trip,
-    switches_u,
-)
-from mopro.program import AXES, Program
+from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, platen_edges, switches_u
+from mopro.program import AXES
+from mopro.recording import MoveOutcome
+from mopro.recording.record import Columns
 
+# RK4 at this step is within 0.03 nm of the exact response to LVDT3.
+MAX_STEP_S = 50e-6
+STEPPING = Stepping(MAX_STEP_S)
 # From this many integration steps on, importing a compiler pays; an assembled kernel is
 # slower as plain Python, and takes longer to compile.
 COMPILE_FROM_STEPS = 400_000
 COMPILE_ASSEMBLED_FROM_STEPS = 250_000
 _RINGING_S = 0.7
 _TRIP_STEP_S = 1.0
-_STRENGTH_STEP_S = 5.0
+_SHOWN_AFTER_S = 0.5
 _FEW_CHANGES = 20
 
 Heat = HeatHistory | SteppedHeat
+Scalings = Mapping[int, DriveScaling]
+
+
+def simulate(
+    schedule: Schedule,
+    machine: Machine,
+    active: Sequence[Active] | None = None,
+    stepping: Stepping = STEPPING,
+    *,
+    payload_kg: float = 0.0,
+    resolved: bool = True,
+    compiled: bool | None = None,
+    trips: bool = False,
+    heat_intervals: HeatIntervals | None = None,
+) -> Simulation:
+    """`machine` at rest at the start of `schedule`, to be taken through time.
+
+    `active` are the effects switched on, those of the machine's file unless given;
+    `payload_kg` rides on the forcer; `resolved` false lets the drive follow the command
+    smoothly instead of in microsteps; `compiled` forces the kernel to be compiled or not.
+    With `trips`, limit switches and overheating end the run; without, they are the
+    caller's to act upon. `heat_intervals` are those of the schedule's moves, from a caller
+    who simulates the same moves many times. Raises ModelError for unusable effects.
+    """
+    if active is None:
+        active = active_effects(machine, catalogue())
+    settings = PlantSettings(machine, payload_kg, resolved, stepping, compiled)
+    if trips:
+        return Simulation(settings, _prepare_tripped_run(schedule, machine, tuple(active)))
+    return Simulation(settings, prepare_run(schedule, machine, tuple(active), heat_intervals))
 
 
 @dataclass(frozen=True)
-class Settings:
-    """The emulator's own numbers; see Emulator."""
+class PlantSettings:
+    """What is the same under every schedule; see `simulate`."""
 
     machine: Machine
     payload_kg: float
@@ -61,104 +89,123 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Staging:
-    """A run ready to go."""
+class PreparedRun:
+    """All that is known of a run before its equation of motion is integrated."""
 
     schedule: Schedule
+    active: tuple[Active, ...]
+    scalings: Scalings
     heat: Heat
-    axes: list[EmulatedAxis]
-    trip: Trip | None
+    trip: Trip | None = None
 
 
-def stage(
-    program: Program, settings: Settings, active: tuple[Active, ...], for_s: float | None
-) -> Staging:
-    """Effects of the command, then heat, then dynamics, each seeing what came before."""
-    machine = settings.machine
-    schedule = planned(program, machine, active, for_s)
-    switches = switches_u(schedule, machine.travel_u())
-    trip = limit_trip(schedule, switches)
-    if trip:
-        schedule = braked(schedule, trip)
-    strengths = {axis: _hold(schedule, axis, on_axis(active, axis)) for axis in AXES}
-    heat = _heat(machine, schedule, active, strengths)
-    too_hot = _too_hot(machine, schedule, heat)
-    if too_hot:
-        trip, schedule = too_hot, frozen(schedule, too_hot)
-        strengths = {n: _switched_off(s, too_hot.time_s) for n, s in strengths.items()}
-        heat = _heat(machine, schedule, active, strengths)
-    if trip and trip.kind == "limit-switch":
-        active = (*active, *_edges(machine, switches))
-    axes = [_axis(n, settings, schedule, heat, on_axis(active, n), strengths[n]) for n in AXES]
-    return Staging(schedule, heat, axes, trip)
+class Simulation:
+    """One run on one machine, as far as it has got; `schedule` is what it follows.
+
+    Only what is commanded up to the time reached has been integrated, so that a caller may
+    still change what comes after it: a stop, or a longer schedule. `trip` is what ends the
+    run before its program does.
+    """
+
+    def __init__(self, settings: PlantSettings, run: PreparedRun) -> None:
+        self._settings = settings
+        self._run = run
+
+    @property
+    def schedule(self) -> Schedule:
+        return self._run.schedule
+
+    @property
+    def trip(self) -> Trip | None:
+        return self._run.trip
+
+    @cached_property
+    def _axes(self) -> dict[int, EmulatedAxis]:
+        """Made when something first moves: a temperature needs no equation of motion."""
+        return {axis: _axis(axis, self._settings, self._run) for axis in AXES}
+
+    def advance(self, times: Floats, end_s: float) -> Columns:
+        """The columns of a recording at `times`; the machine goes on to `end_s`.
+
+        Times ascend and lie between the time reached before and `end_s`.
+        """
+        samples = {n: axis.advance(times, end_s) for n, axis in self._axes.items()}
+        temperature_C = self.temperature_C(times)
+        return columns_of(times, samples, temperature_C, self.schedule, self._settings.machine)
+
+    def follow(self, rate_hz: float, end_s: float | None = None) -> None:
+        """Go to `end_s` (the schedule's end unless given), looked at `rate_hz` times a second.
+
+        For those who ask how the moves went and for no column.
+        """
+        end_s = self.schedule.duration_s if end_s is None else end_s
+        times = np.arange(int(end_s * rate_hz + 1e-6) + 1) / rate_hz
+        for axis in self._axes.values():
+            axis.advance(times, max(end_s, float(times[-1])))
+
+    def positions_m(self, axis: int, times: Floats, end_s: float) -> Floats:
+        """As `advance`, the positions of one axis alone; tells nothing of how its moves went."""
+        return self._axes[axis].positions_m(times, end_s)
+
+    def temperature_C(self, times: Floats) -> Floats:
+        """The forcer's temperature at `times`, which need not have been reached."""
+        return self._run.heat.temperature_C(times)
+
+    def position_m(self, axis: int) -> float:
+        """The position of `axis` at the time reached."""
+        return self._axes[axis].position_m
+
+    def change(self, schedule: Schedule) -> None:
+        """Go on under `schedule`, which is the same up to the time reached."""
+        before = self.__dict__.pop("_axes", {})
+        self._run = prepare_run(schedule, self._settings.machine, self._run.active)
+        for axis, old in before.items():
+            self._axes[axis].take_over(old)
+
+    def slip(self, axis: int, pitches: int) -> None:
+        """Throw `axis` back by whole pitches, as a blow does."""
+        self._axes[axis].slip(pitches)
+
+    def settle(self) -> None:
+        """At the end of the command, let what rings come to rest; all outcomes are final."""
+        for axis in self._axes.values():
+            axis.settle()
+
+    def outcome(self, move: PlannedMove) -> MoveOutcome:
+        """How `move` went; final once its axes have begun another, or after `settle`."""
+        return MoveOutcome.worst([self._axes[n].outcomes.of(move) for n in move.axes])
 
 
-def staged(schedule: Schedule, settings: Settings, active: tuple[Active, ...]) -> Staging:
-    """The dynamics under `schedule` as it stands: whoever asks has the trips in hand."""
-    strengths = {axis: _hold(schedule, axis, on_axis(active, axis)) for axis in AXES}
-    heat = heat_of(schedule, settings.machine, active)
-    axes = [_axis(n, settings, schedule, heat, on_axis(active, n), strengths[n]) for n in AXES]
-    return Staging(schedule, heat, axes, None)
-
-
-def heat_of(
+def prepare_run(
     schedule: Schedule,
     machine: Machine,
     active: tuple[Active, ...],
-    pieces: HeatPieces | None = None,
-) -> Heat:
-    """The forcer's temperature under `schedule`, which needs no equation of motion."""
-    strengths = {axis: _hold(schedule, axis, on_axis(active, axis)) for axis in AXES}
-    return _heat(machine, schedule, active, strengths, pieces)
+    intervals: HeatIntervals | None = None,
+) -> PreparedRun:
+    """The run of `schedule` as it stands: does not check limit switches or overheating."""
+    scalings = {axis: hold_scaling(schedule, axis, on_axis(active, axis)) for axis in AXES}
+    heat = _heat(machine, schedule, active, scalings, intervals)
+    return PreparedRun(schedule, active, scalings, heat)
 
 
-def planned(
-    program: Program, machine: Machine, active: Sequence[Active], for_s: float | None
-) -> Schedule:
-    """The schedule of `program` with the effects that change what is commanded."""
-    for a in active:
-        program = a.effect.program(program, *a.values)
-    schedule = plan(program, for_s, machine.travel_u())
-    for a in active:
-        schedule = a.effect.schedule(schedule, *a.values)
-    return schedule
+def _prepare_tripped_run(
+    schedule: Schedule, machine: Machine, active: tuple[Active, ...]
+) -> PreparedRun:
+    """The run of `schedule` as far as limit switches and overheating let it go."""
+    switches = switches_u(schedule, machine.travel_u())
+    trip = limit_trip(schedule, switches)
+    if trip:
+        schedule = _braked(schedule, trip)
+    run = replace(prepare_run(schedule, machine, active), trip=trip)
+    too_hot = _too_hot(machine, schedule, run.heat)
+    if too_hot:
+        run = _switched_off(run, too_hot, machine)
+    return _with_edges(run, machine, switches)
 
 
-def _hold(schedule: Schedule, axis: int, active: Sequence[Active]) -> Strength:
-    """The share of current over time of an axis whose drive saves it at rest."""
-    holds = [h for a in active if (h := a.effect.hold(*a.values))]
-    if not holds:
-        return Strength.full()
-    after_s, share = holds[0]
-    changes = [(0.0, 1.0)]
-    rest_s = 0.0
-    for move in [*[m for m in schedule.moves if axis in m.axes], None]:
-        start_s = schedule.duration_s if move is None else move.start_s
-        if start_s > rest_s + after_s:
-            changes += [(rest_s + after_s, share), (start_s, 1.0 if move else share)]
-        rest_s = start_s if move is None else move.end_s
-    times, gain = map(np.array, zip(*changes, strict=True))
-    return Strength(times, gain, np.ones(len(times)))
-
-
-def _switched_off(strength: Strength, time_s: float) -> Strength:
-    kept = strength.times_s < time_s
-    times = np.append(strength.times_s[kept], time_s)
-    return Strength(times, np.append(strength.gain[kept], 0.0), np.ones(len(times)))
-
-
-def _heat(
-    machine: Machine,
-    schedule: Schedule,
-    active: Sequence[Active],
-    strengths: Mapping[int, Strength],
-    pieces: HeatPieces | None = None,
-) -> Heat:
-    effects = [a for a in active if a.effect.stage is Stage.HEAT]
-    if not effects and all(s.always_full for s in strengths.values()):
-        return HeatHistory(machine, schedule.moves, pieces)
-    lasting_s = schedule.duration_s
-    return SteppedHeat(machine, schedule.moves, effects, strengths, lasting_s, pieces)
+def _braked(schedule: Schedule, trip: Trip) -> Schedule:
+    stopped = schedule.stopped(trip.time_s, Stopping.BRAKE)
+    return replace(stopped, duration_s=stopped.duration_s + _SHOWN_AFTER_S)
 
 
 def _too_hot(machine: Machine, schedule: Schedule, heat: Heat) -> Trip | None:
@@ -166,42 +213,59 @@ def _too_hot(machine: Machine, schedule: Schedule, heat: Heat) -> Trip | None:
     return heat_trip(schedule, heat.temperature_C(times), times, machine.heat.rated_C)
 
 
-def _edges(machine: Machine, switches: Ranges) -> list[Active]:
-    """The platen's edges, beyond each axis' switches."""
-    scale, beyond = machine.microstep_m, machine.limits.overtravel_m
-    return [
-        Active(PLATEN_EDGE, (low * scale - beyond, high * scale + beyond), (axis,))
-        for axis, (low, high) in switches.items()
-    ]
+def _switched_off(run: PreparedRun, trip: Trip, machine: Machine) -> PreparedRun:
+    """The run given up where the drive goes dead; the command stays where it was."""
+    shown_s = min(run.schedule.duration_s, trip.time_s + _SHOWN_AFTER_S)
+    stopped = run.schedule.stopped(trip.time_s, Stopping.CUT)
+    schedule = replace(stopped, duration_s=shown_s)
+    scalings = {n: s.switched_off(trip.time_s) for n, s in run.scalings.items()}
+    heat = _heat(machine, schedule, run.active, scalings)
+    return PreparedRun(schedule, run.active, scalings, heat, trip)
 
 
-# One object for all runs, as kernels are kept by the effects that they hold.
-PLATEN_EDGE = PlatenEdge()
+def _with_edges(run: PreparedRun, machine: Machine, switches: Ranges) -> PreparedRun:
+    """The run with the platen's edges, if it gets near them."""
+    if run.trip is None or run.trip.kind != "limit-switch":
+        return run
+    return replace(run, active=(*run.active, *platen_edges(machine, switches)))
+
+
+def _heat(
+    machine: Machine,
+    schedule: Schedule,
+    active: Sequence[Active],
+    scalings: Scalings,
+    intervals: HeatIntervals | None = None,
+) -> Heat:
+    """The forcer's temperature, which needs no equation of motion."""
+    effects = [a for a in active if a.effect.stage is Stage.HEAT]
+    if not effects and all(s.always_full for s in scalings.values()):
+        return HeatHistory(machine, schedule.moves, intervals)
+    lasting_s = schedule.duration_s
+    return SteppedHeat(machine, schedule.moves, effects, scalings, lasting_s, intervals)
 
 
 def _axis(
     number: int,
-    settings: Settings,
-    schedule: Schedule,
-    heat: Heat,
-    active: tuple[Active, ...],
-    strength: Strength,
+    settings: PlantSettings,
+    run: PreparedRun,
 ) -> EmulatedAxis:
-    plant = PlantNumbers.of(settings.machine, settings.payload_kg)
+    schedule, active = run.schedule, on_axis(run.active, number)
+    plant = PlantConstants.of(settings.machine, settings.payload_kg)
     for a in active:
         plant = a.effect.plant(plant, *a.values)
     command = _command(schedule, number, active)
-    strength = _weakened(strength, heat, schedule.duration_s, active)
+    scaling = with_heat(run.scalings[number], run.heat.temperature_C, schedule.duration_s, active)
     moves = [m for m in schedule.moves if number in m.axes]
     layout = Layout.of(active)
     return EmulatedAxis(
         number,
         plant,
         command,
-        _engine(settings, schedule, plant, command, active, layout, strength),
+        _engine(settings, schedule, plant, command, active, layout, scaling),
         schedule.moves,
         settings.resolved,
-        strength.times_s.tolist(),
+        scaling.times_s.tolist(),
         [jump for a in active for jump in a.effect.jumps(moves, *a.values)],
         layout.voltage is not None,
     )
@@ -216,43 +280,28 @@ def _command(schedule: Schedule, number: int, active: Sequence[Active]) -> Comma
     return table
 
 
-def _weakened(
-    strength: Strength, heat: Heat, duration_s: float, active: Sequence[Active]
-) -> Strength:
-    """The strength with the force constant following the temperature, every few seconds."""
-    with_heat = [a for a in active if a.effect.force_factor(np.zeros(1), *a.values) is not None]
-    if not with_heat:
-        return strength
-    times = np.union1d(strength.times_s, np.arange(0.0, duration_s, _STRENGTH_STEP_S))
-    constant: Floats = np.ones(len(times))
-    for a in with_heat:
-        factor = a.effect.force_factor(heat.temperature_C(times), *a.values)
-        constant = constant if factor is None else constant * factor
-    return Strength(times, strength.at(times)[0], constant)
-
-
 def _engine(
-    settings: Settings,
+    settings: PlantSettings,
     schedule: Schedule,
-    plant: PlantNumbers,
+    plant: PlantConstants,
     command: CommandTable,
     active: Sequence[Active],
     layout: Layout,
-    strength: Strength,
+    scaling: DriveScaling,
 ) -> Engine:
     """Plain for short work, compiled for long: the same kernel, the same bits."""
-    assembled = bool(layout.effects) or not strength.always_full
+    assembled = bool(layout.effects) or not scaling.always_full
     compiled = settings.compiled
     if compiled is None:
-        # Under a strength that changes an axis is never quite at rest.
-        restless = assembled and len(strength.times_s) > _FEW_CHANGES
+        # Under a scaling that changes an axis is never quite at rest.
+        restless = assembled and len(scaling.times_s) > _FEW_CHANGES
         steps = schedule.duration_s / settings.stepping.max_s
         compiled = (restless and steps >= COMPILE_ASSEMBLED_FROM_STEPS) or compiling_pays(
             schedule, settings.stepping.max_s, assembled
         )
     how = (plant, command, settings.resolved, settings.stepping)
     if assembled:
-        return AssembledEngine(*how, active, strength, compiled)
+        return AssembledEngine(*how, active, scaling, compiled)
     return NominalEngine(*how, nominal_kernel(compiled), compiled)
 
 

@@ -7,10 +7,10 @@ import pytest
 
 import mopro
 from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.predict.forward_model import COARSE, Motor
+from mopro.experiment.predict.forward_model import COARSE, ForwardModel
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
-from mopro.plant.engine import Stepping
+from mopro.plant import Stepping
 from mopro.source import Source
 
 # A ripple of the tooth goes by in a quarter of a millisecond at full speed, so steps in
@@ -30,7 +30,7 @@ def of(values, program=PROGRAM):
 
 
 def positions_um(settings, stepping):
-    (seen,) = Motor(of(np.zeros(3200)), stepping)(settings)
+    (seen,) = ForwardModel(of(np.zeros(3200)), stepping)(settings)
     return seen * 25400
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mopro.experiment.model import Floats, Reading
 from mopro.instruments.sensor import TEMPERATURE
 from mopro.motion import Schedule, Segment
-from mopro.plant.command_table import CommandTable
+from mopro.plant import CommandTable
 from mopro.program import AXES
 
 ACCELERATE, CRUISE, DECELERATE, SETTLE, DWELL = PHASES = (

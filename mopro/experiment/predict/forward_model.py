@@ -1,4 +1,4 @@
-"""The motor as a model that the diagnosis can run: settings of effects to every reading.
+"""A machine as a model that the diagnosis can run: settings of effects to every reading.
 
 What a program commands and how the axis answers (stages C and D) is simulated and kept;
 what a sensor makes of it (stage M) is worked out anew each time, as it costs next to
@@ -23,11 +23,16 @@ from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
 from mopro.instruments.sensor import POSITION, TEMPERATURE
 from mopro.motion import Schedule
-from mopro.plant.engine import Stepping
-from mopro.plant.heat import HeatPieces, heat_pieces
-from mopro.plant.measurement import measured_at
-from mopro.plant.simulate import Settings as EmulatorSettings
-from mopro.plant.simulate import Staging, heat_of, planned, staged
+from mopro.plant import (
+    HeatIntervals,
+    Simulation,
+    Stepping,
+    change_schedule,
+    heat_intervals,
+    measured_at,
+    plan_with_effects,
+    simulate,
+)
 from mopro.program import AXES
 from mopro.recording.record import Columns
 
@@ -84,7 +89,7 @@ class _Kept(Generic[T]):
         return result
 
 
-class Motor:
+class ForwardModel:
     """Predicts every reading of an experiment's runs, in their order.
 
     `resolved` tells whether the drive's angle moves in whole microsteps; a fine sensor
@@ -103,7 +108,7 @@ class Motor:
         self._own = active_effects(experiment.machine, catalogue())
         self._motions: _Kept[Columns] = _Kept()
         self._schedules: _Kept[Schedule] = _Kept()
-        self._pieces: _Kept[HeatPieces] = _Kept()
+        self._intervals: _Kept[HeatIntervals] = _Kept()
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [self._reading(run, reading, settings) for run, reading in self.readings()]
@@ -132,7 +137,7 @@ class Motor:
         """What run number `index` commands without further effects."""
         return self._schedule(index, self._own)
 
-    def way_m(self) -> tuple[float, float]:
+    def travel_m(self) -> tuple[float, float]:
         """The least and the greatest position that any sensor was to see."""
         places = [
             self._motion(run, _of_the_motion(self._own))[f"position_{reading.sensor.axis}_m"]
@@ -158,16 +163,10 @@ class Motor:
         return all(self._least_margin(run, self.active(run, settings)) > 0 for run in runs)
 
     def _least_margin(self, index: int, active: tuple[Active, ...]) -> float:
-        staging = self._staging(index, _padded(_of_the_motion(active)))
-        end_s = staging.schedule.duration_s
-        times = np.arange(0.0, end_s, 1 / _WATCHED_HZ)
-        margins = [1.0]
-        for axis in staging.axes:
-            axis.advance(times, end_s)
-            moves = (m for m in staging.schedule.moves if axis.number in m.axes)
-            outcomes = (axis.outcomes.of(move) for move in moves)
-            margins += [o.stall_margin for o in outcomes if o.stall_margin is not None]
-        return min(margins)
+        simulation = self._simulation(index, _padded(_of_the_motion(active)))
+        simulation.follow(_WATCHED_HZ)
+        outcomes = map(simulation.outcome, simulation.schedule.moves)
+        return min((o.stall_margin for o in outcomes if o.stall_margin is not None), default=1.0)
 
     # -- one reading -----------------------------------------------------------
 
@@ -178,21 +177,21 @@ class Motor:
         if not distorted:
             active = tuple(a for a in active if not a.effect.distorts)
         if reading.sensor.quantity == TEMPERATURE:
-            columns = self._warmth(index, float(reading.time_s[-1]), active)
+            columns = self._temperature(index, float(reading.time_s[-1]), active)
         else:
             columns = self._motion(index, _of_the_motion(active))
         return measured_at(columns, reading.sensor, machine, active, reading.time_s)
 
-    def _warmth(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
+    def _temperature(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
         """On a grid of its own, as a thermocouple is slow against the motion."""
         machine, schedule = self.experiment.machine, self._schedule(index, active)
         commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
-        pieces = self._pieces.get(
-            (index, *_key(commanding)), lambda: heat_pieces(machine, schedule.moves)
+        intervals = self._intervals.get(
+            (index, *_key(commanding)), lambda: heat_intervals(machine, schedule.moves)
         )
-        heat = heat_of(schedule, machine, active, pieces)
+        simulation = simulate(schedule, machine, active, heat_intervals=intervals)
         grid = _every_second(end_s)
-        return {"time_s": grid, "temperature_C": heat.temperature_C(grid)}
+        return {"time_s": grid, "temperature_C": simulation.temperature_C(grid)}
 
     # -- one motion --------------------------------------------------------------
 
@@ -202,25 +201,27 @@ class Motor:
 
     def _moved(self, index: int, active: tuple[Active, ...]) -> Columns:
         trial = self.experiment.trials[index]
-        staging = self._staging(index, _padded(active))
+        simulation = self._simulation(index, _padded(active))
         seen = {r.sensor.axis for r in trial.readings if r.sensor.quantity != TEMPERATURE}
         # A sample clock that runs slow takes its last samples behind the end.
         end_s = trial.duration_s * _BEYOND if seen else 0.0
         times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
         columns: Columns = {"time_s": times}
-        for axis in staging.axes if seen else ():
+        for axis, track in simulation.schedule.tracks.items() if seen else ():
             # One that is parked and not looked at stays where it is.
-            moving = axis.number in seen or staging.schedule.tracks[axis.number].segments
-            place = axis.positions_m(times, float(times[-1])) if moving else 0.0 * times
-            columns[f"position_{axis.number}_m"] = place
+            moving = axis in seen or track.segments
+            place = simulation.positions_m(axis, times, float(times[-1])) if moving else 0.0 * times
+            columns[f"position_{axis}_m"] = place
         grid = _every_second(float(times[-1]))
-        columns["temperature_C"] = np.interp(times, grid, staging.heat.temperature_C(grid))
+        columns["temperature_C"] = np.interp(times, grid, simulation.temperature_C(grid))
         return columns
 
-    def _staging(self, index: int, active: tuple[Active, ...]) -> Staging:
+    def _simulation(self, index: int, active: tuple[Active, ...]) -> Simulation:
         trial, machine = self.experiment.trials[index], self.experiment.machine
-        how = EmulatorSettings(machine, trial.payload_kg, self._resolved, self._stepping, True)
-        return staged(self._schedule(index, active), how, active)
+        return simulate(
+            self._schedule(index, active), machine, active, self._stepping,
+            payload_kg=trial.payload_kg, resolved=self._resolved, compiled=True,
+        )  # fmt: skip
 
     def _schedule(self, index: int, active: tuple[Active, ...]) -> Schedule:
         """What run `index` commands, as long as its data last."""
@@ -238,12 +239,9 @@ class Motor:
         machine = self.experiment.machine
         if trial.program is None:
             assert trial.command is not None, "a run has a program or a logged command"
-            schedule = schedule_of(trial.command, machine)
-            for a in active:
-                schedule = a.effect.schedule(schedule, *a.values)
-            return schedule
+            return change_schedule(schedule_of(trial.command, machine), active)
         for_s = trial.duration_s if trial.program.loops_forever or trial.partial else None
-        return planned(trial.program, machine, active, for_s)
+        return plan_with_effects(trial.program, machine, active, for_s)
 
 
 def _active(effect: Effect, values: Mapping[str, float], index: int) -> Active:
