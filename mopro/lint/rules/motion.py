@@ -13,7 +13,7 @@ from mopro.lint.rule import Finding, Rule, Stage
 from mopro.lint.settings import Settings
 from mopro.lint.subject import Subject
 from mopro.motion import PlannedMove, Shape
-from mopro.program import ir
+from mopro.program import AXES, ir
 from mopro.source import Span
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
@@ -130,9 +130,7 @@ def _drift_per_loop(rule: Rule, subject: Subject) -> Iterator[Finding]:
         return
     moves = subject.survey.schedule.moves[laps[-2].moves : laps[-1].moves]
     jump = next(op for op in reversed(list(subject.program.reachable())) if isinstance(op, ir.Jump))
-    for axis, before, after in zip(
-        subject.axes, laps[-2].position_u, laps[-1].position_u, strict=True
-    ):
+    for axis, before, after in zip(AXES, laps[-2].position_u, laps[-1].position_u, strict=True):
         drift_u = after - before
         if not drift_u:
             continue
