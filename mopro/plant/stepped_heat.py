@@ -25,6 +25,7 @@ from mopro.motion import PlannedMove
 from mopro.plant.command_table import Floats
 from mopro.plant.drive_scaling import DriveScaling
 from mopro.plant.heat import HeatBalance, HeatIntervals, heat_intervals
+from mopro.plant.hermite import hermite
 
 _LONGEST_STEP_S = 10.0
 # So many changes are met one by one.
@@ -74,13 +75,7 @@ class SteppedHeat:
         u = np.clip((time_s - self._time[i]) / h, 0.0, 1.0)
         start, end = self._temperature[i], self._temperature[i + 1]
         rise, fall = self._slope_after[i] * h, self._slope_before[i] * h
-        curve: Floats = (
-            start * (1 + 2 * u) * (1 - u) ** 2
-            + rise * u * (1 - u) ** 2
-            + end * u**2 * (3 - 2 * u)
-            - fall * u**2 * (1 - u)
-        )
-        return curve
+        return hermite(u, start, end, rise, fall)
 
     def _kinds(
         self,

@@ -8,13 +8,13 @@ nothing.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from operator import attrgetter
 from threading import Lock
-from typing import Generic, TypeVar
 
 import numpy as np
+from cachetools import LRUCache, cachedmethod
 
 from mopro.diagnosis import Settings
 from mopro.effects import Active, Effect, Stage, catalogue
@@ -42,7 +42,7 @@ COARSE = Stepping(2.5e-4, 5e-5)
 FINE = Stepping(2.5e-5)
 # Between samples of the true motion a cubic is within 0.03 µm at a jump of acceleration.
 DENSE_HZ = 4000.0
-_KEPT = 96
+_MOST_KEPT = 96
 # How a move fares is watched between steps as well: few samples are enough.
 _WATCHED_HZ = 100.0
 _BEYOND = 1.01
@@ -66,29 +66,6 @@ def angle_in(run: int, angle: str = "phi") -> str:
     return f"{angle}_{run + 1}"
 
 
-T = TypeVar("T")
-
-
-class _Kept(Generic[T]):
-    """The latest results by what they were made for; two threads may both make the same."""
-
-    def __init__(self) -> None:
-        self._results: OrderedDict[object, T] = OrderedDict()
-        self._lock = Lock()
-
-    def get(self, key: object, make: Callable[[], T]) -> T:
-        with self._lock:
-            if key in self._results:
-                self._results.move_to_end(key)
-                return self._results[key]
-        result = make()
-        with self._lock:
-            self._results[key] = result
-            while len(self._results) > _KEPT:
-                self._results.popitem(last=False)
-        return result
-
-
 class ForwardModel:
     """Predicts every reading of an experiment's runs, in their order.
 
@@ -106,9 +83,11 @@ class ForwardModel:
         self._stepping = stepping
         self._resolved = resolved
         self._own = active_effects(experiment.machine, catalogue())
-        self._motions: _Kept[Columns] = _Kept()
-        self._schedules: _Kept[Schedule] = _Kept()
-        self._intervals: _Kept[HeatIntervals] = _Kept()
+        # The latest results; two threads may both work out the same one.
+        self._lock = Lock()
+        self._motions: LRUCache[object, Columns] = LRUCache(_MOST_KEPT)
+        self._schedules: LRUCache[object, Schedule] = LRUCache(_MOST_KEPT)
+        self._intervals: LRUCache[object, HeatIntervals] = LRUCache(_MOST_KEPT)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [self._reading(run, reading, settings) for run, reading in self.readings()]
@@ -185,21 +164,21 @@ class ForwardModel:
     def _temperature(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
         """On a grid of its own, as a thermocouple is slow against the motion."""
         machine, schedule = self.experiment.machine, self._schedule(index, active)
-        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
-        intervals = self._intervals.get(
-            (index, *_key(commanding)), lambda: heat_intervals(machine, schedule.moves)
-        )
+        intervals = self._heat_intervals(index, _commanding(active))
         simulation = simulate(schedule, machine, active, heat_intervals=intervals)
         grid = _every_second(end_s)
         return {"time_s": grid, "temperature_C": simulation.temperature_C(grid)}
 
+    @cachedmethod(attrgetter("_intervals"), lock=attrgetter("_lock"))
+    def _heat_intervals(self, index: int, commanding: tuple[Active, ...]) -> HeatIntervals:
+        moves = self._schedule(index, commanding).moves
+        return heat_intervals(self.experiment.machine, moves)
+
     # -- one motion --------------------------------------------------------------
 
+    @cachedmethod(attrgetter("_motions"), lock=attrgetter("_lock"))
     def _motion(self, index: int, active: tuple[Active, ...]) -> Columns:
         """The true motion of run `index`: columns as a recording has them."""
-        return self._motions.get((index, *_key(active)), lambda: self._moved(index, active))
-
-    def _moved(self, index: int, active: tuple[Active, ...]) -> Columns:
         trial = self.experiment.trials[index]
         simulation = self._simulation(index, _padded(active))
         seen = {r.sensor.axis for r in trial.readings if r.sensor.quantity != TEMPERATURE}
@@ -225,14 +204,13 @@ class ForwardModel:
 
     def _schedule(self, index: int, active: tuple[Active, ...]) -> Schedule:
         """What run `index` commands, as long as its data last."""
+        return self._lasting_schedule(index, _commanding(active))
+
+    @cachedmethod(attrgetter("_schedules"), lock=attrgetter("_lock"))
+    def _lasting_schedule(self, index: int, commanding: tuple[Active, ...]) -> Schedule:
         trial = self.experiment.trials[index]
-        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
-
-        def lasting() -> Schedule:
-            schedule = self._planned(trial, commanding)
-            return replace(schedule, duration_s=max(schedule.duration_s, trial.duration_s))
-
-        return self._schedules.get((index, *_key(commanding)), lasting)
+        schedule = self._planned(trial, commanding)
+        return replace(schedule, duration_s=max(schedule.duration_s, trial.duration_s))
 
     def _planned(self, trial: Trial, active: tuple[Active, ...]) -> Schedule:
         """What `trial` commands; only effects of the command change it."""
@@ -258,8 +236,9 @@ def _every_second(end_s: float) -> Floats:
     return np.linspace(0.0, end_s, max(2, math.ceil(end_s) + 1))
 
 
-def _key(active: Sequence[Active]) -> tuple[object, ...]:
-    return tuple((a.name, a.values, a.axes) for a in active)
+def _commanding(active: Iterable[Active]) -> tuple[Active, ...]:
+    """Those of `active` that change what is commanded."""
+    return tuple(a for a in active if a.effect.stage is Stage.COMMAND)
 
 
 def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:
