@@ -9,6 +9,7 @@ import click
 
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
 from mopro.cli.programs import compiled_program
+from mopro.units import INCH_M
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
@@ -88,8 +89,8 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
     from mopro.instruments.sensor import Sensor
     from mopro.plant import measure
 
-    way = recording[f"command_{axis}_m"]
-    lvdt = Lvdt(middle_m=float(way.max() + way.min()) / 2)
+    command_m = recording[f"command_{axis}_m"]
+    lvdt = Lvdt(middle_m=float(command_m.max() + command_m.min()) / 2)
     sensor = Sensor("lvdt", "position", f"position_{axis}_m", lvdt.rate_hz, axis)
     _, seen = measure(recording, sensor, emulator.machine, emulator.active)
     stood = np.full(max(0, lvdt.samples - len(seen)), seen[-1])
@@ -99,7 +100,9 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
     if out.suffix.lower() == ".dat":
         write_lvdt(out, volts)
     else:
-        _write_csv(out, f"position_{axis}_in", lvdt.times_s(), lvdt.position_m(volts) / 0.0254)
+        _write_csv(
+            out, f"position_{axis}_in", lvdt.times_s(), lvdt.position_m(volts) / float(INCH_M)
+        )
     return len(volts)
 
 

@@ -1,4 +1,4 @@
-"""One emulated axis: its motion piece by piece, and how each of its moves goes."""
+"""One emulated axis: its motion chunk by chunk, and how each of its moves goes."""
 
 from __future__ import annotations
 
@@ -68,19 +68,21 @@ class EmulatedAxis:
 
         Samples ascend and lie between the time reached before and `end_s`.
         """
-        parts = [self._advance(part, stop_s) for part, stop_s in self._pieces(samples_s, end_s)]
+        parts = [
+            self._advance(part, stop_s) for part, stop_s in self._between_jumps(samples_s, end_s)
+        ]
         return _joined(parts) if len(parts) > 1 else parts[0]
 
     def positions_m(self, samples_s: Floats, end_s: float) -> Floats:
         """As `advance`, the positions alone, and nothing is kept of how the moves went."""
         parts = []
-        for part, stop_s in self._pieces(samples_s, end_s):
+        for part, stop_s in self._between_jumps(samples_s, end_s):
             knots = self._knots(part, stop_s)
             trace = self._through(knots)
             parts.append(trace.position[np.searchsorted(knots, part)])
         return np.concatenate(parts)
 
-    def _pieces(self, samples_s: Floats, end_s: float) -> Iterator[tuple[Floats, float]]:
+    def _between_jumps(self, samples_s: Floats, end_s: float) -> Iterator[tuple[Floats, float]]:
         """The samples up to each jump, which comes when their motion is worked out."""
         for stop_s, pitches in self._stops(end_s):
             last = np.searchsorted(samples_s, stop_s, side="left" if pitches else "right")
@@ -189,7 +191,7 @@ def _joined(parts: list[Samples]) -> Samples:
 
 
 class _MoveOutcomes:
-    """The lag of one axis in each of its moves, gathered piece by piece.
+    """The lag of one axis in each of its moves, gathered chunk by chunk.
 
     `teeth` are the pitches by which the axis is behind its command, before each move
     and at the end.
