@@ -12,7 +12,7 @@ from enum import StrEnum
 
 from mopro.source import Source, Span
 
-_MOST_SHOWN = 50
+MOST_SHOWN = 50  # findings of one text that a report shows in full
 
 
 class Severity(StrEnum):
@@ -45,16 +45,17 @@ class Diagnostic:
 def render_all(diagnostics: Sequence[Diagnostic], source: Source) -> str:
     """The findings in order of place, at most fifty of them in full."""
     ordered = sorted(diagnostics, key=lambda d: d.span)
-    shown = [d.render(source) for d in ordered[:_MOST_SHOWN]]
-    if len(ordered) > _MOST_SHOWN:
-        shown.append(f"{source.name}: and {len(ordered) - _MOST_SHOWN} more")
+    shown = [d.render(source) for d in ordered[:MOST_SHOWN]]
+    if len(ordered) > MOST_SHOWN:
+        shown.append(f"{source.name}: and {len(ordered) - MOST_SHOWN} more")
     return "\n".join(shown)
 
 
 class MoproError(Exception):
     """Base of all errors meant for the person at the machine.
 
-    `rule` is a stable name for scripts to match.
+    `rule` is a stable name for scripts to match. Notes added to the error on its way
+    (`add_note`) are part of what is shown.
     """
 
     rule = "failed"
@@ -64,7 +65,7 @@ class MoproError(Exception):
         self.rule = rule or self.rule
 
     def render(self) -> str:
-        return f"{self} [{self.rule}]"
+        return "\n".join([f"{self} [{self.rule}]", *getattr(self, "__notes__", ())])
 
 
 class LocatedError(MoproError):

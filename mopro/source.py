@@ -73,9 +73,9 @@ class Source:
         Tabs and other controls are shown as single spaces so that the caret stays
         under its column.
         """
-        shown = "".join(c if c.isprintable() else " " for c in self.line(span.line))
+        line = self.line(span.line)
         start = span.column - 1
-        left = max(0, start - width // 2) if len(shown) > width else 0
-        cut = shown[left : left + width]
+        left = max(0, start - width // 2) if len(line) > width else 0
+        cut = "".join(c if c.isprintable() else " " for c in line[left : left + width])
         marked = max(1, min(span.end_column - span.column, len(cut) - (start - left)))
         return f"  {cut}\n  {' ' * (start - left)}{'^' + '~' * (marked - 1)}"

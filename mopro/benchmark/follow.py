@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.make import data_name, measured, run_text, write_data
+from mopro.benchmark.made import EXPERIMENT, Made
+from mopro.benchmark.make import data_file, data_name, measured, run_text
 from mopro.benchmark.reference.experiment import Plant, Strange, Trial
 from mopro.benchmark.reference.nominal import Nominal
 from mopro.benchmark.reference.sensors import Instrument
@@ -30,11 +30,9 @@ def proposed(
 ) -> Path:
     """A copy of the case with the program `text` as one more run; its experiment file.
 
-    Raises ValueError for a program that cannot be run or makes the plant stall.
+    Raises ValueError for a program that cannot be run or makes the plant stall, DataError
+    where `copy` holds files of an experiment that were not made here.
     """
-    copy.mkdir(parents=True, exist_ok=True)
-    for name in answer["files"]:
-        shutil.copyfile(folder / name, copy / name)
     instruments = [Instrument(**i) for i in answer["instruments"]]
     hot = instruments[0].quantity == "temperature"
     trial = Trial(text, payload_kg, _LASTS_S if hot else None)
@@ -43,13 +41,13 @@ def proposed(
     data = measured(plant, trial, instruments, answer["offsets"], generator)
     if plant.stalled:
         raise ValueError("the proposed program makes the hidden plant lose its lock")
-    (copy / "proposed.CMD").write_text(text, encoding="utf-8")
-    write_data(copy / data_name("proposed", instruments), instruments, *data)
-    file = copy / "experiment.toml"
-    file.write_text(
-        file.read_text() + "\n" + run_text("proposed", payload_kg, instruments), encoding="utf-8"
-    )
-    return file
+    contents = {name: (folder / name).read_bytes() for name in answer["files"]}
+    name = data_name("proposed", instruments)
+    contents["proposed.CMD"] = text.encode("utf-8")
+    contents[name] = data_file(name, instruments, *data)
+    contents[EXPERIMENT] += ("\n" + run_text("proposed", payload_kg, instruments)).encode()
+    Made.read(copy).replace("", contents)
+    return copy / EXPERIMENT
 
 
 def hidden_plant(answer: Mapping[str, Any]) -> Plant:

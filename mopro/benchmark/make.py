@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-import shutil
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -15,29 +15,32 @@ import numpy as np
 
 from mopro.benchmark.case import Case, Generator, drawn
 from mopro.benchmark.grid import Spec, specs
+from mopro.benchmark.made import ANSWERS, SUFFIXES, Made
 from mopro.benchmark.reference.experiment import Plant, Trial
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
 from mopro.benchmark.reference.sensors import Instrument, stored
 
-ANSWERS = "answers.json"
 _MACHINE = "machine.toml"
-_SUFFIXES = (".toml", ".CMD", ".csv", ".DAT")
+
+# The files of an experiment by name.
+Contents = dict[str, bytes]
 
 
 @dataclass(frozen=True)
 class Machine:
-    """The machine of all cases: its numbers, and its name as experiments state it, or its file."""
+    """The machine of all cases: its numbers, and its name as experiments state it.
+
+    `text` is its file, which goes with each experiment; None for a machine that is built in.
+    """
 
     nominal: Nominal = THESIS
-    stated: str | Path = "chow1992"
+    stated: str = "chow1992"
+    text: bytes | None = None
 
-    def put_into(self, folder: Path) -> str:
-        """A copy of its file into the folder of an experiment, which is to state this name."""
-        if isinstance(self.stated, str):
-            return self.stated
-        shutil.copyfile(self.stated, folder / _MACHINE)
-        return _MACHINE
+    @classmethod
+    def of_file(cls, nominal: Nominal, text: bytes) -> Machine:
+        return cls(nominal, _MACHINE, text)
 
 
 def make(
@@ -51,25 +54,28 @@ def make(
     """Write the grid's cases under `out`; yields each case's number, last the seal's hash.
 
     `only` limits the work to cases of these numbers, which are the same as in the whole
-    grid.
+    grid. Raises DataError if an experiment's files of other origin are where these should be;
+    nothing has been written then.
     """
     numbered = [(f"{i:03d}", spec) for i, spec in enumerate(specs(grid, seed), start=1)]
     chosen = [(number, spec) for number, spec in numbered if not only or number in only]
+    made = Made.read(out)
+    made.refuse_others([number for number, _ in chosen])
     answers: dict[str, Any] = {}
-    for number, answer in _written(seed, chosen, out, jobs, machine):
+    for number, answer, contents in _drawn(seed, chosen, jobs, machine):
+        made.replace(number, contents)
         answers[number] = answer
         yield number
     document = {"seed": seed, "grid": grid, "cases": dict(sorted(answers.items()))}
-    text = json.dumps(document, indent=1) + "\n"
-    out.mkdir(parents=True, exist_ok=True)
-    (out / ANSWERS).write_text(text, encoding="utf-8")
-    yield hashlib.sha256(text.encode()).hexdigest()
+    text = (json.dumps(document, indent=1) + "\n").encode()
+    made.replace("", {ANSWERS: text})
+    yield hashlib.sha256(text).hexdigest()
 
 
-def _written(
-    seed: int, chosen: list[tuple[str, Spec]], out: Path, jobs: int, machine: Machine
-) -> Iterable[tuple[str, dict[str, Any]]]:
-    tasks = [(seed, number, spec, out, machine) for number, spec in chosen]
+def _drawn(
+    seed: int, chosen: list[tuple[str, Spec]], jobs: int, machine: Machine
+) -> Iterable[tuple[str, dict[str, Any], Contents]]:
+    tasks = [(seed, number, spec, machine) for number, spec in chosen]
     if jobs == 1:
         yield from map(_task, tasks)
         return
@@ -77,31 +83,38 @@ def _written(
         yield from pool.map(_task, tasks)
 
 
-def _task(task: tuple[int, str, Spec, Path, Machine]) -> tuple[str, dict[str, Any]]:
-    seed, number, spec, out, machine = task
+def _task(task: tuple[int, str, Spec, Machine]) -> tuple[str, dict[str, Any], Contents]:
+    seed, number, spec, machine = task
     case = drawn(seed, number, spec, machine.nominal)
-    write(case, out / number, np.random.default_rng([seed, 3, int(number)]), machine)
-    return number, case.answer()
+    contents = experiment(case, np.random.default_rng([seed, 3, int(number)]), machine)
+    return number, case.answer(), contents
+
+
+def experiment(case: Case, generator: Generator, machine: Machine = Machine()) -> Contents:
+    """The experiment: its file, programs and data; nothing of what is hidden.
+
+    Their digests are put into the case.
+    """
+    contents = {} if machine.text is None else {machine.stated: machine.text}
+    plant = Plant(case.effects, case.strange, case.nominal)
+    for i, trial in enumerate(case.trials, start=1):
+        contents[f"run{i}.CMD"] = trial.text.encode("ascii")
+        data = measured(plant, trial, case.instruments, case.offsets, generator)
+        name = data_name(f"run{i}", case.instruments)
+        contents[name] = data_file(name, case.instruments, *data)
+    contents["experiment.toml"] = experiment_text(case, machine.stated).encode()
+    case.files = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
+    return contents
 
 
 def write(case: Case, folder: Path, generator: Generator, machine: Machine = Machine()) -> None:
-    """The experiment: its file, programs and data; nothing of what is hidden."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in hashes(folder):
-        (folder / name).unlink()
-    name = machine.put_into(folder)
-    plant = Plant(case.effects, case.strange, case.nominal)
-    for i, trial in enumerate(case.trials, start=1):
-        (folder / f"run{i}.CMD").write_text(trial.text, encoding="ascii")
-        data = measured(plant, trial, case.instruments, case.offsets, generator)
-        write_data(folder / data_name(f"run{i}", case.instruments), case.instruments, *data)
-    (folder / "experiment.toml").write_text(experiment_text(case, name), encoding="utf-8")
-    case.files = hashes(folder)
+    """The experiment as files of `folder`, in place of what was made there before."""
+    Made.read(folder).replace("", experiment(case, generator, machine))
 
 
 def hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of the experiment's files by name."""
-    files = [p for p in sorted(folder.iterdir()) if p.suffix in _SUFFIXES]
+    files = [p for p in sorted(folder.iterdir()) if p.suffix in SUFFIXES]
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
@@ -126,16 +139,18 @@ def data_name(run: str, sensors: list[Instrument]) -> str:
     return f"{run}.{'DAT' if sensors[0].quantity == 'temperature' else 'csv'}"
 
 
-def write_data(path: Path, sensors: list[Instrument], stamps: Floats, series: list[Floats]) -> None:
+def data_file(name: str, sensors: list[Instrument], stamps: Floats, series: list[Floats]) -> bytes:
     """A run's data: time and a column for each sensor; raw, temperature and time a line."""
-    if path.suffix == ".DAT":
+    file = io.BytesIO()
+    if name.endswith(".DAT"):
         raw = np.column_stack([*series, stamps])
-        np.savetxt(path, raw, fmt=" %.7g ", delimiter="", newline="\r\n")
-        return
+        np.savetxt(file, raw, fmt=" %.7g ", delimiter="", newline="\r\n")
+        return file.getvalue()
     header = ",".join(["time_s", *(s.column for s in sensors)])
     table = np.column_stack([stamps, *series])
     formats = ["%.7g"] + ["%.7f"] * len(sensors)
-    np.savetxt(path, table, fmt=formats, delimiter=",", header=header, comments="")
+    np.savetxt(file, table, fmt=formats, delimiter=",", header=header, comments="")
+    return file.getvalue()
 
 
 def experiment_text(case: Case, machine: str) -> str:

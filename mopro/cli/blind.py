@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TypeVar
 
 import click
 
+from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity
+from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 
 T = TypeVar("T")
 
@@ -44,11 +45,13 @@ def make(seed: int, out: Path, grid: str, cases: str | None, machine: str, jobs:
     Example: mopro blind make --seed 1 --grid small --out cases
     """
     from mopro.benchmark.grid import specs
-    from mopro.benchmark.make import ANSWERS
+    from mopro.benchmark.made import ANSWERS
     from mopro.benchmark.make import make as write_cases
     from mopro.cli.blind_machine import numbers_of
 
     only, stated = _padded(cases), numbers_of(machine)
+    if stated.text is not None and out.resolve() in Path(machine).resolve().parents:
+        raise click.UsageError(f"--machine {machine} lies in the folder that --out would fill")
     count = len(specs(grid, seed))
     if beyond := sorted(c for c in only if not 1 <= int(c) <= count):
         raise click.BadParameter(
@@ -101,7 +104,7 @@ def score(
     answers_from: Path | None,
     as_json: bool,
     report: Path | None,
-) -> None:
+) -> int:
     """Ask `mopro reconcile` about each case of FOLDER and compare with the answers.
 
     Verdicts are kept as verdict.json beside each experiment, so that an interrupted score
@@ -113,14 +116,16 @@ def score(
     from mopro.benchmark.page import page
     from mopro.benchmark.score import Score
     from mopro.cli.blind_score import Asker, Ground, followed, judged
-    from mopro.recording.atomic import written_beside
 
     ground = Ground.read(folder, _padded(cases))
+    keep_inputs([("--report", report)], [("FOLDER", file) for file in ground.files])
+    if follow:
+        ground.refuse_other_copies()
     asker = Asker(again, patience, answers_from)
-    with written_beside(report) if report else nullcontext() as draft:
+    with claimed(report):
         told = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
         after = _shown(followed(ground, asker, told, jobs), 0, "following up") if follow else []
-        result = Score(tuple(told), tuple(after))
-        if draft:
-            draft.write_text(page(result), encoding="utf-8")
+    result = Score(tuple(told), tuple(after))
+    all_drawn = drawn(report, lambda _: page_bytes(page(result)))
     click.echo(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)
+    return 0 if all_drawn else EXIT_FAILED

@@ -28,7 +28,9 @@ def numbers_of(name: str) -> Machine:
     if doubt := _beyond(stated):
         raise click.BadParameter(f"{name}: {doubt}", param_hint="--machine")
     known = name in builtin_machines()
-    return Machine(_nominal(stated), name if known else Path(name))
+    if known:
+        return Machine(_nominal(stated), name)
+    return Machine.of_file(_nominal(stated), Path(name).read_bytes())
 
 
 def _beyond(stated: Stated) -> str | None:

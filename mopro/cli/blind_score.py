@@ -14,12 +14,16 @@ from typing import Any
 
 from mopro.benchmark.follow import FOLDER, proposed
 from mopro.benchmark.judge import FAILED, Judgement, judge
-from mopro.benchmark.make import ANSWERS, hashes
+from mopro.benchmark.made import ANSWERS, Made, is_case, is_name
+from mopro.benchmark.make import hashes
 from mopro.benchmark.score import Followed, pair
 from mopro.errors import DataError
+from mopro.files import write
 
 VERDICT = "verdict.json"
 _SHOWN = 2000
+# What the answer of a case says at least.
+_ANSWER = {"files", "group", "sensor", "effects", "offsets", "instruments", "strange"}
 
 Reply = dict[str, Any]
 
@@ -41,10 +45,10 @@ class Ground:
         file = folder / ANSWERS
         try:
             document = json.loads(file.read_text(encoding="utf-8"))
-            ground = cls(folder, document["seed"], document["cases"])
+            ground = cls(folder, document["seed"], _checked(document["cases"]))
         except OSError as error:
             raise DataError(f"{file}: cannot be read: {error.strerror}", "unreadable") from error
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise DataError(f"{file}: not what `mopro blind make` writes", "bad-answers") from error
         if missing := sorted(only - set(ground.cases)):
             raise DataError(f"{file}: there is no case {missing[0]}", "no-such-case")
@@ -53,6 +57,27 @@ class Ground:
         for number, answer in ground.cases.items():
             _check(folder / number, answer["files"])
         return ground
+
+    @property
+    def files(self) -> list[Path]:
+        """Every file that is read."""
+        cases = [self.folder / n / name for n, a in self.cases.items() for name in a["files"]]
+        return [self.folder / ANSWERS, *cases]
+
+    def refuse_other_copies(self) -> None:
+        """DataError if what follows an answer up would lie among files of other origin."""
+        for number in self.cases:
+            Made.read(self.folder / FOLDER / number).refuse_others([""])
+
+
+def _checked(cases: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    """`cases` as answers have them, none of which leads out of its folder; else ValueError."""
+    for number, answer in cases.items():
+        if not is_case(number) or not all(map(is_name, answer["files"])):
+            raise ValueError("a case's number or a file's name is not one that is made")
+        if missing := _ANSWER - answer.keys():
+            raise ValueError(f"no {sorted(missing)[0]}")
+    return cases
 
 
 def _check(folder: Path, files: Mapping[str, str]) -> None:
@@ -82,13 +107,12 @@ class Asker:
             return _read(self.replies / f"{number}.json")
         kept = experiment.with_name(VERDICT)
         files = hashes(experiment.parent)
-        if kept.exists() and not self.again:
-            known = _read(kept)
-            if known.get("files") == files:
-                return known
+        known = None if self.again else _kept(kept)
+        if known is not None and known["files"] == files:
+            return known
         reply = {**_reconcile(experiment, self.patience_s), "files": files}
         if reply["verdict"] != FAILED:
-            kept.write_text(json.dumps(reply, indent=1) + "\n", encoding="utf-8")
+            write(kept, (json.dumps(reply, indent=1) + "\n").encode())
         return reply
 
 
@@ -111,12 +135,28 @@ def _reconcile(experiment: Path, patience_s: float) -> Reply:
     return {**reply, "seconds": seconds, "exit_code": done.returncode, "stderr": said}
 
 
+def _kept(path: Path) -> Reply | None:
+    """A verdict as `ask` keeps it; None where there is none, or none that can be used."""
+    try:
+        reply = _read(path)
+    except DataError:
+        return None
+    effects = reply.get("effects")
+    if not isinstance(effects, list) or not all(
+        isinstance(e, dict) and "name" in e for e in effects
+    ):
+        return None
+    shapes = {"verdict": str, "files": dict, "seconds": float, "exit_code": int, "stderr": str}
+    usable = all(isinstance(reply.get(key), kind) for key, kind in shapes.items())
+    return reply if usable else None
+
+
 def _read(path: Path) -> Reply:
     try:
         reply = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}", "unreadable") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(f"{path}: no JSON: {error}", "bad-reply") from error
     if not isinstance(reply, dict):
         raise DataError(f"{path}: expected what `mopro reconcile --json` prints", "bad-reply")

@@ -14,6 +14,7 @@ import click
 from mopro.cli.link import baud_option, dialect_option, opened_session, trace_option
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import Quantity, grammar_option, program_argument
+from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.programs import compiled_program, refuse_unrunnable
 
 if TYPE_CHECKING:
@@ -59,6 +60,8 @@ def command(
     """
     from mopro.link.flash import allowed_s, check_size
 
+    inputs = [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)]
+    keep_inputs([("--trace", trace)], inputs)
     program = compiled_program(file, grammar)
     refuse_unrunnable(program, machine)
     with opened_session(port, dialect, baud, trace) as session:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity
+from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
 
 if TYPE_CHECKING:
     from mopro.limits import Limit
@@ -68,7 +71,7 @@ def command(
     drive: str,
     plot: Path | None,
     as_json: bool,
-) -> None:
+) -> int:
     """Find the largest acceleration that the motor follows, against peak velocity.
 
     Searched by emulating moves, for the trapezoid and for parabolic ramps. Parabolic
@@ -80,15 +83,17 @@ def command(
     from mopro.limits import PROFILES, find_limits, with_full_drive
     from mopro.machine import load_machine
 
+    keep_inputs([("--plot", plot)], [("--machine", machine_file(machine))])
     loaded = load_machine(machine)
     if drive == "full":
         loaded = with_full_drive(loaded)
-    limits = find_limits(loaded, payload, velocities, distance)
-    if plot:
-        _draw(limits, plot, f"{loaded.name}, payload {payload:g} kg")
+    with claimed(plot):
+        limits = find_limits(loaded, payload, velocities, distance)
+    figure = _figure(limits, f"{loaded.name}, payload {payload:g} kg")
+    code = 0 if drawn(plot, figure) else EXIT_FAILED
     if as_json:
         click.echo(json.dumps([asdict(limit) for limit in limits], indent=1))
-        return
+        return code
     from mopro.cli.table import print_table
 
     print_table(_COLUMNS, map(_cells, limits), 1000)
@@ -99,6 +104,7 @@ def command(
         ]
         if found:
             click.echo(f"Soonest with {profile}: {min(found)[0]:.4f} s at {min(found)[1]:g} in/s.")
+    return code
 
 
 def _cells(limit: Limit) -> list[str]:
@@ -107,9 +113,11 @@ def _cells(limit: Limit) -> list[str]:
     return [f"{limit.velocity:g}", limit.profile, *cells]
 
 
-def _draw(limits: list[Limit], path: Path, title: str) -> None:
-    from mopro.plot.limits import plot_limits
-    from mopro.recording.atomic import written_beside
+def _figure(limits: list[Limit], title: str) -> Callable[[str], bytes]:
+    def figure(form: str) -> bytes:
+        from mopro.plot import figure_bytes
+        from mopro.plot.limits import plot_limits
 
-    with written_beside(path) as draft:
-        plot_limits(limits, title).savefig(draft, format=path.suffix[1:])
+        return figure_bytes(plot_limits(limits, title), form)
+
+    return figure

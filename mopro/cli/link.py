@@ -12,8 +12,6 @@ import click
 if TYPE_CHECKING:
     from mopro.link import Session
 
-_OPENING_S = 15.0
-
 Decorator = Callable[[Any], Any]
 
 
@@ -45,8 +43,10 @@ def opened_session(
     port: str, dialect: str, baud: int | None, trace: Path | None
 ) -> Iterator[Session]:
     """A conversation with the controller at `port`, found and begun; LinkError if there is none."""
+    from mopro.link.backend import OPENING_S
+
     with connected_session(port, dialect, baud, trace) as session:
-        session.give(_OPENING_S)
+        session.give(OPENING_S)
         session.open()
         yield session
 
@@ -56,7 +56,7 @@ def connected_session(
     port: str, dialect: str, baud: int | None, trace: Path | None
 ) -> Iterator[Session]:
     """The open port with nothing said yet."""
-    from mopro.errors import DataError
+    from mopro.files import log
     from mopro.link import SerialPort, Session, load_dialect
     from mopro.link.transport import Port, TracedPort
 
@@ -65,10 +65,5 @@ def connected_session(
         line: Port = SerialPort(port, language.line, baud)
         open_things.callback(line.close)
         if trace is not None:
-            try:
-                log = open_things.enter_context(open(trace, "w", encoding="utf-8"))
-            except OSError as error:
-                message = f"{trace}: cannot be written: {error.strerror}"
-                raise DataError(message, "unwritable-output") from error
-            line = TracedPort(line, log)
+            line = TracedPort(line, open_things.enter_context(log(trace)))
         yield Session(line, language, baud=baud)

@@ -11,6 +11,7 @@ import click
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import Quantity
+from mopro.cli.outputs import keep_inputs
 
 
 @click.command()
@@ -37,6 +38,7 @@ def command(
     """
     from mopro.link.probe import probe
 
+    keep_inputs([("--trace", trace)], [("--dialect", dialect)])
     steps = []
     with connected_session(port, dialect, baud, trace) as session:
         session.give(deadline)

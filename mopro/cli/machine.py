@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _SECTIONS = ("axis", "drive", "platen", "heat", "forcers", "limits")
 _MOST_ROWS = 200
+_UNREADABLE = ("unknown-machine", "too-large")
 
 
 @click.group()
@@ -63,7 +64,7 @@ def check(machines: tuple[str, ...]) -> int:
             name = _checked(machine)
         except ModelError as error:
             click.echo(error.render(), err=True)
-            unreadable = any(d.rule == "unknown-machine" for d in error.diagnostics)
+            unreadable = any(d.rule in _UNREADABLE for d in error.diagnostics)
             code = max(code, EXIT_BAD_INPUT if unreadable else EXIT_FAILED)
         else:
             click.echo(f"{machine}: {name}: no findings")

@@ -71,8 +71,9 @@ def main() -> NoReturn:
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
-    except click.Abort:
-        click.echo("mopro: interrupted", err=True)
+    except click.Abort as error:
+        notes = getattr(error.__cause__, "__notes__", ())
+        click.echo("\n".join(["mopro: interrupted", *notes]), err=True)
         sys.exit(EXIT_SIGNAL + signal.SIGINT)
     except MoproError as error:
         click.echo(error.render(), err=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
+from mopro.cli.outputs import claimed, keep_inputs, machine_file
 from mopro.cli.programs import compiled_program
 from mopro.units import INCH_M
 
@@ -59,13 +60,15 @@ def command(
     from mopro.machine import load_machine
     from mopro.recording import MemorySink
 
+    keep_inputs([("--out", out)], [("FILE", file), ("--machine", machine_file(machine))])
     program = compiled_program(file, grammar)
     rate_hz = 4000.0 if instrument == "lvdt" else 10.0
     emulator = Emulator(load_machine(machine), payload, rate_hz, seed)
     if instrument == "lvdt" and for_s is None:
         for_s = _lvdt_duration_s()
     sink = MemorySink()
-    run = emulator.run(program, sink, for_s)
+    with claimed(out):
+        run = emulator.run(program, sink, for_s)
     recording = sink.recording(emulator.header(program), run)
     if instrument == "lvdt":
         count = _lvdt(recording, emulator, axis, None if no_ripple else seed, out)
@@ -126,8 +129,8 @@ def _thermocouple(recording: Recording, emulator: Emulator, out: Path) -> int:
 def _write_csv(out: Path, column: str, times: Floats, values: Floats) -> None:
     import numpy as np
 
-    from mopro.recording.atomic import written_beside
+    from mopro.files import output
 
-    with written_beside(out) as draft:
+    with output(out) as draft:
         table = np.column_stack([times, values])
         np.savetxt(draft, table, "%.9g", ",", header=f"time_s,{column}", comments="")

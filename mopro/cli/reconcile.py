@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.main import EXIT_FAILED
+from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile
+from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
+from mopro.errors import DataError
+from mopro.files import write
 
 if TYPE_CHECKING:
     from mopro.diagnosis import Named, Verdict
@@ -41,30 +44,44 @@ def command(
     """
     from mopro.experiment import load_experiment
     from mopro.experiment.conclude.conclusion import conclude
-    from mopro.recording.atomic import written_beside
+    from mopro.experiment.read.file import read_entries
 
-    if out and out.resolve() == Path(experiment).resolve():
-        raise click.UsageError("--out would write the machine over the experiment")
+    outputs = [("--out", out), ("--report", report)]
+    keep_inputs(outputs, [("EXPERIMENT", experiment)])
+    keep_inputs(outputs, [("EXPERIMENT", file) for file in read_entries(experiment).files])
     loaded = load_experiment(experiment)
     for note in loaded.notes:
         click.echo(note, err=True)
-    with ExitStack() as files:
-        machine_draft = files.enter_context(written_beside(out)) if out else None
-        report_draft = files.enter_context(written_beside(report)) if report else None
-        with _progress() as progress:
-            found = conclude(loaded, jobs or os.cpu_count() or 1, progress)
-        if machine_draft:
-            machine_draft.write_text(found.machine_text, encoding="utf-8")
-        if report_draft:
-            from mopro.plot.diagnosis import diagnosis_page
-
-            report_draft.write_text(diagnosis_page(found), encoding="utf-8")
+    with claimed(out, report), _progress() as progress:
+        found = conclude(loaded, jobs or os.cpu_count() or 1, progress)
+    code = _written(found, out, report)
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine.name, **found.as_json()}
         click.echo(json.dumps(answer, indent=1, default=float, allow_nan=False))
     else:
         _tell(found)
-    return EXIT_FAILED if found.verdict.verdict == "unexplained" else 0
+    return max(code, EXIT_FAILED if found.verdict.verdict == "unexplained" else 0)
+
+
+def _written(found: Conclusion, out: Path | None, report: Path | None) -> int:
+    """Write the machine file, then draw the page; the exit code if one of them fails.
+
+    A disk that has filled up must not cost the person the verdict, which is printed next.
+    """
+    code = 0
+    if out:
+        try:
+            write(out, found.machine_text.encode("utf-8"))
+        except DataError as error:
+            click.echo(error.render(), err=True)
+            code = EXIT_BAD_INPUT
+
+    def page(form: str) -> bytes:
+        from mopro.plot.diagnosis import diagnosis_page
+
+        return page_bytes(diagnosis_page(found))
+
+    return code if drawn(report, page) else max(code, EXIT_FAILED)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.link import baud_option, dialect_option, opened_session, trace_option
+from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
+from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
 
 if TYPE_CHECKING:
@@ -108,28 +110,45 @@ def command(
     """
     if emulate == (port is not None):
         raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
+    keep_inputs(
+        [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)],
+        [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)],
+    )
     from mopro.emulator import Emulator
     from mopro.machine import load_machine
 
     program = compiled_program(file, grammar)
+    pictures = _Pictures(plot, report)
     backend: Emulator | SerialBackend
-    with ExitStack() as files:
+    with ExitStack() as told, ExitStack() as files:
+        files.enter_context(claimed(plot, report))
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
             backend = Emulator(load_machine(machine), payload, rate, seed)
         else:
-            from mopro.link import SerialBackend
+            from mopro.link import SerialBackend, Signals
 
             _only_with("--emulate", "payload", "rate", "seed")
             plant = load_machine(machine)
             if from_line is not None:
                 program = _from_line(program, from_line, yes)
             refuse_unrunnable(program, machine, for_s)
-            session = files.enter_context(opened_session(port, dialect, baud, trace))
-            backend = SerialBackend(session, plant, deadline_s=deadline)
-        run = _recorded(backend, program, for_s, out, _Pictures(plot, report, files))
-    _tell(run, program, out, as_json)
-    return EXIT_FAILED if run.stalled or run.trip or run.trouble else 0
+            begun_s = time.monotonic()
+            signals = told.enter_context(Signals())
+            session = files.enter_context(connected_session(port, dialect, baud, trace))
+            backend = SerialBackend(
+                session,
+                plant,
+                deadline_s=deadline,
+                begun_s=begun_s,
+                signals=signals,
+                warn=lambda text: click.echo(f"warning: {text} [no-heartbeat]", err=True),
+            )
+        run = _recorded(backend, program, for_s, out, pictures)
+        files.close()
+        all_drawn = pictures.draw(backend.header(program), run)
+        _tell(run, program, out, as_json)
+    return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
 def _recorded(
@@ -139,13 +158,25 @@ def _recorded(
     out: Path,
     pictures: _Pictures,
 ) -> Run:
-    """The run of `program` on either back end, its recording in `out`."""
+    """The run of `program` on either back end, its recording in `out`.
+
+    What a controller did is told even where the recording of it cannot be written.
+    """
+    from dataclasses import replace
+
+    from mopro.errors import DataError
     from mopro.recording import open_sink
 
     header = backend.header(program)
-    with open_sink(out, header) as sink:
-        run = backend.run(program, pictures.beside(sink), for_s)
-        pictures.draw(header, run)
+    run = None
+    try:
+        with open_sink(out, header) as sink:
+            run = backend.run(program, pictures.beside(sink), for_s)
+    except DataError as error:
+        if run is None or header.clock != "host":
+            raise
+        lost = f"the run has ended, but its recording is lost: {error}"
+        return replace(run, trouble="\n".join(filter(None, (run.trouble, lost))))
     return run
 
 
@@ -172,31 +203,33 @@ def _from_line(program: Program, line: int, yes: bool) -> Program:
 
 
 class _Pictures:
-    """The plot and the report of a run, their places claimed before it starts."""
+    """The plot and the report of a run, drawn when its recording has been written."""
 
-    def __init__(self, plot: Path | None, report: Path | None, files: ExitStack) -> None:
+    def __init__(self, plot: Path | None, report: Path | None) -> None:
         from mopro.recording import MemorySink
-        from mopro.recording.atomic import written_beside
 
-        self._wanted = bool(plot or report)
         self._plot = plot
-        self._plot_draft = files.enter_context(written_beside(plot)) if plot else None
-        self._report_draft = files.enter_context(written_beside(report)) if report else None
+        self._report = report
         self._memory = MemorySink(_MOST_PLOTTED)
 
     def beside(self, sink: Sink) -> Sink:
-        return _Tee(sink, self._memory) if self._wanted else sink
+        return _Tee(sink, self._memory) if self._plot or self._report else sink
 
-    def draw(self, header: Header, run: Run) -> None:
-        if not self._wanted:
-            return
-        from mopro.plot import report_page
+    def draw(self, header: Header, run: Run) -> bool:
+        """Whether all that was asked for could be drawn."""
 
-        recording = self._memory.recording(header, run)
-        if self._plot and self._plot_draft:
-            recording.plot().savefig(self._plot_draft, format=self._plot.suffix[1:])
-        if self._report_draft:
-            self._report_draft.write_text(report_page(recording, run), encoding="utf-8")
+        def figure(form: str) -> bytes:
+            from mopro.plot import figure_bytes
+
+            return figure_bytes(self._memory.recording(header, run).plot(), form)
+
+        def page(form: str) -> bytes:
+            from mopro.plot import report_page
+
+            return page_bytes(report_page(self._memory.recording(header, run), run))
+
+        # Both are tried, though the first may fail.
+        return all([drawn(self._plot, figure), drawn(self._report, page)])
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import click
 
 from mopro.cli.link import baud_option, dialect_option
 from mopro.cli.options import Quantity, grammar_option
+from mopro.cli.outputs import keep_inputs, machine_file
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
@@ -71,6 +72,10 @@ def command(
     from mopro.link import load_dialect
     from mopro.machine import load_machine
 
+    kept = [("--store", file) for file in store.glob("*.CMD")] if store else []
+    keep_inputs(
+        kept, [("--faults", faults), ("--dialect", dialect), ("--machine", machine_file(machine))]
+    )
     scenario = load_scenario(faults) if faults else Scenario()
     if seed is not None:
         scenario = replace(scenario, seed=seed)

@@ -27,10 +27,9 @@ def write_text(file: str, source: Source, tail: bytes) -> None:
         sys.stdout.buffer.write(data)
         sys.stdout.buffer.flush()
         return
-    from mopro.recording.atomic import written_beside
+    from mopro.files import write
 
-    with written_beside(Path(file)) as draft:
-        draft.write_bytes(data)
+    write(Path(file), data)
 
 
 def show_difference(before: Source, after: Source) -> None:

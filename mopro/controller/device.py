@@ -5,6 +5,7 @@ It knows the statements of a dialect by their names only. Time comes with each o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -12,7 +13,7 @@ from mopro.controller.faults import PlantFault
 from mopro.controller.motion import Motion
 from mopro.controller.store import MOST_PROGRAMS, Store, is_name
 from mopro.emulator import Emulator
-from mopro.errors import LocatedError
+from mopro.errors import DataError, LocatedError
 from mopro.language import parse
 from mopro.program import AXES, Program, lower
 from mopro.source import Source
@@ -55,6 +56,9 @@ class Device:
         self._started_s = 0.0
         self._pending: list[PlantFault] = []
         self._ending = ""
+        # After how long a silence the present run brakes, and the next one will.
+        self._silence_s = self._next_silence_s = math.inf
+        self._heard_s = 0.0
         self.state = "idle"
         # Where the motor was told to be and is, from the middle of the platen, at the last
         # start; and where the registers count from.
@@ -75,6 +79,7 @@ class Device:
             "position": self._position,
             "measured": self._measured,
             "moves": self._moves,
+            "heartbeat": self._heartbeat,
         }
         self._now_s = 0.0
 
@@ -86,8 +91,13 @@ class Device:
 
     def do(self, statement: str, fields: Row, now_s: float) -> list[Row]:
         """Execute one statement; gives its reply lines' fields. Raises Refuse."""
-        self.move_on(now_s)
+        self.hear(now_s)
         return self._statements[statement](**fields)
+
+    def hear(self, now_s: float) -> None:
+        """A sign of life of the host."""
+        self.move_on(now_s)
+        self._heard_s = now_s
 
     def take(self, line: str) -> None:
         """One line of a download."""
@@ -107,6 +117,7 @@ class Device:
         """Power comes back after a dip: what runs is forgotten, what is stored stays."""
         self.move_on(now_s)
         self._download = None
+        self._next_silence_s = math.inf
         if self._motion is not None:
             if self.state in ("running", "stopping"):
                 at_s = self._motion.tick_after(now_s - self._started_s)
@@ -142,6 +153,7 @@ class Device:
         """Let what the scenario and the limit switches have in store happen, in order."""
         events = [(f.run_s, f.kind, f.axis, f.pitches) for f in self._pending]
         events.append((motion.limit_s, "limit", 0, 0))
+        events.append((self._heard_s + self._silence_s - self._started_s, "silent", 0, 0))
         for time_s, kind, axis, pitches in sorted(events):
             if time_s > min(at_s, motion.end_s):
                 return
@@ -216,7 +228,7 @@ class Device:
         name, lines = self._download
         self._download = None
         self._compiled(lines)
-        self._store.write(name, lines)
+        self._keep(name, lines)
         return []
 
     def _compiled(self, lines: list[str]) -> Program:
@@ -236,8 +248,15 @@ class Device:
         names = self._store.names()
         if name not in names and len(names) >= MOST_PROGRAMS:
             raise Refuse(8, "no room for another program")
-        self._store.write(name, lines)
+        self._keep(name, lines)
         return []
+
+    def _keep(self, name: str, lines: list[str]) -> None:
+        """Store a program; only what will outlast a crash is answered with an OK."""
+        try:
+            self._store.write(name, lines)
+        except DataError as error:
+            raise Refuse(8, "the program cannot be kept") from error
 
     def _run(self, name: str, for_s: float | None = None) -> list[Row]:
         self._at_rest()
@@ -253,8 +272,15 @@ class Device:
         except LocatedError as error:
             raise _refusal_of(error) from error
         self._started_s = self._now_s
+        self._silence_s, self._next_silence_s = self._next_silence_s, math.inf
         self._pending = sorted(self._faults, key=lambda fault: fault.run_s)
         self.state = "running"
+        return []
+
+    def _heartbeat(self, milliseconds: float) -> list[Row]:
+        if milliseconds <= 0:
+            raise Refuse(2, "a time must be greater than 0")
+        self._next_silence_s = milliseconds / 1000
         return []
 
     def _stop(self) -> list[Row]:

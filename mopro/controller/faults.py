@@ -12,19 +12,11 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from mopro.errors import Diagnostic, ModelError
 from mopro.program import AXES
-from mopro.source import Source, Span
-from mopro.tomlfile import TomlReader, parse_toml
+from mopro.tomlfile import Document, Value, read_source
+from mopro.tomlfile.schema import Reader, number, one_of, whole
 
 DIRECTIONS = ("to_controller", "to_host", "both")
-_NUMBERS = {
-    "rate": (0.0, 1.0),
-    "delay_s": (0.0, 3600.0),
-    "at_s": (0.0, 1e9),
-    "for_s": (0.0, 1e9),
-    "run_s": (0.0, 1e9),
-}
 _BYTES = {"rate", "direction", "times"}
 _REPLY = {"rate", "times"}
 _TIME = {"at_s", "for_s"}
@@ -46,6 +38,18 @@ KINDS: dict[str, tuple[set[str], set[str]]] = {
     "limit": ({"run_s"}, {"run_s"}),
     "overheated": ({"run_s"}, {"run_s"}),
     "lost_steps": ({"run_s", "axis", "pitches"}, {"run_s", "axis", "pitches"}),
+}
+_NO_KIND = f"expected a kind: one of {', '.join(KINDS)}"
+_KEYS: dict[str, Reader[Any]] = {
+    "rate": number(0.0, 1.0),
+    "delay_s": number(0.0, 3600.0),
+    "at_s": number(0.0, 1e9),
+    "for_s": number(0.0, 1e9),
+    "run_s": number(0.0, 1e9),
+    "direction": one_of(*DIRECTIONS),
+    "axis": one_of(*AXES),
+    "times": whole(),
+    "pitches": whole(),
 }
 
 
@@ -83,75 +87,32 @@ class Scenario:
 
 def load_scenario(path: str | Path) -> Scenario:
     """The scenario in file `path`; ModelError with all findings if it is none."""
-    try:
-        text = Path(path).read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        finding = Diagnostic("unreadable", f"cannot be read: {reason}", Span(1, 1, 1))
-        raise ModelError(Source(str(path), ""), [finding]) from error
-    source = Source(str(path), text)
-    return _Reader(source, parse_toml(source)).scenario()
+    return Document(read_source(path)).read(_scenario)
 
 
-class _Reader(TomlReader):
-    def scenario(self) -> Scenario:
-        self._known("", self._data, {"seed", "fault"})
-        seed = self._data.get("seed", 0)
-        if not isinstance(seed, int) or isinstance(seed, bool):
-            self._report("bad-value", "expected seed: a whole number", "", "seed")
-        entries = self._data.get("fault", [])
-        if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
-            self._report("bad-value", "expected entries under [[fault]]", "", "fault")
-            entries = []
-        made = [self._fault(n, entry) for n, entry in enumerate(entries)]
-        self._check()
-        faults = [fault for fault in made if isinstance(fault, Fault)]
-        return Scenario(seed, faults, [f for f in made if isinstance(f, PlantFault)])
-
-    def _fault(self, nth: int, entry: dict[str, Any]) -> Fault | PlantFault | None:
-        kind = entry.get("kind")
-        if kind not in KINDS:
-            message = f"expected a kind: one of {', '.join(KINDS)}"
-            self._report("bad-value", message, "fault", "kind", nth=nth)
-            return None
-        needs, allows = KINDS[kind]
-        self._known("fault", entry, allows | {"kind"}, nth=nth)
-        for key in sorted(needs - entry.keys()):
-            self._report("missing-key", f"a {kind} has {key}", "fault", "kind", nth=nth)
-        before = len(self._found)
-        for key, value in entry.items():
-            if not self._good(key, value):
-                self._report("bad-value", f"expected {_expected(key)}", "fault", key, nth=nth)
-        if (
-            len(self._found) > before
-            or not needs <= entry.keys()
-            or entry.keys() - allows - {"kind"}
-        ):
-            return None
-        return PlantFault(**entry) if "run_s" in needs else Fault(**entry)
-
-    @staticmethod
-    def _good(key: str, value: Any) -> bool:
-        if isinstance(value, bool):
-            return False
-        if key in _NUMBERS:
-            low, high = _NUMBERS[key]
-            return isinstance(value, int | float) and low <= value <= high
-        if key == "direction":
-            return value in DIRECTIONS
-        if key == "axis":
-            return value in AXES
-        return isinstance(value, str if key == "kind" else int)
+def _scenario(root: Value) -> Scenario:
+    root.only({"seed", "fault"})
+    seed = root.get("seed", whole(), 0)
+    made = [_fault(entry) for entry in root.sections("fault")]
+    faults = [fault for fault in made if isinstance(fault, Fault)]
+    return Scenario(seed, faults, [f for f in made if isinstance(f, PlantFault)])
 
 
-def _expected(key: str) -> str:
-    if key in _NUMBERS:
-        return f"{key}: a number from {_NUMBERS[key][0]:g} to {_NUMBERS[key][1]:g}"
-    if key == "direction":
-        return f"direction: one of {', '.join(DIRECTIONS)}"
-    return (
-        f"axis: one of {', '.join(map(str, AXES))}" if key == "axis" else f"{key}: a whole number"
-    )
+def _fault(entry: Value) -> Fault | PlantFault | None:
+    before = entry.faults
+    kind = entry.need("kind", one_of(*KINDS, message=_NO_KIND), _NO_KIND, "bad-value")
+    if kind is None:
+        return None
+    needs, allows = KINDS[kind]
+    entry.only(allows | {"kind"})
+    for key in sorted(needs - entry.data.keys()):
+        entry.report(f"a {kind} has {key}", "missing-key", at="kind")
+    stated: dict[str, Any] = {
+        key: entry.get(key, _KEYS[key], None) for key in sorted(allows) if key in entry
+    }
+    if entry.faults > before:
+        return None
+    return PlantFault(kind, **stated) if "run_s" in needs else Fault(kind, **stated)
 
 
 @dataclass

@@ -70,6 +70,7 @@ class Protocol:
             number, body = check.unwrap(line)
         except BadFrame:
             return b"" if self._expected is None else self._framed(self._expected, [check.resend])
+        self._device.hear(now_s)
         if body == check.hello:
             self._answers.clear()
             self._expected = number

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Protocol
 
-from mopro.recording.atomic import written_beside
+from mopro.files import make_folder, write
 
 # Letters, digits and underscores only: a name can never become a path.
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,15}", re.ASCII)
@@ -22,7 +22,8 @@ class Store(Protocol):
 
     def read(self, name: str) -> list[str] | None: ...
 
-    def write(self, name: str, lines: list[str]) -> None: ...
+    def write(self, name: str, lines: list[str]) -> None:
+        """Keep a program; it will be there after a crash. Raises DataError if it cannot be."""
 
     def names(self) -> list[str]: ...
 
@@ -44,19 +45,18 @@ class MemoryStore:
 
 
 class FolderStore:
-    """Programs as `NAME.CMD` files of one folder, written beside and renamed."""
+    """Programs as `NAME.CMD` files of one folder, on the disk when `write` returns."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
 
     def read(self, name: str) -> list[str] | None:
         path = self._path(name)
         return path.read_text("ascii").splitlines() if path.is_file() else None
 
     def write(self, name: str, lines: list[str]) -> None:
-        with written_beside(self._path(name)) as draft:
-            draft.write_text("".join(f"{line}\n" for line in lines), "ascii")
+        write(self._path(name), "".join(f"{line}\n" for line in lines).encode("ascii"))
 
     def names(self) -> list[str]:
         return sorted(p.stem for p in self._folder.glob("*.CMD") if is_name(p.stem))

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 from mopro.effects.base import Active, Effect, Parameter
 from mopro.effects.phases import VoltageSaturation
-from mopro.errors import Diagnostic, ModelError
+from mopro.errors import MOST_SHOWN, Diagnostic, ModelError
 from mopro.machine import Machine, StatedEffect, StatedValue
 from mopro.program import AXES
 from mopro.source import Source, Span
@@ -49,14 +49,14 @@ class _Resolver:
         if effect is None:
             message = f"there is no effect {stated.name}"
             self._report(
-                "unknown-effect", message, stated.span, _near(stated.name, self._catalogue)
+                "unknown-effect", message, stated.span, self._near(stated.name, self._catalogue)
             )
             return None
         parameters = {p.name: p for p in effect.parameters}
         for key, value in stated.values.items():
             if key not in parameters:
                 message = f"{effect.name} has no parameter {key}"
-                self._report("unknown-parameter", message, value.span, _near(key, parameters))
+                self._report("unknown-parameter", message, value.span, self._near(key, parameters))
         values = tuple(self._value(p, stated.values.get(p.name)) for p in effect.parameters)
         return Active(effect, values, stated.axes)
 
@@ -74,6 +74,10 @@ class _Resolver:
         if fault := parameter.fault(value):
             self._report("bad-value", fault, stated.span, f"it is {parameter.meaning}")
         return value
+
+    def _near(self, name: str, known: Iterable[str]) -> str | None:
+        """A suggestion, as long as a report shows it: to compare names takes long."""
+        return _near(name, known) if len(self.found) < MOST_SHOWN else None
 
     def _report(self, rule: str, message: str, span: Span, hint: str | None = None) -> None:
         self.found.append(Diagnostic(rule, message, span, hint=hint))

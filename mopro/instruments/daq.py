@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataError
+from mopro.files import output
 from mopro.instruments.lvdt import FULL_SCALE_V, Lvdt
 from mopro.instruments.thermocouple import Thermocouple
-from mopro.recording.atomic import written_beside
 
 Floats = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def _basic(number: float) -> str:
 
 
 def _write(path: Path, lines: Iterator[str]) -> None:
-    with written_beside(path) as draft, open(draft, "w", encoding="ascii", newline="") as file:
+    with output(path) as draft, open(draft, "w", encoding="ascii", newline="") as file:
         file.writelines(f"{line}\r\n" for line in lines)
 
 

@@ -6,19 +6,23 @@ not the file.
 
 from __future__ import annotations
 
+import hashlib
+import io
 import re
 import sys
-import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
 from pathlib import Path
 
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+from lark import __version__ as lark_version
 
-from mopro.cachefolder import cache_folder
-from mopro.errors import Diagnostic, SourceError
+from mopro.cachefolder import cache_folder, read_kept, with_digest
+from mopro.errors import DataError, Diagnostic, SourceError
+from mopro.files import write
 from mopro.language import ast
 from mopro.source import Source, Span
 
@@ -111,20 +115,6 @@ def grammar_path(file: str) -> Path:
     return installed if installed.is_file() else package.parent / "grammars" / file
 
 
-def _cache_file(grammar: str) -> str | bool:
-    """Where lark keeps the parser that it made, in the user's cache; False for nowhere.
-
-    Making it takes longer than all else that a short program needs. Lark makes it anew
-    when the grammar or lark itself changes, and does without where it cannot write.
-    """
-    folder = cache_folder()
-    if folder is None:
-        return False
-    path = grammar_path(GRAMMARS[grammar])
-    place = f"{zlib.crc32(str(path).encode()):08x}-{sys.implementation.cache_tag}"
-    return str(folder / f"{path.name}-{place}.parser")
-
-
 @dataclass(frozen=True, slots=True)
 class _StatementShape:
     """A statement but for its line number."""
@@ -157,18 +147,50 @@ class _Line:
     fault: _FaultShape | None = None
 
 
-@cache
-def _line_reader(grammar: str) -> Callable[[str], _Line]:
-    """A function from the text of a line to what it holds, which remembers past lines."""
-    lark = Lark(
-        grammar_path(GRAMMARS[grammar]).read_text("ascii"),
+def _parser(grammar: str) -> Lark:
+    """The parser of `grammar`, from the user's cache where it is kept there.
+
+    Making it takes longer than all else that a short program needs. It is kept as a pickle,
+    which is read only if it is this user's, whole, and was made of these very grammars by
+    this version of mopro, lark and Python.
+    """
+    folder = cache_folder()
+    if folder is None:
+        return _made_parser(grammar)
+    kept = folder / f"{grammar}-{_origin()}.parser"
+    data = read_kept(kept)
+    if data is not None:
+        return Lark.load(io.BytesIO(data))
+    made, pickled = _made_parser(grammar), io.BytesIO()
+    made.save(pickled)
+    with suppress(DataError):  # a full or read-only cache: made anew the next time
+        write(kept, with_digest(pickled.getvalue()))
+    return made
+
+
+def _origin() -> str:
+    """A digest of all that a kept parser depends on."""
+    files = [Path(__file__), *map(grammar_path, GRAMMARS.values())]
+    texts = [file.read_bytes() for file in files]
+    return hashlib.sha256(repr((texts, lark_version, sys.version)).encode()).hexdigest()[:24]
+
+
+def _made_parser(grammar: str) -> Lark:
+    path = grammar_path(GRAMMARS[grammar])
+    return Lark(
+        path.read_text("ascii"),
         parser="lalr",
         start="line",
         propagate_positions=True,
         maybe_placeholders=False,
-        import_paths=[str(grammar_path(GRAMMARS[grammar]).parent)],
-        cache=_cache_file(grammar),
+        import_paths=[str(path.parent)],
     )
+
+
+@cache
+def _line_reader(grammar: str) -> Callable[[str], _Line]:
+    """A function from the text of a line to what it holds, which remembers past lines."""
+    lark = _parser(grammar)
     known = statement_kinds(grammar)
 
     @lru_cache(maxsize=4096)

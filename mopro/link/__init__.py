@@ -2,6 +2,7 @@
 
 from mopro.link.backend import SerialBackend
 from mopro.link.dialect import Dialect, builtin_dialects, load_dialect
+from mopro.link.halt import Signals
 from mopro.link.session import Session
 from mopro.link.transport import Port, SerialPort
 
@@ -11,6 +12,7 @@ __all__ = [
     "SerialBackend",
     "SerialPort",
     "Session",
+    "Signals",
     "builtin_dialects",
     "load_dialect",
 ]

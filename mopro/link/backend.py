@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import platform
-from dataclasses import dataclass
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
-from mopro.errors import LinkError
+from mopro.errors import DataError
 from mopro.link.flash import allowed_s, upload
-from mopro.link.session import Session
+from mopro.link.halt import Allowance, Ending, Signals
+from mopro.link.session import Refused, Session
 from mopro.link.watch import Samples, Watch
 from mopro.machine import DEFAULT_LOOP_S, Machine
 from mopro.motion import Schedule, plan
@@ -17,16 +20,25 @@ from mopro.program import AXES, Program
 from mopro.recording import Header, MoveOutcome, MoveReport, Run, Sink
 
 POLL_HZ = 20.0
+OPENING_S = 15.0
 # A run may take this much longer than planned, by the host's clock, before it is stopped.
 _SPARE_FACTOR = 1.1
 _SPARE_S = 10.0
 _STOP_S = 8.0
+# A controller that can brakes by itself after a silence of this, and of some lost lines.
+_SILENCE_S = 3.0
+_LINES_LOST = 3
+_UNWATCHED = (
+    "nothing stops the motor if this computer or the line fails in mid-run: "
+    "keep a hand on the machine's own stop button"
+)
 
 _ENDINGS = {
     "idle": "the controller knows of no run: it was reset",
     "stopped": "the controller was told to stop by someone else",
     "limit": "a limit switch opened",
     "overheated": "the motor is overheated",
+    "silent": "the controller heard nothing from this computer and stopped by itself",
 }
 
 
@@ -35,13 +47,20 @@ class SerialBackend:
     """A controller at the end of a line.
 
     `machine` gives the lengths of the axes; `deadline_s` is how long a run may take by
-    the host's clock (as planned and some more, unless given).
+    the host's clock, from opening to standstill after a stop, counted from `begun_s` on
+    the port's clock or else from the call of `run` (without it: each part as long as
+    planned, and some more). `signals` is to be entered by who has something to say after
+    the run that no signal may cut off. `warn` is told, before the start, what a person
+    should know.
     """
 
     session: Session
     machine: Machine
     poll_hz: float = POLL_HZ
     deadline_s: float | None = None
+    begun_s: float | None = None
+    signals: Signals = field(default_factory=Signals)
+    warn: Callable[[str], None] = lambda text: None
 
     def header(self, program: Program) -> Header:
         return Header(
@@ -59,43 +78,72 @@ class SerialBackend:
     def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
         """Load `program` into the scratch place, prove it, run it and watch it.
 
-        Raises MotionError for what must be refused before anything is sent, and
-        LinkError if it does not get as far as motion. After that every ending is a
-        `Run`: what went wrong is its `trouble`, and the machine has been told to stop.
+        Raises MotionError for what must be refused before anything is sent. From then on
+        whatever ends the run has been answered with a stop: LinkError or another error
+        where no run was started, with the outcome of the stop as a note; after the start
+        every ending is a `Run`, and what went wrong is its `trouble`.
         """
         if for_s is None and program.loops_forever:
             for_s = DEFAULT_LOOP_S
         schedule = plan(program, for_s, self.machine.travel_u())
-        self.session.give(allowed_s(self.session, program))
-        upload(self.session, program, self.session.dialect.names.scratch, lambda done: None)
-        samples = Samples(sink, schedule, self.machine.microstep_m)
+        whole = self.signals.deferred
+        samples = Samples(sink, schedule, self.machine.microstep_m, whole)
         watch = Watch(self.session, program, samples, self.poll_hz)
-        watch.mark_start()
-        self.session.give(self.deadline_s or schedule.duration_s * _SPARE_FACTOR + _SPARE_S)
-        trouble = self._watched(watch, schedule, for_s)
-        samples.close()
+        stop_s = _STOP_S + _braking_s(schedule)
+        allowance = Allowance(self.session, self.deadline_s, stop_s, self.begun_s)
+        ending = Ending(watch, allowance.for_stop)
+        trouble = None
+        with self.signals, closing(allowance):
+            with ending, self.signals.raised():
+                self._load(program, watch)
+                trouble = self._followed(watch, schedule, for_s, allowance)
+            if ending.reason is not None:
+                trouble = self._account(ending.reason, watch)
+            trouble = _joined(trouble, _unwritten(samples))
         return self._report(schedule, watch, trouble)
 
-    def _watched(self, watch: Watch, schedule: Schedule, for_s: float | None) -> str | None:
-        """Start and watch until it ends; gives what went wrong, after a stop."""
+    def _load(self, program: Program, watch: Watch) -> None:
+        """Find the controller, store the program, and see where the motor stands."""
+        if not self.session.greeted:
+            self.session.give(OPENING_S)
+            self.session.open()
+        self.session.give(allowed_s(self.session, program))
+        upload(self.session, program, self.session.dialect.names.scratch, lambda done: None)
+        watch.mark_start()
+        self._ask_for_heartbeat()
+
+    def _ask_for_heartbeat(self) -> None:
+        """Have the run braked by the controller when it hears nothing any more."""
+        dialect = self.session.dialect
+        if not dialect.knows("heartbeat"):
+            self.warn(f"the dialect {dialect.name} has no heartbeat: {_UNWATCHED}")
+            return
+        wait_s = max(dialect.conversation.reply_timeout_s, 1 / self.poll_hz)
+        silence_s = max(_SILENCE_S, _LINES_LOST * wait_s)
+        try:
+            self.session.ask("heartbeat", milliseconds=silence_s * 1000)
+        except Refused as refused:
+            self.warn(f"the controller refused a heartbeat ({refused.reason}): {_UNWATCHED}")
+
+    def _followed(
+        self, watch: Watch, schedule: Schedule, for_s: float | None, allowance: Allowance
+    ) -> str | None:
+        """Start, and watch until it ends; gives what went wrong."""
         cut = None if schedule.complete else for_s
         timed = cut is not None and self.session.dialect.knows("run_for")
-        try:
-            watch.start(cut if timed else None)
-            watch.follow(None if timed else cut)
-            if watch.state == "running":
-                return None if watch.stop(_STOP_S) else self._account("", watch)
-            if watch.state in _ENDINGS:
-                return self._account(_ENDINGS[watch.state], watch)
-            return self._misplaced(watch, schedule)
-        except (LinkError, KeyboardInterrupt) as error:
-            reason = str(error) or "interrupted from the keyboard"
-            watch.stop(_STOP_S)
-            return self._account(reason, watch)
+        planned_s = schedule.duration_s * _SPARE_FACTOR + _SPARE_S
+        self.session.give(planned_s if self.deadline_s is None else self.deadline_s)
+        watch.start(cut if timed else None)
+        watch.follow(None if timed else cut)
+        if watch.state == "running":
+            return None if watch.stop(allowance.for_stop()) else self._account("", watch)
+        if watch.state in _ENDINGS:
+            return self._account(_ENDINGS[watch.state], watch)
+        return self._misplaced(watch, schedule)
 
     def _account(self, reason: str, watch: Watch) -> str:
         """What a person must know after a run that did not end well."""
-        return "\n".join(text for text in (reason, watch.stop_report(), watch.last_words()) if text)
+        return _joined(reason, watch.stop_report(), watch.last_words()) or ""
 
     def _misplaced(self, watch: Watch, schedule: Schedule) -> str | None:
         """A finding if the controller's registers end elsewhere than the program's."""
@@ -133,6 +181,25 @@ class SerialBackend:
                     outcome = MoveOutcome(complete=move.end_s <= schedule.duration_s)
                 rows.append(MoveReport.of(move, outcome, self.machine.microstep_m))
         return rows
+
+
+def _braking_s(schedule: Schedule) -> float:
+    """The longest that an axis can take to brake, in seconds."""
+    profiles = [move.profile for move in schedule.moves]
+    return max((p.peak_velocity / p.acceleration for p in profiles), default=0.0)
+
+
+def _unwritten(samples: Samples) -> str | None:
+    """Hand the last samples on; gives what went wrong."""
+    try:
+        samples.close()
+    except DataError as error:
+        return f"the run has ended; {error}"
+    return None
+
+
+def _joined(*texts: str | None) -> str | None:
+    return "\n".join(text for text in texts if text) or None
 
 
 def _told(row: dict[str, Any]) -> MoveOutcome:

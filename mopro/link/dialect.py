@@ -5,39 +5,57 @@ Both ends read the same file: the host to speak, the virtual controller to answe
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import dataclass
 from importlib import resources
-from typing import Any
 
-from mopro.link.frame import CHECKSUMS, Check
-from mopro.link.template import Template
+from mopro.link.frame import Check
+from mopro.link.template import Template, template
 from mopro.source import Source
-from mopro.tomlfile import TomlReader, parse_toml, read_named
-
-ORIGINS = ("assumed", "manual")
-STATES = (
-    *("idle", "running", "done", "stopping", "stopped"),
-    *("expired", "limit", "overheated"),
+from mopro.tomlfile import Document, Value, read_named
+from mopro.tomlfile.schema import (
+    Reader,
+    flag,
+    number,
+    one_of,
+    record,
+    section,
+    stated,
+    table_in,
+    text,
+    whole,
 )
 
-# statement -> the fields that it must have; those in _OPTIONAL may be left out.
-_STATEMENTS: dict[str, set[str]] = {
-    "identify": set(),
-    "begin": {"name"},
-    "end": set(),
-    "list": {"name"},
-    "commit": {"scratch", "name"},
-    "run": {"name"},
-    "run_for": {"name", "milliseconds"},
-    "stop": set(),
-    "status": set(),
-    "motion": set(),
-    "position": set(),
-    "measured": set(),
-    "moves": {"first"},
+ORIGINS = ("assumed", "manual")
+_NO_ORIGIN = f"expected an origin: one of {', '.join(ORIGINS)}"
+_TEXT = text(ascii_only=True)
+STATES = (
+    *("idle", "running", "done", "stopping", "stopped"),
+    *("expired", "limit", "overheated", "silent"),
+)
+# A controller without a word for these says the one on the right.
+_ELSE = {"silent": "stopped"}
+
+# statement -> the fields that it must have, those that it may have; a file may leave those
+# in _OPTIONAL out.
+_STATEMENTS: dict[str, tuple[set[str], set[str]]] = {
+    "identify": (set(), set()),
+    "begin": ({"name"}, set()),
+    "end": (set(), set()),
+    "list": ({"name"}, set()),
+    "commit": ({"scratch", "name"}, set()),
+    "run": ({"name"}, set()),
+    "run_for": ({"name", "milliseconds"}, set()),
+    "stop": (set(), set()),
+    "status": (set(), set()),
+    "motion": (set(), set()),
+    "position": (set(), set()),
+    "measured": (set(), set()),
+    "moves": ({"first"}, set()),
+    "heartbeat": ({"milliseconds"}, set()),
 }
-_OPTIONAL = {"identify", "commit", "run_for", "measured", "moves"}
+_OPTIONAL = {"identify", "commit", "run_for", "measured", "moves", "heartbeat"}
 # reply line -> the fields that it must have, those that it may have
 _REPLIES: dict[str, tuple[set[str], set[str]]] = {
     "identify": ({"text"}, set()),
@@ -50,27 +68,19 @@ _REPLIES: dict[str, tuple[set[str], set[str]]] = {
 }
 
 
-def _text(empty: bool = False, among: tuple[str, ...] = ()) -> Any:
-    return field(metadata={"type": str, "empty": empty, "among": among})
-
-
-def _number(low: float, high: float, whole: bool = True) -> Any:
-    return field(metadata={"type": int if whole else float, "low": low, "high": high})
-
-
 @dataclass(frozen=True)
 class Line:
     """How bytes and lines go over the wire; `window` and `longest` count bytes."""
 
-    baud: int = _number(50, 4_000_000)
-    data_bits: int = _number(7, 8)
-    parity: str = _text(among=("none", "even", "odd"))
-    stop_bits: int = _number(1, 2)
-    handshake: str = _text(among=("none", "xon-xoff", "rts-cts"))
-    end: str = _text()
-    reply_end: str = _text()
-    longest: int = _number(16, 4096)
-    window: int = _number(1, 1_000_000)
+    baud: int = stated(whole(50, 4_000_000))
+    data_bits: int = stated(whole(7, 8))
+    parity: str = stated(one_of("none", "even", "odd"))
+    stop_bits: int = stated(whole(1, 2))
+    handshake: str = stated(one_of("none", "xon-xoff", "rts-cts"))
+    end: str = stated(_TEXT)
+    reply_end: str = stated(_TEXT)
+    longest: int = stated(whole(16, 4096))
+    window: int = stated(whole(1, 1_000_000))
 
     @property
     def bits_per_byte(self) -> int:
@@ -81,44 +91,86 @@ class Line:
 class Conversation:
     """How the controller shows that it heard, has done, or will not."""
 
-    echo: bool = field(metadata={"type": bool})
-    refuse: Template = field(metadata={"type": Template})
-    prompt: str = _text(empty=True)
-    attention: str = _text(empty=True)
-    acknowledge: str = _text(empty=True)
-    busy: str = _text(empty=True)
-    reply_timeout_s: float = _number(0.01, 60, whole=False)
-    retries: int = _number(0, 100)
+    echo: bool = stated(flag)
+    refuse: Template = stated(template())
+    prompt: str = stated(text(empty=True, ascii_only=True))
+    attention: str = stated(text(empty=True, ascii_only=True))
+    acknowledge: str = stated(text(empty=True, ascii_only=True))
+    busy: str = stated(text(empty=True, ascii_only=True))
+    reply_timeout_s: float = stated(number(0.01, 60))
+    retries: int = stated(whole(0, 100))
 
 
 @dataclass(frozen=True)
 class Names:
     """Where programs are kept on the controller."""
 
-    scratch: str = _text()
-    main: str = _text()
+    scratch: str = stated(_TEXT)
+    main: str = stated(_TEXT)
+
+
+def _conversation(value: Value) -> Conversation:
+    talk = record(Conversation)(value)
+    if not (talk.prompt or talk.acknowledge):
+        message = "expected a prompt or an acknowledge: else nothing tells that a line is done"
+        value.report(message, at="acknowledge")
+    return talk
+
+
+def _templates(known: Mapping[str, tuple[set[str], set[str]]]) -> Reader[Mapping[str, Template]]:
+    """A section of templates, each with fields that it must have and those that it may have."""
+
+    def read(value: Value) -> Mapping[str, Template]:
+        table = table_in(value)
+        table.only(known)
+        found = {}
+        for key, (needs, allows) in known.items():
+            if key in table or key not in _OPTIONAL:
+                missing = f"[{table.name}] has no {key}"
+                found[key] = table.need(key, template(needs, allows), missing)
+        return {key: template for key, template in found.items() if template is not None}
+
+    return read
+
+
+def _states(value: Value) -> Mapping[str, str]:
+    table = table_in(value)
+    table.only(STATES)
+    words = {
+        key: table.need(key, _TEXT, f"[states] has no {key}")
+        for key in STATES
+        if key in table or key not in _ELSE
+    }
+    often = Counter(words.values())
+    for key, word in words.items():
+        if word is not None and often[word] > 1:
+            table.report(f"two states are called {word}", at=key)
+    return {key: word for key, word in words.items() if word is not None}
 
 
 @dataclass(frozen=True)
 class Dialect:
     """A dialect file's content; statements and replies by their name in the file."""
 
-    name: str
-    origin: str
-    about: str
-    line: Line
-    conversation: Conversation
-    check: Check | None
-    statements: Mapping[str, Template]
-    replies: Mapping[str, Template]
-    states: Mapping[str, str]
-    names: Names
+    name: str = stated(_TEXT)
+    origin: str = stated(
+        one_of(*ORIGINS, message=_NO_ORIGIN, rule="missing-origin"), absent="missing-origin"
+    )
+    about: str = stated(_TEXT)
+    line: Line = section(record(Line))
+    conversation: Conversation = section(_conversation)
+    statements: Mapping[str, Template] = section(_templates(_STATEMENTS))
+    replies: Mapping[str, Template] = section(_templates(_REPLIES))
+    states: Mapping[str, str] = section(_states)
+    names: Names = section(record(Names))
+    check: Check | None = section(record(Check), default=None)
 
     def knows(self, statement: str) -> bool:
         return statement in self.statements
 
     def word_of(self, state: str) -> str:
-        return self.states[state]
+        """What the controller calls `state`."""
+        return self.states[state if state in self.states else _ELSE[state]]
 
     def state_of(self, word: str) -> str | None:
         """The state that the controller calls `word`."""
@@ -148,149 +200,17 @@ def load_dialect(name_or_path: str) -> Dialect:
 
 def read_dialect(source: Source) -> Dialect:
     """The dialect that `source` describes; ModelError with all findings, by line."""
-    return _Reader(source, parse_toml(source)).dialect()
+    return Document(source).read(_dialect)
 
 
-class _Reader(TomlReader):
-    """Takes a dialect file's data apart."""
+def _dialect(root: Value) -> Dialect:
+    _answered(root)
+    return record(Dialect)(root)
 
-    def dialect(self) -> Dialect:
-        own = {"name", "origin", "about"}
-        sections = {"line", "conversation", "check", "statements", "replies", "states", "names"}
-        self._known("", self._data, own | sections)
-        texts: dict[str, Any] = {key: self._plain_text("", self._data, key) for key in sorted(own)}
-        if texts["origin"] not in ORIGINS:
-            message = f"expected an origin: one of {', '.join(ORIGINS)}"
-            self._report("missing-origin", message, "", "origin")
-        parts: dict[str, Any] = {
-            "line": self._record("line", Line),
-            "conversation": self._record("conversation", Conversation),
-            "names": self._record("names", Names),
-            "check": self._record("check", Check) if "check" in self._data else None,
-            "statements": self._statements(),
-            "replies": self._replies(),
-            "states": self._states(),
-        }
-        self._consistent(parts)
-        self._check()
-        return Dialect(**texts, **parts)
 
-    def _table(self, section: str) -> dict[str, Any]:
-        table = self._data.get(section)
-        if isinstance(table, dict):
-            return table
-        self._report("missing-key", f"expected a section [{section}]", "", section)
-        return {}
-
-    def _plain_text(
-        self, section: str, table: dict[str, Any], key: str, empty: bool = False
-    ) -> str:
-        value = table.get(key)
-        if not isinstance(value, str) or not (value or empty):
-            self._report("bad-value", f'expected {key} = "text"', section, key)
-            return ""
-        if not value.isascii():
-            self._report("bad-value", f"{key} must be plain ASCII", section, key)
-        return value
-
-    def _record(self, section: str, kind: type[Any]) -> Any:
-        table = self._table(section)
-        parts = fields(kind)
-        self._known(section, table, {f.name for f in parts})
-        before = len(self._found)
-        values = {f.name: self._value(section, table, f) for f in parts}
-        return kind(**values) if len(self._found) == before else None
-
-    def _value(self, section: str, table: dict[str, Any], part: Field[Any]) -> Any:
-        kind = part.metadata["type"]
-        if part.name not in table:
-            self._report("missing-key", f"[{section}] has no {part.name}", section, part.name)
-            return None
-        value = table[part.name]
-        if kind is str:
-            text = self._plain_text(section, table, part.name, part.metadata["empty"])
-            among = part.metadata["among"]
-            if among and text not in among:
-                message = f"expected {part.name}: one of {', '.join(among)}"
-                self._report("bad-value", message, section, part.name)
-            return text
-        if kind is Template:
-            return self._template(section, table, part.name, part.metadata.get("needs", set()))
-        if kind is bool:
-            if not isinstance(value, bool):
-                self._report(
-                    "bad-value", f"expected {part.name}: true or false", section, part.name
-                )
-            return value
-        low, high = part.metadata["low"], part.metadata["high"]
-        numbers = int if kind is int else (int, float)
-        if isinstance(value, bool) or not isinstance(value, numbers) or not low <= value <= high:
-            what = "a whole number" if kind is int else "a number"
-            message = f"expected {part.name}: {what} from {low:g} to {high:g}"
-            self._report("bad-value", message, section, part.name)
-        return value
-
-    def _template(
-        self,
-        section: str,
-        table: dict[str, Any],
-        key: str,
-        needs: set[str],
-        allows: set[str] | None = None,
-    ) -> Template | None:
-        try:
-            template = Template(self._plain_text(section, table, key))
-        except ValueError as error:
-            self._report("bad-template", f"{key}: {error}", section, key)
-            return None
-        missing = needs - template.fields
-        surplus = template.fields - needs - allows if allows is not None else set()
-        if missing or surplus:
-            wanted = ", ".join(f"{{{name}}}" for name in sorted(needs)) or "no field"
-            self._report("bad-template", f"{key}: expected {wanted} in it", section, key)
-        return template
-
-    def _statements(self) -> dict[str, Template]:
-        table = self._table("statements")
-        self._known("statements", table, _STATEMENTS)
-        found = {}
-        for key, needs in _STATEMENTS.items():
-            if key in table:
-                found[key] = self._template("statements", table, key, needs, set())
-            elif key not in _OPTIONAL:
-                self._report("missing-key", f"[statements] has no {key}", "statements", key)
-        return {key: template for key, template in found.items() if template is not None}
-
-    def _replies(self) -> dict[str, Template]:
-        table = self._table("replies")
-        self._known("replies", table, _REPLIES)
-        found = {}
-        for key, (needs, allows) in _REPLIES.items():
-            if key in table:
-                found[key] = self._template("replies", table, key, needs, allows)
-            elif key not in _OPTIONAL or key in self._data.get("statements", {}):
-                self._report("missing-key", f"[replies] has no {key}", "replies", key)
-        return {key: template for key, template in found.items() if template is not None}
-
-    def _states(self) -> dict[str, str]:
-        table = self._table("states")
-        self._known("states", table, STATES)
-        for state in STATES:
-            if state not in table:
-                self._report("missing-key", f"[states] has no {state}", "states", state)
-        words = {key: self._plain_text("states", table, key) for key in STATES if key in table}
-        for key, word in words.items():
-            if list(words.values()).count(word) > 1:
-                self._report("bad-value", f"two states are called {word}", "states", key)
-        return words
-
-    def _consistent(self, parts: dict[str, Any]) -> None:
-        talk, check = parts["conversation"], parts["check"]
-        if talk is not None and not (talk.prompt or talk.acknowledge):
-            message = "expected a prompt or an acknowledge: else nothing tells that a line is done"
-            self._report("bad-value", message, "conversation", "acknowledge")
-        if check is not None and check.checksum not in CHECKSUMS:
-            message = f"expected checksum: one of {', '.join(CHECKSUMS)}"
-            self._report("bad-value", message, "check", "checksum")
-        if check is not None and not check.form.text.endswith("{check}"):
-            self._report("bad-template", "form: expected {check} at its end", "check", "form")
+def _answered(root: Value) -> None:
+    """Note each optional statement that the file has without its reply."""
+    statements, replies = (root.data.get(key) for key in ("statements", "replies"))
+    if isinstance(statements, dict) and isinstance(replies, dict):
+        for key in sorted((_OPTIONAL & _REPLIES.keys() & statements.keys()) - replies.keys()):
+            root["replies"].report(f"[replies] has no {key}", "missing-key")

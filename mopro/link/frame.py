@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import reduce
 from operator import xor
 
-from mopro.link.template import Template
+from mopro.link.template import Template, template
+from mopro.tomlfile.schema import one_of, stated, text, whole
 
 
 def _crc16(data: bytes) -> str:
@@ -31,11 +32,11 @@ class BadFrame(ValueError):
 class Check:
     """How lines are numbered and summed; `form` has a number, a body and the check last."""
 
-    form: Template = field(metadata={"type": Template, "needs": {"number", "body", "check"}})
-    checksum: str = field(metadata={"type": str, "empty": False, "among": tuple(CHECKSUMS)})
-    numbers: int = field(metadata={"type": int, "low": 100, "high": 1_000_000})
-    resend: str = field(metadata={"type": str, "empty": False, "among": ()})
-    hello: str = field(metadata={"type": str, "empty": False, "among": ()})
+    form: Template = stated(template({"number", "body", "check"}, ends="{check}"))
+    checksum: str = stated(one_of(*CHECKSUMS))
+    numbers: int = stated(whole(100, 1_000_000))
+    resend: str = stated(text(ascii_only=True))
+    hello: str = stated(text(ascii_only=True))
 
     @property
     def overhead(self) -> int:

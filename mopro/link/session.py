@@ -6,6 +6,7 @@ No wait is without end: each answer has its time, and the whole conversation has
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from random import Random
@@ -14,6 +15,7 @@ from typing import Any
 from mopro.errors import LinkError
 from mopro.link.dialect import Dialect
 from mopro.link.frame import BadFrame
+from mopro.link.template import MOST_DIGITS, Template
 from mopro.link.transport import Port
 
 _UNLESS_GIVEN_S = 120.0
@@ -62,12 +64,16 @@ class Session:
         self.port = port
         self.dialect = dialect
         self.retried = 0
+        self.greeted = False
         self._until_s = port.now_s() + _UNLESS_GIVEN_S
+        self._bound_s = math.inf
         self._random = random or Random()
         self._number = 0
         # Whether line numbers may have been used that were not answered: they must not be
         # used again for other lines.
         self._adrift = False
+        # How many numbers beyond the last answered one may have been used.
+        self._ahead = 0
         self._held = bytearray()
         self.byte_s = dialect.line.bits_per_byte / (baud or dialect.line.baud)
         self._prompt = dialect.conversation.prompt.encode("latin-1")
@@ -76,8 +82,13 @@ class Session:
     # -- time ------------------------------------------------------------------
 
     def give(self, seconds: float) -> None:
-        """Allow `seconds` from now for all that follows."""
-        self._until_s = self.port.now_s() + seconds
+        """Allow `seconds` from now for all that follows, up to the bound."""
+        self._until_s = min(self.port.now_s() + seconds, self._bound_s)
+
+    def bound(self, until_s: float) -> None:
+        """Let nothing last beyond `until_s` on the port's clock, whatever is given later."""
+        self._bound_s = until_s
+        self._until_s = min(self._until_s, until_s)
 
     def _wait_until_s(self, bytes_due: int) -> float:
         """How long an answer may take of which `bytes_due` are still on the wire."""
@@ -113,13 +124,14 @@ class Session:
         raise self._stranger(heard)
 
     def _greet(self) -> None:
-        self._adrift = False
+        self._adrift, self._ahead = False, 0
         if self.dialect.check is None:
             self._once("status")
-            return
-        self._number = self._random.randrange(self.dialect.check.numbers)
-        self._put(self.dialect.check.hello, self._number)
-        self._answer(self.dialect.check.hello, self._number)
+        else:
+            self._number = self._random.randrange(self.dialect.check.numbers)
+            self._put(self.dialect.check.hello, self._number)
+            self._answer(self.dialect.check.hello, self._number)
+        self.greeted = True
 
     def _stranger(self, heard: bytes) -> LinkError:
         """What is at the other end, from what it said."""
@@ -189,14 +201,14 @@ class Session:
         number = self._next_number()
         self._put(line, number)
         lines = self._answer(line, number)
-        self._number = number
+        self._number, self._ahead = number, 0
         template = self.dialect.replies.get(statement)
         if template is None:
             return []
         read = [template.read(text) for text in lines]
         for text, values in zip(lines, read, strict=True):
             if values is None:
-                raise Damaged(f"the answer to `{line}` makes no sense: {text[:_SHOWN]!r}")
+                raise Damaged(_senseless(line, text, template))
         rows = [values for values in read if values is not None]
         _in_order(line, rows)
         return rows
@@ -256,6 +268,7 @@ class Session:
                 continue
             self._number = self._next_number()
             on_way.popleft()
+            self._ahead = len(on_way)
             taken, tries = taken + 1, 0
             done(taken)
         self._adrift = False
@@ -271,10 +284,34 @@ class Session:
         coming = self.dialect.wrapped_length(line)
         return not on_way or sum(on_way) + coming <= self.dialect.line.window
 
+    def shout(self, statement: str) -> None:
+        """Say a statement at once: without a greeting before it, or an answer awaited.
+
+        With numbered lines it is said under each number that the other end may expect now,
+        and again behind a new greeting, all in one piece; so it may be done several times.
+        Raises LinkError if the bytes cannot be sent.
+        """
+        body = self.dialect.statements[statement].fill({})
+        check = self.dialect.check
+        lines = [body]
+        if check is not None:
+            new = check.after(self._number, check.numbers // 2)
+            lines = [
+                *(check.wrap(body, self._next_number(n)) for n in range(1, self._ahead + 2)),
+                check.wrap(check.hello, new),
+                check.wrap(body, check.after(new)),
+            ]
+        self._adrift = True
+        begin = self.dialect.conversation.attention or self.dialect.line.end
+        end = self.dialect.line.end
+        self.port.write((begin + "".join(line + end for line in lines)).encode("latin-1"))
+
     # -- lines -----------------------------------------------------------------
 
     def _put(self, body: str, number: int) -> None:
         check = self.dialect.check
+        if check is not None:
+            self._ahead = max(self._ahead, check.ahead(number, self._number))
         line = check.wrap(body, number) if check else body
         self.port.write((line + self.dialect.line.end).encode("latin-1"))
 
@@ -344,6 +381,15 @@ class Session:
         self._held += data
         if len(self._held) > _MOST_HELD:
             raise LinkError("the other end does not stop sending", "flood")
+
+
+def _senseless(line: str, text: str, template: Template) -> str:
+    """Why `text` is no answer to `line`."""
+    shown = repr(text[:_SHOWN]) + (f"... ({len(text)} characters)" if len(text) > _SHOWN else "")
+    return (
+        f"the answer to `{line}` makes no sense: {shown}; "
+        f"expected `{template.text}`, each number of at most {MOST_DIGITS} digits"
+    )
 
 
 def _in_order(line: str, rows: list[dict[str, Any]]) -> None:

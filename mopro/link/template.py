@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from mopro.tomlfile import Value, shown
+from mopro.tomlfile.schema import Reader
+from mopro.tomlfile.schema import text as text_reader
+
 _FIELD = re.compile(r"\{([a-z_0-9]+)\}")
-_WORD, _INT = r"[^\s,;]+", r"[+-]?\d+"
-_REAL = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+# Numbers with more digits than these come from no controller; and int() and float() have
+# limits of their own, which they tell by raising.
+MOST_DIGITS = 15
+_MOST_DECIMALS = 24
+_UINT = rf"\d{{1,{MOST_DIGITS}}}"
+_WORD, _INT = r"[^\s,;]{1,32}", rf"[+-]?{_UINT}"
+_FRACTION = rf"\d{{0,{_MOST_DECIMALS}}}"
+_REAL = rf"[+-]?(?:{_UINT}\.?{_FRACTION}|\.\d{_FRACTION})(?:[eE][+-]?\d{{1,3}})?"
 
 # field -> how it looks, how it is read
 FIELDS: dict[str, tuple[str, type[Any]]] = {
@@ -18,16 +29,16 @@ FIELDS: dict[str, tuple[str, type[Any]]] = {
     "scratch": (r"[A-Za-z0-9_]+", str),
     "text": (r".*", str),
     "state": (_WORD, str),
-    "code": (r"\d+", int),
-    "number": (r"\d+", int),
+    "code": (_UINT, int),
+    "number": (_UINT, int),
     "check": (r"[0-9A-Fa-f]+", str),
     "body": (r".*", str),
-    "index": (r"\d+", int),
-    "count": (r"\d+", int),
-    "first": (r"\d+", int),
+    "index": (_UINT, int),
+    "count": (_UINT, int),
+    "first": (_UINT, int),
     "milliseconds": (_REAL, float),
-    "statement": (r"\d+", int),
-    "completed": (r"\d+", int),
+    "statement": (_UINT, int),
+    "completed": (_UINT, int),
     "position_1": (_INT, int),
     "position_2": (_INT, int),
     "moving_1": (r"[01]", int),
@@ -70,8 +81,35 @@ class Template:
         return _FIELD.sub(lambda match: str(values[match[1]]), self.text)
 
     def read(self, line: str) -> dict[str, Any] | None:
-        """The fields of `line`, or None if it does not fit."""
+        """The fields of `line`, or None if it does not fit or holds an absurd number."""
         match = self._pattern.fullmatch(line)
         if match is None:
             return None
-        return {name: FIELDS[name][1](text) for name, text in match.groupdict().items()}
+        values = {name: FIELDS[name][1](text) for name, text in match.groupdict().items()}
+        finite = all(math.isfinite(v) for v in values.values() if isinstance(v, float))
+        return values if finite else None
+
+
+def template(
+    needs: Set[str] = frozenset(), allows: Set[str] | None = None, ends: str = ""
+) -> Reader[Template]:
+    """Reads a template that has the fields it needs, others if allowed, and that end.
+
+    All others are, if `allows` is None.
+    """
+    read_text = text_reader(ascii_only=True)
+    wanted = ", ".join(f"{{{name}}}" for name in sorted(needs)) or "no field"
+
+    def read(value: Value) -> Template:
+        try:
+            found = Template(read_text(value))
+        except ValueError as error:
+            raise value.refused(f"{value.key}: {shown(error, 300)}", "bad-template") from error
+        surplus = found.fields - needs - allows if allows is not None else set()
+        if needs - found.fields or surplus:
+            raise value.refused(f"{value.key}: expected {wanted} in it", "bad-template")
+        if not found.text.endswith(ends):
+            raise value.refused(f"{value.key}: expected {ends} at its end", "bad-template")
+        return found
+
+    return read

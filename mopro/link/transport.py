@@ -11,12 +11,12 @@ from typing import Any, Protocol, TextIO
 import serial
 from serial.tools import list_ports
 
-from mopro.errors import LinkError, PortError
+from mopro.errors import DataError, LinkError, PortError
 from mopro.link.dialect import Line
 
 # How long one look at the port may block; deadlines are kept to within it.
 _LOOK_S = 0.02
-_WRITE_TIMEOUT_S = 5.0
+_WRITE_TIMEOUT_S = 2.0
 _PARITY = {"none": "N", "even": "E", "odd": "O"}
 
 
@@ -117,38 +117,58 @@ def available_ports() -> list[tuple[str, str]]:
 
 
 class TracedPort:
-    """A port whose every byte is written down with its time, readable and in hexadecimal."""
+    """A port whose every byte is written down with its time, readable and in hexadecimal.
+
+    Bytes come first: they are sent before they are written down. A trace that cannot be
+    written is told once, by a DataError after the bytes are on their way, and then ends.
+    """
 
     def __init__(self, port: Port, log: TextIO, note: Callable[[], str] = lambda: "") -> None:
         self._port = port
-        self._log = log
+        self._log: TextIO | None = log
         self._start_s = port.now_s()
-        log.write("# seconds from opening; > to the controller, < from it; hexadecimal; text\n")
-        log.write(note())
+        self._put_down(
+            "# seconds from opening; > to the controller, < from it; hexadecimal; text\n" + note()
+        )
 
     def now_s(self) -> float:
         return self._port.now_s()
 
     def write(self, data: bytes) -> None:
-        self._note(">", data)
+        at_s = self.now_s()
         self._port.write(data)
+        self._note(">", data, at_s)
 
     def read(self, until_s: float) -> bytes:
         data = self._port.read(until_s)
         if data:
-            self._note("<", data)
+            self._note("<", data, self.now_s())
         return data
 
     def close(self) -> None:
         self._port.close()
 
-    def _note(self, way: str, data: bytes) -> None:
-        at_s = self._port.now_s() - self._start_s
+    def _note(self, way: str, data: bytes, at_s: float) -> None:
+        rows = []
         for first in range(0, len(data), 16):
             piece = data[first : first + 16]
             shown = piece.decode("latin-1").translate(_SHOWN)
-            self._log.write(f"{at_s:12.6f} {way} {piece.hex(' '):<47}  {shown}\n")
-        self._log.flush()
+            rows.append(f"{at_s - self._start_s:12.6f} {way} {piece.hex(' '):<47}  {shown}\n")
+        self._put_down("".join(rows))
+
+    def _put_down(self, text: str) -> None:
+        """Write to the trace as long as that works; DataError when it fails."""
+        if self._log is None:
+            return
+        log = self._log
+        try:
+            log.write(text)
+            log.flush()
+        except OSError as error:
+            self._log = None
+            name = getattr(log, "name", "the trace")
+            message = f"{name}: the trace cannot be written: {error.strerror or error}"
+            raise DataError(message, "unwritable-output") from error
 
 
 _SHOWN = {

@@ -2,26 +2,74 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from mopro.errors import LinkError
+from mopro.errors import DataError, LinkError, MoproError
 from mopro.link.flash import statements_of
 from mopro.link.session import Session
 from mopro.motion import Schedule
 from mopro.program import AXES, Program
 from mopro.recording import Sink, column_names
+from mopro.recording.record import Columns
 
 _UNDER_WAY = ("running", "stopping")
 _HELD_ROWS = 256
+_MOST_TRIES_TO_STOP = 10
+_PRECAUTION_S = 2.0
+# What may come between two tries to stop, and is answered by the next one.
+_TRY_AGAIN = (MoproError, OSError, ValueError, ArithmeticError, KeyboardInterrupt)
+
+
+@dataclass
+class Stop:
+    """What is known of a stop: each a step further than the one before."""
+
+    tried: bool = False
+    sent: bool = False
+    acknowledged: bool = False
+    rested: bool = False
+    precaution: bool = False
+
+    def report(self) -> str:
+        """What the controller has confirmed, for a person; empty if nothing was tried."""
+        if self.precaution:
+            told = "acknowledged" if self.acknowledged else "not acknowledged"
+            rest = "both axes rest" if self.rested else "standstill was not seen"
+            return f"no run was started; a stop was sent to be sure: {told}, {rest}"
+        unsure = "NOT CONFIRMED: the machine may still be moving; use its own stop button"
+        if not self.tried:
+            return ""
+        if self.rested:
+            return "stop: sent and acknowledged, and the controller reports that both axes rest"
+        if self.acknowledged:
+            return f"stop: sent and acknowledged, but standstill was not seen, {unsure}"
+        if self.sent:
+            return f"stop: sent, but not acknowledged, {unsure}"
+        return f"stop: could not be sent, {unsure}"
 
 
 class Samples:
-    """Polled samples to a sink, with NaN in every column that nobody could see."""
+    """Polled samples to a sink, with NaN in every column that nobody could see.
 
-    def __init__(self, sink: Sink, schedule: Schedule, microstep_m: float) -> None:
-        self._sink = sink
+    `whole` stands around each piece that is handed on, so that none is left half handed on.
+    A sink that has failed gets no more.
+    """
+
+    def __init__(
+        self,
+        sink: Sink,
+        schedule: Schedule,
+        microstep_m: float,
+        whole: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        self._sink: Sink | None = sink
+        self._whole = whole
+        self._holding = False
         self._microstep_m = microstep_m
         self._rows: list[dict[str, float]] = []
         self._line = schedule.program.ops[0].span.line
@@ -35,17 +83,32 @@ class Samples:
             row[f"command_{axis}_m"] = command_u[axis] * self._microstep_m
             row[f"position_{axis}_m"] = seen_u.get(axis, command_u[axis]) * self._microstep_m
         self._rows.append(row)
-        if len(self._rows) >= _HELD_ROWS:
+        if len(self._rows) >= _HELD_ROWS and not self._holding:
             self.close()
 
+    def hold(self) -> None:
+        """Keep samples here until `close`: the sink must not come between motor and stop."""
+        self._holding = True
+
     def close(self) -> None:
-        """Hand on what is held."""
-        if self._rows:
-            names = column_names(AXES)
-            columns = {n: np.array([row.get(n, np.nan) for row in self._rows]) for n in names}
-            columns["line"] = columns["line"].astype(np.int32)
-            self._sink.write(columns)
-            self._rows.clear()
+        """Hand on what is held; DataError if the sink does not take it."""
+        if not self._rows or self._sink is None:
+            return
+        names = column_names(AXES)
+        columns = {n: np.array([row.get(n, np.nan) for row in self._rows]) for n in names}
+        columns["line"] = columns["line"].astype(np.int32)
+        self._rows.clear()
+        with self._whole():
+            self._hand_on(self._sink, columns)
+
+    def _hand_on(self, sink: Sink, columns: Columns) -> None:
+        self._sink = None
+        try:
+            sink.write(columns)
+        except OSError as error:
+            message = f"the recording cannot be written: {error.strerror or error}"
+            raise DataError(message, "unwritable-output") from error
+        self._sink = sink
 
 
 class Watch:
@@ -67,7 +130,8 @@ class Watch:
         self.position_u: dict[int, int] = dict.fromkeys(AXES, 0)
         self.moves: dict[int, dict[str, Any]] = {}
         self.elapsed_s = 0.0
-        self.stopped: bool | None = None
+        self.begun = False
+        self._stop = Stop()
 
     # -- the run ---------------------------------------------------------------
 
@@ -80,6 +144,7 @@ class Watch:
     def start(self, for_s: float | None) -> None:
         scratch = self._session.dialect.names.scratch
         self._started_s = self._session.port.now_s()
+        self.begun = True
         if for_s is None:
             self._session.ask("run", again=False, name=scratch)
         else:
@@ -102,8 +167,8 @@ class Watch:
 
     def poll(self) -> None:
         """Ask for state, positions and the account of finished moves; keep a sample."""
-        status = self._session.one("status")
-        self.state = self._session.dialect.state_of(status["state"]) or self.state
+        status = self._status()
+        self.state = status["state"]
         if self.state not in ("idle", "done"):
             self.statement = status.get("statement", 0)
         self.completed = status.get("completed", 0)
@@ -118,11 +183,21 @@ class Watch:
         if self.accounts and self.state in _UNDER_WAY:
             self._ask_moves()
 
+    def _status(self) -> dict[str, Any]:
+        """The status with its state by our name; a word that nobody knows is asked again."""
+        for _ in range(self._session.dialect.conversation.retries + 1):
+            status = self._session.one("status")
+            state = self._session.dialect.state_of(status["state"])
+            if state is not None:
+                return {**status, "state": state}
+        raise LinkError(f"the status `{status['state']}` is in no [states]", "unknown-state")
+
     def _ask_moves(self) -> bool:
         """Fetch accounts that are not here yet; whether any came."""
-        rows = self._session.ask("moves", first=len(self.moves) + 1)
-        self.moves.update((row["index"], row) for row in rows if row["index"] > len(self.moves))
-        return bool(rows)
+        before = len(self.moves)
+        rows = self._session.ask("moves", first=before + 1)
+        self.moves.update((row["index"], row) for row in rows if row["index"] > before)
+        return len(self.moves) > before
 
     def _where(self, statement: str) -> dict[int, int]:
         row = self._session.one(statement)
@@ -131,33 +206,55 @@ class Watch:
     # -- stopping --------------------------------------------------------------
 
     def stop(self, within_s: float) -> bool:
-        """Tell the machine to stop and see that it does; False if that is not certain."""
+        """Tell the machine to stop and see that it does; False if that is not certain.
+
+        The stop goes out before anything else is said or awaited. Nothing but the end of
+        `within_s` ends the tries to have it acknowledged and to see both axes at rest.
+        Where no run was started it is a precaution, and a controller that was never there
+        is not waited for.
+        """
+        if not self.begun:
+            self._stop.precaution = True
+            within_s = min(within_s, _PRECAUTION_S) if self._session.greeted else 0.0
+        self._samples.hold()
         self._session.give(within_s)
-        self.stopped = False
-        try:
-            self._session.open()
-            self._session.ask("stop")
-            rests = 0
-            while rests < 2:
-                before_u = dict(self.position_u)
-                self.poll()
-                moving = self._session.one("motion")
-                still = not (moving["moving_1"] or moving["moving_2"])
-                rested = self.state not in _UNDER_WAY and still and before_u == self.position_u
-                rests = rests + 1 if rested else 0
-            self.stopped = True
-            while self.accounts and self._ask_moves():
+        until_s = self._session.port.now_s() + within_s
+        self._stop.tried = True
+        self._shout()
+        tries = _MOST_TRIES_TO_STOP
+        while tries and not self._stop.rested and self._session.port.now_s() < until_s:
+            tries -= 1
+            with suppress(*_TRY_AGAIN):
+                self._see_it_stop()
+        with suppress(*_TRY_AGAIN):
+            while self._stop.rested and self.begun and self.accounts and self._ask_moves():
                 pass
-        except (LinkError, KeyboardInterrupt):
-            return self.stopped
-        return True
+        return self._stop.rested
+
+    def _shout(self) -> None:
+        """Send the stop, awaiting nothing; a trace that fails just then fails after it."""
+        with suppress(LinkError, OSError):
+            with suppress(DataError):
+                self._session.shout("stop")
+            self._stop.sent = True
+
+    def _see_it_stop(self) -> None:
+        self._session.open()
+        self._session.ask("stop")
+        self._stop.sent = self._stop.acknowledged = True
+        rests = 0
+        while rests < 2:
+            before_u = dict(self.position_u)
+            self.poll()
+            moving = self._session.one("motion")
+            still = not (moving["moving_1"] or moving["moving_2"])
+            rested = self.state not in _UNDER_WAY and still and before_u == self.position_u
+            rests = rests + 1 if rested else 0
+        self._stop.rested = True
 
     def stop_report(self) -> str:
-        if self.stopped is None:
-            return ""
-        if self.stopped:
-            return "stop: sent, and the controller reports that both axes rest"
-        return "stop: NOT CONFIRMED: the machine may still be moving; use its own stop button"
+        """What became of the stop, for a person; empty if there was none."""
+        return self._stop.report()
 
     # -- words -----------------------------------------------------------------
 

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import replace
+from collections.abc import Collection
+from dataclasses import Field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mopro.errors import Diagnostic, ModelError
 from mopro.lint.settings import Settings
 from mopro.source import Source, Span
+from mopro.tomlfile import Document, Unreadable, Value, read_text, shown
+from mopro.tomlfile.schema import (
+    Reader,
+    one_of,
+    quantity,
+    record,
+    signed_quantity,
+    table_in,
+    text,
+)
 
 FILES = ("mopro.toml", "pyproject.toml")
+_RULE = "bad-settings"
+_NO_LENGTHS = 'expected a length for each axis, such as { 1 = "20 in" }'
 
 
 def find_settings(folder: Path) -> Settings:
@@ -29,21 +42,21 @@ def read_settings(path: Path) -> Settings | None:
 
     A `mopro.toml` may leave the header `[tool.mopro]` out. Raises ModelError.
     """
-    import tomllib
-
     try:
-        text = path.read_text("utf-8")
-        data = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise _unusable(path, "", "", f"cannot be read: {error}") from error
-    tools = data.get("tool")
-    table = tools.get("mopro") if isinstance(tools, dict) else None
-    if table is None and path.name == "pyproject.toml":
-        return None
-    table = data if table is None else table
-    if not isinstance(table, dict):
-        raise _unusable(path, text, "mopro", "expected a table [tool.mopro]")
-    return _settings(path, text, table)
+        document = Document(Source(str(path), read_text(path)))
+        return document.read(partial(_settings, path=path))
+    except Unreadable as error:
+        finding = Diagnostic(_RULE, f"cannot be read: {error}", Span(1, 1, 1))
+        raise ModelError(Source(str(path), ""), [finding]) from error
+    except ModelError as error:
+        raise ModelError(error.source, map(_as_setting, error.diagnostics)) from error
+
+
+def _as_setting(found: Diagnostic) -> Diagnostic:
+    """A finding under the one rule of settings."""
+    unread = found.rule in ("bad-toml", "too-large")
+    message = f"cannot be read: {found.message}" if unread else found.message
+    return replace(found, rule=_RULE, message=message)
 
 
 def check_rule_names(names: Collection[str]) -> frozenset[str]:
@@ -66,77 +79,58 @@ def lengths(value: Any) -> dict[int, float]:
     from mopro.units import parse_quantity
 
     if not isinstance(value, dict) or not set(value) <= set(map(str, AXES)):
-        raise ValueError('expected a length for each axis, such as { 1 = "20 in" }')
+        raise ValueError(_NO_LENGTHS)
     return {int(axis): parse_quantity(str(text), "length", "m") for axis, text in value.items()}
 
 
-def _settings(path: Path, text: str, table: dict[str, Any]) -> Settings:
-    chosen: dict[str, Any] = {}
-    for key, value in table.items():
-        if key not in _READERS:
-            known = ", ".join(_READERS)
-            raise _unusable(path, text, key, f"unknown key {key}: known are {known}")
-        field, read = _READERS[key]
-        try:
-            chosen[field] = read(value)
-        except ValueError as error:
-            raise _unusable(path, text, key, f"{key}: {error}") from error
-    machine = chosen.get("machine", "")
-    if machine.endswith(".toml"):
-        chosen["machine"] = str(path.parent / machine)
-    return replace(Settings(), **chosen)
+def _settings(root: Value, path: Path) -> Settings | None:
+    tool = root["tool"] if isinstance(root.data.get("tool"), dict) else root
+    stated = tool is not root and "mopro" in tool
+    if not stated and path.name == "pyproject.toml":
+        return None
+    table = table_in(tool["mopro"]) if stated else root
+    settings = record(Settings, _reader_of)(table)
+    if settings.machine.endswith(".toml"):
+        return replace(settings, machine=str(path.parent / settings.machine))
+    return settings
 
 
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise ValueError("expected a string")
-    return value
+def _reader_of(part: Field[Any]) -> Reader[Any]:
+    return _READERS[part.metadata.get("key", part.name)]
 
 
-def _quantity(dimension: str, unit: str) -> Callable[[Any], float]:
-    def read(value: Any) -> float:
-        from mopro.units import parse_quantity
-
-        quantity = parse_quantity(str(value), dimension, unit)
-        if quantity < 0:
-            raise ValueError(f"'{value}' must be at least 0")
-        return quantity
-
-    return read
+def _rules(value: Value) -> frozenset[str]:
+    names = value.data
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise value.refused('expected a list of rules, such as ["stall", "low-margin"]')
+    try:
+        return check_rule_names(names)
+    except ValueError as error:
+        raise value.refused(f"{value.key}: {shown(error, 200)}") from error
 
 
-def _rules(value: Any) -> frozenset[str]:
-    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise ValueError('expected a list of rules, such as ["stall", "low-margin"]')
-    return check_rule_names(value)
+def _lengths(value: Value) -> dict[int, float]:
+    from mopro.program import AXES
+
+    if not isinstance(value.data, dict) or not value.data.keys() <= set(map(str, AXES)):
+        raise value.refused(f"{value.key}: {_NO_LENGTHS}")
+    read = signed_quantity("length", "m")
+    return {int(axis): read(value[axis]) for axis in value.data}
 
 
-def _grammar(value: Any) -> str:
+def _grammar(value: Value) -> str:
     from mopro.language.parse import GRAMMARS
 
-    if value not in GRAMMARS:
-        raise ValueError(f"expected one of {', '.join(GRAMMARS)}")
-    return str(value)
+    return one_of(*GRAMMARS)(value)
 
 
-# key -> the field of the settings, and what makes the value of the key its value
-_READERS: dict[str, tuple[str, Callable[[Any], Any]]] = {
-    "machine": ("machine", _text),
-    "payload": ("payload_kg", _quantity("mass", "kg")),
-    "grammar": ("grammar", _grammar),
-    "select": ("select", _rules),
-    "ignore": ("ignore", _rules),
-    "low-margin": ("low_margin", _quantity("ratio", "1")),
-    "start": ("start_m", lengths),
-    "travel": ("travel_m", lengths),
+_READERS: dict[str, Reader[Any]] = {
+    "machine": text(empty=True, message="machine: expected a string"),
+    "payload": quantity("mass", "kg"),
+    "grammar": _grammar,
+    "select": _rules,
+    "ignore": _rules,
+    "low-margin": quantity("ratio", "1"),
+    "start": _lengths,
+    "travel": _lengths,
 }
-
-
-def _unusable(path: Path, text: str, key: str, message: str) -> ModelError:
-    source = Source(str(path), text)
-    for number, line in enumerate(source.lines, start=1):
-        column = line.find(key) + 1
-        if key and column and line.lstrip("[ ").startswith((key, f"tool.{key}")):
-            span = Span(number, column, column + len(key))
-            return ModelError(source, [Diagnostic("bad-settings", message, span)])
-    return ModelError(source, [Diagnostic("bad-settings", message, Span(1, 1, 1))])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import MISSING, Field, fields
-from functools import cache
+from collections.abc import Mapping
+from dataclasses import Field
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,8 @@ from mopro.machine.model import (
 )
 from mopro.program import AXES
 from mopro.source import Source
-from mopro.tomlfile import TomlReader, parse_toml, read_named
+from mopro.tomlfile import Document, Refused, Value, read_named, shown
+from mopro.tomlfile.schema import Reader, number_in, one_of, record, text
 from mopro.units import to_si
 
 ORIGINS = ("thesis", "derived", "assumed", "measured")
@@ -59,140 +60,124 @@ def load_machine(name_or_path: str) -> Machine:
 
 def read_machine(source: Source) -> Machine:
     """The machine that `source` describes; ModelError with all findings, by line."""
-    return _Reader(source, parse_toml(source)).machine()
+    return Document(source).read(partial(_machine, source=source))
 
 
-class _Reader(TomlReader):
-    """Takes a machine file's data apart."""
+def _machine(root: Value, source: Source) -> Machine:
+    before = root.faults
+    root.only({"name", _EFFECTS, *_SECTIONS, *_OPTIONAL})
+    missing = 'expected a name, such as name = "mine"'
+    name = root.need("name", text(message=missing, rule="missing-key"), missing)
+    parts: dict[str, Any] = {
+        key: root.need(key, record(kind, _reader_of), f"expected a section [{key}]")
+        for key, kind in (_SECTIONS | _OPTIONAL).items()
+        if key in _SECTIONS or key in root
+    }
+    effects = root.get(_EFFECTS, _effects, ())
+    if root.faults > before:
+        raise Refused
+    return Machine(
+        name=str(name), provenance=_provenance(root), effects=effects, source=source, **parts
+    )
 
-    def __init__(self, source: Source, data: dict[str, Any]) -> None:
-        super().__init__(source, data)
-        self._provenance: dict[str, Provenance] = {}
 
-    def machine(self) -> Machine:
-        self._known("", self._data, {"name", _EFFECTS, *_SECTIONS, *_OPTIONAL})
-        name = self._data.get("name")
-        if not isinstance(name, str) or not name:
-            self._report("missing-key", 'expected a name, such as name = "mine"', "", "name")
-        parts = {key: self._section(key, kind) for key, kind in _SECTIONS.items()}
-        for key, kind in _OPTIONAL.items():
-            if key in self._data:
-                parts[key] = self._section(key, kind)
-        effects = self._effects()
-        self._check()
-        return Machine(
-            name=str(name),
-            provenance=self._provenance,
-            effects=effects,
-            source=self._source,
-            **parts,
+# -- quantities --------------------------------------------------------------------
+
+
+def _reader_of(part: Field[Any]) -> Reader[Any]:
+    if choices := part.metadata.get("choices"):
+        message = f"expected {part.metadata['key']} to be one of {', '.join(choices)}"
+        return one_of(*choices, message=message)
+    return partial(_quantity, part.metadata)
+
+
+def _quantity(about: Mapping[str, Any], value: Value) -> float:
+    """`{ value, unit, origin, place }` in SI, within its bound."""
+    number = number_in(value.data.get("value")) if isinstance(value.data, dict) else None
+    if number is None:
+        form = "{ value = number, unit = ..., origin = ..., place = ... }"
+        raise value.refused(f"expected {value.key} = {form}")
+    _check_origin(value, about["tolerated"])
+    found = _in_si(value, number, about["dimension"])
+    low, above = about["at_least"], about["above"]
+    if found < low or (above and found == low):
+        bound = "greater than" if above else "at least"
+        raise value.refused(f"{value.key} must be {bound} {low:g}")
+    return found
+
+
+def _in_si(value: Value, number: float, dimension: str) -> float:
+    try:
+        return to_si(number, shown(value.data.get("unit")), dimension)
+    except ValueError as error:
+        value.report(f"{value.key}: {error}", "wrong-unit", at="unit")
+        raise Refused from error
+
+
+def _check_origin(value: Value, tolerated: bool) -> None:
+    """Note what is wrong with the keys beside a value and its unit."""
+    value.only(_VALUE_KEYS | ({_TOLERANCE} if tolerated else set()))
+    if value.data.get("origin") not in ORIGINS:
+        message = f"expected an origin of {value.key}: one of {', '.join(ORIGINS)}"
+        value.report(message, "missing-origin", at="origin")
+    share = number_in(value.data.get(_TOLERANCE, 0.0))
+    if tolerated and (share is None or not 0 <= share < 1):
+        message = f"expected the tolerance of {value.key} as a share of it, such as 0.1"
+        value.report(message, at=_TOLERANCE)
+
+
+def _provenance(root: Value) -> dict[str, Provenance]:
+    """Where each value comes from that states it, by `section.key`."""
+    sections = [root[key] for key in (*_SECTIONS, *_OPTIONAL) if key in root]
+    effects = root[_EFFECTS].values() if _EFFECTS in root else ()
+    return {
+        value.name: Provenance(
+            str(value.data.get("origin")),
+            str(value.data.get("place", "")),
+            float(value.data.get(_TOLERANCE, 0.0)),
         )
+        for section in (*sections, *effects)
+        for value in section.values()
+        if isinstance(value.data, dict)
+    }
 
-    def _effects(self) -> tuple[StatedEffect, ...]:
-        tables = self._data.get(_EFFECTS, {})
-        if not isinstance(tables, dict):
-            self._report(
-                "bad-value", "expected sections such as [effects.viscous_drag]", "", _EFFECTS
-            )
-            return ()
-        return tuple(self._effect(name, table) for name, table in tables.items())
 
-    def _effect(self, name: str, table: Any) -> StatedEffect:
-        section = f"{_EFFECTS}.{name}"
-        if not isinstance(table, dict):
-            self._report("bad-value", f"expected a section [{section}]", _EFFECTS, name)
-            table = {}
-        values = {
-            key: self._stated(section, key, entry) for key, entry in table.items() if key != "axes"
-        }
-        axes = table.get("axes", list(AXES))
-        if not isinstance(axes, list) or not axes or any(axis not in AXES for axis in axes):
-            self._report("bad-value", "expected axes such as [1] or [1, 2]", section, "axes")
-            axes = []
-        return StatedEffect(name, values, tuple(axes), self._place("", section))
+# -- effects -----------------------------------------------------------------------
 
-    def _stated(self, section: str, key: str, entry: Any) -> StatedValue:
-        """A bare number, or a table with value and unit."""
-        number = entry.get("value") if isinstance(entry, dict) else entry
-        unit = None
-        if isinstance(entry, dict):
-            self._known(section, entry, _VALUE_KEYS, at=key)
-            self._origin(section, key, entry)
-            unit = str(entry.get("unit"))
-        if isinstance(number, bool) or not isinstance(number, int | float):
-            message = f"expected {key} = number, or {key} = {{ value = number, unit = ... }}"
-            self._report("bad-value", message, section, key)
-            number = 0.0
-        return StatedValue(float(number), unit, self._place(section, key))
 
-    def _origin(self, section: str, key: str, entry: dict[str, Any]) -> None:
-        if entry.get("origin") not in ORIGINS:
-            message = f"expected an origin of {key}: one of {', '.join(ORIGINS)}"
-            self._report("missing-origin", message, section, key)
-        self._provenance[f"{section}.{key}"] = Provenance(
-            str(entry.get("origin")),
-            str(entry.get("place", "")),
-            self._tolerance(section, key, entry.get(_TOLERANCE, 0.0)),
-        )
+def _effects(value: Value) -> tuple[StatedEffect, ...]:
+    if not isinstance(value.data, dict):
+        raise value.refused("expected sections such as [effects.viscous_drag]")
+    effects = [value.get(name, _effect, None) for name in value.data]
+    return tuple(effect for effect in effects if effect is not None)
 
-    def _tolerance(self, section: str, key: str, share: Any) -> float:
-        if isinstance(share, int | float) and not isinstance(share, bool) and 0 <= share < 1:
-            return float(share)
-        message = f"expected the tolerance of {key} as a share of it, such as 0.1"
-        self._report("bad-value", message, section, key)
-        return 0.0
 
-    def _section(self, section: str, kind: type[Any]) -> Any:
-        table = self._data.get(section)
-        if not isinstance(table, dict):
-            self._report("missing-key", f"expected a section [{section}]", "", section)
-            return None
-        quantities = fields(kind)
-        self._known(section, table, {f.metadata["key"] for f in quantities})
-        values = {f.name: self._value(section, table, f) for f in quantities}
-        return None if None in values.values() else kind(**values)
+def _effect(table: Value) -> StatedEffect:
+    if not isinstance(table.data, dict):
+        raise table.refused(f"expected a section [{table.name}]")
+    values = {key: table.get(key, _stated, None) for key in table.data if key != "axes"}
+    return StatedEffect(
+        table.key,
+        {key: number for key, number in values.items() if number is not None},
+        table.get("axes", _axes, AXES),
+        table.span,
+    )
 
-    def _value(self, section: str, table: dict[str, Any], quantity: Field[Any]) -> Any:
-        key = quantity.metadata["key"]
-        if key not in table:
-            if quantity.default is not MISSING:
-                return quantity.default
-            self._report("missing-key", f"[{section}] has no {key}", "", section)
-            return None
-        if choices := quantity.metadata.get("choices"):
-            return self._word(section, key, table[key], choices)
-        return self._quantity(section, table, quantity)
 
-    def _word(self, section: str, key: str, word: Any, choices: tuple[str, ...]) -> str | None:
-        if word in choices:
-            return str(word)
-        message = f"expected {key} to be one of {', '.join(choices)}"
-        self._report("bad-value", message, section, key)
-        return None
+def _axes(value: Value) -> tuple[int, ...]:
+    axes = value.data
+    if not isinstance(axes, list) or not axes or any(axis not in AXES for axis in axes):
+        raise value.refused("expected axes such as [1] or [1, 2]")
+    return tuple(axes)
 
-    def _quantity(self, section: str, table: dict[str, Any], quantity: Field[Any]) -> float | None:
-        key, dimension = quantity.metadata["key"], quantity.metadata["dimension"]
-        entry = table[key]
-        number = entry.get("value") if isinstance(entry, dict) else None
-        if not isinstance(entry, dict) or isinstance(number, bool):
-            number = None
-        if not isinstance(number, int | float) or not math.isfinite(number):
-            message = (
-                f"expected {key} = {{ value = number, unit = ..., origin = ..., place = ... }}"
-            )
-            self._report("bad-value", message, section, key)
-            return None
-        known = _VALUE_KEYS | ({_TOLERANCE} if quantity.metadata["tolerated"] else set())
-        self._known(section, entry, known, at=key)
-        self._origin(section, key, entry)
-        try:
-            value = to_si(number, str(entry.get("unit")), dimension)
-        except ValueError as error:
-            self._report("wrong-unit", f"{key}: {error}", section, key)
-            return None
-        low, above = quantity.metadata["at_least"], quantity.metadata["above"]
-        if value < low or (above and value == low):
-            message = f"{key} must be {'greater than' if above else 'at least'} {low:g}"
-            self._report("bad-value", message, section, key)
-            return None
-        return value
+
+def _stated(value: Value) -> StatedValue:
+    """A bare number, or a table with value and unit."""
+    number, unit = value.data, None
+    if isinstance(value.data, dict):
+        _check_origin(value, tolerated=False)
+        number, unit = value.data.get("value"), shown(value.data.get("unit"))
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        form = f"{value.key} = {{ value = number, unit = ... }}"
+        raise value.refused(f"expected {value.key} = number, or {form}")
+    return StatedValue(float(number), unit, value.span)

@@ -53,8 +53,8 @@ def built(layout: Layout) -> Integrate:
     Kept on disk unless a term has no text of its own, or there is nowhere to keep it. No
     `fastmath`, so that the bits are those of plain Python.
     """
-    text, folder = module_text(layout), cache_folder()
-    path = _written(text, folder / "kernels") if text and folder else None
+    text, folder = module_text(layout), cache_folder("kernels")
+    path = _written(text, folder) if text and folder else None
     if text and path:
         # The second time without what numba kept, which may be damaged.
         for _ in range(2):
@@ -99,7 +99,6 @@ def _written(text: str, folder: Path) -> Path | None:
     """The file that holds `text`, written now if there is none; None where it cannot be."""
     path = folder / f"mopro_kernel_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
     try:
-        folder.mkdir(exist_ok=True)
         if not path.is_file() or path.read_bytes() != text.encode():
             _write(text, path)
     except OSError:

@@ -1,5 +1,6 @@
 """Pages and figures that people look at."""
 
+from mopro.plot.figure import figure_bytes
 from mopro.plot.report import report_page
 
-__all__ = ["report_page"]
+__all__ = ["figure_bytes", "report_page"]

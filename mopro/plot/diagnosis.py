@@ -24,7 +24,7 @@ from mopro.experiment.conclude.wording import (
     value_words,
 )
 from mopro.plot.page import heading, listing, page, paragraph, picture, table
-from mopro.plot.residuals import plot_residuals
+from mopro.plot.residuals import plot_residuals, source_lines
 
 # A page with more figures than these is no help; those of the worst gaps are kept.
 _MOST_FIGURES = 16
@@ -135,11 +135,13 @@ def _figures(found: Conclusion) -> Iterator[str]:
             series, found.verdict.before[index], signatures, found.verdict.after[index]
         )
         named = f", with what {' and '.join(signatures)} would add over it" if signatures else ""
+        lines = source_lines(series)
+        marked = f"; source lines {', '.join(map(str, lines))}" if lines else ""
         yield heading(f"{series.run}, {series.sensor}", 3)
         yield picture(
             figure,
             f"Residual of {series.sensor} in {series.run}: {run.before_rms:.3g} {run.unit} RMS "
-            f"before{named}; {run.after_rms:.3g} {run.unit} RMS after",
+            f"before{named}; {run.after_rms:.3g} {run.unit} RMS after{marked}",
             _DPI,
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mopro.limits import PROFILES, Limit
+from mopro.text import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,5 +33,5 @@ def plot_limits(limits: list[Limit], title: str) -> Figure:
     for panel in (upper, lower):
         panel.grid(alpha=0.3)
         panel.legend()
-    figure.suptitle(title)
+    figure.suptitle(plain(title))
     return figure

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import base64
 import html
-import io
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
+
+from mopro.plot.figure import figure_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,9 +63,7 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -
 
 def picture(figure: Figure, alt: str, dpi: int = 110) -> str:
     """A figure as a PNG within the page; `alt` says what there is to see."""
-    image = io.BytesIO()
-    figure.savefig(image, format="png", dpi=dpi)
-    data = base64.b64encode(image.getvalue()).decode()
+    data = base64.b64encode(figure_bytes(figure, "png", dpi)).decode()
     source = f"data:image/png;base64,{data}"
     return f'<figure><img alt="{html.escape(alt)}" src="{source}"></figure>'
 

@@ -11,6 +11,7 @@ import numpy as np
 from mopro.diagnosis import Series
 from mopro.diagnosis.model import Floats
 from mopro.recording.figure import mark_lines
+from mopro.text import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,20 +42,28 @@ def plot_residuals(
     draw = _draw_rows if series.time_s is None else _draw_in_time
     draw(upper, series, before, shown)
     draw(lower, series, after, {})
-    upper.set_ylabel(f"before ({series.unit})")
-    lower.set_ylabel(f"after ({series.unit})")
+    upper.set_ylabel(plain(f"before ({series.unit})"))
+    lower.set_ylabel(plain(f"after ({series.unit})"))
     lower.set_xlabel("row" if series.time_s is None else "time (s)")
     for panel in (upper, lower):
         panel.grid(alpha=0.3)
         if series.sigma:
             reach = _BAND * series.sigma
             panel.axhspan(-reach, reach, color="0.9", zorder=0, label=f"±{_BAND:g} σ of the sensor")
-    lines = np.asarray(series.labels.get("line", ()))
-    if series.time_s is not None and lines.any():  # a logged command has none
-        mark_lines(upper, series.time_s.tolist(), lines.tolist())
+    if series.time_s is not None and source_lines(series):
+        mark_lines(upper, series.time_s.tolist(), series.labels["line"].tolist())
     figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    figure.suptitle(f"{series.run}, {series.sensor}")
+    figure.suptitle(plain(f"{series.run}, {series.sensor}"))
     return figure
+
+
+def source_lines(series: Series) -> list[int]:
+    """The source lines that run while `series` is measured, ascending.
+
+    Empty for a logged command (line 0) and for a table.
+    """
+    lines = np.unique(np.asarray(series.labels.get("line", ()), dtype=np.int64))
+    return [int(line) for line in lines if line > 0]
 
 
 def _draw_in_time(
@@ -66,7 +75,7 @@ def _draw_in_time(
     )
     for (name, change), color in zip(signatures.items(), _colors(signatures), strict=True):
         panel.plot(
-            *envelope(series.time_s, change), color=color, linewidth=1.6, label=name,
+            *envelope(series.time_s, change), color=color, linewidth=1.6, label=plain(name),
             linestyle="--" if name == _SUM else "-",
         )  # fmt: skip
 
@@ -77,7 +86,7 @@ def _draw_rows(
     rows = np.arange(1, len(series) + 1)
     panel.bar(rows, residual, color="tab:blue", alpha=0.5, label="residual")
     for (name, change), color in zip(signatures.items(), _colors(signatures), strict=True):
-        panel.plot(rows, change, color=color, marker="o", linestyle="none", label=name)
+        panel.plot(rows, change, color=color, marker="o", linestyle="none", label=plain(name))
     panel.set_xticks(rows)
 
 

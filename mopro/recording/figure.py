@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.text import plain
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -51,7 +53,7 @@ def draw(columns: Mapping[str, NDArray[Any]], axes: Sequence[int], title: str) -
     panels[0].legend(loc="upper right")
     panels[-1].set_xlabel("time (s)")
     mark_lines(panels[0], time.tolist(), columns["line"].tolist())
-    figure.suptitle(title)
+    figure.suptitle(plain(title))
     return figure
 
 

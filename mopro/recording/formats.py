@@ -7,15 +7,15 @@ import json
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, TextIO
+from typing import IO, Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataError
-from mopro.recording.atomic import written_beside
+from mopro.files import output
 from mopro.recording.record import Columns, Header, Recording, Sink
 
 _KEY = "mopro"
@@ -69,7 +69,7 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[Sink]:
                 self.writer = pq.ParquetWriter(draft, table.schema)
             self.writer.write_table(table)
 
-    with written_beside(path) as draft:
+    with output(path) as draft:
         sink = ParquetSink()
         try:
             yield sink
@@ -103,7 +103,7 @@ class _CsvSink:
 
 @contextmanager
 def _csv_sink(path: Path, header: Header) -> Iterator[Sink]:
-    with written_beside(path) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
+    with output(path) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
         yield _CsvSink(file, header)
 
 
@@ -132,28 +132,41 @@ def _dtype(name: str) -> type[np.generic]:
 
 @contextmanager
 def _npz_sink(path: Path, header: Header) -> Iterator[Sink]:
-    """Columns grow in files of their own, as an array's length stands before its data."""
+    """Columns grow in nameless files of their own, as an array's length stands before its data."""
 
     class NpzSink:
-        def __init__(self, folder: Path) -> None:
-            self.folder = folder
-            self.dtypes: dict[str, np.dtype[Any]] = {}
+        def __init__(self, files: ExitStack) -> None:
+            self.files = files
+            self.growing: dict[str, tuple[IO[bytes], np.dtype[Any]]] = {}
 
         def write(self, columns: Columns) -> None:
             for name, values in columns.items():
-                self.dtypes.setdefault(name, values.dtype)
-                with open(self.folder / name, "ab") as file:
-                    values.tofile(file)
+                if name not in self.growing:
+                    file = self.files.enter_context(_nameless(draft.parent))
+                    self.growing[name] = (file, values.dtype)
+                self.growing[name][0].write(np.ascontiguousarray(values).data)
 
         def columns(self) -> dict[str, NDArray[Any]]:
-            return {n: np.memmap(self.folder / n, d, "r") for n, d in self.dtypes.items()}
+            return {name: _mapped(*grown) for name, grown in self.growing.items()}
 
-    with written_beside(path) as draft, tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        sink = NpzSink(Path(folder))
+    with output(path) as draft, ExitStack() as files:
+        sink = NpzSink(files)
         yield sink
         with open(draft, "wb") as file:
             text = np.frombuffer(_header_text(header).encode(), np.uint8)
             np.savez(file, allow_pickle=False, **sink.columns(), **{_KEY: text})
+
+
+@contextmanager
+def _nameless(folder: Path) -> Iterator[IO[bytes]]:
+    """A file that goes with the process, however that ends."""
+    with tempfile.TemporaryFile(dir=folder) as file:
+        yield file
+
+
+def _mapped(file: IO[bytes], dtype: np.dtype[Any]) -> NDArray[Any]:
+    file.flush()
+    return np.memmap(file, dtype, "r")
 
 
 def _read_npz(path: Path) -> tuple[str, Columns]:

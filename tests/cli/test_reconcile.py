@@ -220,6 +220,8 @@ class TestADrag:
         for image in page.images:
             data = image["src"].removeprefix("data:image/png;base64,")
             assert base64.b64decode(data).startswith(b"\x89PNG")
+            # The two MRI1 of the program: their lines go all the way to the page.
+            assert image["alt"].endswith("; source lines 4, 7")
         tried = {row[0] for row in page.rows if len(row) == 4}
         others = [*answer["rejected"], *answer["below_resolution"]]
         assert {"viscous_drag", *(other["name"] for other in others)} <= tried
@@ -389,7 +391,7 @@ class TestRefused:
     def test_the_experiment_as_the_place_of_the_machine(self, tmp_path):
         laboratory(tmp_path, {})
         message = self.refused(tmp_path, "experiment.toml", "--out", "experiment.toml")
-        assert "--out would write the machine over the experiment" in message
+        assert "--out would overwrite experiment.toml, which EXPERIMENT reads" in message
 
 
 def test_a_signal_leaves_no_half_written_file(tmp_path):

@@ -1,5 +1,8 @@
 """The virtual controller by itself: storage, states, scenarios, the line's rate."""
 
+import os
+from pathlib import Path
+
 import pytest
 from bench_of_link import OLD, SHORT, bench
 
@@ -177,3 +180,29 @@ def test_every_kind_of_fault_can_be_stated(tmp_path):
     file.write_text("\n".join(lines))
     scenario = load_scenario(file)
     assert len(scenario.faults) + len(scenario.plant) == len(KINDS)
+
+
+def test_an_ok_comes_only_after_the_program_is_on_the_disk(tmp_path, monkeypatch):
+    done = []
+    real_fsync, real_rename = os.fsync, Path.replace
+    monkeypatch.setattr(os, "fsync", lambda h: done.append("flush") or real_fsync(h))
+    monkeypatch.setattr(Path, "replace", lambda *a: done.append("rename") or real_rename(*a))
+    port = JoinedPort(station(store=FolderStore(tmp_path / "new" / "programs.d")))
+    assert done == ["flush", "flush"], "the new folders"
+    port.write(b"DL A\rVEL1 1.0\rEP\r")
+    said = b""
+    while data := port.read(port.now_s() + 1.0):
+        said += data
+    assert b"?" not in said
+    assert done[2:] == ["flush", "rename", "flush"]
+
+
+def test_a_program_that_cannot_be_kept_is_refused(tmp_path):
+    (tmp_path / "A.CMD").symlink_to("/dev/full")
+    port = JoinedPort(station(store=FolderStore(tmp_path)))
+    port.write(b"DL A\rVEL1 1.0\rEP\rDL B\rVEL1 1.0\rEP\r")
+    said = b""
+    while data := port.read(port.now_s() + 1.0):
+        said += data
+    assert b"? 8 the program cannot be kept" in said
+    assert FolderStore(tmp_path).read("B") == ["VEL1 1.0"]

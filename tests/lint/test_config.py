@@ -74,3 +74,11 @@ def test_start_and_travel_move_the_limits(tmp_path):
     assert b"[limit-switch]" in lint(path).stdout
     (tmp_path / "mopro.toml").write_text('travel = { 1 = "14 in" }\n')
     assert b"[off-travel]" in lint(path).stdout
+
+
+def test_all_findings_of_the_settings_come_at_once(tmp_path):
+    (tmp_path / "mopro.toml").write_text("mashine = 'x'\npayload = -1\nselect = ['stal']\n")
+    with pytest.raises(ModelError) as caught:
+        find_settings(tmp_path)
+    assert [d.span.line for d in caught.value.diagnostics] == [1, 2, 3]
+    assert "did you mean `machine`?" in str(caught.value)

@@ -6,7 +6,7 @@ import pytest
 
 from mopro.effects import catalogue
 from mopro.effects.resolve import active_effects
-from mopro.errors import ModelError
+from mopro.errors import MOST_SHOWN, ModelError
 from mopro.machine.file import read_machine
 from mopro.source import Source
 
@@ -75,3 +75,17 @@ def test_faults_stand_at_their_line(extra, rule, line, hint):
 def test_a_drive_of_another_model_is_refused():
     text = TEXT.replace("[platen]", 'model = "fuller"\n\n[platen]')
     assert [f[:2] for f in faults("", text)] == [("bad-value", 'model = "fuller"')]
+
+
+def test_names_are_suggested_for_as_many_findings_as_a_report_shows():
+    found = faults("".join(f"[effects.viscous_darg{n}]\n" for n in range(MOST_SHOWN + 2)))
+    hints = [hint for _, _, hint in found]
+    assert hints == ["did you mean `viscous_drag`?"] * MOST_SHOWN + [None] * 2
+
+
+def test_every_faulty_effect_is_told():
+    extra = "[effects]\nviscous_drag = 5\ncoulomb_friction = 6\n"
+    assert [(rule, line) for rule, line, _ in faults(extra)] == [
+        ("bad-value", "viscous_drag = 5"),
+        ("bad-value", "coulomb_friction = 6"),
+    ]

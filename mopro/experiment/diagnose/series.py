@@ -36,7 +36,7 @@ def _series(motor: ForwardModel, index: int, reading: Reading) -> Series:
         sigma=sensor.sigma or None,
         time_s=reading.time_s,
         folds=labels.move,
-        # What is warm is warm wherever it stands.
-        labels={} if sensor.quantity == TEMPERATURE else motion,
+        # A temperature is not described by the place and speed of the axis.
+        labels={"line": labels.line, **({} if sensor.quantity == TEMPERATURE else motion)},
         position_unit=unit,
     )

@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
-import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mopro.errors import DataError, Diagnostic, ModelError
+from mopro.errors import DataError
 from mopro.experiment.read.raw import KINDS
 from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
 from mopro.machine import Machine, builtin_machines, load_machine
 from mopro.program import AXES
 from mopro.source import Source, Span
-from mopro.tomlfile import TomlReader, parse_toml
-from mopro.units import parse_quantity
+from mopro.tomlfile import Document, Refused, Value, read_source, shown
+from mopro.tomlfile.schema import Reader, flag, number, one_of, quantity, text
 
-_SENSOR_KEYS = {
-    "name", "kind", "quantity", "axis", "column", "rate_hz", "noise_rms", "adc_step",
-}  # fmt: skip
+_SENSOR_KEYS: dict[str, Reader[Any]] = {
+    "name": text(),
+    "quantity": one_of(
+        POSITION, TEMPERATURE, message=f"expected quantity to be {POSITION} or {TEMPERATURE}"
+    ),
+    "axis": one_of(*AXES, message="expected axis: 1 or 2"),
+    "column": text(),
+    "rate_hz": number(0.0, above=True),
+    "noise_rms": number(0.0),
+    "adc_step": number(0.0),
+}
+_KIND = one_of(*KINDS, message=f"expected one of {', '.join(KINDS)}")
 _RUN_KEYS = {
     "program", "command", "table", "data", "payload_kg", "payload", "sensor", "partial",
 }  # fmt: skip
 _FORMS = ("program", "command", "table")
-_NUMBERS = ("rate_hz", "noise_rms", "adc_step")
 _GRAMMARS = ("attested", "extended")
+_NO_MACHINE = 'expected a machine, such as machine = "chow1992"'
 
 
 @dataclass(frozen=True)
@@ -67,235 +76,200 @@ class Entries:
     grammar: str
     sensors: tuple[SensorEntry, ...]
     runs: tuple[RunEntry, ...]
+    machine_file: Path | None = None
 
     @property
     def folder(self) -> Path:
         return Path(self.source.name).parent
 
+    @property
+    def files(self) -> list[Path]:
+        """Every file that the experiment reads, its own first; a built-in machine has none."""
+        named = [self.folder / name for run in self.runs for name in (run.motion, run.data)]
+        own = [] if self.machine_file is None else [self.machine_file]
+        return [Path(self.source.name), *own, *dict.fromkeys(named)]
+
 
 def read_entries(path: str | Path) -> Entries:
     """What the file says; ModelError with all findings."""
-    try:
-        text = Path(path).read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        finding = Diagnostic("unreadable", f"cannot be read: {reason}", Span(1, 1, 1))
-        raise ModelError(Source(str(path), ""), [finding]) from error
-    source = Source(str(path), text)
-    return _Reader(source, parse_toml(source)).entries()
+    document = Document(read_source(path))
+    return document.read(_Reader(document.source).entries)
 
 
-class _Reader(TomlReader):
-    def entries(self) -> Entries:
-        self._known("", self._data, {"machine", "grammar", "sensor", "run"})
-        grammar = self._data.get("grammar", _GRAMMARS[0])
-        if grammar not in _GRAMMARS:
-            self._report("bad-value", f"expected one of {', '.join(_GRAMMARS)}", "", "grammar")
-        sensors = [self._sensor(n, e) for n, e in enumerate(self._tables("sensor"))]
-        names = [e.sensor.name for e in sensors if e is not None]
-        for n, name in enumerate(names):
-            if name in names[:n]:
-                self._report(
-                    "double-name", f"two sensors are called {name}", "sensor", "name", nth=n
-                )
-        tables = self._tables("run")
-        runs = [self._run(n, e, names) for n, e in enumerate(tables)]
-        self._check_distinct_data(tables)
-        machine = self._machine()
-        self._check()
-        assert machine is not None, "a machine that cannot be read is a finding"
+class _Reader:
+    """Reads the entries of an experiment file; paths in it begin at its folder."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._machine_file: Path | None = None
+
+    def entries(self, root: Value) -> Entries:
+        root.only({"machine", "grammar", "sensor", "run"})
+        grammar = root.get("grammar", one_of(*_GRAMMARS), _GRAMMARS[0])
+        sensors = self._sensors(root)
+        tables = self._sections(root, "run")
+        sensor_name = _name_among(sensors)
+        runs = [self._run(entry, sensor_name) for entry in tables]
+        _check_distinct_data(tables)
+        machine = root.need("machine", self._machine, _NO_MACHINE)
+        if machine is None:
+            raise Refused
         return Entries(
             self._source,
             machine,
-            str(grammar),
-            tuple(e for e in sensors if e is not None),
+            grammar,
+            tuple(sensors.values()),
             tuple(e for e in runs if e is not None),
+            self._machine_file,
         )
 
-    def _tables(self, section: str) -> list[dict[str, Any]]:
-        entries = self._data.get(section, [])
-        if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
-            self._report("bad-value", f"expected entries under [[{section}]]", "", section)
-            return []
-        if not entries:
-            self._report("missing-key", f"expected at least one [[{section}]]", "", section)
-        return entries
-
-    def _machine(self) -> Machine | None:
-        name = self._data.get("machine")
-        if not isinstance(name, str) or not name:
-            message = 'expected a machine, such as machine = "chow1992"'
-            self._report("missing-key", message, "", "machine")
-            return None
+    def _machine(self, value: Value) -> Machine:
+        name = text(message=_NO_MACHINE, rule="missing-key")(value)
         if name in builtin_machines():
             return load_machine(name)
-        path = self._file("", "machine", name)
-        return load_machine(str(path)) if path else None
+        self._machine_file = self._file(value)
+        return load_machine(str(self._machine_file))
 
-    def _file(self, section: str, key: str, name: Any, nth: int = 0) -> Path | None:
+    def _file(self, value: Value) -> Path:
         """The path of a file that is there, as seen from the experiment file."""
-        if not isinstance(name, str) or not name:
-            self._report(
-                "bad-value", f"expected the name of a file for {key}", section, key, nth=nth
-            )
-            return None
+        name = text(message=f"expected the name of a file for {value.key}")(value)
         path = Path(self._source.name).parent / name
-        if path.is_file():
+        if os.path.isfile(path):  # Path.is_file raises for a name that is too long
             return path
         hint = "paths begin at the folder of this file"
-        self._report("no-such-file", f"there is no file {path}", section, key, hint, nth)
-        return None
+        raise value.refused(f"there is no file {shown(path, 400)}", "no-such-file", hint)
 
-    # -- sensors ---------------------------------------------------------------
+    @staticmethod
+    def _sections(root: Value, key: str) -> list[Value]:
+        before = root.faults
+        entries = root.sections(key)
+        if not entries and root.faults == before:
+            root.report(f"expected at least one [[{key}]]", "missing-key", at=key)
+        return entries
 
-    def _sensor(self, nth: int, entry: dict[str, Any]) -> SensorEntry | None:
-        before = len(self._found)
-        self._known("sensor", entry, _SENSOR_KEYS, nth=nth)
-        kind = entry.get("kind")
-        if kind is not None and kind not in list(KINDS):
-            self._wrong("sensor", "kind", f"expected one of {', '.join(KINDS)}", nth)
-            return None
-        stated = {key: entry[key] for key in _SENSOR_KEYS & entry.keys() if key != "kind"}
-        self._sensor_words(stated, nth)
-        self._sensor_numbers(stated, nth)
-        axis = self._sensor_axis(stated, nth)
-        if kind is not None and len(self._found) == before:
-            stated = self._with_defaults(kind, axis, stated, nth)
-        for key in ("name", "quantity", "column", "rate_hz"):
-            if key not in stated and len(self._found) == before:
-                self._report("missing-key", f"the sensor has no {key}", "sensor", key, nth=nth)
-        if len(self._found) > before:
-            return None
-        sensor = Sensor(**(stated | {"axis": axis}))
-        self._check_sensor(sensor, kind, nth)
-        return SensorEntry(sensor, kind)
-
-    def _with_defaults(
-        self, kind: str, axis: int, stated: dict[str, Any], nth: int
-    ) -> dict[str, Any]:
-        try:
-            return KINDS[kind].defaults(axis, stated) | stated
-        except DataError as error:
-            self._wrong("sensor", "column", str(error), nth)
-            return stated
-
-    def _sensor_words(self, stated: Mapping[str, Any], nth: int) -> None:
-        for key in ("name", "column"):
-            if key in stated and (not isinstance(stated[key], str) or not stated[key]):
-                self._wrong("sensor", key, f"expected {key}: some text", nth)
-        if stated.get("quantity", POSITION) not in (POSITION, TEMPERATURE):
-            message = f"expected quantity to be {POSITION} or {TEMPERATURE}"
-            self._wrong("sensor", "quantity", message, nth)
-
-    def _sensor_numbers(self, stated: dict[str, Any], nth: int) -> None:
-        for key in _NUMBERS:
-            if key not in stated:
-                continue
-            number = _number(stated[key])
-            if number is None or number < 0 or (key == "rate_hz" and not number):
-                bound = "above 0" if key == "rate_hz" else "of at least 0"
-                self._wrong("sensor", key, f"expected {key}: a number {bound}", nth)
-            else:
-                stated[key] = number
-
-    def _sensor_axis(self, stated: Mapping[str, Any], nth: int) -> int:
-        """The axis as stated, or else as the column's name has it."""
-        axis = stated.get("axis")
-        named = [n for n in AXES if f"_{n}_" in str(stated.get("column", ""))]
-        if axis is None:
-            return named[0] if named else AXES[0]
-        if isinstance(axis, bool) or axis not in AXES:
-            self._wrong("sensor", "axis", "expected axis: 1 or 2", nth)
-        elif named and axis not in named:
-            message = f"the column {stated['column']} is named after axis {named[0]}, not {axis}"
-            self._report("wrong-axis", message, "sensor", "axis", "correct one of them", nth)
-        return int(axis) if axis in AXES else AXES[0]
-
-    def _check_sensor(self, sensor: Sensor, kind: str | None, nth: int) -> None:
-        try:
-            _ = sensor.unit_si
-        except DataError as error:
-            units = "_in, _mm, _um or _m" if sensor.quantity == POSITION else "_C"
-            self._report(error.rule, str(error), "sensor", "column", f"expected {units}", nth)
-        if not sensor.noise_rms and not sensor.adc_step:
-            hint = "without it nothing can be called a disagreement"
-            message = f"sensor {sensor.name} has no noise: state noise_rms, or adc_step"
-            self._report("missing-key", message, "sensor", "noise_rms", hint, nth)
-        if kind is not None and sensor.quantity != KINDS[kind].quantity:
-            message = f"a sensor of kind {kind} gives a {KINDS[kind].quantity}"
-            self._wrong("sensor", "quantity", message, nth)
+    def _sensors(self, root: Value) -> dict[str, SensorEntry]:
+        """The sensors that can be used, by name."""
+        found: dict[str, SensorEntry] = {}
+        for entry in self._sections(root, "sensor"):
+            if made := _sensor(entry):
+                name = made.sensor.name
+                if name in found:
+                    entry.report(f"two sensors are called {shown(name)}", "double-name", at="name")
+                found[name] = made
+        return found
 
     # -- runs ------------------------------------------------------------------
 
-    def _run(self, nth: int, entry: dict[str, Any], sensors: list[str]) -> RunEntry | None:
-        before = len(self._found)
-        self._known("run", entry, _RUN_KEYS, nth=nth)
+    def _run(self, entry: Value, sensor_name: Reader[str]) -> RunEntry | None:
+        before = entry.faults
+        entry.only(_RUN_KEYS)
         forms = [form for form in _FORMS if form in entry]
         if len(forms) != 1:
             message = f"expected one of {', '.join(_FORMS)}, found {' and '.join(forms) or 'none'}"
-            self._wrong("run", forms[1] if forms else "data", message, nth)
+            entry.report(message, at=forms[1] if forms else "data")
             return None
         form = forms[0]
-        self._file("run", form, entry[form], nth)
-        self._data_of(form, entry, nth)
-        payload_kg = self._payload(entry, nth)
-        sensor = entry.get("sensor")
-        if sensor is not None and sensor not in sensors:
-            known = ", ".join(sensors) or "none"
-            self._wrong("run", "sensor", f"no sensor is called {sensor}: there are {known}", nth)
-        if not isinstance(entry.get("partial", False), bool):
-            self._wrong("run", "partial", "expected partial: true or false", nth)
-        if len(self._found) > before:
+        entry.get(form, self._file, None)
+        self._check_data(form, entry)
+        payload_kg = _payload(entry)
+        sensor = entry.get("sensor", sensor_name, None)
+        partial = entry.get("partial", flag, False)
+        if entry.faults > before:
             return None
-        return RunEntry(
-            form,
-            entry[form],
-            entry.get("data", entry[form]),
-            payload_kg,
-            sensor,
-            entry.get("partial", False),
-            self._place("run", "data" if "data" in entry else form, nth),
-        )
+        data = entry["data" if "data" in entry else form]
+        return RunEntry(form, entry.data[form], data.data, payload_kg, sensor, partial, data.span)
 
-    def _data_of(self, form: str, entry: dict[str, Any], nth: int) -> None:
-        if form != "table":
-            if "data" not in entry:
-                self._report("missing-key", "the run has no data", "run", form, nth=nth)
-            else:
-                self._file("run", "data", entry["data"], nth)
-            return
-        for key in sorted(entry.keys() & (_RUN_KEYS - {"table"})):
-            self._wrong("run", key, f"a table is a run of its own, without {key}", nth)
-
-    def _check_distinct_data(self, runs: list[dict[str, Any]]) -> None:
-        seen: dict[str, int] = {}
-        for nth, entry in enumerate(runs):
-            data = str(entry.get("data", nth))
-            if data in seen:
-                message = f"{data} is the data of run {seen[data] + 1} already"
-                self._report("same-data", message, "run", "data", "each run has its own", nth)
-            seen.setdefault(data, nth)
-
-    def _payload(self, entry: dict[str, Any], nth: int) -> float:
-        """`payload_kg = 0.5` or `payload = "5lb"`, in kg."""
-        if "payload" in entry and "payload_kg" in entry:
-            self._wrong("run", "payload", "expected payload or payload_kg, not both", nth)
-            return 0.0
-        key = "payload" if "payload" in entry else "payload_kg"
-        try:
-            kg = parse_quantity(str(entry.get(key, 0.0)), "mass", "kg")
-        except ValueError as error:
-            self._wrong("run", key, str(error), nth)
-            return 0.0
-        if kg < 0:
-            self._wrong("run", key, f"{key} must be at least 0", nth)
-        return kg
-
-    def _wrong(self, section: str, key: str, message: str, nth: int) -> None:
-        self._report("bad-value", message, section, key, nth=nth)
+    def _check_data(self, form: str, entry: Value) -> None:
+        if form == "table":
+            for key in sorted(entry.data.keys() & (_RUN_KEYS - {"table"})):
+                entry.report(f"a table is a run of its own, without {key}", at=key)
+        elif "data" in entry:
+            entry.get("data", self._file, None)
+        else:
+            entry.report("the run has no data", "missing-key", at=form)
 
 
-def _number(value: Any) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+def _check_distinct_data(runs: list[Value]) -> None:
+    seen: dict[str, int] = {}
+    for nth, entry in enumerate(runs, start=1):
+        data = entry.data.get("data")
+        if isinstance(data, str) and seen.setdefault(data, nth) != nth:
+            message = f"{shown(data)} is the data of run {seen[data]} already"
+            entry["data"].report(message, "same-data", "each run has its own")
+
+
+def _payload(entry: Value) -> float:
+    """`payload_kg = 0.5` or `payload = "5lb"`, in kg."""
+    if "payload" in entry and "payload_kg" in entry:
+        entry.report("expected payload or payload_kg, not both", at="payload")
+        return 0.0
+    return entry.get("payload" if "payload" in entry else "payload_kg", quantity("mass", "kg"), 0.0)
+
+
+def _name_among(sensors: Mapping[str, Any]) -> Reader[str]:
+    names = set(sensors)
+    known = shown(", ".join(sensors) or "none", 200)
+
+    def read(value: Value) -> str:
+        if not isinstance(value.data, str) or value.data not in names:
+            raise value.refused(f"no sensor is called {shown(value.data)}: there are {known}")
+        return value.data
+
+    return read
+
+
+# -- sensors -----------------------------------------------------------------------
+
+
+def _sensor(entry: Value) -> SensorEntry | None:
+    before = entry.faults
+    entry.only({"kind", *_SENSOR_KEYS})
+    kind = entry.get("kind", _KIND, None)
+    stated: dict[str, Any] = {
+        key: entry.get(key, read, None) for key, read in _SENSOR_KEYS.items() if key in entry
+    }
+    axis = _axis(entry, stated)
+    if kind is not None and entry.faults == before:
+        stated = _with_defaults(entry, kind, axis, stated)
+    if entry.faults == before:
+        for key in ("name", "quantity", "column", "rate_hz"):
+            if key not in stated:
+                entry.report(f"the sensor has no {key}", "missing-key", at=key)
+    if entry.faults > before:
         return None
-    return float(value)
+    sensor = Sensor(**(stated | {"axis": axis}))
+    _check_sensor(entry, sensor, kind)
+    return SensorEntry(sensor, kind)
+
+
+def _axis(entry: Value, stated: Mapping[str, Any]) -> int:
+    """The axis as stated, or else as the column's name has it."""
+    column = stated.get("column") or ""
+    named = [n for n in AXES if f"_{n}_" in column]
+    axis = stated.get("axis") or (named or AXES)[0]
+    if named and axis not in named:
+        message = f"the column {shown(column)} is named after axis {named[0]}, not {axis}"
+        entry.report(message, "wrong-axis", "correct one of them", at="axis")
+    return int(axis)
+
+
+def _with_defaults(entry: Value, kind: str, axis: int, stated: dict[str, Any]) -> dict[str, Any]:
+    try:
+        return KINDS[kind].defaults(axis, stated) | stated
+    except DataError as error:
+        entry.report(shown(error, 200), at="column")
+        return stated
+
+
+def _check_sensor(entry: Value, sensor: Sensor, kind: str | None) -> None:
+    try:
+        _ = sensor.unit_si
+    except DataError as error:
+        units = "_in, _mm, _um or _m" if sensor.quantity == POSITION else "_C"
+        entry.report(shown(error, 200), error.rule, f"expected {units}", at="column")
+    if not sensor.noise_rms and not sensor.adc_step:
+        hint = "without it nothing can be called a disagreement"
+        message = f"sensor {shown(sensor.name)} has no noise: state noise_rms, or adc_step"
+        entry.report(message, "missing-key", hint, at="noise_rms")
+    if kind is not None and sensor.quantity != KINDS[kind].quantity:
+        entry.report(f"a sensor of kind {kind} gives a {KINDS[kind].quantity}", at="quantity")

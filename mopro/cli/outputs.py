@@ -1,0 +1,92 @@
+"""What a command writes: never over what it reads, and a drawing never at the cost of the rest."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import combinations
+from pathlib import Path
+
+import click
+
+from mopro.errors import MoproError
+from mopro.files import claim, write
+
+# An option (or argument) as the person writes it, and the file that it was given.
+Named = tuple[str, str | Path | None]
+
+# What a drawing library raises for a full disk, too little memory or a text it cannot set.
+_DRAWING_ERRORS = (
+    ArithmeticError, ImportError, LookupError, MemoryError, MoproError, OSError, RuntimeError,
+    TypeError, ValueError,
+)  # fmt: skip
+
+
+def keep_inputs(outputs: Iterable[Named], inputs: Iterable[Named]) -> None:
+    """Refuse a command that would write over a file it reads, or two outputs over each other.
+
+    Whatever the names, links included, the files are compared. Options without a file are
+    None; names of what is built in are files only if such a file is there. Raises UsageError.
+    """
+    written = [(option, Path(file)) for option, file in outputs if file is not None]
+    read = [(option, Path(file)) for option, file in inputs if file is not None]
+    for option, file in written:
+        for other, source in read:
+            if _same(file, source):
+                message = f"{option} would overwrite {source}, which {other} reads"
+                raise click.UsageError(f"{message}; choose another name for {option}")
+    for (option, file), (other, second) in combinations(written, 2):
+        if option != other and _same(file, second):
+            raise click.UsageError(f"{option} and {other} would both write {second}")
+
+
+def machine_file(name: str | None) -> str | None:
+    """The file that `--machine` names; None for a machine that is built in."""
+    from mopro.machine import builtin_machines
+
+    return None if name is None or name in builtin_machines() else name
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether both are one file, which need not be there yet; pipes and devices never are."""
+    try:
+        return stat.S_ISREG(one.stat().st_mode) and os.path.samefile(one, other)
+    except FileNotFoundError:
+        return os.path.realpath(one) == os.path.realpath(other)
+    except OSError:
+        return False
+
+
+@contextmanager
+def claimed(*paths: Path | None) -> Iterator[None]:
+    """Hold the places of outputs during the work; DataError first for one that takes no file."""
+    with ExitStack() as held:
+        for path in paths:
+            if path is not None:
+                held.enter_context(claim(path))
+        yield
+
+
+def drawn(path: Path | None, draw: Callable[[str], bytes]) -> bool:
+    """Write the figure or page that `draw` makes for a format, such as png; False if that fails.
+
+    The person is warned then, and all else that the command does stays as it is. True without
+    a `path` to write.
+    """
+    if path is None:
+        return True
+    try:
+        write(path, draw(path.suffix[1:].lower()))
+    except _DRAWING_ERRORS as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = reason.removeprefix(f"{path}: ")
+        click.echo(f"warning: {path}: not drawn: {reason} [not-drawn]", err=True)
+        return False
+    return True
+
+
+def page_bytes(page: str) -> bytes:
+    """A page as UTF-8; what that cannot express (odd file names) is written as an escape."""
+    return page.encode("utf-8", "backslashreplace")

@@ -1,0 +1,179 @@
+"""The way out of a run: the stop first, the report second, and no signal in between.
+
+`Signals` turns the first signal that would end the process into one exception, and only
+notes those that follow. `Ending` stands around all that a run says to a controller;
+whatever leaves it by an exception has been answered with a stop.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType, TracebackType
+from typing import Any, Protocol
+
+from mopro.errors import MoproError
+from mopro.link.session import Session
+
+# All that would end or suspend the process, and with it the watch over the motor.
+_ENDING = (
+    *("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGUSR1", "SIGUSR2", "SIGALRM"),
+    *("SIGVTALRM", "SIGPROF", "SIGXCPU", "SIGPOLL", "SIGPWR", "SIGSTKFLT", "SIGBREAK"),
+)
+_KEYBOARD = "interrupted from the keyboard"
+# Ends that are told as a run's trouble; all others are faults of a program, and raised.
+_TOLD = (MoproError, OSError, MemoryError, KeyboardInterrupt)
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal asked this process to end; its text says which."""
+
+
+class Signals:
+    """Signals that end this process, held back while this is entered, in the main thread.
+
+    They are only noted, but for the first one within `raised()`: it is raised there, as
+    Interrupted. May be entered again inside itself. Signals that are ignored stay so.
+    """
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._before: dict[int, Any] = {}
+        self._noted: int | None = None
+        self._told = self._armed = False
+
+    def __enter__(self) -> Signals:
+        self._depth += 1
+        if self._depth == 1:
+            self._noted, self._told = None, False
+            self._install()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            while self._before:
+                signal.signal(*self._before.popitem())
+
+    def _install(self) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            return
+        for name in _ENDING:
+            number = getattr(signal, name, None)
+            before = signal.getsignal(number) if number is not None else None
+            if number is not None and before not in (signal.SIG_IGN, None):
+                self._before[number] = before
+                signal.signal(number, self._note)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._noted = self._noted or number
+        self._raise_noted()
+
+    def _raise_noted(self) -> None:
+        if self._armed and self._noted is not None and not self._told:
+            self._told, self._armed = True, False
+            name = signal.Signals(self._noted).name
+            raise Interrupted(_KEYBOARD if name == "SIGINT" else f"ended by {name}")
+
+    @contextmanager
+    def raised(self) -> Iterator[None]:
+        """Here the first signal is raised, also one that has come before."""
+        try:
+            self._armed = True
+            self._raise_noted()
+            yield
+        finally:
+            self._armed = False
+
+    @contextmanager
+    def deferred(self) -> Iterator[None]:
+        """Within `raised()`, a part that is done to its end before a signal is raised."""
+        armed, self._armed = self._armed, False
+        try:
+            yield
+        finally:
+            self._armed = armed
+        self._raise_noted()
+
+
+class Allowance:
+    """The time that a run may take on the port's clock, some of it kept for the stop.
+
+    `total_s` counts from `start_s` on and covers all of it; None is without end, and then
+    the stop has `stop_s`.
+    """
+
+    _SHARE = 1 / 3
+
+    def __init__(
+        self, session: Session, total_s: float | None, stop_s: float, start_s: float | None
+    ) -> None:
+        self._session = session
+        start_s = session.port.now_s() if start_s is None else start_s
+        self._end_s = math.inf if total_s is None else start_s + total_s
+        kept_s = stop_s if total_s is None else min(stop_s, total_s * self._SHARE)
+        self._stop_s = stop_s
+        session.bound(self._end_s - kept_s)
+
+    def for_stop(self) -> float:
+        """Open the time kept for the stop; gives how long that is from now, in seconds."""
+        self._session.bound(self._end_s)
+        return max(0.0, min(self._stop_s, self._end_s - self._session.port.now_s()))
+
+    def close(self) -> None:
+        """Leave the session without a bound."""
+        self._session.bound(math.inf)
+
+
+class Stoppable(Protocol):
+    """What `Ending` needs of a run; `begun` tells that motion may have started."""
+
+    begun: bool
+
+    def stop(self, within_s: float) -> bool: ...
+
+    def stop_report(self) -> str: ...
+
+
+class Ending:
+    """Around a run: an exception that leaves it is answered with a stop.
+
+    After that, `reason` says what ended a run that had begun, for a report; an exception
+    before the start, or of an unforeseen kind, goes on with the outcome of the stop as a
+    note. Enter `Signals.raised()` inside: outside of it no signal is raised any more.
+    """
+
+    def __init__(self, run: Stoppable, stop_s: Callable[[], float]) -> None:
+        self._run = run
+        self._stop_s = stop_s
+        self.reason: str | None = None
+
+    def __enter__(self) -> Ending:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        if error is None:
+            return False
+        self._run.stop(self._stop_s())
+        if self._run.begun and isinstance(error, _TOLD):
+            self.reason = _told(error)
+            return True
+        error.add_note(self._run.stop_report())
+        return False
+
+
+def _told(error: BaseException) -> str:
+    """What ended a run, for a person."""
+    if isinstance(error, KeyboardInterrupt):
+        return str(error) or _KEYBOARD
+    if isinstance(error, MemoryError):
+        return "this computer has no memory left"
+    return str(error)

@@ -1,0 +1,243 @@
+"""What ends `mopro run --port`, from outside: stops are counted at the virtual controller."""
+
+import functools
+import json
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+import pytest
+
+import mopro
+from mopro.controller import Station
+from mopro.controller.motion import Motion
+from mopro.controller.serve import open_end, serve
+from mopro.emulator import Emulator
+from mopro.link import load_dialect
+from mopro.machine import load_machine
+
+TEXT = "UU012500/1\nVEL1 8.0\nACC1 0.25\n:A\nMRI1 4.0\nWX1\nMRI1 -4.0\nWX1\nJUMP A\n"
+BAUD = 115200
+
+
+class Controller:
+    """A virtual controller in a thread, at a real end; counts what it is told."""
+
+    def __init__(self, listen="pty", dialect="checked"):
+        self.dialect = dialect
+        emulator = Emulator(load_machine("chow1992"), compiled=False)
+        # The first use loads much: no client should have to wait for that.
+        Motion(emulator, mopro.compile(TEXT), emulator.machine.travel_u(), 0.5).advance(0.1)
+        self.station = Station(load_dialect(dialect), emulator, baud=BAUD)
+        self.said = []
+        self.stopped = threading.Event()
+        self.polled = threading.Event()
+        self.loading = threading.Event()
+        device = self.station.device
+        do = device.do
+
+        def counted(statement, fields, now_s):
+            self.said.append(statement)
+            rows = do(statement, fields, now_s)
+            self.now_s = now_s
+            if statement == "begin":
+                self.loading.set()
+            elif statement == "stop":
+                self.stopped.set()
+            elif self.said.count("position") > 6 and device.state == "running":
+                self.polled.set()
+            return rows
+
+        device.do = counted
+        self.end = open_end(listen, BAUD)
+
+    @property
+    def at_rest(self):
+        device = self.station.device
+        device.move_on(self.now_s + 5.0)
+        return device.state not in ("running", "stopping")
+
+    @contextmanager
+    def serving(self):
+        over = threading.Event()
+        thread = threading.Thread(
+            target=serve, args=(self.station, self.end), kwargs={"going": lambda: not over.is_set()}
+        )
+        thread.start()
+        try:
+            yield self
+        finally:
+            over.set()
+            thread.join()
+            self.end.close()
+
+
+@pytest.fixture
+def controller(request):
+    with Controller(*getattr(request, "param", ())).serving() as controller:
+        yield controller
+
+
+@contextmanager
+def running(controller, folder, *args, limit=None, wait=True):
+    """`mopro run P.CMD --port ...` under way: the motor moves."""
+    (folder / "P.CMD").write_text(TEXT)
+    # Whoever starts the tests may have SIGINT or SIGHUP ignored, and children inherit that.
+
+    def prepared():
+        for number in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):
+            signal.signal(number, signal.SIG_DFL)
+        if limit:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    command = [sys.executable, "-B", "-m", "mopro", "run", "P.CMD", "--port",
+               controller.end.address, "--dialect", controller.dialect, "--baud", str(BAUD),
+               *map(str, args)]  # fmt: skip
+    with subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=prepared,
+    ) as process:  # fmt: skip
+        try:
+            if wait:
+                assert controller.polled.wait(60), process.communicate(timeout=30)
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+
+
+def told(process, controller, code=1):
+    """What the process said at its end, after a stop that the controller has heard."""
+    out, errors = process.communicate(timeout=60)
+    assert process.returncode == code, errors
+    assert "Traceback" not in errors
+    assert controller.said.count("stop") >= 1
+    assert controller.at_rest
+    return out, errors
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGHUP", "SIGUSR1", "SIGTSTP"])
+def test_a_signal_stops_the_motor_and_the_report_says_so(controller, tmp_path, number):
+    with running(controller, tmp_path, "--json") as process:
+        process.send_signal(getattr(signal, number))
+        out, errors = told(process, controller)
+    assert "both axes rest" in errors
+    assert number in errors or "keyboard" in errors
+    assert json.loads(out)["trouble"]
+    assert (tmp_path / "run.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    "controller", [("pty", "plain"), ("socket://127.0.0.1:0", "checked")], indirect=True
+)
+@pytest.mark.parametrize("when", ["at once", "while it stops"])
+def test_more_signals_neither_cancel_the_stop_nor_lose_the_report(controller, tmp_path, when):
+    with running(controller, tmp_path, "--report", "r.html") as process:
+        process.send_signal(signal.SIGTERM)
+        if when == "while it stops":
+            assert controller.stopped.wait(60)
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            process.send_signal(number)
+        out, errors = told(process, controller)
+    assert "ended by SIG" in errors or "interrupted from the keyboard" in errors
+    assert "both axes rest" in errors
+    assert "Recording: run.parquet" in out
+    assert (tmp_path / "r.html").exists()
+
+
+def test_a_signal_before_the_start_starts_nothing(controller, tmp_path):
+    with running(controller, tmp_path, wait=False) as process:
+        assert controller.loading.wait(60)
+        process.send_signal(signal.SIGTERM)
+        _, errors = told(process, controller, 130)
+    assert "run" not in controller.said
+    assert "no run was started" in errors
+
+
+def test_a_trace_that_outgrows_its_disk_stops_the_motor(controller, tmp_path):
+    with running(controller, tmp_path, "--trace", "t.log", limit=30_000) as process:
+        _, errors = told(process, controller)
+    assert "t.log: the trace cannot be written" in errors
+    assert "both axes rest" in errors
+    assert "run_for" in controller.said or "run" in controller.said
+    assert 25_000 < (tmp_path / "t.log").stat().st_size <= 30_000
+
+
+@pytest.mark.parametrize("command", ["run", "flash", "link-test"])
+def test_a_trace_that_takes_nothing_is_told_before_anything_is_sent(controller, mopro, command):
+    args = [*(["P.CMD"] if command != "link-test" else []), "--baud", BAUD]
+    done = mopro(
+        command, *args, "--port", controller.end.address, "--trace", "/dev/full", text=TEXT
+    )
+    assert done.returncode == 2
+    assert "/dev/full: the trace cannot be written: No space left on device" in done.stderr
+    assert controller.said == []
+
+
+def test_a_recording_that_outgrows_its_disk_is_lost_but_the_report_is_not(controller, tmp_path):
+    with running(controller, tmp_path, "--json", "--for", "2s", limit=100) as process:
+        out, errors = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "Traceback" not in errors
+    assert "File too large" in errors
+    assert len(json.loads(out)["moves"]) > 2
+    assert controller.at_rest
+
+
+@functools.cache
+def started_s():
+    """How long this computer takes to start the command itself."""
+    before_s = time.monotonic()
+    subprocess.run([sys.executable, "-m", "mopro", "run", "--help"], check=True, stdout=-3)
+    return time.monotonic() - before_s
+
+
+def test_a_deadline_covers_all_from_opening_to_standstill(controller, tmp_path):
+    before_s = time.monotonic()
+    with running(controller, tmp_path, "--deadline", "4s") as process:
+        _, errors = told(process, controller)
+    assert "time allowed is over" in errors
+    assert "both axes rest" in errors
+    assert time.monotonic() - before_s < 4.0 + 3 * started_s() + 1.0
+
+
+def test_a_controller_that_speaks_nonsense_is_stopped(controller, tmp_path):
+    device = controller.station.device
+    do = device.do
+
+    def absurd(statement, fields, now_s):
+        rows = do(statement, fields, now_s)
+        if (
+            statement == "position"
+            and controller.polled.is_set()
+            and not controller.stopped.is_set()
+        ):
+            return [{"position_1": "9" * 400, "position_2": 0}]
+        return rows
+
+    device.do = absurd
+    with running(controller, tmp_path) as process:
+        _, errors = told(process, controller)
+    assert "makes no sense" in errors
+    assert "both axes rest" in errors
+
+
+def test_a_killed_host_leaves_a_motor_that_brakes_by_itself(controller, tmp_path):
+    with running(controller, tmp_path) as process:
+        process.kill()
+        process.wait()
+    device = controller.station.device
+    device.move_on(controller.now_s + 3.5)
+    assert device.state == "silent"
+
+
+@pytest.mark.parametrize("controller", [("pty", "plain")], indirect=True)
+def test_a_dialect_without_a_heartbeat_is_warned_of(controller, tmp_path):
+    with running(controller, tmp_path) as process:
+        process.send_signal(signal.SIGINT)
+        _, errors = told(process, controller)
+    assert "warning: the dialect plain has no heartbeat" in errors
