@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -110,6 +109,7 @@ class Simulation:
     def __init__(self, settings: PlantSettings, run: PreparedRun) -> None:
         self._settings = settings
         self._run = run
+        self._made: dict[int, EmulatedAxis] | None = None
 
     @property
     def schedule(self) -> Schedule:
@@ -119,10 +119,12 @@ class Simulation:
     def trip(self) -> Trip | None:
         return self._run.trip
 
-    @cached_property
+    @property
     def _axes(self) -> dict[int, EmulatedAxis]:
         """Made when something first moves: a temperature needs no equation of motion."""
-        return {axis: _axis(axis, self._settings, self._run) for axis in AXES}
+        if self._made is None:
+            self._made = {axis: _axis(axis, self._settings, self._run) for axis in AXES}
+        return self._made
 
     def advance(self, times: Floats, end_s: float) -> Columns:
         """The columns of a recording at `times`; the machine goes on to `end_s`.
@@ -157,9 +159,9 @@ class Simulation:
 
     def change(self, schedule: Schedule) -> None:
         """Go on under `schedule`, which is the same up to the time reached."""
-        before = self.__dict__.pop("_axes", {})
+        before, self._made = self._made, None
         self._run = prepare_run(schedule, self._settings.machine, self._run.active)
-        for axis, old in before.items():
+        for axis, old in (before or {}).items():
             self._axes[axis].take_over(old)
 
     def slip(self, axis: int, pitches: int) -> None:
