@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mopro.emulator import Emulator
+from mopro.effects import catalogue
+from mopro.effects.resolve import active_effects
 from mopro.machine import Machine
 from mopro.motion import plan_profile
+from mopro.plant import plan_with_effects, simulate
 from mopro.program.compile import compile as compile_text
-from mopro.recording import MemorySink
+from mopro.units import INCH_M
 
 TRAPEZOID, PARABOLA = "trapezoid", "parabola"
 PROFILES = (TRAPEZOID, PARABOLA)
@@ -20,7 +22,8 @@ _CRUISE_S = 0.03
 _RESOLUTION = 0.02
 _LEAST_IN_S2 = 1.0
 _MOST_IN_S2 = 100_000.0
-_INCH_M = 0.0254
+_INCH_M = float(INCH_M)
+_WATCHED_HZ = 200.0
 
 
 @dataclass(frozen=True)
@@ -83,14 +86,15 @@ def follows(
         f"UU012500/1\nVEL1 {velocity:.5f}\nACC1 {acceleration / 1000:.8f}\n"
         f"PARA1{'+' if profile == PARABOLA else '-'}\nMRI1 {distance:.5f}\nWX1\nWT50\n"
     )
-    # The search asks about the motor: no platen may end the way.
-    room = replace(machine.platen, length_m=1e4, width_m=1e4)
-    emulator = Emulator(
-        replace(machine, platen=room),
-        payload_kg,
-        rate_hz=200.0,
+    program = compile_text(text)
+    active = active_effects(machine, catalogue())
+    simulation = simulate(
+        plan_with_effects(program, machine, active),
+        machine,
+        active,
+        payload_kg=payload_kg,
         resolved=False,
         compiled=True,
-        settled=False,
     )
-    return not emulator.run(compile_text(text), MemorySink()).stalled
+    simulation.follow(_WATCHED_HZ)
+    return not any(simulation.outcome(move).slipped for move in simulation.schedule.moves)

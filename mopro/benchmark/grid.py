@@ -11,7 +11,6 @@ import numpy as np
 from mopro.benchmark.hidden import ENTRIES, POSITION, THERMAL
 from mopro.benchmark.reference import strange
 
-GRIDS = ("smoke", "small", "full")
 LASER, ENCODER, LVDT, THERMOCOUPLE = "laser", "encoder", "lvdt", "thermocouple"
 
 # What an LVDT can see at all: profile errors, scale, clock, hum, delays, lost pitches.

@@ -10,10 +10,11 @@ import click
 from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
 from mopro.cli.outputs import claimed, keep_inputs, machine_file
 from mopro.cli.programs import compiled_program
+from mopro.units import INCH_M
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
-    from mopro.plant.command_table import Floats
+    from mopro.experiment.model import Floats
     from mopro.recording import Recording
 
 
@@ -89,10 +90,10 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
 
     from mopro.instruments import Lvdt, write_lvdt
     from mopro.instruments.sensor import Sensor
-    from mopro.plant.measurement import measure
+    from mopro.plant import measure
 
-    way = recording[f"command_{axis}_m"]
-    lvdt = Lvdt(middle_m=float(way.max() + way.min()) / 2)
+    command_m = recording[f"command_{axis}_m"]
+    lvdt = Lvdt(middle_m=float(command_m.max() + command_m.min()) / 2)
     sensor = Sensor("lvdt", "position", f"position_{axis}_m", lvdt.rate_hz, axis)
     _, seen = measure(recording, sensor, emulator.machine, emulator.active)
     stood = np.full(max(0, lvdt.samples - len(seen)), seen[-1])
@@ -102,14 +103,16 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
     if out.suffix.lower() == ".dat":
         write_lvdt(out, volts)
     else:
-        _write_csv(out, f"position_{axis}_in", lvdt.times_s(), lvdt.position_m(volts) / 0.0254)
+        _write_csv(
+            out, f"position_{axis}_in", lvdt.times_s(), lvdt.position_m(volts) / float(INCH_M)
+        )
     return len(volts)
 
 
 def _thermocouple(recording: Recording, emulator: Emulator, out: Path) -> int:
     from mopro.instruments import Thermocouple, write_thermocouple
     from mopro.instruments.sensor import Sensor
-    from mopro.plant.measurement import interpolated, measure
+    from mopro.plant import interpolated, measure
 
     chain = Thermocouple()
     sensor = Sensor("thermocouple", "temperature", "temperature_C", recording.header.rate_hz)

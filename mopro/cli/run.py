@@ -246,7 +246,8 @@ def _tell(run: Run, program: Program, out: Path, as_json: bool) -> None:
     """The summary on stdout, and on stderr what the person should know about it."""
     from mopro.cli.table import print_table
     from mopro.errors import Diagnostic, Severity
-    from mopro.recording.table import MOVE_COLUMNS, move_cells, outcome, stalls
+    from mopro.recording.moves import MOVE_COLUMNS, move_cells
+    from mopro.recording.run import outcome, stalls
 
     if as_json:
         click.echo(json.dumps({**run.as_json(), "recording": str(out)}, indent=1))

@@ -15,14 +15,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.emulator.backend import DEFAULT_RATE_HZ, Emulation, Emulator
-from mopro.machine.report import Outcome
-from mopro.motion import PlannedMove, Schedule, Segment
-from mopro.motion.track import Track, brake
+from mopro.emulator.backend import DEFAULT_RATE_HZ, Emulator
+from mopro.motion import PlannedMove, Schedule, Stopping
+from mopro.plant import Simulation
 from mopro.program import AXES, Program
+from mopro.recording import MoveOutcome
 
 _HORIZON_S = 60.0
-_PIECE = 4096
+_CHUNK = 4096
 _REST_M = 2e-6
 _MOST_RINGING_S = 2.0
 
@@ -45,11 +45,11 @@ class Motion:
         if for_s is None and program.loops_forever:
             self._horizon_s = _HORIZON_S
         self.schedule = self._planned()
-        self._emulation: Emulation | None = None
+        self._simulation: Simulation | None = None
         self._samples = 0
         self._ended = False
         self._cut_s = math.inf
-        self._accounts: list[Outcome] = []
+        self._accounts: list[MoveOutcome] = []
         self._slips: list[tuple[float, int, int]] = []
         self.now_s = 0.0
         self.seen_u = dict.fromkeys(AXES, 0.0)
@@ -76,8 +76,8 @@ class Motion:
         ):
             self._horizon_s *= 2
             self.schedule = self._planned()
-            if self._emulation:
-                self._emulation.change(self.schedule)
+            if self._simulation:
+                self._simulation.change(self.schedule)
 
     @property
     def end_s(self) -> float:
@@ -95,38 +95,10 @@ class Motion:
     def stop(self, at_s: float, abruptly: bool = False) -> None:
         """Brake at the set accelerations from `at_s` on, or hold where the command is then."""
         self._follow(at_s)
-        tracks, ends_s = {}, [at_s]
-        for axis in AXES:
-            track = Track()
-            track.add(self.schedule.tracks[axis].segments)
-            state = track.state(at_s)
-            track.cut(at_s)
-            rate = self._rate_u_s2(axis, at_s)
-            if state.velocity:
-                held = Segment(at_s, at_s, at_s, float(round(state.position)), 0.0, 0.0, 0.0)
-                braking = [] if abruptly or rate is None else brake(at_s, state, rate)
-                track.add(braking or [held])
-            ends_s.append(track.segments[-1].end_s if track.segments else at_s)
-            tracks[axis] = track
-        self.schedule = replace(
-            self.schedule,
-            duration_s=max(ends_s),
-            complete=False,
-            moves=tuple(move for move in self.schedule.moves if move.start_s < at_s),
-            tracks=tracks,
-            activity=[(t, line) for t, line in self.schedule.activity if t <= at_s],
-        )
+        self.schedule = self.schedule.stopped(at_s, Stopping.HOLD if abruptly else Stopping.BRAKE)
         self._cut_s = min(self._cut_s, at_s)
-        if self._emulation:
-            self._emulation.change(self.schedule)
-
-    def _rate_u_s2(self, axis: int, at_s: float) -> float | None:
-        """The acceleration that governs `axis` at `at_s`."""
-        for move in reversed(self.schedule.moves):
-            for stroke in move.strokes:
-                if stroke.axis == axis and move.start_s <= at_s:
-                    return _share(move, stroke.length_u)
-        return None
+        if self._simulation:
+            self._simulation.change(self.schedule)
 
     def command_u(self, axis: int, at_s: float) -> int:
         at_s = min(at_s, self.end_s)
@@ -164,24 +136,24 @@ class Motion:
             self._begun().slip(slip[1], slip[2])
         self._follow(now_s)
 
-    def _begun(self) -> Emulation:
-        if self._emulation is None:
-            self._emulation = self._emulator.begin(self.schedule)
-        return self._emulation
+    def _begun(self) -> Simulation:
+        if self._simulation is None:
+            self._simulation = self._emulator.begin(self.schedule)
+        return self._simulation
 
     def _follow(self, to_s: float) -> None:
         """Integrate the samples up to `to_s`, and not beyond what is commanded."""
         if self._ended:
             return
-        emulation = self._begun()
+        simulation = self._begun()
         last = int(to_s * DEFAULT_RATE_HZ + 1e-6) + 1
         whole = int(self.end_s * DEFAULT_RATE_HZ + 1e-6) + 1
         if not self.cut:
             last = min(last, whole)
         while self._samples < last:
-            upto = min(self._samples + _PIECE, last)
+            upto = min(self._samples + _CHUNK, last)
             times = np.arange(self._samples, upto) / DEFAULT_RATE_HZ
-            columns = emulation.advance(times, float(times[-1]))
+            columns = simulation.advance(times, float(times[-1]))
             self._samples = upto
             step_u = self._emulator.machine.microstep_m
             for axis in AXES:
@@ -224,10 +196,10 @@ class Motion:
 
     def _close(self) -> None:
         self._follow(self.end_s)
-        emulation = self._begun()
+        simulation = self._begun()
         if not self.cut:
-            emulation.advance(np.array([self.end_s]), self.end_s)
-        emulation.settle()
+            simulation.advance(np.array([self.end_s]), self.end_s)
+        simulation.settle()
 
     def finished_moves(self) -> list[PlannedMove]:
         """The first moves whose accounts are final: each axis has gone on to another."""
@@ -244,11 +216,11 @@ class Motion:
             later.update(moves[index].axes)
         return moves[:final]
 
-    def outcome(self, move: PlannedMove) -> Outcome:
+    def outcome(self, move: PlannedMove) -> MoveOutcome:
         end_s = min(self._cut_s, self.end_s)
         return replace(self._begun().outcome(move), complete=move.end_s <= end_s)
 
-    def account(self, first: int, most: int) -> list[tuple[int, Outcome]]:
+    def account(self, first: int, most: int) -> list[tuple[int, MoveOutcome]]:
         """Up to `most` finished moves from number `first` (counted from 1) on."""
         moves = self.finished_moves()[first - 1 : first - 1 + most]
         numbered = list(enumerate(moves, start=first))
@@ -258,12 +230,5 @@ class Motion:
         ]
 
 
-# A velocity counts as the way it would still go in this time.
+# A velocity counts as the distance still gone in this time.
 _CALM_S = 2e-3
-
-
-def _share(move: PlannedMove, length_u: int) -> float | None:
-    """The acceleration of an axis that covers `length_u` in `move`; None if it stands."""
-    if not length_u or not move.profile.distance:
-        return None
-    return move.profile.acceleration * abs(length_u) / move.profile.distance

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from mopro.machine import Machine
-    from mopro.machine.constants import PlantNumbers
+    from mopro.machine.constants import PlantConstants
     from mopro.motion import PlannedMove, Schedule
     from mopro.program import Program
 
@@ -157,7 +157,7 @@ class Effect:
 
     # -- hooks: dynamics --------------------------------------------------------
 
-    def plant(self, plant: PlantNumbers, *p: float) -> PlantNumbers:
+    def plant(self, plant: PlantConstants, *p: float) -> PlantConstants:
         """The constants of the equation of motion."""
         return plant
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from mopro.effects.base import Effect, Floats, Parameter, Stage
-from mopro.machine.constants import PlantNumbers
+from mopro.machine.constants import PlantConstants
 
 
 class PayloadMass(Effect):
@@ -19,7 +19,7 @@ class PayloadMass(Effect):
     stage = Stage.DYNAMICS
     parameters = (Parameter("dm", "kg", "mass", 1.0, (0.0, 3.0), -2.0, 50.0, "added mass"),)
 
-    def plant(self, plant: PlantNumbers, *p: float) -> PlantNumbers:
+    def plant(self, plant: PlantConstants, *p: float) -> PlantConstants:
         return replace(plant, mass_kg=plant.mass_kg + p[0])
 
 
@@ -150,7 +150,7 @@ class ElectricalDamping(Effect):
         Parameter("zeta", "1", "ratio", 0.01, (0.002, 0.1), 0.0, 2.0, "damping ratio", null=0.03),
     )
 
-    def plant(self, plant: PlantNumbers, *p: float) -> PlantNumbers:
+    def plant(self, plant: PlantConstants, *p: float) -> PlantConstants:
         return replace(plant, damping_N_s_m=p[0] * plant.critical_N_s_m)
 
 
@@ -165,7 +165,7 @@ class ForceConstant(Effect):
     stage = Stage.DYNAMICS
     parameters = (Parameter("e", "1", "ratio", 0.1, (-0.2, 0.2), -0.95, 5.0, "relative excess"),)
 
-    def plant(self, plant: PlantNumbers, *p: float) -> PlantNumbers:
+    def plant(self, plant: PlantConstants, *p: float) -> PlantConstants:
         return replace(plant, pull_out_force_N=plant.pull_out_force_N * (1 + p[0]))
 
 

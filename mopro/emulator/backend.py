@@ -9,29 +9,30 @@ from functools import cached_property
 from importlib.metadata import version
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mopro.effects import Active, catalogue
 from mopro.effects.resolve import active_effects
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
 from mopro.machine.backend import DEFAULT_LOOP_S
-from mopro.machine.report import Outcome, move_report
-from mopro.motion import PlannedMove, Schedule
-from mopro.plant.axis import EmulatedAxis, Fate, Samples
-from mopro.plant.command_table import Floats
-from mopro.plant.engine import Stepping
-from mopro.plant.platen import platen_result, yaw_rad
-from mopro.plant.simulate import Settings, Staging, planned, stage, staged
+from mopro.motion import Schedule
+from mopro.plant import (
+    MAX_STEP_S,
+    Simulation,
+    Stepping,
+    plan_with_effects,
+    platen_result,
+    simulate,
+)
 from mopro.program import Program
 from mopro.recording import Header, MemorySink, MoveReport, Recording, Run, Sink
-from mopro.recording.record import Columns
 
 DEFAULT_RATE_HZ = 2000.0
-# RK4 at this step is within 0.03 nm of the exact response to LVDT3.
-MAX_STEP_S = 50e-6
 MOST_SAMPLES = 200_000_000
-_PIECE = 65536
+_CHUNK = 65536
 
+Floats = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]
 
 
@@ -46,8 +47,7 @@ class Emulator:
     (SI); unstated ones have their defaults. `compiled` forces the kernel to be compiled
     or not; many short runs gain from it. A kernel is compiled once for each set of
     effects, whatever their numbers, so sets that differ in numbers only (down to those
-    at which an effect vanishes) share one. `settled` waits behind the end of a run until
-    the tooth that holds each axis is certain; without it `lost_pitches` may not be final.
+    at which an effect vanishes) share one.
     Raises ModelError for effects that are not to be had.
     """
 
@@ -59,7 +59,6 @@ class Emulator:
     max_step_s: float = MAX_STEP_S
     effects: Effects | None = None
     compiled: bool | None = None
-    settled: bool = True
 
     def __post_init__(self) -> None:
         _ = self.active
@@ -87,7 +86,7 @@ class Emulator:
         )
 
     def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
-        """Run `program` and write its samples to `sink` piece by piece.
+        """Run `program` and write its samples to `sink` chunk by chunk.
 
         It ends after `for_s` seconds at the latest; one that loops for ever ends after
         a minute unless told otherwise. Raises MotionError for motion that must be
@@ -95,56 +94,35 @@ class Emulator:
         """
         if for_s is None and program.loops_forever:
             for_s = DEFAULT_LOOP_S
-        settings = self._settings()
-        staging = stage(program, settings, self.active, for_s)
-        schedule = staging.schedule
+        simulation = self._simulation(self.plan(program, for_s), trips=True)
+        schedule = simulation.schedule
         samples = int(schedule.duration_s * self.rate_hz + 1e-6) + 1
         if samples > MOST_SAMPLES:
             message = f"{schedule.duration_s:g} s at {self.rate_hz:g} Hz are {samples} samples:"
             raise MoproError(f"{message} expected at most {MOST_SAMPLES}", "too-long")
         hottest_C = self.machine.heat.ambient_C
-        for times, end_s in self._pieces(schedule, samples):
-            columns = self._columns(staging, times, end_s)
+        for times, end_s in self._chunks(schedule, samples):
+            columns = simulation.advance(times, end_s)
             hottest_C = max(hottest_C, float(columns["temperature_C"].max()))
             sink.write(columns)
-        for axis in staging.axes if self.settled else ():
-            axis.settle()
-        return self._report(staging, hottest_C)
+        simulation.settle()
+        return self._report(simulation, hottest_C)
 
-    def _settings(self) -> Settings:
-        return Settings(
-            self.machine, self.payload_kg, self.resolved, Stepping(self.max_step_s), self.compiled
-        )
-
-    def _pieces(self, schedule: Schedule, samples: int) -> Iterator[tuple[Floats, float]]:
-        """The sample times piece by piece, and how far each piece goes."""
-        for first in range(0, samples, _PIECE):
-            last = min(first + _PIECE, samples)
+    def _chunks(self, schedule: Schedule, samples: int) -> Iterator[tuple[Floats, float]]:
+        """The sample times chunk by chunk, and how far each chunk goes."""
+        for first in range(0, samples, _CHUNK):
+            last = min(first + _CHUNK, samples)
             times = np.arange(first, last) / self.rate_hz
             end_s = float(times[-1]) if last < samples else schedule.duration_s
             yield times, max(end_s, float(times[-1]))
 
-    def _columns(self, staging: Staging, times: Floats, end_s: float) -> Columns:
-        columns: Columns = {"time_s": times}
-        samples = {axis.number: axis.advance(times, end_s) for axis in staging.axes}
-        for n, of_axis in samples.items():
-            columns |= _axis_columns(n, of_axis)
-        columns["temperature_C"] = staging.heat.temperature_C(times)
-        columns["line"] = _lines(staging.schedule, times)
-        for n, of_axis in samples.items():
-            if of_axis.voltage_a_V is not None and of_axis.voltage_b_V is not None:
-                columns[f"voltage_a_{n}_V"] = of_axis.voltage_a_V
-                columns[f"voltage_b_{n}_V"] = of_axis.voltage_b_V
-        if self.machine.forcers is not None:
-            lags = {n: s.command_m - s.position_m for n, s in samples.items()}
-            columns["yaw_rad"] = yaw_rad(
-                self.machine.forcers, self.machine.axis.wave_number_1_m, lags
-            )
-        return columns
-
-    def _report(self, staging: Staging, hottest_C: float) -> Run:
-        schedule, trip = staging.schedule, staging.trip
-        by_number = {axis.number: axis for axis in staging.axes}
+    def _report(self, simulation: Simulation, hottest_C: float) -> Run:
+        schedule, trip = simulation.schedule, simulation.trip
+        ended_s = trip.time_s if trip else schedule.duration_s
+        outcomes = (
+            replace(simulation.outcome(move), complete=move.end_s <= ended_s)
+            for move in schedule.moves
+        )
         return Run(
             program=schedule.program.name,
             machine=self.machine.name,
@@ -152,79 +130,35 @@ class Emulator:
             loops_forever=schedule.program.loops_forever,
             complete=schedule.complete,
             moves=tuple(
-                self._move_report(move, trip.time_s if trip else schedule.duration_s, by_number)
-                for move in schedule.moves
+                MoveReport.of(move, outcome, self.machine.microstep_m)
+                for move, outcome in zip(schedule.moves, outcomes, strict=True)
             ),
             trip=trip.as_json() if trip else None,
             platen=platen_result(self.machine, schedule.moves, hottest_C),
         )
 
-    def _move_report(
-        self, move: PlannedMove, ended_s: float, axes: dict[int, EmulatedAxis]
-    ) -> MoveReport:
-        fates = [axes[number].fates.of(move) for number in move.axes]
-        outcome = replace(_worst(fates), complete=move.end_s <= ended_s)
-        return move_report(move, outcome, self.machine.microstep_m)
-
     def plan(self, program: Program, for_s: float | None = None) -> Schedule:
         """What `program` commands on this machine; raises MotionError, as `plan` does."""
-        return planned(program, self.machine, self.active, for_s)
+        return plan_with_effects(program, self.machine, self.active, for_s)
 
-    def begin(self, schedule: Schedule) -> Emulation:
-        """The machine at rest at the start of `schedule`, for whoever moves time on himself."""
-        return Emulation(self, schedule)
+    def begin(self, schedule: Schedule) -> Simulation:
+        """The machine at rest at the start of `schedule`, for a caller who moves time on.
 
+        Does not check limit switches or overheating; the caller must.
+        """
+        return self._simulation(schedule, trips=False)
 
-class Emulation:
-    """One run on the emulated machine, as far as it has got.
-
-    Only what has been commanded up to the time reached has been integrated, so that a
-    caller may still change what comes after it: a stop, or a longer schedule. Limit
-    switches and heat are the caller's to act upon.
-    """
-
-    def __init__(self, emulator: Emulator, schedule: Schedule) -> None:
-        self._emulator = emulator
-        self._staging = self._staged(schedule)
-
-    def _staged(self, schedule: Schedule) -> Staging:
-        return staged(schedule, self._emulator._settings(), self._emulator.active)
-
-    def advance(self, times: Floats, end_s: float) -> Columns:
-        """The samples at `times`; the machine goes on to `end_s` (see EmulatedAxis.advance)."""
-        return self._emulator._columns(self._staging, times, end_s)
-
-    def change(self, schedule: Schedule) -> None:
-        """Go on under `schedule`, which is the same up to the time reached."""
-        before, self._staging = self._staging, self._staged(schedule)
-        for axis, old in zip(self._staging.axes, before.axes, strict=True):
-            axis.take_over(old)
-
-    def slip(self, axis: int, pitches: int) -> None:
-        """Throw `axis` back by whole pitches, as a blow does."""
-        self._staging.axes[axis - 1].slip(pitches)
-
-    def position_m(self, axis: int) -> float:
-        """Where `axis` is at the time reached."""
-        return self._staging.axes[axis - 1].position_m
-
-    def settle(self) -> None:
-        """At the end of the command, let what rings come to rest; the accounts are final."""
-        for axis in self._staging.axes:
-            axis.settle()
-
-    def outcome(self, move: PlannedMove) -> Outcome:
-        """How `move` went; final once its axes have begun another, or after `settle`."""
-        return _worst([a.fates.of(move) for a in self._staging.axes if a.number in move.axes])
-
-
-def _worst(fates: list[Fate]) -> Outcome:
-    return Outcome(
-        max_lag_m=max(fate.max_lag_m for fate in fates),
-        stall_margin=min(fate.stall_margin for fate in fates),
-        lost_pitches=max((fate.lost_pitches for fate in fates), key=abs),
-        slipped=any(fate.slipped for fate in fates),
-    )
+    def _simulation(self, schedule: Schedule, trips: bool) -> Simulation:
+        return simulate(
+            schedule,
+            self.machine,
+            self.active,
+            Stepping(self.max_step_s),
+            payload_kg=self.payload_kg,
+            resolved=self.resolved,
+            compiled=self.compiled,
+            trips=trips,
+        )
 
 
 def emulate(
@@ -251,23 +185,3 @@ def emulate(
     sink = MemorySink()
     run = emulator.run(program, sink, for_s)
     return sink.recording(emulator.header(program), run)
-
-
-def _axis_columns(n: int, samples: Samples) -> Columns:
-    return {
-        f"command_{n}_m": samples.command_m,
-        f"position_{n}_m": samples.position_m,
-        f"velocity_{n}_m_s": samples.velocity_m_s,
-        f"phase_a_{n}_A": samples.phase_a_A,
-        f"phase_b_{n}_A": samples.phase_b_A,
-        f"force_{n}_N": samples.force_N,
-    }
-
-
-def _lines(schedule: Schedule, times: Floats) -> np.ndarray[tuple[int], np.dtype[np.int32]]:
-    """The running source line at each time; before anything takes time, the first one."""
-    if not schedule.activity:
-        return np.full(len(times), schedule.program.ops[0].span.line, dtype=np.int32)
-    starts, lines = zip(*schedule.activity, strict=True)
-    at = np.searchsorted(np.array(starts), times, side="right") - 1
-    return np.array(lines, dtype=np.int32)[np.maximum(at, 0)]

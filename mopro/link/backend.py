@@ -15,10 +15,9 @@ from mopro.link.halt import Allowance, Ending, Signals
 from mopro.link.session import Refused, Session
 from mopro.link.watch import Samples, Watch
 from mopro.machine import DEFAULT_LOOP_S, Machine
-from mopro.machine.report import Outcome, move_report
 from mopro.motion import Schedule, plan
 from mopro.program import AXES, Program
-from mopro.recording import Header, MoveReport, Run, Sink
+from mopro.recording import Header, MoveOutcome, MoveReport, Run, Sink
 
 POLL_HZ = 20.0
 OPENING_S = 15.0
@@ -175,10 +174,12 @@ class SerialBackend:
             told = watch.moves.get(index)
             begun = whole or told or (not watch.accounts and move.start_s <= watch.elapsed_s)
             if begun:
-                outcome = _told(told) if told else Outcome(complete=move.end_s <= watch.elapsed_s)
-                if whole and not told:
-                    outcome = Outcome(complete=move.end_s <= schedule.duration_s)
-                rows.append(move_report(move, outcome, self.machine.microstep_m))
+                outcome = MoveOutcome(complete=move.end_s <= watch.elapsed_s)
+                if told:
+                    outcome = _told(told)
+                elif whole:
+                    outcome = MoveOutcome(complete=move.end_s <= schedule.duration_s)
+                rows.append(MoveReport.of(move, outcome, self.machine.microstep_m))
         return rows
 
 
@@ -201,8 +202,8 @@ def _joined(*texts: str | None) -> str | None:
     return "\n".join(text for text in texts if text) or None
 
 
-def _told(row: dict[str, Any]) -> Outcome:
-    return Outcome(
+def _told(row: dict[str, Any]) -> MoveOutcome:
+    return MoveOutcome(
         max_lag_m=row["lag"],
         stall_margin=row["margin"],
         lost_pitches=row["lost"],

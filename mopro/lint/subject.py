@@ -8,11 +8,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mopro.lint.settings import Settings
-from mopro.program import AXES, ir
+from mopro.program import ir
 
 if TYPE_CHECKING:
     from mopro.language import ast
-    from mopro.lint.stress import Stresses
+    from mopro.lint.stall_margins import StallMargins
     from mopro.machine import Machine
     from mopro.motion import PlannedMove, Survey
 
@@ -50,12 +50,12 @@ class Subject:
         return load_machine(self.settings.machine)
 
     @cached_property
-    def stresses(self) -> Stresses:
-        """What each move asks of the motor."""
-        from mopro.lint.stress import Plant, stresses_of
+    def stall_margins(self) -> StallMargins:
+        """The margin of each move against a stall."""
+        from mopro.lint.stall_margins import LadenMachine, stall_margins_of
 
-        plant = Plant(self.machine, self.settings.payload_kg)
-        return stresses_of(plant, self.distinct_moves, self.settings.low_margin)
+        laden = LadenMachine(self.machine, self.settings.payload_kg)
+        return stall_margins_of(laden, self.distinct_moves, self.settings.low_margin)
 
     @property
     def distinct_moves(self) -> tuple[PlannedMove, ...]:
@@ -81,7 +81,3 @@ class Subject:
     def length(self, microsteps: float, microsteps_per_uu: Fraction) -> str:
         """A length in the program's user unit."""
         return f"{microsteps / float(microsteps_per_uu):.5g} {self.unit(microsteps_per_uu)}"
-
-    @property
-    def axes(self) -> tuple[int, ...]:
-        return AXES

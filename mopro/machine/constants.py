@@ -8,7 +8,7 @@ from mopro.machine.model import Machine
 
 
 @dataclass(frozen=True)
-class PlantNumbers:
+class PlantConstants:
     """What the machine gives and effects of the dynamics may change.
 
     `damping_N_s_m` is c_s, `critical_N_s_m` the one that damps the bare motor at ζ = 1.
@@ -26,7 +26,7 @@ class PlantNumbers:
     coil_inductance_H: float
 
     @classmethod
-    def of(cls, machine: Machine, payload_kg: float) -> PlantNumbers:
+    def of(cls, machine: Machine, payload_kg: float) -> PlantConstants:
         axis, drive, forcers = machine.axis, machine.drive, machine.forcers
         share = (forcers.strength_1 + forcers.strength_2) / 2 if forcers else 1.0
         return cls(

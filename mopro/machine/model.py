@@ -208,4 +208,4 @@ class Machine:
         """
         sizes = (self.platen.length_m, self.platen.width_m)
         reach = [(size - self.heat.forcer_side_m) / 2 / self.microstep_m for size in sizes]
-        return {axis: (-way, way) for axis, way in enumerate(reach, start=1)}
+        return {axis: (-half, half) for axis, half in enumerate(reach, start=1)}

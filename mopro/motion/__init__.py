@@ -3,7 +3,7 @@
 from mopro.motion import assumed as assumed
 from mopro.motion.planner import plan
 from mopro.motion.profile import Profile, Segment, Shape, plan_profile
-from mopro.motion.schedule import PlannedMove, Schedule, Stroke
+from mopro.motion.schedule import PlannedMove, Schedule, Stopping, Stroke
 from mopro.motion.survey import Lap, Survey, survey
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "Schedule",
     "Segment",
     "Shape",
+    "Stopping",
     "Stroke",
     "Survey",
     "plan",

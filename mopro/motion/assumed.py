@@ -77,9 +77,9 @@ def _seek(planner: Planner, axis: AxisRegisters, velocity_u_s: float, span: Span
         return
     low_u, high_u = planner.travel_u[axis.number]
     start_u = round(axis.position_u)
-    way_u = max(0.0, high_u - start_u if velocity_u_s > 0 else start_u - low_u)
+    reach_u = max(0.0, high_u - start_u if velocity_u_s > 0 else start_u - low_u)
     rate = axis.acceleration_u_s2()
-    length_u = round(way_u + min(way_u, velocity_u_s**2 / (2 * rate)))
+    length_u = round(reach_u + min(reach_u, velocity_u_s**2 / (2 * rate)))
     end_u = start_u + int(math.copysign(length_u, velocity_u_s))
     profile = plan_profile(float(length_u), abs(velocity_u_s), rate)
     planner.record([Stroke(axis.number, start_u, end_u)], profile, span, Fraction(end_u - start_u))

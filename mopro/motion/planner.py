@@ -263,7 +263,7 @@ def _(op: ir.Go, planner: Planner) -> None:
         message = "no axis has a target to go to"
         planner.report("go-without-target", message, op.span, "set one before: `MR1 8.0`")
         return
-    # The longer way makes the major axis; of equal ways the lower number (assumed).
+    # The longer stroke makes the major axis; of equal ones the lower number (assumed).
     order = sorted(targets_u, key=lambda n: -abs(targets_u[n] - planner.axes[n].position_u))
     axes = [planner.axes[number] for number in order]
     ready = [planner.ready(axis, op, governs=axis is axes[0]) for axis in axes]

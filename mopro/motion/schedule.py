@@ -7,11 +7,12 @@ are in seconds, `_u` in microsteps, `_uu` in user units.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 from fractions import Fraction
 
-from mopro.motion.profile import Profile
-from mopro.motion.track import Track
+from mopro.motion.profile import Profile, Segment, State
+from mopro.motion.track import Track, brake
 from mopro.program import ir
 from mopro.source import Span
 
@@ -52,9 +53,28 @@ class PlannedMove:
     def axes(self) -> tuple[int, ...]:
         return tuple(stroke.axis for stroke in self.strokes)
 
+    def acceleration_u_s2(self, axis: int) -> float:
+        """The set acceleration of `axis`: of a minor one its share, so that both keep step."""
+        stroke = next(stroke for stroke in self.strokes if stroke.axis == axis)
+        if not stroke.length_u or not self.profile.distance:
+            return self.profile.acceleration
+        return self.profile.acceleration * abs(stroke.length_u) / self.profile.distance
+
     def in_uu(self, microsteps: float) -> float:
         """A length, velocity or acceleration in user units."""
         return microsteps * self.microsteps_per_uu.denominator / self.microsteps_per_uu.numerator
+
+
+class Stopping(Enum):
+    """How a command is stopped before its time.
+
+    BRAKE: each axis at the acceleration set for its motion, to rest on a whole microstep;
+    HOLD: at once, on the nearest whole microstep; CUT: at once, wherever the command is.
+    """
+
+    BRAKE = "brake"
+    HOLD = "hold"
+    CUT = "cut"
 
 
 @dataclass(frozen=True)
@@ -76,3 +96,36 @@ class Schedule:
     def final_u(self, axis: int) -> int:
         """Where the command leaves `axis`, in microsteps from the start."""
         return round(self.tracks[axis].state(self.duration_s).position)
+
+    def stopped(self, at_s: float, stopping: Stopping) -> Schedule:
+        """This schedule given up at `at_s`; it lasts until every axis is told to stand.
+
+        Moves and source lines that had not begun by `at_s` are left out.
+        """
+        tracks = {axis: self._stopped(axis, at_s, stopping) for axis in self.tracks}
+        ends_s = [t.segments[-1].end_s for t in tracks.values() if t.segments]
+        return replace(
+            self,
+            duration_s=max([at_s, *ends_s]),
+            complete=False,
+            moves=tuple(move for move in self.moves if move.start_s < at_s),
+            tracks=tracks,
+            activity=[(t, line) for t, line in self.activity if t <= at_s],
+        )
+
+    def _stopped(self, axis: int, at_s: float, stopping: Stopping) -> Track:
+        track = Track()
+        track.add(self.tracks[axis].segments)
+        state = track.state(at_s)
+        track.cut(at_s)
+        if state.velocity and stopping is not Stopping.CUT:
+            held = Segment(at_s, at_s, at_s, float(round(state.position)), 0.0, 0.0, 0.0)
+            braking = self._braking(axis, at_s, state) if stopping is Stopping.BRAKE else []
+            track.add(braking or [held])
+        return track
+
+    def _braking(self, axis: int, at_s: float, state: State) -> list[Segment]:
+        """How `axis` comes to rest from `state`; empty if no move tells its acceleration."""
+        moves = (m for m in reversed(self.moves) if axis in m.axes and m.start_s <= at_s)
+        move = next(moves, None)
+        return brake(at_s, state, move.acceleration_u_s2(axis)) if move else []

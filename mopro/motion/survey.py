@@ -29,7 +29,7 @@ class Survey:
 
     `findings` are why parts of it would be refused. `laps` are the states at one jump of
     the loop, one more than rounds. `served` are the spans of the waits that had a motion
-    to wait for and of the targets that a GO went to; `ways_u` the relative distances asked
+    to wait for and of the targets that a GO went to; `distances_u` the relative distances asked
     for, by span and axis, before they are rounded; `left_moving` the time (s) for which
     each axis moves on after the last statement.
     """
@@ -38,7 +38,7 @@ class Survey:
     findings: tuple[Diagnostic, ...]
     laps: tuple[Lap, ...]
     served: frozenset[Span]
-    ways_u: Mapping[tuple[Span, int], Fraction]
+    distances_u: Mapping[tuple[Span, int], Fraction]
     left_moving: Mapping[int, float]
 
 
@@ -62,7 +62,7 @@ class _Surveyor(Planner):
         self._cut_short = False
         self._laps: dict[Span, list[Lap]] = {}
         self._served: set[Span] = set()
-        self._ways_u: dict[tuple[Span, int], Fraction] = {}
+        self._distances_u: dict[tuple[Span, int], Fraction] = {}
         self._left_moving: dict[int, float] = {}
         self._unawaited: set[int] = set()
         self._target_set_by: dict[int, Span] = {}
@@ -74,7 +74,7 @@ class _Surveyor(Planner):
             findings=tuple(self.found.values()),
             laps=tuple(laps),
             served=frozenset(self._served),
-            ways_u=self._ways_u,
+            distances_u=self._distances_u,
             left_moving=self._left_moving,
         )
 
@@ -126,4 +126,4 @@ class _Surveyor(Planner):
     def _note_ways(self, op: ir.Move | ir.SetTarget) -> None:
         for axis in self.of(op):
             if axis.microsteps_per_uu is not None and not op.absolute:
-                self._ways_u[op.span, axis.number] = op.distance_uu * axis.microsteps_per_uu
+                self._distances_u[op.span, axis.number] = op.distance_uu * axis.microsteps_per_uu

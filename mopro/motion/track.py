@@ -77,9 +77,9 @@ def brake(start_s: float, start: State, rate: float) -> list[Segment]:
     """
     speed = abs(start.velocity)
     target = round(start.position + math.copysign(speed**2 / (2 * rate), start.velocity))
-    way = abs(target - start.position)
-    if not speed or not way:
+    distance = abs(target - start.position)
+    if not speed or not distance:
         return []
-    duration_s = 2 * way / speed
+    duration_s = 2 * distance / speed
     end_s = start_s + duration_s
     return [Segment(start_s, end_s, end_s, float(target), 0.0, -start.velocity / duration_s, 0.0)]

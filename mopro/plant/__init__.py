@@ -1,1 +1,79 @@
-"""One machine in motion: the equation of motion, heat, platen, trips and what a sensor sees."""
+"""One machine in motion: the equation of motion, heat, platen, trips and what a sensor sees.
+
+`simulate` is the one way in: a schedule and a machine give a `Simulation`, which is taken
+through time. Other rooms use the names below and none of the modules behind them.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mopro.plant.command_table import CommandTable
+    from mopro.plant.engine import Stepping
+    from mopro.plant.heat import HeatIntervals, heat_balance, heat_intervals
+    from mopro.plant.measurement import interpolated, measure, measured_at
+    from mopro.plant.planning import change_schedule, plan_with_effects
+    from mopro.plant.platen import elongation_m, platen_result
+    from mopro.plant.simulation import (
+        COMPILE_FROM_STEPS,
+        MAX_STEP_S,
+        Simulation,
+        compiling_pays,
+        simulate,
+    )
+    from mopro.plant.trips import Trip, limit_trip, switches_u
+
+# Each name comes with what it needs when it is first used: a heat balance loads no kernel.
+_HOMES = {
+    "COMPILE_FROM_STEPS": "simulation",
+    "MAX_STEP_S": "simulation",
+    "CommandTable": "command_table",
+    "HeatIntervals": "heat",
+    "Simulation": "simulation",
+    "Stepping": "engine",
+    "Trip": "trips",
+    "change_schedule": "planning",
+    "compiling_pays": "simulation",
+    "elongation_m": "platen",
+    "heat_balance": "heat",
+    "heat_intervals": "heat",
+    "interpolated": "measurement",
+    "limit_trip": "trips",
+    "measure": "measurement",
+    "measured_at": "measurement",
+    "plan_with_effects": "planning",
+    "platen_result": "platen",
+    "simulate": "simulation",
+    "switches_u": "trips",
+}
+
+__all__ = [
+    "COMPILE_FROM_STEPS",
+    "MAX_STEP_S",
+    "CommandTable",
+    "HeatIntervals",
+    "Simulation",
+    "Stepping",
+    "Trip",
+    "change_schedule",
+    "compiling_pays",
+    "elongation_m",
+    "heat_balance",
+    "heat_intervals",
+    "interpolated",
+    "limit_trip",
+    "measure",
+    "measured_at",
+    "plan_with_effects",
+    "platen_result",
+    "simulate",
+    "switches_u",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'mopro.plant' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"mopro.plant.{_HOMES[name]}"), name)

@@ -1,4 +1,4 @@
-"""One emulated axis: its motion piece by piece, and what becomes of each of its moves."""
+"""One emulated axis: its motion chunk by chunk, and how each of its moves goes."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.machine.constants import PlantNumbers
+from mopro.machine.constants import PlantConstants
 from mopro.motion import PlannedMove
 from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.engine import Engine, Trace
+from mopro.recording import MoveOutcome
 
 _SETTLING_S = 0.05
 _MOST_SETTLING_S = 10.0
@@ -42,7 +43,7 @@ class EmulatedAxis:
     def __init__(
         self,
         number: int,
-        plant: PlantNumbers,
+        plant: PlantConstants,
         command: CommandTable,
         engine: Engine,
         moves: Sequence[PlannedMove],
@@ -60,26 +61,28 @@ class EmulatedAxis:
         self._jumps = sorted(jumps)
         self._has_voltage = has_voltage
         self._now_s = 0.0
-        self.fates = _Fates([m for m in moves if number in m.axes], plant)
+        self.outcomes = _MoveOutcomes([m for m in moves if number in m.axes], plant)
 
     def advance(self, samples_s: Floats, end_s: float) -> Samples:
         """The axis at `samples_s`; it goes on to `end_s`.
 
         Samples ascend and lie between the time reached before and `end_s`.
         """
-        parts = [self._advance(part, stop_s) for part, stop_s in self._pieces(samples_s, end_s)]
+        parts = [
+            self._advance(part, stop_s) for part, stop_s in self._between_jumps(samples_s, end_s)
+        ]
         return _joined(parts) if len(parts) > 1 else parts[0]
 
     def positions_m(self, samples_s: Floats, end_s: float) -> Floats:
-        """As `advance`, the positions alone, and nothing is kept of how the moves fared."""
+        """As `advance`, the positions alone, and nothing is kept of how the moves went."""
         parts = []
-        for part, stop_s in self._pieces(samples_s, end_s):
+        for part, stop_s in self._between_jumps(samples_s, end_s):
             knots = self._knots(part, stop_s)
             trace = self._through(knots)
             parts.append(trace.position[np.searchsorted(knots, part)])
         return np.concatenate(parts)
 
-    def _pieces(self, samples_s: Floats, end_s: float) -> Iterator[tuple[Floats, float]]:
+    def _between_jumps(self, samples_s: Floats, end_s: float) -> Iterator[tuple[Floats, float]]:
         """The samples up to each jump, which comes when their motion is worked out."""
         for stop_s, pitches in self._stops(end_s):
             last = np.searchsorted(samples_s, stop_s, side="left" if pitches else "right")
@@ -108,9 +111,9 @@ class EmulatedAxis:
     def _advance(self, samples_s: Floats, end_s: float) -> Samples:
         knots = self._knots(samples_s, end_s)
         trace = self._through(knots)
-        begun = self.fates.begun(knots)
+        begun = self.outcomes.begun(knots)
         lags = self._lags(knots[begun], trace.position[begun])
-        self.fates.watch(knots, lags, trace.low, trace.high)
+        self.outcomes.watch(knots, lags, trace.low, trace.high)
         at = np.searchsorted(knots, samples_s)
         position, velocity = trace.position[at], trace.velocity[at]
         electrical = None if trace.electrical is None else trace.electrical.take(at, axis=1)
@@ -133,7 +136,7 @@ class EmulatedAxis:
         self._now_s = other._now_s
         self._engine.take_over(other._engine)
         self._jumps = [jump for jump in self._jumps if jump[0] >= self._now_s]
-        self.fates.take_over(other.fates)
+        self.outcomes.take_over(other.outcomes)
 
     @property
     def position_m(self) -> float:
@@ -152,7 +155,7 @@ class EmulatedAxis:
             knots = np.array([self._now_s, self._now_s + _SETTLING_S])
             self._engine.through(knots)
             self._now_s = float(knots[1])
-        self.fates.finish(self._lag_m())
+        self.outcomes.finish(self._lag_m())
 
     def command_m(self, time_s: Floats) -> Floats:
         """What the drive is told: whole microsteps where they are resolved."""
@@ -187,14 +190,14 @@ def _joined(parts: list[Samples]) -> Samples:
     return Samples(**columns)
 
 
-class _Fates:
-    """The lag of one axis in each of its moves, gathered piece by piece.
+class _MoveOutcomes:
+    """The lag of one axis in each of its moves, gathered chunk by chunk.
 
     `teeth` are the pitches by which the axis is behind its command, before each move
     and at the end.
     """
 
-    def __init__(self, moves: Sequence[PlannedMove], plant: PlantNumbers) -> None:
+    def __init__(self, moves: Sequence[PlannedMove], plant: PlantConstants) -> None:
         self._pitch_m = plant.pitch_m
         self._wave_number = plant.wave_number_1_m
         self._index = {id(move): i for i, move in enumerate(moves)}
@@ -204,7 +207,7 @@ class _Fates:
         self._high_m = np.full(len(moves), -np.inf)
         self._teeth = np.zeros(len(moves) + 1, dtype=np.int64)
 
-    def take_over(self, other: _Fates) -> None:
+    def take_over(self, other: _MoveOutcomes) -> None:
         """Keep what became of the moves begun so far; they are the first ones of both."""
         shared = min(len(self._starts_s), len(other._starts_s))
         self._low_m[:shared] = other._low_m[:shared]
@@ -232,31 +235,16 @@ class _Fates:
     def finish(self, lag_m: float) -> None:
         self._teeth[-1] = self._tooth(np.array([lag_m]))[0]
 
-    def of(self, move: PlannedMove) -> Fate:
+    def of(self, move: PlannedMove) -> MoveOutcome:
         i = self._index[id(move)]
         lost = int(self._teeth[i + 1] - self._teeth[i])
         if self._low_m[i] > self._high_m[i]:
-            return Fate(0.0, 1.0, lost, bool(lost))
+            return MoveOutcome(0.0, 1.0, lost, bool(lost))
         home = self._teeth[i] * self._pitch_m
         largest = float(max(self._high_m[i] - home, home - self._low_m[i]))
         quarter = self._pitch_m / 4
         margin = 1 - math.sin(self._wave_number * largest) if largest < quarter else 0.0
-        return Fate(largest, margin, lost, bool(lost) or largest > 2 * quarter)
+        return MoveOutcome(largest, margin, lost, bool(lost) or largest > 2 * quarter)
 
     def _tooth(self, lags: Floats) -> NDArray[np.int64]:
         return np.rint(lags / self._pitch_m).astype(np.int64)
-
-
-@dataclass(frozen=True)
-class Fate:
-    """How one axis fared in one move.
-
-    `max_lag_m` is counted from the tooth that held it at the start, `stall_margin` is
-    1 - |F|/F0 at the worst moment, 0 from a quarter pitch of lag on, where the force
-    falls again; `lost_pitches` is positive where the axis stayed behind.
-    """
-
-    max_lag_m: float
-    stall_margin: float
-    lost_pitches: int
-    slipped: bool

@@ -10,9 +10,10 @@ from typing import Protocol, Self
 import numpy as np
 
 from mopro.effects import Active
-from mopro.machine.constants import PlantNumbers
+from mopro.machine.constants import PlantConstants
 from mopro.plant.assembly import CURRENT_LOOP_S, AssembledKernel, Layout, assemble
 from mopro.plant.command_table import CommandTable, Floats
+from mopro.plant.drive_scaling import DriveScaling
 
 # An axis this close to its tooth, and as slow, is taken to rest where it is. What it would
 # still have rung stays within a nanometre of that.
@@ -38,32 +39,9 @@ class Trace:
 
 
 @dataclass(frozen=True)
-class Strength:
-    """Piecewise constant factors on the current (gain) and on the force constant.
-
-    Each holds from its time on; the first time is 0.
-    """
-
-    times_s: Floats
-    gain: Floats
-    constant: Floats
-
-    @classmethod
-    def full(cls) -> Strength:
-        return cls(np.zeros(1), np.ones(1), np.ones(1))
-
-    def at(self, time_s: Floats) -> tuple[Floats, Floats]:
-        row = np.searchsorted(self.times_s, time_s, side="right") - 1
-        return self.gain[row], self.constant[row]
-
-    @property
-    def always_full(self) -> bool:
-        return bool((self.gain == 1).all() and (self.constant == 1).all())
-
-
-@dataclass(frozen=True)
 class Stepping:
-    """How far one integration step may go: in time (s), and in the axis' or command's way (m).
+    """How far one integration step may go: in time (s), and in the distance that axis or command
+    goes (m).
 
     Between ripples of the force the motion is smooth, so at low speed steps may be long.
     """
@@ -92,7 +70,7 @@ class NominalEngine:
 
     def __init__(
         self,
-        plant: PlantNumbers,
+        plant: PlantConstants,
         command: CommandTable,
         resolved: bool,
         stepping: Stepping,
@@ -145,12 +123,12 @@ class AssembledEngine:
 
     def __init__(
         self,
-        plant: PlantNumbers,
+        plant: PlantConstants,
         command: CommandTable,
         resolved: bool,
         stepping: Stepping,
         active: Sequence[Active],
-        strength: Strength,
+        scaling: DriveScaling,
         compiled: bool,
     ) -> None:
         self._plant = plant
@@ -161,8 +139,8 @@ class AssembledEngine:
         self._kernel = assemble(layout, compiled)
         terms = set(layout.effects)
         self._numbers = [v for a in active if a.effect in terms for v in a.values]
-        self._strength = strength
-        self.x, self._memory = _at_rest(self._kernel, plant, self._numbers, strength)
+        self._scaling = scaling
+        self.x, self._memory = _at_rest(self._kernel, plant, self._numbers, scaling)
         self.v = 0.0
 
     def take_over(self, other: Self) -> None:
@@ -170,7 +148,7 @@ class AssembledEngine:
 
     def through(self, knots: Floats) -> Trace:
         plant = self._plant
-        gain, constant = self._strength.at(knots[:-1])
+        gain, constant = self._scaling.at(knots[:-1])
         inputs = [knots, self._command.rows_at(knots[:-1]), *self._command.coefficients]
         outputs = np.zeros((9, len(knots)))
         outputs[0, 0], outputs[1, 0] = self.x, self.v
@@ -214,7 +192,7 @@ def _call(
     return [np.asarray(result, dtype=np.float64) for result in lists]
 
 
-def _drive_numbers(plant: PlantNumbers) -> list[float]:
+def _drive_numbers(plant: PlantConstants) -> list[float]:
     return [
         plant.wave_number_1_m,
         plant.pull_out_force_N,
@@ -225,7 +203,7 @@ def _drive_numbers(plant: PlantNumbers) -> list[float]:
 
 
 def _at_rest(
-    kernel: AssembledKernel, plant: PlantNumbers, numbers: list[float], strength: Strength
+    kernel: AssembledKernel, plant: PlantConstants, numbers: list[float], scaling: DriveScaling
 ) -> tuple[float, list[float]]:
     """Position and states of an axis that has stood at command 0 for long.
 
@@ -239,7 +217,7 @@ def _at_rest(
         before = sum(len(e.parameters) for e in layout.effects[: layout.lag])
         loop_s["l"] = numbers[before]
     x, states = 0.0, [1.0 if s in ("la", "ja") else 0.0 for s in layout.states]
-    gain, constant = float(strength.gain[0]), float(strength.constant[0])
+    gain, constant = float(scaling.gain[0]), float(scaling.constant[0])
     for _ in range(_MOST_RELAXATIONS):
         a, *rates = kernel.rates(
             0.0, 0.0, x, 0.0, *states, gain, constant, *_drive_numbers(plant),

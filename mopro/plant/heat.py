@@ -70,23 +70,23 @@ def _film_W_m2_K(machine: Machine, air_m_s: float, length_m: float) -> float:
 
 
 # Times at which the heating changes, and the balance from each on.
-HeatPieces = tuple[list[float], list[HeatBalance]]
+HeatIntervals = tuple[list[float], list[HeatBalance]]
 
 
 class HeatHistory:
     """Temperature over a schedule's moves, from the ambient one at time 0.
 
-    `pieces` are what `heat_pieces` makes of the moves, for whoever needs them again.
+    `intervals` are what `heat_intervals` makes of the moves, for whoever needs them again.
     """
 
     def __init__(
         self,
         machine: Machine,
         moves: Iterable[PlannedMove],
-        pieces: HeatPieces | None = None,
+        intervals: HeatIntervals | None = None,
     ) -> None:
         self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
-        starts, balances = pieces or heat_pieces(machine, moves)
+        starts, balances = intervals or heat_intervals(machine, moves)
         self._starts_s = np.array(starts)
         self._final_C = np.array([machine.heat.ambient_C + b.rise_K for b in balances])
         self._rate_1_s = np.array([b.conductance_W_K for b in balances]) / self._capacity_J_K
@@ -97,19 +97,19 @@ class HeatHistory:
         self._initial_C = np.array(temperatures)
 
     def temperature_C(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        piece = np.searchsorted(self._starts_s, time_s, side="right") - 1
-        return self._solution(piece, time_s)
+        interval = np.searchsorted(self._starts_s, time_s, side="right") - 1
+        return self._solution(interval, time_s)
 
     def _solution(
-        self, piece: NDArray[np.intp] | int, time_s: NDArray[np.float64]
+        self, interval: NDArray[np.intp], time_s: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        final = self._final_C[piece]
-        decay = np.exp(-(time_s - self._starts_s[piece]) * self._rate_1_s[piece])
-        solution: NDArray[np.float64] = final + (self._initial_C[piece] - final) * decay
+        final = self._final_C[interval]
+        decay = np.exp(-(time_s - self._starts_s[interval]) * self._rate_1_s[interval])
+        solution: NDArray[np.float64] = final + (self._initial_C[interval] - final) * decay
         return solution
 
 
-def heat_pieces(machine: Machine, moves: Iterable[PlannedMove]) -> HeatPieces:
+def heat_intervals(machine: Machine, moves: Iterable[PlannedMove]) -> HeatIntervals:
     """The times at which the heating changes, and the balance from each on."""
     moving = [move for move in moves if move.profile.distance]
     times_s = np.array([move.start_s for move in moving] + [move.end_s for move in moving])
@@ -131,7 +131,7 @@ def heat_pieces(machine: Machine, moves: Iterable[PlannedMove]) -> HeatPieces:
     return starts, balances
 
 
-# A move's peak velocity over its distance, and each axis' way (microsteps, seconds).
+# A move's peak velocity over its distance, and each axis' length (microsteps, seconds).
 _Motion = tuple[float, tuple[int, ...]]
 
 
@@ -143,8 +143,8 @@ def _motion(move: PlannedMove) -> _Motion:
 def _balance_of(machine: Machine, motions: Sequence[_Motion]) -> HeatBalance:
     """Moves at their peak velocity along their path (eq. 3.18 ignores the ramps)."""
     scale = machine.microstep_m
-    ways = [(rate, length * scale) for rate, lengths in motions for length in lengths if length]
-    speeds = tuple(rate * length for rate, length in ways)
-    lengths_m = tuple(length for _, length in ways)
-    balance = heat_balance(machine, len(ways), math.hypot(*speeds), math.hypot(*lengths_m))
+    strokes = [(rate, length * scale) for rate, lengths in motions for length in lengths if length]
+    speeds = tuple(rate * length for rate, length in strokes)
+    lengths_m = tuple(length for _, length in strokes)
+    balance = heat_balance(machine, len(strokes), math.hypot(*speeds), math.hypot(*lengths_m))
     return replace(balance, speeds_m_s=speeds, lengths_m=lengths_m)

@@ -19,6 +19,7 @@ from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
 from mopro.machine import Machine
 from mopro.plant.command_table import Floats
 from mopro.plant.first_order import first_order
+from mopro.plant.hermite import hermite
 from mopro.program import AXES
 from mopro.recording import Recording
 from mopro.recording.record import Columns
@@ -99,14 +100,7 @@ def interpolated(time_s: Floats, values: Floats, at_s: Floats) -> Floats:
     i = np.minimum(place.astype(np.int64), len(time_s) - 2)
     u = place - i
     slope = np.gradient(values)
-    start, end = values[i], values[i + 1]
-    curve: Floats = (
-        start * (1 + 2 * u) * (1 - u) ** 2
-        + slope[i] * u * (1 - u) ** 2
-        + end * u**2 * (3 - 2 * u)
-        - slope[i + 1] * u**2 * (1 - u)
-    )
-    return curve
+    return hermite(u, values[i], values[i + 1], slope[i], slope[i + 1])
 
 
 def _converted(reading: Floats, sensor: Sensor, generator: np.random.Generator | None) -> Floats:

@@ -49,8 +49,8 @@ def platen_result(
     longest = dict.fromkeys(AXES, 0.0)
     for move in moves:
         for stroke in move.strokes:
-            way = abs(stroke.length_u) * machine.microstep_m
-            longest[stroke.axis] = max(longest[stroke.axis], way)
+            length_m = abs(stroke.length_u) * machine.microstep_m
+            longest[stroke.axis] = max(longest[stroke.axis], length_m)
     rise = hottest_C - machine.heat.ambient_C
     found = elongation_m(machine, rise, list(longest.values()))
     return {

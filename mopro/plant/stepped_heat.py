@@ -4,7 +4,7 @@
 
 by RK4 in steps of at most ten seconds, far below the time constant of an hour. A loop
 moves many times in one step: the distinct balances that hold within a step are weighed
-by their shares of it, and the way of the temperature inside follows from the slope of
+by their shares of it, and the course of the temperature inside follows from the slope of
 whichever holds. So a run of hours costs by its length, not by its moves.
 """
 
@@ -23,8 +23,9 @@ from mopro.effects.base import Surroundings
 from mopro.machine import Machine
 from mopro.motion import PlannedMove
 from mopro.plant.command_table import Floats
-from mopro.plant.engine import Strength
-from mopro.plant.heat import HeatBalance, HeatPieces, heat_pieces
+from mopro.plant.drive_scaling import DriveScaling
+from mopro.plant.heat import HeatBalance, HeatIntervals, heat_intervals
+from mopro.plant.hermite import hermite
 
 _LONGEST_STEP_S = 10.0
 # So many changes are met one by one.
@@ -50,20 +51,20 @@ class SteppedHeat:
         machine: Machine,
         moves: Sequence[PlannedMove],
         effects: Sequence[Active],
-        strengths: Mapping[int, Strength],
+        scalings: Mapping[int, DriveScaling],
         until_s: float,
-        pieces: HeatPieces | None = None,
+        intervals: HeatIntervals | None = None,
     ) -> None:
         self._machine = machine
         self._effects = effects
         self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
-        starts, balances = pieces or heat_pieces(machine, moves)
+        starts, balances = intervals or heat_intervals(machine, moves)
         until_s = max(until_s, 1e-3)
-        changes = _changes(starts, strengths, until_s)
+        changes = _changes(starts, scalings, until_s)
         steps = _steps(changes, until_s)
         self._time = np.union1d(steps, changes)
         middle = (self._time[:-1] + self._time[1:]) / 2
-        kind, kinds = self._kinds(middle, np.array(starts), balances, strengths)
+        kind, kinds = self._kinds(middle, np.array(starts), balances, scalings)
         step = np.searchsorted(steps, middle) - 1
         self._integrate(steps, step, kind, kinds)
 
@@ -74,27 +75,21 @@ class SteppedHeat:
         u = np.clip((time_s - self._time[i]) / h, 0.0, 1.0)
         start, end = self._temperature[i], self._temperature[i + 1]
         rise, fall = self._slope_after[i] * h, self._slope_before[i] * h
-        curve: Floats = (
-            start * (1 + 2 * u) * (1 - u) ** 2
-            + rise * u * (1 - u) ** 2
-            + end * u**2 * (3 - 2 * u)
-            - fall * u**2 * (1 - u)
-        )
-        return curve
+        return hermite(u, start, end, rise, fall)
 
     def _kinds(
         self,
         time_s: Floats,
         starts_s: Floats,
         balances: Sequence[HeatBalance],
-        strengths: Mapping[int, Strength],
+        scalings: Mapping[int, DriveScaling],
     ) -> tuple[Indices, list[_Conditions]]:
         """Which of the distinct conditions holds at each time, and these."""
         distinct = {balance: i for i, balance in enumerate(dict.fromkeys(balances))}
         number = np.array([distinct[balance] for balance in balances])
-        piece = np.searchsorted(starts_s, time_s, side="right") - 1
-        gains = [strength.at(time_s)[0] for strength in strengths.values()]
-        table = np.column_stack([number[piece], *gains])
+        interval = np.searchsorted(starts_s, time_s, side="right") - 1
+        gains = [scaling.at(time_s)[0] for scaling in scalings.values()]
+        table = np.column_stack([number[interval], *gains])
         rows, kind = np.unique(table, axis=0, return_inverse=True)
         known = list(distinct)
         kinds = [
@@ -179,10 +174,10 @@ def _led_through(time_s: Floats, rises: Floats, steps: Floats, coarse: Floats) -
 
 
 def _changes(
-    starts_s: Sequence[float], strengths: Mapping[int, Strength], until_s: float
+    starts_s: Sequence[float], scalings: Mapping[int, DriveScaling], until_s: float
 ) -> Floats:
     """All times before the end at which what holds changes."""
-    changes = np.unique(np.concatenate([starts_s, *(s.times_s for s in strengths.values())]))
+    changes = np.unique(np.concatenate([starts_s, *(s.times_s for s in scalings.values())]))
     return changes[changes < until_s - 1e-9]
 
 
@@ -190,8 +185,8 @@ def _steps(changes: Floats, until_s: float) -> Floats:
     """Where to step: at the changes if they are few, and often enough between them."""
     few = len(changes) <= max(_FEW_CHANGES, until_s / _LONGEST_STEP_S)
     marks = np.append(changes if few else changes[:1], until_s)
-    pieces = [
+    parts = [
         np.linspace(a, b, math.ceil((b - a) / _LONGEST_STEP_S) + 1)[:-1]
         for a, b in pairwise(marks.tolist())
     ]
-    return np.append(np.concatenate(pieces), until_s)
+    return np.append(np.concatenate(parts), until_s)

@@ -3,7 +3,7 @@
 A switch that a motion runs into makes the controller brake all axes at their set rate
 and give the program up; heat beyond the rating makes the drive switch its current off.
 The switch is seen on the commanded position, as for seeking. The operator is taken to
-have placed the forcer where the program's way lies in the middle of the platen, as the
+have placed the forcer where the program's travel lies in the middle of the platen, as the
 listings' comments ask ("start motor in ..."), except for programs that seek a switch,
 which start in the middle themselves.
 """
@@ -12,18 +12,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from mopro.effects.base import Effect, Parameter, Stage
+from mopro.effects import Active
+from mopro.effects.platen_edge import PLATEN_EDGE
+from mopro.machine import Machine
 from mopro.motion import Schedule
-from mopro.motion.track import Track, brake
+from mopro.motion.track import Track
 from mopro.plant.command_table import Floats
 from mopro.program import ir
 
-SHOWN_AFTER_S = 0.5
 _TOLERANCE_U = 1.0
 
 Ranges = dict[int, tuple[float, float]]
@@ -40,28 +41,6 @@ class Trip:
 
     def as_json(self) -> dict[str, Any]:
         return {"kind": self.kind, "time_s": self.time_s, "line": self.line, "axis": self.axis}
-
-
-class PlatenEdge(Effect):
-    """The stop that the forcer runs into beyond its limit switch.
-
-    F = -K (x - edge) - C ẋ outside of [low, high] (m), a stiff and well damped contact.
-    Source: assumed. Not in the catalogue: every machine has it, few runs meet it.
-    """
-
-    name = "platen_edge"
-    stage = Stage.DYNAMICS
-    parameters = tuple(
-        Parameter(n, "m", "length", 0.0, (-1, 1), -math.inf, math.inf, f"{n} edge")
-        for n in ("low", "high")
-    )
-
-    @staticmethod
-    def force(x: float, v: float, low: float, high: float) -> float:
-        if low <= x <= high:
-            return 0.0
-        edge = high if x > high else low
-        return -2.0e6 * (x - edge) - 2.0e3 * v
 
 
 def switches_u(schedule: Schedule, travel_u: Mapping[int, tuple[float, float]]) -> Ranges:
@@ -105,38 +84,6 @@ def _line_at(schedule: Schedule, time_s: float) -> int:
     return lines[-1] if lines else schedule.program.ops[0].span.line
 
 
-def braked(schedule: Schedule, trip: Trip) -> Schedule:
-    """The schedule up to the trip, every axis then braking to rest."""
-    moves = tuple(m for m in schedule.moves if m.start_s < trip.time_s)
-    tracks, ends_s = {}, [trip.time_s]
-    for axis, track in schedule.tracks.items():
-        rates = [m.profile.acceleration for m in moves if axis in m.axes]
-        state = track.state(trip.time_s)
-        tracks[axis] = Track()
-        tracks[axis].add(track.segments)
-        tracks[axis].cut(trip.time_s)
-        if rates and state.velocity:
-            segments = brake(trip.time_s, state, rates[-1])
-            tracks[axis].add(segments)
-            ends_s += [segment.end_s for segment in segments]
-    return ended(schedule, max(ends_s) + SHOWN_AFTER_S, moves, tracks)
-
-
-def ended(
-    schedule: Schedule, duration_s: float, moves: tuple[Any, ...], tracks: Mapping[int, Track]
-) -> Schedule:
-    """The schedule given up; what was running then is the last line that is shown."""
-    activity = [(t, line) for t, line in schedule.activity if t <= duration_s]
-    return replace(
-        schedule,
-        duration_s=duration_s,
-        complete=False,
-        moves=moves,
-        tracks=tracks,
-        activity=activity,
-    )
-
-
 def heat_trip(
     schedule: Schedule, temperature_C: Floats, times_s: Floats, rated_C: float
 ) -> Trip | None:
@@ -148,13 +95,10 @@ def heat_trip(
     return Trip("over-temperature", time_s, _line_at(schedule, time_s))
 
 
-def frozen(schedule: Schedule, trip: Trip) -> Schedule:
-    """The schedule given up where the drive goes dead; the command stays where it was."""
-    tracks = {}
-    for axis, track in schedule.tracks.items():
-        tracks[axis] = Track()
-        tracks[axis].add(track.segments)
-        tracks[axis].cut(trip.time_s)
-    moves = tuple(m for m in schedule.moves if m.start_s < trip.time_s)
-    duration_s = min(schedule.duration_s, trip.time_s + SHOWN_AFTER_S)
-    return ended(schedule, duration_s, moves, tracks)
+def platen_edges(machine: Machine, switches: Ranges) -> list[Active]:
+    """The platen's edges, beyond each axis' switches."""
+    scale, beyond = machine.microstep_m, machine.limits.overtravel_m
+    return [
+        Active(PLATEN_EDGE, (low * scale - beyond, high * scale + beyond), (axis,))
+        for axis, (low, high) in switches.items()
+    ]

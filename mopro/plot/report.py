@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from mopro.plot.page import heading, page, paragraph, picture, table
 from mopro.recording import Recording, Run
-from mopro.recording.table import MOVE_COLUMNS, move_cells, outcome
+from mopro.recording.moves import MOVE_COLUMNS, move_cells
+from mopro.recording.run import outcome
 
 
 def report_page(recording: Recording, run: Run) -> str:

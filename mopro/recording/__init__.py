@@ -1,13 +1,15 @@
 """What a run leaves behind: columns with units, a header, and a row for each move."""
 
 from mopro.recording.formats import FORMATS, open_sink, read
+from mopro.recording.moves import MoveOutcome, MoveReport
 from mopro.recording.record import Header, MemorySink, Recording, Sink, column_names
-from mopro.recording.run import MoveReport, Run
+from mopro.recording.run import Run
 
 __all__ = [
     "FORMATS",
     "Header",
     "MemorySink",
+    "MoveOutcome",
     "MoveReport",
     "Recording",
     "Run",

@@ -1,4 +1,4 @@
-"""The outcome of a run: how each move went."""
+"""What came of a run, in all and in words."""
 
 from __future__ import annotations
 
@@ -6,33 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-
-@dataclass(frozen=True)
-class MoveReport:
-    """One move as it was commanded and as it went.
-
-    Lengths are in `unit` (the program's user unit), velocities in `unit`/s and the
-    acceleration in `unit`/s². Distance, velocities and acceleration are those of the
-    major axis, which comes first in `axes`; `max_lag` (largest following error),
-    `stall_margin` (share of the pull-out force never called upon) and `lost_pitches`
-    are the worst of all its axes. `complete` is false where the run ended first.
-    """
-
-    line: int
-    axes: list[int]
-    profile: str
-    distance: float
-    unit: str
-    set_velocity: float
-    peak_velocity: float
-    acceleration: float
-    start_s: float
-    duration_s: float
-    max_lag: float | None
-    stall_margin: float | None
-    lost_pitches: int
-    slipped: bool
-    complete: bool
+from mopro.program import Program
+from mopro.recording.moves import MoveReport, stall_message
+from mopro.source import Span
 
 
 @dataclass(frozen=True)
@@ -72,3 +48,27 @@ class Run:
             "moves": [asdict(move) for move in self.moves],
             **({"trouble": self.trouble} if self.trouble else {}),
         }
+
+
+def outcome(run: Run) -> str:
+    """The run in one sentence."""
+    moves = f"{len(run.moves)} move{'' if len(run.moves) == 1 else 's'}"
+    text = f"{run.program} on {run.machine}: {moves} in {run.duration_s:.6f} s."
+    if run.stalled:
+        text += f" The motor stalled in {sum(move.slipped for move in run.moves)} of them."
+    if run.trip:
+        what = "The motor became too hot"
+        if run.trip["kind"] == "limit-switch":
+            what = f"Axis {run.trip['axis']} ran into its limit switch"
+        text += f" {what} at {run.trip['time_s']:.3f} s, in line {run.trip['line']}."
+    return text
+
+
+def stalls(run: Run, program: Program) -> list[tuple[Span, str]]:
+    """Each statement at which the motor stalled, and by how many pitches each time."""
+    spans = {op.span.line: op.span for op in program.ops}
+    by_line: dict[int, list[MoveReport]] = {}
+    for move in run.moves:
+        if move.slipped:
+            by_line.setdefault(move.line, []).append(move)
+    return [(spans[line], stall_message(moves)) for line, moves in by_line.items()]

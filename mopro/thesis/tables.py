@@ -10,8 +10,7 @@ from pathlib import Path
 from mopro.emulator import Emulator
 from mopro.machine import load_machine
 from mopro.motion import Profile, plan_profile
-from mopro.plant.heat import heat_balance
-from mopro.plant.platen import elongation_m
+from mopro.plant import elongation_m, heat_balance
 from mopro.program.compile import compile_file
 from mopro.recording import MemorySink, Run
 from mopro.thesis.printed import EXPERIMENTS, PROFILE_TABLES, THERMAL, Entry, Experiment
@@ -45,7 +44,7 @@ def _numbers(
 def table_3_2() -> list[Row]:
     """Peak rise of the temperature, the theory column, by eq. 3.26.
 
-    The Reynolds number's length is the way travelled; on a diagonal, both that and the
+    The Reynolds number's length is the distance travelled; on a diagonal, both that and the
     speed are those of the path.
     """
     machine = load_machine("chow1992")

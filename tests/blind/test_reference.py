@@ -128,8 +128,14 @@ def test_scipy_s_own_solver_agrees(hidden):
     assert np.abs(np.concatenate(found) - ours[:-1]).max() < 2e-9
 
 
+def steady_rise_K(text):
+    """The final temperature above the air if the program's first 10 ms lasted (eq. 3.26)."""
+    (piece,) = heat.pieces(timeline(text), 0.01, {})
+    return piece.coil_W / piece.loss_W_K
+
+
 @pytest.mark.parametrize(
-    ("speeds", "ways", "printed"),
+    ("speeds", "distances", "printed"),
     [
         ((0, 0), (0, 0), 76.5517),
         ((3.5, 0), (16, 0), 47.3386),
@@ -138,14 +144,19 @@ def test_scipy_s_own_solver_agrees(hidden):
         ((24, 0), (8, 0), 59.0410),
     ],
 )
-def test_the_theory_column_of_table_3_2(speeds, ways, printed):
-    rise = heat.steady_rise_K([v * INCH_M for v in speeds], [w * INCH_M for w in ways], {})
+def test_the_theory_column_of_table_3_2(speeds, distances, printed):
+    program = "UU012500/1\n" + "".join(
+        f"VEL{axis} {speed}\nACC{axis} 10\nMRI{axis} {distance}\n"
+        for axis, speed, distance in zip((1, 2), speeds, distances, strict=True)
+        if distance
+    )
+    rise = steady_rise_K(program + "WT100\n")
     assert rise == pytest.approx(printed, rel=5e-4)
 
 
 def test_a_warming_at_rest_is_an_exponential():
     times = np.linspace(0, 3600, 50)
-    rise = heat.steady_rise_K([], [], {})
+    rise = steady_rise_K("UU012500/1\nWT100\n")
     rate = heat.convection_W_K(0.0, n.side_m) / n.capacity_J_K
     found = heat.temperature_C(timeline("UU012500/1\nWT9000000\n"), times, {})
     assert found == pytest.approx(n.air_C + rise * (1 - np.exp(-rate * times)), abs=1e-6)

@@ -12,7 +12,7 @@ from mopro.benchmark.reference.experiment import Plant, Trial
 from mopro.benchmark.reference.nominal import THESIS
 from mopro.experiment.model import Experiment, Reading
 from mopro.experiment.model import Trial as Measured
-from mopro.experiment.predict.forward_model import Motor
+from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.source import Source
@@ -32,7 +32,9 @@ def test_they_warm_alike(name, two_axes):
     _, (warm,) = Plant(effects).readings(Trial(text, 0.0, 600.0), [thermocouple], draw)
     reading = Reading(SEEN, times, np.zeros(len(times)))
     run = Measured("run.DAT", mopro.compile(text), None, 0.0, (reading,))
-    motor = Motor(Experiment(Source("experiment.toml", ""), load_machine("chow1992"), (run,), ()))
+    motor = ForwardModel(
+        Experiment(Source("experiment.toml", ""), load_machine("chow1992"), (run,), ())
+    )
     (predicted,) = motor(effects)
     assert predicted == pytest.approx(warm, abs=0.01)
     assert np.abs(warm - usual).max() > 0.02

@@ -72,6 +72,19 @@ class TestTrips:
         assert before[-1] == pytest.approx(0.762, abs=2e-3)
         assert np.ptp(on["command_2_m"][-200:]) == 0
 
+    def test_no_line_runs_after_a_trip(self):
+        """The motion of line 6 would have begun while axis 2 brakes."""
+        on = run("MRI2 31.0\nWT900\nMRI1 1.0\nWX0\n")
+        assert on.run.trip["time_s"] < 0.9 < on["time_s"][-1]
+        assert set(on["line"].tolist()) == {4}
+        assert np.ptp(on["command_1_m"]) == 0
+
+    def test_axes_that_move_together_brake_along_their_path(self):
+        on = run("MR1 8.0\nMR2 32.0\nGO\nWX0\n")
+        assert on.run.trip["axis"] == 2
+        stray = on["command_1_m"] - on["command_2_m"] / 4
+        assert np.abs(stray).max() < 1.5 * MACHINE.microstep_m
+
     def test_beyond_the_switch_there_is_an_edge(self):
         """At 40 in/s the brake takes 3.2 in: the forcer meets its stop and loses pitches."""
         on = run("MRI2 36.0\nWX2\n")
@@ -80,7 +93,7 @@ class TestTrips:
         assert on["command_2_m"][-1] > stop + 0.05
         assert on.run.moves[0].lost_pitches > 50
 
-    def test_a_way_that_fits_is_placed_where_it_fits(self):
+    def test_a_stroke_that_fits_is_placed_where_it_fits(self):
         assert run("MRI2 -29.9\nWX2\n").run.trip is None
         assert run("MRI2 10.0\nWX2\nMRI2 -25.0\nWX2\n").run.trip is None
 

@@ -10,10 +10,10 @@ import mopro
 from mopro.emulator import Emulator
 from mopro.errors import MoproError
 from mopro.machine import load_machine
-from mopro.machine.constants import PlantNumbers
+from mopro.machine.constants import PlantConstants
 from mopro.motion import plan
 from mopro.plant.heat import HeatHistory, heat_balance
-from mopro.plant.simulate import compiling_pays
+from mopro.plant.simulation import compiling_pays
 from mopro.program.compile import compile_file
 from mopro.recording import MemorySink, column_names
 
@@ -68,13 +68,13 @@ def test_long_work_is_compiled_and_short_work_is_not(programs_folder):
     assert not compiling_pays(plan(lvdt3), step_s)
 
 
-def test_pieces_do_not_show_in_the_recording(monkeypatch):
+def test_chunks_do_not_show_in_the_recording(monkeypatch):
     whole = emulate(FORTH_AND_BACK)
-    monkeypatch.setattr("mopro.emulator.backend._PIECE", 100)
-    pieces = emulate(FORTH_AND_BACK)
+    monkeypatch.setattr("mopro.emulator.backend._CHUNK", 100)
+    chunks = emulate(FORTH_AND_BACK)
     for name, values in whole.columns.items():
-        assert np.allclose(values, pieces[name], rtol=0, atol=1e-12), name
-    assert whole.run.moves[0].max_lag == pytest.approx(pieces.run.moves[0].max_lag, rel=1e-9)
+        assert np.allclose(values, chunks[name], rtol=0, atol=1e-12), name
+    assert whole.run.moves[0].max_lag == pytest.approx(chunks.run.moves[0].max_lag, rel=1e-9)
 
 
 def test_columns_are_those_of_the_contract():
@@ -193,7 +193,7 @@ def test_user_units_of_a_millimetre_are_named():
 
 
 def test_payload_leaves_the_drive_constant_alone():
-    bare, laden = (PlantNumbers.of(MACHINE, kg) for kg in (0.0, 2.543))
+    bare, laden = (PlantConstants.of(MACHINE, kg) for kg in (0.0, 2.543))
     assert laden.damping_1_s == pytest.approx(bare.damping_1_s / 2)
     assert laden.pull_out_m_s2 == pytest.approx(bare.pull_out_m_s2 / 2)
 

@@ -10,14 +10,14 @@ import mopro
 from mopro.effects import Active, Effect, Stage, catalogue
 from mopro.machine import load_machine
 from mopro.motion import plan
-from mopro.plant.engine import Strength
-from mopro.plant.heat import heat_pieces
+from mopro.plant.drive_scaling import DriveScaling
+from mopro.plant.heat import heat_intervals
 from mopro.plant.stepped_heat import SteppedHeat
 from mopro.program.compile import compile_file
 
 MACHINE = load_machine("chow1992")
 CAPACITY_J_K = MACHINE.axis.moving_mass_kg * MACHINE.heat.specific_heat_J_kg_K
-FULL = {1: Strength.full(), 2: Strength.full()}
+FULL = {1: DriveScaling.full(), 2: DriveScaling.full()}
 HOUR_S = 3600.0
 MIXED = (
     "UU012500/1\nVEL0 15.0\nACC0 0.2\n:A\nMR1 8.0\nMR2 6.0\nGO\nWX0\nWT700\n"
@@ -36,7 +36,7 @@ def active(**parameters):
 
 def exact_C(moves, conductance, per_metre, per_hertz, until_s, times):
     """Piecewise exponentials with the platen at the air's temperature."""
-    starts, balances = heat_pieces(MACHINE, moves)
+    starts, balances = heat_intervals(MACHINE, moves)
     air = temperature = MACHINE.heat.ambient_C
     found = np.empty(len(times))
     for balance, start, end in zip(balances, starts, [*starts[1:], until_s], strict=True):
@@ -66,10 +66,10 @@ def test_less_current_at_rest_is_met_within_a_step():
     """Every second at rest with half the current, as long as the moves are many."""
     times = np.arange(0.0, HOUR_S, 1.0)
     gain = np.where(np.arange(len(times)) % 2, 0.5, 1.0)
-    saving = {n: Strength(times, gain, np.ones(len(times))) for n in (1, 2)}
+    saving = {n: DriveScaling(times, gain, np.ones(len(times))) for n in (1, 2)}
     mean = SteppedHeat(MACHINE, [], [], saving, HOUR_S).temperature_C(np.array([HOUR_S]))
-    power = heat_pieces(MACHINE, [])[1][0].power_W
-    conductance = heat_pieces(MACHINE, [])[1][0].conductance_W_K
+    power = heat_intervals(MACHINE, [])[1][0].power_W
+    conductance = heat_intervals(MACHINE, [])[1][0].conductance_W_K
     final = (power * (1 + 0.25) / 2) / conductance
     rise = final * (1 - np.exp(-HOUR_S * conductance / CAPACITY_J_K))
     assert mean - MACHINE.heat.ambient_C == pytest.approx(rise, abs=0.02)

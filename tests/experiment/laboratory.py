@@ -7,7 +7,7 @@ from mopro.emulator import Emulator
 from mopro.experiment import load_experiment
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
-from mopro.plant.measurement import measure
+from mopro.plant import measure
 from mopro.recording import MemorySink
 
 LASER = """

@@ -22,7 +22,7 @@ from mopro.instruments import Thermocouple, read_lvdt, write_thermocouple
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
-from mopro.plant.heat import HeatHistory
+from mopro.plant import simulate
 from mopro.program.compile import compile_file
 from mopro.recording import Header, open_sink
 from mopro.thesis import table
@@ -260,7 +260,7 @@ def hot(lab):
     machine, chain = load_machine("chow1992"), Thermocouple()
     schedule = plan(compile_file(PROGRAMS / "TEMP1.CMD"), for_s=3600.0)
     times = chain.times_s(3600.0)
-    stored = chain.stored_C(HeatHistory(machine, schedule.moves).temperature_C(times))
+    stored = chain.stored_C(simulate(schedule, machine).temperature_C(times))
     write_thermocouple(lab.path("T.DAT"), stored, times)
     return lab
 

@@ -15,7 +15,7 @@ from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial
 from mopro.experiment.predict import forward_model as motor
-from mopro.experiment.predict.forward_model import Motor
+from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.machine.file import read_machine
@@ -42,7 +42,7 @@ def experiment(truth, seed=0, sensor=FINE, machine=MACHINE, offset=0.0, extra=la
     stamps = [np.arange(int(end * sensor.rate_hz)) / sensor.rate_hz for end in ends]
     blank = [trial(i, t, np.zeros(len(t)), sensor) for i, t in enumerate(stamps)]
     bare = Experiment(Source("experiment.toml", ""), machine, tuple(blank), ())
-    seen = Motor(bare, motor.FINE)(truth)
+    seen = ForwardModel(bare, motor.FINE)(truth)
     trials = [
         trial(
             i, t, x + extra(t, x) + offset + sensor.noise_rms * rng.standard_normal(len(t)), sensor
@@ -216,7 +216,7 @@ def test_half_the_step_and_other_order_and_units_do_not_change_the_verdict():
 
 def test_a_logged_command_serves_where_there_is_no_program():
     data = experiment({"viscous_drag": {"b": 3.0}})
-    motor = Motor(data)
+    motor = ForwardModel(data)
     logged = []
     for index, each in enumerate(data.trials):
         stamps = np.arange(0, each.duration_s, 1e-3)
@@ -258,7 +258,7 @@ class TestCandidates:
     @pytest.fixture(scope="class")
     @staticmethod
     def offered():
-        return candidates(Motor(experiment({})))
+        return candidates(ForwardModel(experiment({})))
 
     def test_every_effect_of_position_is_offered(self, offered):
         unseen = {"sensor_offset", "thermocouple_lag", "hold_current_reduction"}

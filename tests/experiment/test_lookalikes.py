@@ -10,7 +10,7 @@ import mopro
 from mopro.diagnosis import reconcile
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.series import series_of
-from mopro.experiment.predict.forward_model import COARSE, FINE, Motor
+from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
 
 STROKES = mopro.compile("UU012500/1\nVEL1 5.0\nACC1 0.1\n" + 4 * "MRI1 3.0\nWX1\nWT300\n")
 COARSER = dataclasses.replace(LASER, noise_rms=1e-4)
@@ -18,7 +18,7 @@ COARSER = dataclasses.replace(LASER, noise_rms=1e-4)
 
 def measured(truth, sensor, seed=1):
     """An experiment of one run with `truth` in it."""
-    (clean,) = Motor(of(np.zeros(7400), STROKES), FINE)(truth)
+    (clean,) = ForwardModel(of(np.zeros(7400), STROKES), FINE)(truth)
     noise = sensor.noise_rms * np.random.default_rng(seed).standard_normal(len(clean))
     experiment = of(clean + noise, STROKES)
     (trial,) = experiment.trials
@@ -30,7 +30,7 @@ def measured(truth, sensor, seed=1):
 @pytest.mark.parametrize("e", [-0.18, -0.14, 0.15, 0.19])
 def test_a_weaker_motor_is_no_heavier_one_that_is_damped_otherwise(e, sensor):
     """Both are as late and ring as slowly; how long they ring takes a second effect."""
-    motor = Motor(measured({"force_constant": {"e": e}}, sensor), COARSE)
+    motor = ForwardModel(measured({"force_constant": {"e": e}}, sensor), COARSE)
     names = ("payload_mass", "electrical_damping", "force_constant")
     catalogue = [c for c in candidates(motor) if c.name in names]
     verdict = reconcile(motor, catalogue, series_of(motor))

@@ -11,7 +11,7 @@ from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.experiment.diagnose.quantisation import thinned
 from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.predict.forward_model import FINE, Motor
+from mopro.experiment.predict.forward_model import FINE, ForwardModel
 from mopro.experiment.predict.steady import rises
 from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine
@@ -35,7 +35,7 @@ def measured(truth, sensors, machine=MACHINE, tables=(), seed=0):
     bare = Experiment(Source("experiment.toml", ""), machine, (trial,), tables)
     readings = tuple(
         dataclasses.replace(r, values=stored(clean, r.sensor, rng))
-        for r, clean in zip(blank, Motor(bare, FINE)(truth), strict=True)
+        for r, clean in zip(blank, ForwardModel(bare, FINE)(truth), strict=True)
     )
     return dataclasses.replace(bare, trials=(dataclasses.replace(trial, readings=readings),))
 
@@ -89,7 +89,7 @@ def stated(value, unit):
 
 class TestAMachineThatHasEffects:
     def offered(self, machine, name, form=""):
-        motor = Motor(measured({}, (LASER, THERMOCOUPLE), machine))
+        motor = ForwardModel(measured({}, (LASER, THERMOCOUPLE), machine))
         (found,) = (c for c in candidates(motor) if (c.name, c.form) == (name, form))
         return found
 

@@ -7,10 +7,11 @@ import pytest
 
 import mopro
 from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.predict.forward_model import COARSE, Motor
+from mopro.experiment.predict import forward_model
+from mopro.experiment.predict.forward_model import COARSE, ForwardModel
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
-from mopro.plant.engine import Stepping
+from mopro.plant import Stepping, simulate
 from mopro.source import Source
 
 # A ripple of the tooth goes by in a quarter of a millisecond at full speed, so steps in
@@ -30,8 +31,24 @@ def of(values, program=PROGRAM):
 
 
 def positions_um(settings, stepping):
-    (seen,) = Motor(of(np.zeros(3200)), stepping)(settings)
+    (seen,) = ForwardModel(of(np.zeros(3200)), stepping)(settings)
     return seen * 25400
+
+
+def test_a_motion_is_simulated_once_for_all_effects_of_its_sensor(monkeypatch):
+    made = []
+
+    def counted(*arguments, **options):
+        made.append(arguments)
+        return simulate(*arguments, **options)
+
+    monkeypatch.setattr(forward_model, "simulate", counted)
+    model = ForwardModel(of(np.zeros(3200)))
+    (plain,), (offset,) = model({}), model({"sensor_offset": {"o": 1e-3}})
+    assert len(made) == 1
+    assert offset - plain == pytest.approx(1e-3 / 0.0254)
+    model({"viscous_drag": {"b": 5.0}})
+    assert len(made) == 2
 
 
 @pytest.mark.parametrize(

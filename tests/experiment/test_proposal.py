@@ -16,8 +16,7 @@ from mopro.experiment.model import Experiment, Reading, Trial
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
-from mopro.plant.measurement import measure
-from mopro.plant.trips import limit_trip, switches_u
+from mopro.plant import limit_trip, measure, switches_u
 from mopro.recording import MemorySink
 from mopro.source import Source
 

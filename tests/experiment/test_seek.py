@@ -13,19 +13,19 @@ from mopro.diagnosis.signature import searched
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.hold_current_search import EARLIEST_S
 from mopro.experiment.diagnose.series import series_of
-from mopro.experiment.predict.forward_model import COARSE, FINE, Motor
+from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
 
 
 def starts(name, truth, fitted=(), seed=0, program=PROGRAM, noise_in=LASER.noise_rms, form=""):
     """The starts that the search of candidate `name` finds in a run with `truth` in it."""
-    (clean,) = Motor(of(np.zeros(3200), program), FINE)(truth)
+    (clean,) = ForwardModel(of(np.zeros(3200), program), FINE)(truth)
     noise = noise_in * np.random.default_rng(seed).standard_normal(len(clean))
     experiment = of(clean + noise, program)
     (trial,) = experiment.trials
     (reading,) = trial.readings
     seen = dataclasses.replace(reading, sensor=dataclasses.replace(LASER, noise_rms=noise_in))
     trial = dataclasses.replace(trial, readings=(seen,))
-    motor = Motor(dataclasses.replace(experiment, trials=(trial,)), COARSE)
+    motor = ForwardModel(dataclasses.replace(experiment, trials=(trial,)), COARSE)
     residuals = Residuals(motor, series_of(motor))
     base = least_squares_fit(residuals, (), [{}])
     base = dataclasses.replace(base, settings={n: truth[n] for n in fitted})
@@ -77,12 +77,12 @@ def test_a_rest_may_be_too_short_for_the_current_to_fall():
 
 
 def test_what_begins_as_soon_as_a_move_ends_is_sought_from_the_earliest_moment_on():
-    (clean,) = Motor(of(np.zeros(3200)), FINE)({})
-    (move, _) = Motor(of(clean), FINE).schedule(0).moves
+    (clean,) = ForwardModel(of(np.zeros(3200)), FINE)({})
+    (move, _) = ForwardModel(of(clean), FINE).schedule(0).moves
     first = int(move.end_s * LASER.rate_hz) + 1
     noise = LASER.noise_rms * np.random.default_rng(0).standard_normal(len(clean))
     noise[first : first + 8] += 20 * LASER.noise_rms
-    motor = Motor(of(clean + noise), COARSE)
+    motor = ForwardModel(of(clean + noise), COARSE)
     (candidate,) = [c for c in candidates(motor) if c.name == "hold_current_reduction"]
     residuals = Residuals(motor, series_of(motor))
     found = searched(residuals, least_squares_fit(residuals, (), [{}]), candidate)
@@ -92,12 +92,12 @@ def test_what_begins_as_soon_as_a_move_ends_is_sought_from_the_earliest_moment_o
 
 def test_the_search_for_a_moment_ends_early_where_none_is_any_better():
     """A frame that sways long after a move shows at rest, and is no ring of the tooth."""
-    (clean,) = Motor(of(np.zeros(3200)), FINE)({})
-    (move, _) = Motor(of(clean), FINE).schedule(0).moves
+    (clean,) = ForwardModel(of(np.zeros(3200)), FINE)({})
+    (move, _) = ForwardModel(of(clean), FINE).schedule(0).moves
     rested_s = np.arange(len(clean)) / LASER.rate_hz - move.end_s
     sway = np.where(rested_s > 0, np.exp(-rested_s) * np.sin(20 * rested_s), 0.0)
     noise = LASER.noise_rms * np.random.default_rng(0).standard_normal(len(clean))
-    motor = Motor(of(clean + 2 * LASER.noise_rms * sway + noise), COARSE)
+    motor = ForwardModel(of(clean + 2 * LASER.noise_rms * sway + noise), COARSE)
     (candidate,) = [c for c in candidates(motor) if c.name == "hold_current_reduction"]
     asked = []
 

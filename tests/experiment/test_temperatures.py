@@ -9,7 +9,6 @@ from mopro.experiment import load_experiment
 from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.instruments import Thermocouple
 from mopro.machine import load_machine
-from mopro.plant.simulate import Settings, staged
 
 PROGRAM = (
     "UU012500/1\nVEL2 {}\nACC2 0.2\n:B1\nMRI2 {}\nWX2\nWT4000\nMRI2 -{}\nWX2\nWT4000\nJUMP B1\n"
@@ -36,8 +35,7 @@ def laboratory(folder, effects, seed=0):
         (folder / f"{name}.CMD").write_text(PROGRAM.format(speed, stroke, stroke))
         emulator = Emulator(load_machine("chow1992"), effects=effects)
         schedule = emulator.plan(mopro.compile((folder / f"{name}.CMD").read_text()), 2401.0)
-        how = Settings(emulator.machine, 0.0, True, 5e-5, False)
-        seen = staged(schedule, how, emulator.active).heat.temperature_C(stamps)
+        seen = emulator.begin(schedule).temperature_C(stamps)
         seen = seen + 0.2 * rng.standard_normal(len(stamps))
         rows = np.column_stack([stamps, seen])
         header = "time_s,temperature_C"

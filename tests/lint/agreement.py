@@ -46,12 +46,12 @@ def random_program(random: random.Random) -> str:
 def judge(text: str, payload_kg: float) -> Verdict:
     """Compare program by program, up to the first stall: after it nothing is as it was."""
     subject = subject_of(Source("random.CMD", text), Settings(payload_kg=payload_kg))
-    stresses = subject.stresses.each
-    assert not subject.stresses.unchecked
+    margins = subject.stall_margins.each
+    assert not subject.stall_margins.unchecked
     run = mopro.emulate(subject.program, payload_kg=payload_kg, rate_hz=50.0).run
     stalled = next((move.line for move in run.moves if move.slipped), None)
-    called = min((s.move.span.line for s in stresses if s.slips), default=None)
-    passed = min(s.margin for s in stresses) >= SAFE_MARGIN
+    called = min((s.move.span.line for s in margins if s.slips), default=None)
+    passed = min(s.margin for s in margins) >= SAFE_MARGIN
     if called is not None:
         outcome = "stall, stalls" if stalled == called else "stall, does not"
     elif passed:

@@ -8,9 +8,9 @@ from agreement import agreement
 import mopro
 from mopro.lint import Settings, lint
 from mopro.lint.check import subject_of
-from mopro.lint.swing import Swing, Swinger, greatest_step_m_s2
+from mopro.lint.energy_bound import EnergyBound, Pendulum, greatest_step_m_s2
 from mopro.machine import load_machine
-from mopro.plant.heat import heat_balance
+from mopro.plant import heat_balance
 from mopro.source import Source
 
 MACHINE = load_machine("chow1992")
@@ -46,11 +46,11 @@ def test_the_acceleration_proposed_works_and_a_tenth_more_does_not():
 
 def test_bound_of_the_swing_is_the_pull_out_of_an_undamped_step():
     """PHYSICS: a step of 0.7246 F0/m pulls out, and none below."""
-    swinger = Swinger(43.65, 0.0, 6184.0)
+    pendulum = Pendulum(43.65, 0.0, 6184.0)
     for share, lost in ((0.7245, False), (0.7247, True)):
-        swing = Swing(swinger)
-        swing.push(share * 43.65, share * 43.65, 1.0)
-        assert swing.lost is lost
+        bound = EnergyBound(pendulum)
+        bound.push(share * 43.65, share * 43.65, 1.0)
+        assert bound.lost is lost
 
 
 @pytest.mark.parametrize("margin", [0.05, 0.3, 0.7])
@@ -66,9 +66,9 @@ def test_margins_without_the_emulator_are_lower_bounds(programs_folder):
         text = (programs_folder / f"{program}.CMD").read_text("ascii")
         subject = subject_of(*of(text))
         moves = mopro.emulate(subject.program).run.moves
-        for stress, move in zip(subject.stresses.each, moves, strict=True):
-            assert not stress.emulated
-            assert stress.margin <= move.stall_margin
+        for found, move in zip(subject.stall_margins.each, moves, strict=True):
+            assert not found.emulated
+            assert found.margin <= move.stall_margin
 
 
 def test_temperature_in_the_long_run_is_that_of_steady_motion():

@@ -131,23 +131,6 @@ def pieces(
     return found
 
 
-def steady_rise_K(
-    speeds_m_s: list[float],
-    ways_m: list[float],
-    hidden: Mapping[str, Mapping[str, float]],
-    n: Nominal = THESIS,
-) -> float:
-    """The final temperature above the air of steady motion back and forth (eq. 3.26)."""
-    still = [
-        Stroke(i + 1, 0.0, 1.0, 0.0, way, speed, ())
-        for i, (speed, way) in enumerate(zip(speeds_m_s, ways_m, strict=True))
-        if way
-    ]
-    piece = _piece(1.0, still, [1.0, 1.0], hidden, n)
-    platen = piece.conduction_W_K * (piece.platen_C - n.air_C)
-    return (piece.coil_W + piece.core_W + platen) / (piece.loss_W_K + piece.conduction_W_K)
-
-
 def _piece(
     until_s: float,
     moving: list[Stroke],

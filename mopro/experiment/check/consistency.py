@@ -20,7 +20,7 @@ from mopro.experiment.predict.nominal import compiling_pays, planned
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.motion import Schedule
-from mopro.plant.command_table import CommandTable
+from mopro.plant import CommandTable
 from mopro.program import AXES
 from mopro.units import UNITS
 

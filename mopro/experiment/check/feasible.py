@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from mopro.effects import Active, catalogue
-from mopro.emulator import Emulator
+from mopro.effects.resolve import active_effects
 from mopro.errors import Diagnostic, MotionError
 from mopro.experiment.model import Reading, Trial
 from mopro.instruments.sensor import POSITION
 from mopro.machine import Machine
-from mopro.machine.report import move_report
 from mopro.motion import Schedule
-from mopro.plant.simulate import planned as planned_with
-from mopro.plant.trips import limit_trip, switches_u
+from mopro.plant import limit_trip, plan_with_effects, simulate, switches_u
 from mopro.program import AXES
-from mopro.recording import Run
-from mopro.recording.table import stalls
+from mopro.recording import MoveReport, Run
+from mopro.recording.run import stalls
 
 # Positions are simulated sample by sample; temperatures may last for days.
 LONGEST_S = 1800.0
@@ -76,8 +72,8 @@ def _shortest_s(trial: Trial, machine: Machine) -> float:
     """How long the program takes at least, on a machine that is faster than told."""
     assert trial.program is not None, "a logged command has no program"
     faster = tuple(Active(catalogue()[name], (e,), AXES) for name, e in _FASTEST.items())
-    own = Emulator(machine, trial.payload_kg).active
-    return planned_with(trial.program, machine, (*own, *faster), None).duration_s
+    own = active_effects(machine, catalogue())
+    return plan_with_effects(trial.program, machine, (*own, *faster)).duration_s
 
 
 def check_motion(suspect: Suspect, machine: Machine, compiled: bool) -> None:
@@ -107,10 +103,10 @@ def check_motion(suspect: Suspect, machine: Machine, compiled: bool) -> None:
 
 def _simulated(trial: Trial, schedule: Schedule, machine: Machine, compiled: bool) -> Run:
     """The moves of the run on the machine as its file has it, as far as the data go."""
-    emulation = Emulator(machine, trial.payload_kg, compiled=compiled).begin(schedule)
+    simulation = simulate(schedule, machine, payload_kg=trial.payload_kg, compiled=compiled)
     end_s = min(schedule.duration_s, trial.duration_s)
-    emulation.advance(np.arange(0.0, end_s, 1 / _STALL_RATE_HZ), end_s)
-    emulation.settle()
+    simulation.follow(_STALL_RATE_HZ, end_s)
+    simulation.settle()
     moves = (m for m in schedule.moves if m.start_s < end_s)
     return Run(
         program=schedule.program.name,
@@ -118,5 +114,5 @@ def _simulated(trial: Trial, schedule: Schedule, machine: Machine, compiled: boo
         duration_s=end_s,
         loops_forever=schedule.program.loops_forever,
         complete=True,
-        moves=tuple(move_report(m, emulation.outcome(m), machine.microstep_m) for m in moves),
+        moves=tuple(MoveReport.of(m, simulation.outcome(m), machine.microstep_m) for m in moves),
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mopro.experiment.model import Floats, Reading
 from mopro.instruments.sensor import TEMPERATURE
 from mopro.motion import Schedule, Segment
-from mopro.plant.command_table import CommandTable
+from mopro.plant import CommandTable
 from mopro.program import AXES
 
 ACCELERATE, CRUISE, DECELERATE, SETTLE, DWELL = PHASES = (
@@ -70,7 +70,7 @@ def labels(
     starts = np.array([move.start_s for move, _ in moves])
     ends = np.array([move.end_s for move, _ in moves])
     lines = np.array([move.span.line for move, _ in moves], dtype=np.int32)
-    ways = np.array([np.sign(stroke.length_u) for _, stroke in moves], dtype=np.int8)
+    directions = np.array([np.sign(stroke.length_u) for _, stroke in moves], dtype=np.int8)
     running = _running_line(schedule, time_s)
     steady = _STEADY_PLANNED if schedule.program.ops else _STEADY_LOGGED
     begun = np.searchsorted(starts, time_s, side="right") - 1
@@ -85,7 +85,7 @@ def labels(
     return Labels(
         line=np.where(moving | settling, lines[at], running).astype(np.int32),
         phase=_phases(moving, settling, v, a, steady * hardest[at]),
-        direction=np.where(begun >= 0, ways[at], 0).astype(np.int8),
+        direction=np.where(begun >= 0, directions[at], 0).astype(np.int8),
         move=at,
         command_m=u,
         velocity_m_s=v,

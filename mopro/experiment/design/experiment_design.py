@@ -23,7 +23,7 @@ from mopro.experiment.design.test_motions import (
     warming_pieces,
 )
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
-from mopro.experiment.predict.forward_model import Motor
+from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
 from mopro.motion import plan
 from mopro.program.compile import compile as compile_text
@@ -209,8 +209,8 @@ class _Planner:
         sides = {str(side): side for c in self._contests for side in (c.settings, c.other)}
         return all(map(self._motor(trial).keeps_up, sides.values()))
 
-    def _motor(self, trial: Trial) -> Motor:
-        return Motor(replace(self._experiment, trials=(trial,), tables=()))
+    def _motor(self, trial: Trial) -> ForwardModel:
+        return ForwardModel(replace(self._experiment, trials=(trial,), tables=()))
 
     def _imagined(self, pieces: Sequence[Piece]) -> Trial:
         """The run that the pieces would be, its data still to come."""
@@ -263,7 +263,7 @@ class _Planner:
 class _Predictions:
     """What a run would show under each side of each contest."""
 
-    def __init__(self, motor: Motor, sigma: float, contests: Sequence[_Contest]) -> None:
+    def __init__(self, motor: ForwardModel, sigma: float, contests: Sequence[_Contest]) -> None:
         self._motor = motor
         self._sigma = sigma
         self._contests = contests

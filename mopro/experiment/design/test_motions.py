@@ -41,7 +41,7 @@ class Piece:
     endless: bool = False
 
     def statements(self, axis: int, per_inch: int) -> Iterator[str]:
-        """The way is one of whole microsteps: nobody knows how a half one is rounded."""
+        """The distance is one of whole microsteps: nobody knows how a half one is rounded."""
         yield f"; {self.what}"
         axes = (axis, 3 - axis) if self.both_axes else (axis,)
         for n in axes:
@@ -51,9 +51,9 @@ class Piece:
         if self.endless:
             yield ":B1"
         distance = round(self.distance * per_inch) / per_inch
-        for way in (distance, -distance) * self.times:
+        for stroke in (distance, -distance) * self.times:
             yield f"WT{self.wait_ms}"
-            yield from (f"MRI{n} {way:.6f}" for n in axes)
+            yield from (f"MRI{n} {stroke:.6f}" for n in axes)
             yield from (f"WX{n}" for n in axes)
         yield "JUMP B1" if self.endless else f"WT{_REST_MS}"
 
@@ -83,10 +83,12 @@ class Bounds:
     def of(cls, machine: Machine, mass_kg: float, force_factor: float = 1.0) -> Bounds:
         """`mass_kg` moves; the motor has `force_factor` of its nominal force."""
         axis = machine.axis
-        way = min(high - low for low, high in machine.travel_u().values()) * machine.microstep_m
+        travel_m = (
+            min(high - low for low, high in machine.travel_u().values()) * machine.microstep_m
+        )
         force_N = force_factor * axis.pull_out_force_N
         return cls(
-            stroke=min(_LONGEST_IN, _SHARE_OF_TRAVEL * way / _INCH_M),
+            stroke=min(_LONGEST_IN, _SHARE_OF_TRAVEL * travel_m / _INCH_M),
             hardest=_SHARE_OF_FORCE * force_N / mass_kg / _INCH_M,
             natural_hz=math.sqrt(force_factor * axis.stiffness_N_m / mass_kg) / math.tau,
             pitch=axis.pitch_m / _INCH_M,
@@ -116,11 +118,11 @@ def _of_speed(bounds: Bounds) -> Iterator[Piece]:
 def _of_acceleration(bounds: Bounds) -> Iterator[Piece]:
     for hard in (min(50.0, bounds.hardest), bounds.hardest / 2, bounds.hardest):
         yield Piece(f"acceleration {hard:.0f} in/s2", bounds.stroke / 2, 25.0, hard)
-        # Where the speed just fails to be reached all of the way is acceleration.
+        # Where the speed is just not reached, the whole distance is acceleration.
         rate = _SHARE_BETWEEN_RAMPS * hard
-        way = min(bounds.stroke, 0.99 * _FASTEST_IN_S**2 / rate)
+        distance = min(bounds.stroke, 0.99 * _FASTEST_IN_S**2 / rate)
         what = f"nothing but acceleration, {rate:.0f} in/s2"
-        yield Piece(what, way, _FASTEST_IN_S, rate, wait_ms=100, times=3)
+        yield Piece(what, distance, _FASTEST_IN_S, rate, wait_ms=100, times=3)
     hardest = bounds.hardest
     yield Piece("parabolic ramps", bounds.stroke, _FASTEST_IN_S, hardest, parabolic=True)
 
@@ -129,9 +131,9 @@ def _ringing(bounds: Bounds, turns: float) -> Piece:
     """A stroke so short that its corners add up in the ring that they leave."""
     ramp_s = turns / bounds.natural_hz
     acceleration = _SHARE_WHEN_RINGING * bounds.hardest
-    way = acceleration * ramp_s**2
+    distance = acceleration * ramp_s**2
     what = f"ringing, ramps of {turns:g} periods"
-    return Piece(what, way, 2 * acceleration * ramp_s, acceleration, times=4)
+    return Piece(what, distance, 2 * acceleration * ramp_s, acceleration, times=4)
 
 
 def _slow_scans(bounds: Bounds) -> Iterator[Piece]:

@@ -20,7 +20,7 @@ from mopro.experiment.diagnose import thermal
 from mopro.experiment.diagnose.hold_current_search import EARLIEST_S, Rests
 from mopro.experiment.diagnose.start_search import Seeker
 from mopro.experiment.model import Experiment
-from mopro.experiment.predict.forward_model import AXIS, RUN, Motor, angle_in
+from mopro.experiment.predict.forward_model import AXIS, RUN, ForwardModel, angle_in
 from mopro.instruments.sensor import POSITION, TEMPERATURE
 from mopro.machine import Machine
 
@@ -38,7 +38,7 @@ _MIDDLES_TRIED = 7
 _APART = 0.1
 
 
-def candidates(motor: Motor) -> list[Candidate]:
+def candidates(motor: ForwardModel) -> list[Candidate]:
     """What the experiment's sensors could show, in all forms."""
     experiment = motor.experiment
     quantities = {r.sensor.quantity for t in experiment.trials for r in t.readings}
@@ -54,7 +54,7 @@ def candidates(motor: Motor) -> list[Candidate]:
     return [_with_tolerance(candidate, experiment.machine) for candidate in found]
 
 
-def _of_position(motor: Motor) -> Iterator[Candidate]:
+def _of_position(motor: ForwardModel) -> Iterator[Candidate]:
     experiment = motor.experiment
     yield from _forces(experiment)
     yield from _drive(Rests(motor))
@@ -183,7 +183,7 @@ def _drive(rests: Rests) -> Iterator[Candidate]:
 # -- stage C -----------------------------------------------------------------------
 
 
-def _commands(motor: Motor) -> Iterator[Candidate]:
+def _commands(motor: ForwardModel) -> Iterator[Candidate]:
     """A logged command has no program that a controller could take in another way."""
     yield _one("controller_clock", "e", 3e-4)
     seek = Seeker(motor)
@@ -211,7 +211,7 @@ def _commands(motor: Motor) -> Iterator[Candidate]:
 # -- stage M -----------------------------------------------------------------------
 
 
-def _measurements(motor: Motor) -> Iterator[Candidate]:
+def _measurements(motor: ForwardModel) -> Iterator[Candidate]:
     steel = catalogue()["platen_expansion"].parameter("alpha").default
     yield _one("pitch_scale", "e", 1e-4)
     yield _one("platen_expansion", "dT", 10.0, fixed={"share": 0.0, "alpha": steel})
@@ -233,9 +233,9 @@ def _measurements(motor: Motor) -> Iterator[Candidate]:
     yield from _lines(motor)
 
 
-def _bends(motor: Motor) -> Iterator[Candidate]:
+def _bends(motor: ForwardModel) -> Iterator[Candidate]:
     """Shares of the range that the effect states, about the middle of the way or another place."""
-    low, high = motor.way_m()
+    low, high = motor.travel_m()
     middle, half = (low + high) / 2, catalogue()["sensor_nonlinearity"].parameter("half").default
     fixed = {"c5": 0.0, "mid": middle, "half": half}
     cubic = replace(_own("sensor_nonlinearity", "c3", 1e-3), low=-0.1, high=0.1)
@@ -260,7 +260,7 @@ def _bends(motor: Motor) -> Iterator[Candidate]:
     )  # fmt: skip
 
 
-def _lines(motor: Motor) -> Iterator[Candidate]:
+def _lines(motor: ForwardModel) -> Iterator[Candidate]:
     seek = Seeker(motor)
     period = Parameter(
         "lambda", "m", 8e-5, 0.15, role=Role.SHAPE, inverse=True, difference=1e-6,

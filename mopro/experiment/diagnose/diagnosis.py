@@ -17,11 +17,11 @@ from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.quantisation import thinned
 from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.model import Experiment, Floats
-from mopro.experiment.predict.forward_model import COARSE, FINE, Motor
+from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
 from mopro.experiment.predict.steady import rises
 from mopro.instruments.sensor import POSITION
 from mopro.machine import Machine
-from mopro.plant.engine import Stepping
+from mopro.plant import Stepping
 
 OFFSET, TILT = "sensor_offset", "constant_force"
 # An offset this many standard deviations clear of zero, and the same in all runs, is one.
@@ -44,7 +44,7 @@ class Model:
     ) -> None:
         self.experiment = experiment
         self.resolved = resolved
-        self.motor = Motor(experiment, stepping, resolved)
+        self.motor = ForwardModel(experiment, stepping, resolved)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         machine = self.experiment.machine

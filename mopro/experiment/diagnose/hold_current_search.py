@@ -15,7 +15,7 @@ import numpy as np
 from mopro.diagnosis import ResidualView
 from mopro.experiment.diagnose.start_search import Values
 from mopro.experiment.model import Floats, Reading
-from mopro.experiment.predict.forward_model import Motor
+from mopro.experiment.predict.forward_model import ForwardModel
 
 # So many standard deviations clear of white noise something shows.
 _CLEARLY = 5.0
@@ -39,7 +39,7 @@ EARLIEST_S = 0.02
 class Rests:
     """Looks at what a fit leaves of the positions at rest, in the runs of `motor`."""
 
-    def __init__(self, motor: Motor) -> None:
+    def __init__(self, motor: ForwardModel) -> None:
         self._motor = motor
         axis = motor.experiment.machine.axis
         self._period_s = math.tau / math.sqrt(axis.stiffness_N_m / axis.moving_mass_kg)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from mopro.diagnosis import Series
 from mopro.experiment.compare.labels import labels_of
 from mopro.experiment.model import Reading
-from mopro.experiment.predict.forward_model import Motor
+from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.instruments.sensor import TEMPERATURE
 
 
-def series_of(motor: Motor) -> list[Series]:
+def series_of(motor: ForwardModel) -> list[Series]:
     """Every reading of the runs, in order, with the parts that can be held out."""
     return [
         _series(motor, index, reading)
@@ -18,7 +18,7 @@ def series_of(motor: Motor) -> list[Series]:
     ]
 
 
-def _series(motor: Motor, index: int, reading: Reading) -> Series:
+def _series(motor: ForwardModel, index: int, reading: Reading) -> Series:
     experiment, sensor = motor.experiment, reading.sensor
     labels = labels_of(reading, motor.schedule(index), experiment.machine.microstep_m)
     unit = sensor.column.rsplit("_", 1)[-1]

@@ -14,7 +14,7 @@ from mopro.diagnosis.model import FindStarts
 from mopro.diagnosis.noise_tests import cusum_step
 from mopro.diagnosis.spectrum import position_spectrum
 from mopro.experiment.model import Floats
-from mopro.experiment.predict.forward_model import RUN, Motor, angle_in
+from mopro.experiment.predict.forward_model import RUN, ForwardModel, angle_in
 from mopro.motion import PlannedMove
 
 _PERIODS_TRIED = 3
@@ -38,7 +38,7 @@ class Seeker:
     Series come in the order of the runs' readings, temperatures among them, and tables last.
     """
 
-    def __init__(self, motor: Motor) -> None:
+    def __init__(self, motor: ForwardModel) -> None:
         self._motor = motor
         # The series' numbers, with the run and the reading of each.
         self._positions = motor.positions()

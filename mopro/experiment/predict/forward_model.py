@@ -1,4 +1,4 @@
-"""The motor as a model that the diagnosis can run: settings of effects to every reading.
+"""A machine as a model that the diagnosis can run: settings of effects to every reading.
 
 What a program commands and how the axis answers (stages C and D) is simulated and kept;
 what a sensor makes of it (stage M) is worked out anew each time, as it costs next to
@@ -8,13 +8,13 @@ nothing.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from operator import attrgetter
 from threading import Lock
-from typing import Generic, TypeVar
 
 import numpy as np
+from cachetools import LRUCache, cachedmethod
 
 from mopro.diagnosis import Settings
 from mopro.effects import Active, Effect, Stage, catalogue
@@ -23,11 +23,16 @@ from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
 from mopro.instruments.sensor import POSITION, TEMPERATURE
 from mopro.motion import Schedule
-from mopro.plant.engine import Stepping
-from mopro.plant.heat import HeatPieces, heat_pieces
-from mopro.plant.measurement import measured_at
-from mopro.plant.simulate import Settings as EmulatorSettings
-from mopro.plant.simulate import Staging, heat_of, planned, staged
+from mopro.plant import (
+    HeatIntervals,
+    Simulation,
+    Stepping,
+    change_schedule,
+    heat_intervals,
+    measured_at,
+    plan_with_effects,
+    simulate,
+)
 from mopro.program import AXES
 from mopro.recording.record import Columns
 
@@ -37,7 +42,7 @@ COARSE = Stepping(2.5e-4, 5e-5)
 FINE = Stepping(2.5e-5)
 # Between samples of the true motion a cubic is within 0.03 µm at a jump of acceleration.
 DENSE_HZ = 4000.0
-_KEPT = 96
+_MOST_KEPT = 96
 # How a move fares is watched between steps as well: few samples are enough.
 _WATCHED_HZ = 100.0
 _BEYOND = 1.01
@@ -61,30 +66,7 @@ def angle_in(run: int, angle: str = "phi") -> str:
     return f"{angle}_{run + 1}"
 
 
-T = TypeVar("T")
-
-
-class _Kept(Generic[T]):
-    """The latest results by what they were made for; two threads may both make the same."""
-
-    def __init__(self) -> None:
-        self._results: OrderedDict[object, T] = OrderedDict()
-        self._lock = Lock()
-
-    def get(self, key: object, make: Callable[[], T]) -> T:
-        with self._lock:
-            if key in self._results:
-                self._results.move_to_end(key)
-                return self._results[key]
-        result = make()
-        with self._lock:
-            self._results[key] = result
-            while len(self._results) > _KEPT:
-                self._results.popitem(last=False)
-        return result
-
-
-class Motor:
+class ForwardModel:
     """Predicts every reading of an experiment's runs, in their order.
 
     `resolved` tells whether the drive's angle moves in whole microsteps; a fine sensor
@@ -101,9 +83,11 @@ class Motor:
         self._stepping = stepping
         self._resolved = resolved
         self._own = active_effects(experiment.machine, catalogue())
-        self._motions: _Kept[Columns] = _Kept()
-        self._schedules: _Kept[Schedule] = _Kept()
-        self._pieces: _Kept[HeatPieces] = _Kept()
+        # The latest results; two threads may both work out the same one.
+        self._lock = Lock()
+        self._motions: LRUCache[object, Columns] = LRUCache(_MOST_KEPT)
+        self._schedules: LRUCache[object, Schedule] = LRUCache(_MOST_KEPT)
+        self._intervals: LRUCache[object, HeatIntervals] = LRUCache(_MOST_KEPT)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [self._reading(run, reading, settings) for run, reading in self.readings()]
@@ -132,7 +116,7 @@ class Motor:
         """What run number `index` commands without further effects."""
         return self._schedule(index, self._own)
 
-    def way_m(self) -> tuple[float, float]:
+    def travel_m(self) -> tuple[float, float]:
         """The least and the greatest position that any sensor was to see."""
         places = [
             self._motion(run, _of_the_motion(self._own))[f"position_{reading.sensor.axis}_m"]
@@ -158,15 +142,10 @@ class Motor:
         return all(self._least_margin(run, self.active(run, settings)) > 0 for run in runs)
 
     def _least_margin(self, index: int, active: tuple[Active, ...]) -> float:
-        staging = self._staging(index, _padded(_of_the_motion(active)))
-        end_s = staging.schedule.duration_s
-        times = np.arange(0.0, end_s, 1 / _WATCHED_HZ)
-        margins = [1.0]
-        for axis in staging.axes:
-            axis.advance(times, end_s)
-            moves = (m for m in staging.schedule.moves if axis.number in m.axes)
-            margins += [axis.fates.of(move).stall_margin for move in moves]
-        return min(margins)
+        simulation = self._simulation(index, _padded(_of_the_motion(active)))
+        simulation.follow(_WATCHED_HZ)
+        outcomes = map(simulation.outcome, simulation.schedule.moves)
+        return min((o.stall_margin for o in outcomes if o.stall_margin is not None), default=1.0)
 
     # -- one reading -----------------------------------------------------------
 
@@ -177,72 +156,70 @@ class Motor:
         if not distorted:
             active = tuple(a for a in active if not a.effect.distorts)
         if reading.sensor.quantity == TEMPERATURE:
-            columns = self._warmth(index, float(reading.time_s[-1]), active)
+            columns = self._temperature(index, float(reading.time_s[-1]), active)
         else:
             columns = self._motion(index, _of_the_motion(active))
         return measured_at(columns, reading.sensor, machine, active, reading.time_s)
 
-    def _warmth(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
+    def _temperature(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
         """On a grid of its own, as a thermocouple is slow against the motion."""
         machine, schedule = self.experiment.machine, self._schedule(index, active)
-        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
-        pieces = self._pieces.get(
-            (index, *_key(commanding)), lambda: heat_pieces(machine, schedule.moves)
-        )
-        heat = heat_of(schedule, machine, active, pieces)
+        intervals = self._heat_intervals(index, _commanding(active))
+        simulation = simulate(schedule, machine, active, heat_intervals=intervals)
         grid = _every_second(end_s)
-        return {"time_s": grid, "temperature_C": heat.temperature_C(grid)}
+        return {"time_s": grid, "temperature_C": simulation.temperature_C(grid)}
+
+    @cachedmethod(attrgetter("_intervals"), lock=attrgetter("_lock"))
+    def _heat_intervals(self, index: int, commanding: tuple[Active, ...]) -> HeatIntervals:
+        moves = self._schedule(index, commanding).moves
+        return heat_intervals(self.experiment.machine, moves)
 
     # -- one motion --------------------------------------------------------------
 
+    @cachedmethod(attrgetter("_motions"), lock=attrgetter("_lock"))
     def _motion(self, index: int, active: tuple[Active, ...]) -> Columns:
         """The true motion of run `index`: columns as a recording has them."""
-        return self._motions.get((index, *_key(active)), lambda: self._moved(index, active))
-
-    def _moved(self, index: int, active: tuple[Active, ...]) -> Columns:
         trial = self.experiment.trials[index]
-        staging = self._staging(index, _padded(active))
+        simulation = self._simulation(index, _padded(active))
         seen = {r.sensor.axis for r in trial.readings if r.sensor.quantity != TEMPERATURE}
         # A sample clock that runs slow takes its last samples behind the end.
         end_s = trial.duration_s * _BEYOND if seen else 0.0
         times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
         columns: Columns = {"time_s": times}
-        for axis in staging.axes if seen else ():
+        for axis, track in simulation.schedule.tracks.items() if seen else ():
             # One that is parked and not looked at stays where it is.
-            moving = axis.number in seen or staging.schedule.tracks[axis.number].segments
-            place = axis.positions_m(times, float(times[-1])) if moving else 0.0 * times
-            columns[f"position_{axis.number}_m"] = place
+            moving = axis in seen or track.segments
+            place = simulation.positions_m(axis, times, float(times[-1])) if moving else 0.0 * times
+            columns[f"position_{axis}_m"] = place
         grid = _every_second(float(times[-1]))
-        columns["temperature_C"] = np.interp(times, grid, staging.heat.temperature_C(grid))
+        columns["temperature_C"] = np.interp(times, grid, simulation.temperature_C(grid))
         return columns
 
-    def _staging(self, index: int, active: tuple[Active, ...]) -> Staging:
+    def _simulation(self, index: int, active: tuple[Active, ...]) -> Simulation:
         trial, machine = self.experiment.trials[index], self.experiment.machine
-        how = EmulatorSettings(machine, trial.payload_kg, self._resolved, self._stepping, True)
-        return staged(self._schedule(index, active), how, active)
+        return simulate(
+            self._schedule(index, active), machine, active, self._stepping,
+            payload_kg=trial.payload_kg, resolved=self._resolved, compiled=True,
+        )  # fmt: skip
 
     def _schedule(self, index: int, active: tuple[Active, ...]) -> Schedule:
         """What run `index` commands, as long as its data last."""
+        return self._lasting_schedule(index, _commanding(active))
+
+    @cachedmethod(attrgetter("_schedules"), lock=attrgetter("_lock"))
+    def _lasting_schedule(self, index: int, commanding: tuple[Active, ...]) -> Schedule:
         trial = self.experiment.trials[index]
-        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
-
-        def lasting() -> Schedule:
-            schedule = self._planned(trial, commanding)
-            return replace(schedule, duration_s=max(schedule.duration_s, trial.duration_s))
-
-        return self._schedules.get((index, *_key(commanding)), lasting)
+        schedule = self._planned(trial, commanding)
+        return replace(schedule, duration_s=max(schedule.duration_s, trial.duration_s))
 
     def _planned(self, trial: Trial, active: tuple[Active, ...]) -> Schedule:
         """What `trial` commands; only effects of the command change it."""
         machine = self.experiment.machine
         if trial.program is None:
             assert trial.command is not None, "a run has a program or a logged command"
-            schedule = schedule_of(trial.command, machine)
-            for a in active:
-                schedule = a.effect.schedule(schedule, *a.values)
-            return schedule
+            return change_schedule(schedule_of(trial.command, machine), active)
         for_s = trial.duration_s if trial.program.loops_forever or trial.partial else None
-        return planned(trial.program, machine, active, for_s)
+        return plan_with_effects(trial.program, machine, active, for_s)
 
 
 def _active(effect: Effect, values: Mapping[str, float], index: int) -> Active:
@@ -259,8 +236,9 @@ def _every_second(end_s: float) -> Floats:
     return np.linspace(0.0, end_s, max(2, math.ceil(end_s) + 1))
 
 
-def _key(active: Sequence[Active]) -> tuple[object, ...]:
-    return tuple((a.name, a.values, a.axes) for a in active)
+def _commanding(active: Iterable[Active]) -> tuple[Active, ...]:
+    """Those of `active` that change what is commanded."""
+    return tuple(a for a in active if a.effect.stage is Stage.COMMAND)
 
 
 def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:

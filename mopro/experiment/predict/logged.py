@@ -77,9 +77,9 @@ def _segments(time_s: Floats, position_u: Floats, first: int, last: int) -> list
 
 
 def _moves(axis: int, segments: list[Segment]) -> Iterator[PlannedMove]:
-    """One move for each way; its profile says its size, its track how it went."""
-    ways = np.sign([s.state(s.end_s).position - s.x for s in segments])
-    for part in _same_way(ways):
+    """One move for each direction; its profile says its size, its track how it went."""
+    directions = np.sign([s.state(s.end_s).position - s.x for s in segments])
+    for part in _same_direction(directions):
         own = segments[part.start : part.stop]
         start_u, end_u = own[0].x, own[-1].state(own[-1].end_s).position
         duration_s = own[-1].end_s - own[0].start_s
@@ -92,12 +92,12 @@ def _moves(axis: int, segments: list[Segment]) -> Iterator[PlannedMove]:
         yield PlannedMove(_PLACE, (stroke,), profile, own[0].start_s, length, Fraction(1))
 
 
-def _same_way(ways: NDArray[np.float64]) -> Iterator[range]:
-    """Runs of segments that go one way; one that stands still belongs to the run before."""
-    start, way = 0, 0.0
-    for i, here in enumerate(ways.tolist()):
-        if here and way and here != way:
+def _same_direction(directions: NDArray[np.float64]) -> Iterator[range]:
+    """Runs of segments in one direction; one that stands still belongs to the run before."""
+    start, direction = 0, 0.0
+    for i, here in enumerate(directions.tolist()):
+        if here and direction and here != direction:
             yield range(start, i)
             start = i
-        way = here or way
-    yield range(start, len(ways))
+        direction = here or direction
+    yield range(start, len(directions))

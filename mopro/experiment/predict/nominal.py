@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from mopro.emulator import Emulator
-from mopro.emulator.backend import MAX_STEP_S
+from mopro.effects import catalogue
+from mopro.effects.resolve import active_effects
 from mopro.experiment.model import Experiment, Floats, SteadyTable, Trial
 from mopro.experiment.predict.alignment import aligned
-from mopro.experiment.predict.forward_model import Motor
+from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.experiment.predict.logged import schedule_of
 from mopro.experiment.predict.steady import rises
 from mopro.instruments.sensor import POSITION
 from mopro.machine import Machine
 from mopro.motion import Schedule
-from mopro.plant.engine import Stepping
-from mopro.plant.simulate import COMPILE_FROM_STEPS
+from mopro.plant import COMPILE_FROM_STEPS, MAX_STEP_S, Stepping, plan_with_effects
 from mopro.program import AXES
 
 
@@ -25,7 +24,7 @@ def predict(experiment: Experiment) -> list[list[Floats]]:
     The drive follows its command smoothly or in microsteps, whichever fits the data better.
     """
     drives = [
-        _by_trial(experiment, Motor(experiment, Stepping(MAX_STEP_S), resolved)({}))
+        _by_trial(experiment, ForwardModel(experiment, Stepping(MAX_STEP_S), resolved)({}))
         for resolved in (False, True)
     ]
     return min(drives, key=lambda predicted: _misfit(experiment, predicted))
@@ -43,7 +42,7 @@ def planned(trial: Trial, machine: Machine) -> Schedule:
         return schedule_of(trial.command, machine)
     endless = trial.program.loops_forever or trial.partial
     for_s = trial.duration_s if endless else None
-    return Emulator(machine, trial.payload_kg).plan(trial.program, for_s)
+    return plan_with_effects(trial.program, machine, active_effects(machine, catalogue()), for_s)
 
 
 def compiling_pays(experiment: Experiment) -> bool:

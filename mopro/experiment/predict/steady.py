@@ -1,7 +1,7 @@
 """Steady states: the final temperatures of motion back and forth, and what may change them.
 
 Each row is the motion between two points over and over, whose heat balance is that of
-Table 3.2 (eq. 3.12 to 3.26): the Reynolds number's length is the way travelled, the path's
+Table 3.2 (eq. 3.12 to 3.26): the Reynolds number's length is the distance travelled, the path's
 for two axes, and the forcer's side at rest. Effects of the heat stage change the balance
 by their own hooks; the final temperature is where nothing flows any more.
 """
@@ -21,7 +21,7 @@ from mopro.effects.resolve import active_effects
 from mopro.experiment.model import Floats, SteadyTable
 from mopro.machine import Machine
 from mopro.motion import plan_profile
-from mopro.plant.heat import heat_balance
+from mopro.plant import heat_balance
 from mopro.program import AXES
 
 # No forcer is hotter: what has no steady state below is given this rise.
@@ -40,8 +40,8 @@ class _Motion:
     def of(cls, table: SteadyTable, row: int) -> _Motion:
         """The longer stroke has the set speed, if it reaches it; the other keeps step."""
         velocity, acceleration = table.velocity_m_s[row], table.acceleration_m_s2[row]
-        ways = (abs(float(table.x_m[row])), abs(float(table.y_m[row])))
-        lengths = tuple(way for way in ways if way > 0)
+        strokes = (abs(float(table.x_m[row])), abs(float(table.y_m[row])))
+        lengths = tuple(stroke for stroke in strokes if stroke > 0)
         if not lengths or velocity <= 0 or acceleration <= 0:
             return cls((), ())
         longest = max(lengths)

@@ -13,7 +13,7 @@ from mopro.lint.rule import Finding, Rule, Stage
 from mopro.lint.settings import Settings
 from mopro.lint.subject import Subject
 from mopro.motion import PlannedMove, Shape
-from mopro.program import ir
+from mopro.program import AXES, ir
 from mopro.source import Span
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
@@ -92,17 +92,19 @@ def _never_reaches_velocity(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 
 def _rounds_to_microsteps(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    ways = subject.survey.ways_u
+    distances = subject.survey.distances_u
     for index in sorted(subject.reached):
         op = subject.program.ops[index]
         if not isinstance(op, ir.Move | ir.SetTarget) or op.absolute:
             continue
-        way_u = next((ways[op.span, a] for a in op.axes if (op.span, a) in ways), Fraction(0))
-        if way_u and abs(round(way_u) - way_u) > _COARSE * abs(way_u):
-            meant = op.distance_uu / way_u * round(way_u)
+        distance_u = next(
+            (distances[op.span, a] for a in op.axes if (op.span, a) in distances), Fraction(0)
+        )
+        if distance_u and abs(round(distance_u) - distance_u) > _COARSE * abs(distance_u):
+            meant = op.distance_uu / distance_u * round(distance_u)
             message = (
-                f"{float(op.distance_uu):g} is {float(way_u):.6g} microsteps: the axis moves "
-                f"{round(way_u)}, which is {float(meant):.6g}"
+                f"{float(op.distance_uu):g} is {float(distance_u):.6g} microsteps: the axis moves "
+                f"{round(distance_u)}, which is {float(meant):.6g}"
             )
             fix = _with_value(subject, index, meant)
             yield rule.at(op.span, message, "microsteps cannot be divided", fix)
@@ -130,9 +132,7 @@ def _drift_per_loop(rule: Rule, subject: Subject) -> Iterator[Finding]:
         return
     moves = subject.survey.schedule.moves[laps[-2].moves : laps[-1].moves]
     jump = next(op for op in reversed(list(subject.program.reachable())) if isinstance(op, ir.Jump))
-    for axis, before, after in zip(
-        subject.axes, laps[-2].position_u, laps[-1].position_u, strict=True
-    ):
+    for axis, before, after in zip(AXES, laps[-2].position_u, laps[-1].position_u, strict=True):
         drift_u = after - before
         if not drift_u:
             continue

@@ -29,16 +29,16 @@ def _acceleration(subject: Subject, move: PlannedMove) -> tuple[float, str]:
 
 def _stall(rule: Rule, subject: Subject) -> Iterator[Finding]:
     told: set[Span] = set()
-    for stress in subject.stresses.each:
-        span = stress.move.span
-        if not stress.slips or span in told:
+    for found in subject.stall_margins.each:
+        span = found.move.span
+        if not found.slips or span in told:
             continue
         told.add(span)
-        value, unit = _acceleration(subject, stress.move)
-        message = f"axis {stress.axis} stalls in this move at {value:.4g} {unit}: margin 0 %"
-        hint = _what_works(subject, stress, value, unit) if len(told) <= _MOST_PROPOSALS else None
+        value, unit = _acceleration(subject, found.move)
+        message = f"axis {found.axis} stalls in this move at {value:.4g} {unit}: margin 0 %"
+        hint = _what_works(subject, found, value, unit) if len(told) <= _MOST_PROPOSALS else None
         yield rule.at(span, message, hint)
-    unchecked = sorted({move.span for move in subject.stresses.unchecked})
+    unchecked = sorted({move.span for move in subject.stall_margins.unchecked})
     if unchecked:
         message = (
             f"from here on {len(unchecked)} statements with moves are not checked for stall: they "
@@ -47,14 +47,14 @@ def _stall(rule: Rule, subject: Subject) -> Iterator[Finding]:
         yield rule.at(unchecked[0], message, "see `mopro run --emulate`")
 
 
-def _what_works(subject: Subject, stress: Any, value: float, unit: str) -> str:
-    from mopro.lint.stress import largest_acceleration
+def _what_works(subject: Subject, stalled: Any, value: float, unit: str) -> str:
+    from mopro.lint.stall_margins import largest_acceleration
 
-    found = largest_acceleration(subject.stresses.plant, stress, value, SAFE_MARGIN)
-    if found is None:
+    best = largest_acceleration(subject.stall_margins.laden, stalled, value, SAFE_MARGIN)
+    if best is None:
         return f"no acceleration from a hundredth of {value:.4g} {unit} on works"
-    works, margin = found
-    axis = stress.move.axes[0]
+    works, margin = best
+    axis = stalled.move.axes[0]
     return (
         f"the largest acceleration that works is {works:g} {unit}, `ACC{axis} {works / 1000:g}`, "
         f"with a margin of {margin:.0%}"
@@ -63,22 +63,22 @@ def _what_works(subject: Subject, stress: Any, value: float, unit: str) -> str:
 
 def _low_margin(rule: Rule, subject: Subject) -> Iterator[Finding]:
     least: dict[Span, Any] = {}
-    stalled = {stress.move.span for stress in subject.stresses.each if stress.slips}
-    for stress in subject.stresses.each:
-        span = stress.move.span
-        if stress.margin < subject.settings.low_margin and span not in stalled:
-            least[span] = min(least.get(span, stress), stress, key=lambda s: s.margin)
-    for span, stress in least.items():
+    stalled = {found.move.span for found in subject.stall_margins.each if found.slips}
+    for found in subject.stall_margins.each:
+        span = found.move.span
+        if found.margin < subject.settings.low_margin and span not in stalled:
+            least[span] = min(least.get(span, found), found, key=lambda s: s.margin)
+    for span, found in least.items():
         yield rule.at(
             span,
-            f"axis {stress.axis} has a margin of {stress.margin:.0%} against stall in this move: "
+            f"axis {found.axis} has a margin of {found.margin:.0%} against stall in this move: "
             f"less than {subject.settings.low_margin:.0%}",
             "lower the acceleration or the payload",
         )
 
 
 def _over_temperature(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    from mopro.lint.warmth import can_overheat, overheating
+    from mopro.lint.overheating import can_overheat, overheating
 
     loops = subject.program.loops_forever
     duration_s = subject.survey.schedule.duration_s
@@ -97,13 +97,13 @@ def _over_temperature(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 
 def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
+    from mopro.lint.energy_bound import greatest_step_m_s2
     from mopro.lint.rules.motion import first_by_span
-    from mopro.lint.stress import Leg, emulated
-    from mopro.lint.swing import greatest_step_m_s2
+    from mopro.lint.stall_margins import MoveOnAxis, emulated
     from mopro.motion import plan_profile
 
-    plant = subject.stresses.plant
-    step_u_s2 = greatest_step_m_s2(plant.swinger.pull_out_m_s2, KEPT_MARGIN)
+    laden = subject.stall_margins.laden
+    step_u_s2 = greatest_step_m_s2(laden.pendulum.pull_out_m_s2, KEPT_MARGIN)
     step_u_s2 /= subject.machine.microstep_m
     for move in first_by_span(subject.distinct_moves):
         profile = move.profile
@@ -113,8 +113,8 @@ def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
         saved_s = profile.duration_s - faster.duration_s
         if saved_s < _WORTH_TELLING * profile.duration_s:
             continue
-        leg = Leg(round(profile.distance), profile.velocity, step_u_s2, True, 1.0)
-        ((margin, slips),) = emulated(plant, (leg,))
+        motion = MoveOnAxis(round(profile.distance), profile.velocity, step_u_s2, True, 1.0)
+        ((margin, slips),) = emulated(laden, (motion,))
         if not slips and margin >= KEPT_MARGIN:
             axis, value = move.axes[0], move.in_uu(step_u_s2) / 1000
             yield rule.at(

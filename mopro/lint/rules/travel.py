@@ -10,6 +10,7 @@ from mopro.lint.settings import Settings
 from mopro.lint.subject import Subject
 from mopro.lint.travel import extent_u, travel_of
 from mopro.motion import PlannedMove
+from mopro.program import AXES
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
 
@@ -25,7 +26,7 @@ def _moves_of_travel(subject: Subject) -> tuple[PlannedMove, ...]:
 
 def _off_travel(rule: Rule, subject: Subject) -> Iterator[Finding]:
     moves = _moves_of_travel(subject)
-    for axis in subject.axes:
+    for axis in AXES:
         travel = travel_of(subject, axis)
         low_u, high_u = extent_u(moves, axis)
         if high_u - low_u <= travel.length_u + 0.5:

@@ -15,11 +15,12 @@ from mopro.effects import Active, Effect, Parameter, Stage, catalogue
 from mopro.effects.document import markdown
 from mopro.errors import ModelError
 from mopro.machine import load_machine
-from mopro.machine.constants import PlantNumbers
+from mopro.machine.constants import PlantConstants
 from mopro.motion.track import Track
 from mopro.plant.assembly import Layout, assemble
 from mopro.plant.command_table import CommandTable
-from mopro.plant.engine import AssembledEngine, Stepping, Strength
+from mopro.plant.drive_scaling import DriveScaling
+from mopro.plant.engine import AssembledEngine, Stepping
 
 NAMES = [
     "payload_mass",
@@ -194,10 +195,10 @@ class Creep(Effect):
 @pytest.mark.parametrize("compiled", [False, True])
 def test_an_effect_may_have_a_state_in_time(compiled):
     machine = load_machine("chow1992")
-    plant, command = PlantNumbers.of(machine, 0.0), CommandTable(Track())
+    plant, command = PlantConstants.of(machine, 0.0), CommandTable(Track())
     active = [Active(Creep(), (5.0, 0.3), (1, 2))]
     engine = AssembledEngine(
-        plant, command, True, Stepping(5e-5), active, Strength.full(), compiled
+        plant, command, True, Stepping(5e-5), active, DriveScaling.full(), compiled
     )
     times = np.linspace(0.0, 1.0, 101)
     x = engine.through(times).position

@@ -15,7 +15,7 @@ from mopro.emulator import Emulator
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
-from mopro.plant.engine import Strength
+from mopro.plant.drive_scaling import DriveScaling
 from mopro.plant.heat import HeatHistory
 from mopro.plant.measurement import measure
 from mopro.plant.stepped_heat import SteppedHeat
@@ -363,7 +363,7 @@ def unheated(schedule):
 
 def heated(schedule, effects):
     active = Emulator(MACHINE, effects=effects).active
-    full = {1: Strength.full(), 2: Strength.full()}
+    full = {1: DriveScaling.full(), 2: DriveScaling.full()}
     return SteppedHeat(MACHINE, schedule.moves, active, full, HOUR_S).temperature_C(TIMES)
 
 

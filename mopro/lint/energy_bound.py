@@ -29,7 +29,7 @@ _LARGE = 0.8
 _MICROSTEP_SWING = 0.02
 
 
-class Swinger(NamedTuple):
+class Pendulum(NamedTuple):
     """The constants of one axis: A in m/s², c_s/m in 1/s, k in 1/m."""
 
     pull_out_m_s2: float
@@ -41,11 +41,11 @@ class Swinger(NamedTuple):
         return 2 * math.pi / math.sqrt(self.wave_number_1_m * self.pull_out_m_s2)
 
 
-class Swing:
+class EnergyBound:
     """The largest swing that an axis can be in; `lost` once it may have left its tooth."""
 
-    def __init__(self, swinger: Swinger) -> None:
-        self._swinger = swinger
+    def __init__(self, pendulum: Pendulum) -> None:
+        self._pendulum = pendulum
         self._push = 0.0
         self._energy = 0.0
         self.lost = False
@@ -57,8 +57,8 @@ class Swing:
 
     def push(self, acceleration_m_s2: float, end_m_s2: float, duration_s: float) -> None:
         """Live through one segment of the command, whose acceleration goes from one to another."""
-        start = acceleration_m_s2 / self._swinger.pull_out_m_s2
-        end = end_m_s2 / self._swinger.pull_out_m_s2
+        start = acceleration_m_s2 / self._pendulum.pull_out_m_s2
+        end = end_m_s2 / self._pendulum.pull_out_m_s2
         self._corner(start)
         if start == end:
             self._decay(duration_s)
@@ -88,8 +88,8 @@ class Swing:
         """Damping, with one period off in which its share may be small."""
         if self.lost or self._energy > _LARGE * (_crest(self._push) - _bottom(self._push)):
             return
-        losing_s = max(0.0, duration_s - self._swinger.period_s)
-        self._energy *= math.exp(-_LOSS_SHARE * self._swinger.damping_1_s * losing_s)
+        losing_s = max(0.0, duration_s - self._pendulum.period_s)
+        self._energy *= math.exp(-_LOSS_SHARE * self._pendulum.damping_1_s * losing_s)
 
     def _range(self) -> tuple[float, float]:
         """The least and the greatest θ that the energy allows."""

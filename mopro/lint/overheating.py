@@ -34,21 +34,23 @@ def overheating(machine: Machine, survey: Survey, loops: bool) -> Overheating | 
     """The first time at which the temperature passes the rating, or None if it never does."""
     import numpy as np
 
-    from mopro.plant.heat import HeatHistory
+    from mopro.plant import simulate
 
     moves = survey.schedule.moves
     if not moves:
         return None
-    history = HeatHistory(machine, moves)
+    simulation = simulate(survey.schedule, machine, active=())
     ends_s = np.array([move.end_s for move in moves])
-    above = np.flatnonzero(history.temperature_C(ends_s) > machine.heat.rated_C)
+    above = np.flatnonzero(simulation.temperature_C(ends_s) > machine.heat.rated_C)
     if len(above):
         hot = moves[int(above[0])]
-        return Overheating(hot.end_s, float(history.temperature_C(ends_s).max()), hot.span)
+        return Overheating(hot.end_s, float(simulation.temperature_C(ends_s).max()), hot.span)
     if not loops or len(survey.laps) < 3:
         return None
     laps_s = np.array([lap.time_s for lap in survey.laps[-3:]])
-    return _in_the_long_run(machine, laps_s.tolist(), history.temperature_C(laps_s).tolist(), moves)
+    return _in_the_long_run(
+        machine, laps_s.tolist(), simulation.temperature_C(laps_s).tolist(), moves
+    )
 
 
 def _in_the_long_run(

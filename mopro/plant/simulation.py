@@ -1,0 +1,324 @@
+"""The one way into the plant: a schedule and a machine give a run that is taken through time.
+
+    schedule → trips → scaling of the drive → temperature → equation of motion → columns
+
+each made from what stands before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mopro.effects import Active, Stage, catalogue, on_axis
+from mopro.effects.resolve import active_effects
+from mopro.machine import Machine
+from mopro.machine.constants import PlantConstants
+from mopro.motion import PlannedMove, Schedule, Stopping
+from mopro.plant import kernel
+from mopro.plant.assembly import Layout
+from mopro.plant.axis import EmulatedAxis
+from mopro.plant.columns import columns_of
+from mopro.plant.command_table import CommandTable, Floats
+from mopro.plant.drive_scaling import DriveScaling, hold_scaling, with_heat
+from mopro.plant.engine import AssembledEngine, Engine, Integrate, NominalEngine, Stepping
+from mopro.plant.heat import HeatHistory, HeatIntervals
+from mopro.plant.stepped_heat import SteppedHeat
+from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, platen_edges, switches_u
+from mopro.program import AXES
+from mopro.recording import MoveOutcome
+from mopro.recording.record import Columns
+
+# RK4 at this step is within 0.03 nm of the exact response to LVDT3.
+MAX_STEP_S = 50e-6
+STEPPING = Stepping(MAX_STEP_S)
+# From this many integration steps on, importing a compiler pays; an assembled kernel is
+# slower as plain Python, and takes longer to compile.
+COMPILE_FROM_STEPS = 400_000
+COMPILE_ASSEMBLED_FROM_STEPS = 250_000
+_RINGING_S = 0.7
+_TRIP_STEP_S = 1.0
+_SHOWN_AFTER_S = 0.5
+_FEW_CHANGES = 20
+
+Heat = HeatHistory | SteppedHeat
+Scalings = Mapping[int, DriveScaling]
+
+
+def simulate(
+    schedule: Schedule,
+    machine: Machine,
+    active: Sequence[Active] | None = None,
+    stepping: Stepping = STEPPING,
+    *,
+    payload_kg: float = 0.0,
+    resolved: bool = True,
+    compiled: bool | None = None,
+    trips: bool = False,
+    heat_intervals: HeatIntervals | None = None,
+) -> Simulation:
+    """`machine` at rest at the start of `schedule`, to be taken through time.
+
+    `active` are the effects switched on, those of the machine's file unless given;
+    `payload_kg` rides on the forcer; `resolved` false lets the drive follow the command
+    smoothly instead of in microsteps; `compiled` forces the kernel to be compiled or not.
+    With `trips`, limit switches and overheating end the run; without, they are the
+    caller's to act upon. `heat_intervals` are those of the schedule's moves, from a caller
+    who simulates the same moves many times. Raises ModelError for unusable effects.
+    """
+    if active is None:
+        active = active_effects(machine, catalogue())
+    settings = PlantSettings(machine, payload_kg, resolved, stepping, compiled)
+    if trips:
+        return Simulation(settings, _prepare_tripped_run(schedule, machine, tuple(active)))
+    return Simulation(settings, prepare_run(schedule, machine, tuple(active), heat_intervals))
+
+
+@dataclass(frozen=True)
+class PlantSettings:
+    """What is the same under every schedule; see `simulate`."""
+
+    machine: Machine
+    payload_kg: float
+    resolved: bool
+    stepping: Stepping
+    compiled: bool | None = None
+
+
+@dataclass(frozen=True)
+class PreparedRun:
+    """All that is known of a run before its equation of motion is integrated."""
+
+    schedule: Schedule
+    active: tuple[Active, ...]
+    scalings: Scalings
+    heat: Heat
+    trip: Trip | None = None
+
+
+class Simulation:
+    """One run on one machine, as far as it has got; `schedule` is what it follows.
+
+    Only what is commanded up to the time reached has been integrated, so that a caller may
+    still change what comes after it: a stop, or a longer schedule. `trip` is what ends the
+    run before its program does.
+    """
+
+    def __init__(self, settings: PlantSettings, run: PreparedRun) -> None:
+        self._settings = settings
+        self._run = run
+        self._made: dict[int, EmulatedAxis] | None = None
+
+    @property
+    def schedule(self) -> Schedule:
+        return self._run.schedule
+
+    @property
+    def trip(self) -> Trip | None:
+        return self._run.trip
+
+    @property
+    def _axes(self) -> dict[int, EmulatedAxis]:
+        """Made when something first moves: a temperature needs no equation of motion."""
+        if self._made is None:
+            self._made = {axis: _axis(axis, self._settings, self._run) for axis in AXES}
+        return self._made
+
+    def advance(self, times: Floats, end_s: float) -> Columns:
+        """The columns of a recording at `times`; the machine goes on to `end_s`.
+
+        Times ascend and lie between the time reached before and `end_s`.
+        """
+        samples = {n: axis.advance(times, end_s) for n, axis in self._axes.items()}
+        temperature_C = self.temperature_C(times)
+        return columns_of(times, samples, temperature_C, self.schedule, self._settings.machine)
+
+    def follow(self, rate_hz: float, end_s: float | None = None) -> None:
+        """Go to `end_s` (the schedule's end unless given), looked at `rate_hz` times a second.
+
+        For those who ask how the moves went and for no column.
+        """
+        end_s = self.schedule.duration_s if end_s is None else end_s
+        times = np.arange(int(end_s * rate_hz + 1e-6) + 1) / rate_hz
+        for axis in self._axes.values():
+            axis.advance(times, max(end_s, float(times[-1])))
+
+    def positions_m(self, axis: int, times: Floats, end_s: float) -> Floats:
+        """As `advance`, the positions of one axis alone; tells nothing of how its moves went."""
+        return self._axes[axis].positions_m(times, end_s)
+
+    def temperature_C(self, times: Floats) -> Floats:
+        """The forcer's temperature at `times`, which need not have been reached."""
+        return self._run.heat.temperature_C(times)
+
+    def position_m(self, axis: int) -> float:
+        """The position of `axis` at the time reached."""
+        return self._axes[axis].position_m
+
+    def change(self, schedule: Schedule) -> None:
+        """Go on under `schedule`, which is the same up to the time reached."""
+        before, self._made = self._made, None
+        self._run = prepare_run(schedule, self._settings.machine, self._run.active)
+        for axis, old in (before or {}).items():
+            self._axes[axis].take_over(old)
+
+    def slip(self, axis: int, pitches: int) -> None:
+        """Throw `axis` back by whole pitches, as a blow does."""
+        self._axes[axis].slip(pitches)
+
+    def settle(self) -> None:
+        """At the end of the command, let what rings come to rest; all outcomes are final."""
+        for axis in self._axes.values():
+            axis.settle()
+
+    def outcome(self, move: PlannedMove) -> MoveOutcome:
+        """How `move` went; final once its axes have begun another, or after `settle`."""
+        return MoveOutcome.worst([self._axes[n].outcomes.of(move) for n in move.axes])
+
+
+def prepare_run(
+    schedule: Schedule,
+    machine: Machine,
+    active: tuple[Active, ...],
+    intervals: HeatIntervals | None = None,
+) -> PreparedRun:
+    """The run of `schedule` as it stands: does not check limit switches or overheating."""
+    scalings = {axis: hold_scaling(schedule, axis, on_axis(active, axis)) for axis in AXES}
+    heat = _heat(machine, schedule, active, scalings, intervals)
+    return PreparedRun(schedule, active, scalings, heat)
+
+
+def _prepare_tripped_run(
+    schedule: Schedule, machine: Machine, active: tuple[Active, ...]
+) -> PreparedRun:
+    """The run of `schedule` as far as limit switches and overheating let it go."""
+    switches = switches_u(schedule, machine.travel_u())
+    trip = limit_trip(schedule, switches)
+    if trip:
+        schedule = _braked(schedule, trip)
+    run = replace(prepare_run(schedule, machine, active), trip=trip)
+    too_hot = _too_hot(machine, schedule, run.heat)
+    if too_hot:
+        run = _switched_off(run, too_hot, machine)
+    return _with_edges(run, machine, switches)
+
+
+def _braked(schedule: Schedule, trip: Trip) -> Schedule:
+    stopped = schedule.stopped(trip.time_s, Stopping.BRAKE)
+    return replace(stopped, duration_s=stopped.duration_s + _SHOWN_AFTER_S)
+
+
+def _too_hot(machine: Machine, schedule: Schedule, heat: Heat) -> Trip | None:
+    times = np.arange(0.0, schedule.duration_s, _TRIP_STEP_S)
+    return heat_trip(schedule, heat.temperature_C(times), times, machine.heat.rated_C)
+
+
+def _switched_off(run: PreparedRun, trip: Trip, machine: Machine) -> PreparedRun:
+    """The run given up where the drive goes dead; the command stays where it was."""
+    shown_s = min(run.schedule.duration_s, trip.time_s + _SHOWN_AFTER_S)
+    stopped = run.schedule.stopped(trip.time_s, Stopping.CUT)
+    schedule = replace(stopped, duration_s=shown_s)
+    scalings = {n: s.switched_off(trip.time_s) for n, s in run.scalings.items()}
+    heat = _heat(machine, schedule, run.active, scalings)
+    return PreparedRun(schedule, run.active, scalings, heat, trip)
+
+
+def _with_edges(run: PreparedRun, machine: Machine, switches: Ranges) -> PreparedRun:
+    """The run with the platen's edges, if it gets near them."""
+    if run.trip is None or run.trip.kind != "limit-switch":
+        return run
+    return replace(run, active=(*run.active, *platen_edges(machine, switches)))
+
+
+def _heat(
+    machine: Machine,
+    schedule: Schedule,
+    active: Sequence[Active],
+    scalings: Scalings,
+    intervals: HeatIntervals | None = None,
+) -> Heat:
+    """The forcer's temperature, which needs no equation of motion."""
+    effects = [a for a in active if a.effect.stage is Stage.HEAT]
+    if not effects and all(s.always_full for s in scalings.values()):
+        return HeatHistory(machine, schedule.moves, intervals)
+    lasting_s = schedule.duration_s
+    return SteppedHeat(machine, schedule.moves, effects, scalings, lasting_s, intervals)
+
+
+def _axis(
+    number: int,
+    settings: PlantSettings,
+    run: PreparedRun,
+) -> EmulatedAxis:
+    schedule, active = run.schedule, on_axis(run.active, number)
+    plant = PlantConstants.of(settings.machine, settings.payload_kg)
+    for a in active:
+        plant = a.effect.plant(plant, *a.values)
+    command = _command(schedule, number, active)
+    scaling = with_heat(run.scalings[number], run.heat.temperature_C, schedule.duration_s, active)
+    moves = [m for m in schedule.moves if number in m.axes]
+    layout = Layout.of(active)
+    return EmulatedAxis(
+        number,
+        plant,
+        command,
+        _engine(settings, schedule, plant, command, active, layout, scaling),
+        schedule.moves,
+        settings.resolved,
+        scaling.times_s.tolist(),
+        [jump for a in active for jump in a.effect.jumps(moves, *a.values)],
+        layout.voltage is not None,
+    )
+
+
+def _command(schedule: Schedule, number: int, active: Sequence[Active]) -> CommandTable:
+    table = CommandTable(schedule.tracks[number])
+    for a in active:
+        interval_s, interpolate = a.effect.tick_s(*a.values)
+        if interval_s > 0:
+            table = table.ticked(interval_s, interpolate, schedule.duration_s)
+    return table
+
+
+def _engine(
+    settings: PlantSettings,
+    schedule: Schedule,
+    plant: PlantConstants,
+    command: CommandTable,
+    active: Sequence[Active],
+    layout: Layout,
+    scaling: DriveScaling,
+) -> Engine:
+    """Plain for short work, compiled for long: the same kernel, the same bits."""
+    assembled = bool(layout.effects) or not scaling.always_full
+    compiled = settings.compiled
+    if compiled is None:
+        # Under a scaling that changes an axis is never quite at rest.
+        restless = assembled and len(scaling.times_s) > _FEW_CHANGES
+        steps = schedule.duration_s / settings.stepping.max_s
+        compiled = (restless and steps >= COMPILE_ASSEMBLED_FROM_STEPS) or compiling_pays(
+            schedule, settings.stepping.max_s, assembled
+        )
+    how = (plant, command, settings.resolved, settings.stepping)
+    if assembled:
+        return AssembledEngine(*how, active, scaling, compiled)
+    return NominalEngine(*how, nominal_kernel(compiled), compiled)
+
+
+def compiling_pays(schedule: Schedule, max_step_s: float, assembled: bool = False) -> bool:
+    """Whether importing a compiler, and running it for an assembled kernel, saves time."""
+    active_s = sum(
+        (move.profile.duration_s + _RINGING_S) * len(move.strokes) for move in schedule.moves
+    )
+    steps = min(active_s, schedule.duration_s * len(AXES)) / max_step_s
+    return steps >= (COMPILE_ASSEMBLED_FROM_STEPS if assembled else COMPILE_FROM_STEPS)
+
+
+def nominal_kernel(compiled: bool) -> Integrate:
+    if not compiled:
+        return kernel.integrate
+    from mopro.plant import compiled as with_numba
+
+    return with_numba.integrate

@@ -1,0 +1,129 @@
+"""How a move went: its outcome, the row of it in a run, and that row as a person reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from mopro.motion import PlannedMove
+from mopro.units import length_unit_name
+
+_MOST_LOSSES = 5
+
+MOVE_COLUMNS = (
+    "line",
+    "axes",
+    "profile",
+    "distance",
+    "peak / set velocity",
+    "duration (s)",
+    "largest lag",
+    "stall margin",
+    "lost pitches",
+)
+
+
+@dataclass(frozen=True)
+class MoveOutcome:
+    """What was seen of one move on one axis or on all of its axes; None where nothing could be.
+
+    `max_lag_m` is the largest following error, counted from the tooth that held the axis at
+    the start; `stall_margin` is 1 - |F|/F0 at the worst moment, 0 from a quarter pitch of
+    lag on, where the force falls again; `lost_pitches` is positive where the axis stayed
+    behind. `complete` is false where the run ended first.
+    """
+
+    max_lag_m: float | None = None
+    stall_margin: float | None = None
+    lost_pitches: int = 0
+    slipped: bool = False
+    complete: bool = True
+
+    @classmethod
+    def worst(cls, axes: Sequence[MoveOutcome]) -> MoveOutcome:
+        """The worst of a move's axes, all of which were seen."""
+        return cls(
+            max_lag_m=max((a.max_lag_m for a in axes if a.max_lag_m is not None), default=None),
+            stall_margin=min(
+                (a.stall_margin for a in axes if a.stall_margin is not None), default=None
+            ),
+            lost_pitches=max((a.lost_pitches for a in axes), key=abs),
+            slipped=any(a.slipped for a in axes),
+            complete=all(a.complete for a in axes),
+        )
+
+
+@dataclass(frozen=True)
+class MoveReport:
+    """One move as it was commanded and as it went.
+
+    Lengths are in `unit` (the program's user unit), velocities in `unit`/s and the
+    acceleration in `unit`/s². Distance, velocities and acceleration are those of the
+    major axis, which comes first in `axes`. The last five fields are those of the
+    `MoveOutcome`, the worst of all axes, with the lag in `unit`.
+    """
+
+    line: int
+    axes: list[int]
+    profile: str
+    distance: float
+    unit: str
+    set_velocity: float
+    peak_velocity: float
+    acceleration: float
+    start_s: float
+    duration_s: float
+    max_lag: float | None
+    stall_margin: float | None
+    lost_pitches: int
+    slipped: bool
+    complete: bool
+
+    @classmethod
+    def of(cls, move: PlannedMove, outcome: MoveOutcome, microstep_m: float) -> MoveReport:
+        """The row of `move`: what was commanded, and its `outcome`."""
+        metres_per_uu = move.microsteps_per_uu * Fraction(microstep_m).limit_denominator(10**9)
+        lag_m = outcome.max_lag_m
+        return cls(
+            line=move.span.line,
+            axes=list(move.axes),
+            profile=str(move.profile.shape),
+            distance=move.distance_uu,
+            unit=length_unit_name(metres_per_uu),
+            set_velocity=move.in_uu(move.profile.velocity),
+            peak_velocity=move.in_uu(move.profile.peak_velocity),
+            acceleration=move.in_uu(move.profile.acceleration),
+            start_s=move.start_s,
+            duration_s=move.profile.duration_s,
+            max_lag=None if lag_m is None else move.in_uu(lag_m / microstep_m),
+            stall_margin=outcome.stall_margin,
+            lost_pitches=outcome.lost_pitches,
+            slipped=outcome.slipped,
+            complete=outcome.complete,
+        )
+
+
+def move_cells(move: MoveReport) -> list[str]:
+    """One cell for each of `MOVE_COLUMNS`."""
+    return [
+        str(move.line),
+        "+".join(map(str, move.axes)),
+        move.profile + ("" if move.complete else " (cut short)"),
+        f"{move.distance:g} {move.unit}",
+        f"{move.peak_velocity:.4g} / {move.set_velocity:.4g} {move.unit}/s",
+        f"{move.duration_s:.6f}",
+        "-" if move.max_lag is None else f"{move.max_lag:.3g} {move.unit}",
+        "-" if move.stall_margin is None else f"{move.stall_margin:.0%}",
+        f"{move.lost_pitches:+d}" if move.slipped else "0",
+    ]
+
+
+def stall_message(moves: Sequence[MoveReport]) -> str:
+    """By how many pitches one statement's moves, which all slipped, lost their place."""
+    axes = "+".join(map(str, moves[0].axes))
+    if not any(move.lost_pitches for move in moves):
+        return f"axis {axes} stalled here: it slipped, and fell back into its own tooth"
+    lost = ", ".join(f"{move.lost_pitches:+d}" for move in moves[:_MOST_LOSSES])
+    more = f" and {len(moves) - _MOST_LOSSES} more times" if len(moves) > _MOST_LOSSES else ""
+    return f"axis {axes} stalled here: it lost {lost} pitches{more}"

@@ -1,0 +1,46 @@
+"""How a move went: the worst of its axes, the row in the program's units, and its words."""
+
+from fractions import Fraction
+
+import pytest
+
+from mopro.motion import PlannedMove, Stroke, plan_profile
+from mopro.recording import MoveOutcome, MoveReport
+from mopro.recording.moves import MOVE_COLUMNS, move_cells, stall_message
+from mopro.source import Span
+
+MICROSTEP_M = 2.032e-6
+MOVE = PlannedMove(
+    Span(7, 1, 1),
+    (Stroke(2, 0, 12500), Stroke(1, 0, -5000)),
+    plan_profile(12500.0, 125000.0, 1.25e6),
+    start_s=0.5,
+    distance_uu=1.0,
+    microsteps_per_uu=Fraction(12500),
+)
+
+
+def test_the_worst_of_the_axes_is_taken_field_by_field():
+    first = MoveOutcome(1e-4, 0.8, lost_pitches=1, slipped=True)
+    second = MoveOutcome(3e-4, 0.9, lost_pitches=-2, complete=False)
+    assert MoveOutcome.worst([first, second]) == MoveOutcome(3e-4, 0.8, -2, True, False)
+
+
+def test_what_no_axis_saw_stays_unknown():
+    assert MoveOutcome.worst([MoveOutcome(), MoveOutcome()]) == MoveOutcome()
+    assert MoveOutcome.worst([MoveOutcome(), MoveOutcome(1e-4, 0.5)]) == MoveOutcome(1e-4, 0.5)
+
+
+def test_the_row_is_in_the_programs_units_and_names_the_major_axis_first():
+    row = MoveReport.of(MOVE, MoveOutcome(0.0254e-3, 0.5, 3, True), MICROSTEP_M)
+    assert (row.line, row.axes, row.unit, row.distance) == (7, [2, 1], "in", 1.0)
+    assert (row.set_velocity, row.acceleration) == pytest.approx((10.0, 100.0))
+    assert row.max_lag == pytest.approx(1e-3)
+    assert dict(zip(MOVE_COLUMNS, move_cells(row), strict=True))["lost pitches"] == "+3"
+    assert stall_message([row]) == "axis 2+1 stalled here: it lost +3 pitches"
+
+
+def test_a_row_of_what_nobody_saw_says_so():
+    cells = move_cells(MoveReport.of(MOVE, MoveOutcome(complete=False), MICROSTEP_M))
+    assert cells[6:] == ["-", "-", "0"]
+    assert cells[2].endswith("(cut short)")
