@@ -91,9 +91,7 @@ class _Reader(TomlReader):
     def _effects(self) -> tuple[StatedEffect, ...]:
         tables = self._data.get(_EFFECTS, {})
         if not isinstance(tables, dict):
-            self._report(
-                "bad-value", "expected sections such as [effects.viscous_drag]", "", _EFFECTS
-            )
+            self._report("bad-value", "expected sections such as [effects.NAME]", "", _EFFECTS)
             return ()
         return tuple(self._effect(name, table) for name, table in tables.items())
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.effects import Active, Stage, on_axis
+from mopro.effects import Active, Domain, on_axis
+from mopro.effects.forces.platen_edge import PlatenEdge
 from mopro.machine import Machine
 from mopro.machine.constants import PlantNumbers
 from mopro.motion import Schedule, plan
@@ -26,7 +27,6 @@ from mopro.plant.engine import (
 from mopro.plant.heat import HeatHistory, HeatPieces
 from mopro.plant.stepped_heat import SteppedHeat
 from mopro.plant.trips import (
-    PlatenEdge,
     Ranges,
     Trip,
     braked,
@@ -154,7 +154,7 @@ def _heat(
     strengths: Mapping[int, Strength],
     pieces: HeatPieces | None = None,
 ) -> Heat:
-    effects = [a for a in active if a.effect.stage is Stage.HEAT]
+    effects = [a for a in active if a.effect.domain is Domain.HEAT]
     if not effects and all(s.always_full for s in strengths.values()):
         return HeatHistory(machine, schedule.moves, pieces)
     lasting_s = schedule.duration_s

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from mopro.effects.base import Effect, Parameter, Stage
 from mopro.motion import Schedule
 from mopro.motion.track import Track, brake
 from mopro.plant.command_table import Floats
@@ -40,28 +39,6 @@ class Trip:
 
     def as_json(self) -> dict[str, Any]:
         return {"kind": self.kind, "time_s": self.time_s, "line": self.line, "axis": self.axis}
-
-
-class PlatenEdge(Effect):
-    """The stop that the forcer runs into beyond its limit switch.
-
-    F = -K (x - edge) - C ẋ outside of [low, high] (m), a stiff and well damped contact.
-    Source: assumed. Not in the catalogue: every machine has it, few runs meet it.
-    """
-
-    name = "platen_edge"
-    stage = Stage.DYNAMICS
-    parameters = tuple(
-        Parameter(n, "m", "length", 0.0, (-1, 1), -math.inf, math.inf, f"{n} edge")
-        for n in ("low", "high")
-    )
-
-    @staticmethod
-    def force(x: float, v: float, low: float, high: float) -> float:
-        if low <= x <= high:
-            return 0.0
-        edge = high if x > high else low
-        return -2.0e6 * (x - edge) - 2.0e3 * v
 
 
 def switches_u(schedule: Schedule, travel_u: Mapping[int, tuple[float, float]]) -> Ranges:

@@ -17,11 +17,14 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from mopro.diagnosis import Settings
-from mopro.effects import Active, Effect, Stage, catalogue
-from mopro.effects.resolve import active_effects
+from mopro.effects import Active, Domain, Effect, catalogue
+from mopro.effects.base import AXIS, RUN, angle_in
+from mopro.effects.registry import in_order
+from mopro.effects.resolve import active_effects, with_values
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
 from mopro.instruments.sensor import POSITION, TEMPERATURE
+from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant.engine import Stepping
 from mopro.plant.heat import HeatPieces, heat_pieces
@@ -41,25 +44,6 @@ _KEPT = 96
 # How a move fares is watched between steps as well: few samples are enough.
 _WATCHED_HZ = 100.0
 _BEYOND = 1.01
-
-# What the diagnosis adds to an effect's own parameters: on which axis alone it acts (0 for
-# all), in which run alone (-1 for all), and an angle that is another one in each run.
-AXIS, RUN = "axis", "run"
-
-# Effects of one group cost little: a kernel for all of them saves compiling others.
-_TOGETHER = (
-    ("viscous_drag", "quadratic_drag", "umbilical_spring", "constant_force"),
-    ("phase_gain_imbalance", "quadrature_error", "phase_current_offset", "current_third_harmonic"),
-)
-
-# Angles of effects that may be others in each run.
-ANGLES = ("phi", "phi2", "phi3")
-
-
-def angle_in(run: int, angle: str = "phi") -> str:
-    """The name of an angle's parameter in run number `run`."""
-    return f"{angle}_{run + 1}"
-
 
 T = TypeVar("T")
 
@@ -85,7 +69,7 @@ class _Kept(Generic[T]):
 
 
 class Motor:
-    """Predicts every reading of an experiment's runs, in their order.
+    """Predicts every reading of an experiment's runs, in their order; a `View` for effects.
 
     `resolved` tells whether the drive's angle moves in whole microsteps; a fine sensor
     sees the difference.
@@ -107,6 +91,23 @@ class Motor:
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [self._reading(run, reading, settings) for run, reading in self.readings()]
+
+    @property
+    def machine(self) -> Machine:
+        return self.experiment.machine
+
+    @property
+    def runs(self) -> tuple[Trial, ...]:
+        return self.experiment.trials
+
+    def own(self, name: str) -> dict[str, float]:
+        """The numbers of the effect `name` that the machine has already; none if it has not."""
+        return {
+            p.name: value
+            for a in self._own
+            if a.name == name
+            for p, value in zip(a.effect.parameters, a.values, strict=True)
+        }
 
     def readings(self) -> list[tuple[int, Reading]]:
         """Every reading with the number of its run, in the order of the predictions."""
@@ -132,7 +133,7 @@ class Motor:
         """What run number `index` commands without further effects."""
         return self._schedule(index, self._own)
 
-    def way_m(self) -> tuple[float, float]:
+    def travel_m(self) -> tuple[float, float]:
         """The least and the greatest position that any sensor was to see."""
         places = [
             self._motion(run, _of_the_motion(self._own))[f"position_{reading.sensor.axis}_m"]
@@ -146,8 +147,7 @@ class Motor:
         for name, values in settings.items():
             if values.get(RUN, -1) in (-1, index):
                 chosen[name] = _active(catalogue()[name], values, index)
-        order = list(catalogue())
-        return tuple(sorted(chosen.values(), key=lambda a: order.index(a.name)))
+        return in_order(chosen.values(), catalogue())
 
     def keeps_up(self, settings: Settings) -> bool:
         """Whether every axis stays within a quarter pitch of its command in all its moves.
@@ -185,7 +185,7 @@ class Motor:
     def _warmth(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
         """On a grid of its own, as a thermocouple is slow against the motion."""
         machine, schedule = self.experiment.machine, self._schedule(index, active)
-        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
+        commanding = tuple(a for a in active if a.effect.domain is Domain.COMMAND)
         pieces = self._pieces.get(
             (index, *_key(commanding)), lambda: heat_pieces(machine, schedule.moves)
         )
@@ -224,7 +224,7 @@ class Motor:
     def _schedule(self, index: int, active: tuple[Active, ...]) -> Schedule:
         """What run `index` commands, as long as its data last."""
         trial = self.experiment.trials[index]
-        commanding = tuple(a for a in active if a.effect.stage is Stage.COMMAND)
+        commanding = tuple(a for a in active if a.effect.domain is Domain.COMMAND)
 
         def lasting() -> Schedule:
             schedule = self._planned(trial, commanding)
@@ -248,10 +248,11 @@ class Motor:
 def _active(effect: Effect, values: Mapping[str, float], index: int) -> Active:
     """`effect` with `values`, unstated ones at their defaults."""
     own = dict(values)
-    own |= {a: own[angle_in(index, a)] for a in ANGLES if angle_in(index, a) in own}
-    numbers = tuple(float(own.get(p.name, p.default)) for p in effect.parameters)
+    for p in effect.parameters:
+        if p.per_run and (angle := angle_in(index, p.name)) in own:
+            own[p.name] = own[angle]
     axis = int(values.get(AXIS, 0))
-    return Active(effect, numbers, (axis,) if axis else AXES)
+    return with_values(effect, own, (axis,) if axis else AXES)
 
 
 def _every_second(end_s: float) -> Floats:
@@ -265,21 +266,18 @@ def _key(active: Sequence[Active]) -> tuple[object, ...]:
 
 def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:
     """Those of `active` that the true motion depends on; heat only if a force does on it."""
-    kept = [a for a in active if a.effect.stage in (Stage.COMMAND, Stage.DYNAMICS)]
-    warm = [a for a in active if a.effect.stage is Stage.HEAT]
-    forces = [a for a in kept if a.effect.force_factor(np.zeros(1), *a.values) is not None]
-    growing = [a for a in active if a.name == "platen_expansion"]
-    return tuple(kept + warm if forces or growing else kept)
+    kept = [a for a in active if a.effect.domain in (Domain.COMMAND, Domain.DYNAMICS)]
+    warm = [a for a in active if a.effect.domain is Domain.HEAT]
+    return tuple(kept + warm if any(a.effect.needs_temperature for a in active) else kept)
 
 
 def _padded(active: tuple[Active, ...]) -> tuple[Active, ...]:
-    """`active` with the rest of each group that it has a part of, at their neutral values."""
+    """`active` with the rest of each kernel group that it has a part of, at neutral values."""
     names = {a.name for a in active}
+    groups = {a.effect.kernel_group for a in active} - {None}
     padding = [
         Active(effect, tuple(p.null for p in effect.parameters), AXES)
-        for group in _TOGETHER
-        if names.intersection(group)
-        for effect in (catalogue()[name] for name in group if name not in names)
+        for effect in catalogue().values()
+        if effect.kernel_group in groups and effect.name not in names
     ]
-    order = list(catalogue())
-    return tuple(sorted((*active, *padding), key=lambda a: order.index(a.name)))
+    return in_order((*active, *padding), catalogue())
