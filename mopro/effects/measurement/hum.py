@@ -21,6 +21,11 @@ _HARMONICS = (2, 3)
 _AMPLITUDE = Fitted("A", "m", 0.0, 1e-2)
 
 
+def _angle(name: str, meaning: str) -> Parameter:
+    bounds = (-math.pi, math.pi), -7.0, 7.0
+    return Parameter(name, "rad", "angle", 0.0, *bounds, meaning, per_run=True, role=Role.PHASE)
+
+
 class Hum(Effect):
     """The mains get into the sensor's line.
 
@@ -34,44 +39,11 @@ class Hum(Effect):
     parameters = (
         Parameter("A", "m", "length", 1e-4, (2.54e-5, 5.08e-4), 0.0, 0.1, "amplitude"),
         Parameter("f", "Hz", "frequency", 60.0, (50.0, 60.0), 1.0, 1000.0, "mains", null=60.0),
-        Parameter(
-            "phi",
-            "rad",
-            "angle",
-            0.0,
-            (-math.pi, math.pi),
-            -7.0,
-            7.0,
-            "phase",
-            per_run=True,
-            role=Role.PHASE,
-        ),
+        _angle("phi", "phase"),
         Parameter("A3", "m", "length", 0.0, (0.0, 2e-4), 0.0, 0.1, "third harmonic's amplitude"),
-        Parameter(
-            "phi3",
-            "rad",
-            "angle",
-            0.0,
-            (-math.pi, math.pi),
-            -7.0,
-            7.0,
-            "its phase",
-            per_run=True,
-            role=Role.PHASE,
-        ),
+        _angle("phi3", "its phase"),
         Parameter("A2", "m", "length", 0.0, (0.0, 2e-4), 0.0, 0.1, "second harmonic's amplitude"),
-        Parameter(
-            "phi2",
-            "rad",
-            "angle",
-            0.0,
-            (-math.pi, math.pi),
-            -7.0,
-            7.0,
-            "its phase",
-            per_run=True,
-            role=Role.PHASE,
-        ),
+        _angle("phi2", "its phase"),
     )
 
     def electronics(self, x: Floats, time_s: Floats, *p: float) -> Floats:

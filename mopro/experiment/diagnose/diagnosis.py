@@ -106,15 +106,17 @@ def _misfit(found: Diagnosis, model: Model) -> float:
 
 def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verdict:
     """`verdict` with the offsets that all runs share, if they are all there is to find."""
-    effect = next((e for e in catalogue().values() if e.constant_offset), None)
-    if effect is None:
+    offset_in = next(
+        ((e, e.constant_offset) for e in catalogue().values() if e.constant_offset), None
+    )
+    if offset_in is None:
         return verdict
     found, predicted = [], model(verdict.settings)
     readings = [r for t in model.experiment.trials for r in t.readings]
     units_m = {r.sensor.name: r.sensor.unit_si for r in readings if r.sensor.quantity == POSITION}
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
-        offset = _common_offset(effect, [data[i] for i in rows], [predicted[i] for i in rows])
+        offset = _common_offset(*offset_in, [data[i] for i in rows], [predicted[i] for i in rows])
         if offset:
             rivals = _deflections(offset, units_m.get(sensor), model.experiment.machine)
             found.append(
@@ -143,9 +145,12 @@ def _deflections(offset: Named, unit_m: float | None, machine: Machine) -> dict[
 
 
 def _common_offset(
-    effect: Effect, data: Sequence[Series], predicted: Sequence[Floats]
+    effect: Effect, parameter: str, data: Sequence[Series], predicted: Sequence[Floats]
 ) -> Named | None:
-    """The offset of one sensor as `effect`; where a run stood at its start is no offset."""
+    """The offset of one sensor as `parameter` of `effect`.
+
+    Where a run stood at its start is no offset.
+    """
     if len(data) < _FEWEST_RUNS:
         return None
     means = np.array([np.mean(s.values - p) for s, p in zip(data, predicted, strict=True)])
@@ -161,7 +166,7 @@ def _common_offset(
     return Named(
         name=effect.name,
         form="",
-        parameters={str(effect.constant_offset): Estimate(offset, data[0].unit, interval, False)},
+        parameters={parameter: Estimate(offset, data[0].unit, interval, False)},
         indistinguishable_from=[],
         rivals={},
         alternatives={},
