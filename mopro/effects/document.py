@@ -41,7 +41,9 @@ axes = [1]
 In Python: `mopro.emulate(program, effects={{"viscous_drag": {{"b": 9.0}}}})`. What is not
 stated has its default. A drive with `model = "full"` has voltage_saturation at its supply.
 A package adds effects through the entry-point group `mopro.effects`, each a subclass of
-`mopro.effects.Effect`.
+`mopro.effects.Effect`; they are run, switched on and fitted as those listed here. One that
+declares no `forms` has each of its amplitudes fitted alone and with the others; a parameter
+whose `null` is its default, and not 0, is a shape and is left there.
 
 An effect is fitted in one form or several: the parameters named are fitted, within the range
 given, here for one run on {_EXAMPLE_MACHINE}; the others are fixed. A form that extends another

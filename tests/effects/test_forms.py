@@ -8,7 +8,7 @@ from one_run import LASER, PROGRAM, of
 
 from mopro.diagnosis import Role
 from mopro.effects import Domain, Effect, Parameter, catalogue
-from mopro.effects.base import RUN, angle_in
+from mopro.effects.base import RUN, Scene, angle_in
 from mopro.effects.resolve import active_effects
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.model import LoggedCommand
@@ -163,11 +163,37 @@ def test_a_number_that_an_effect_corrects_is_one_of_the_machine_file(name):
     assert parameter.tolerated == (number.middle - reach, number.middle + reach)
 
 
-@pytest.mark.parametrize("name", ["acceleration_scale", "velocity_scale"])
-def test_the_fastest_that_an_effect_makes_a_program_is_faster(name):
-    effect = catalogue()[name]
-    faster = effect.program(PROGRAM, *effect.fastest())
-    assert plan(faster).duration_s < plan(PROGRAM).duration_s
+@pytest.mark.parametrize(
+    "effect", [e for e in catalogue().values() if e.changes_program], ids=lambda effect: effect.name
+)
+def test_no_plausible_value_makes_a_program_faster_than_what_an_effect_says(effect):
+    """The first parameter at either end, the others at their defaults."""
+    first, *others = effect.parameters
+    defaults = [p.default for p in others]
+
+    def duration_s(*values):
+        return plan(effect.program(PROGRAM, *values)).duration_s
+
+    shortest_s = min(duration_s(end, *defaults) for end in first.plausible)
+    fastest = effect.fastest()
+    said_s = duration_s(*fastest) if fastest else plan(PROGRAM).duration_s
+    assert said_s == pytest.approx(shortest_s)
+
+
+@pytest.mark.parametrize("domain", [Domain.DYNAMICS, Domain.MEASUREMENT])
+def test_what_depends_on_the_temperature_says_so(domain):
+    """Else a prediction would leave the heat out."""
+    x = np.linspace(0.0, 0.1, 5)
+    cold, hot = (Scene(x, x, np.full(5, kelvins), 20.0) for kelvins in (30.0, 80.0))
+    for effect in (e for e in catalogue().values() if e.domain is domain):
+        values = [p.plausible[1] for p in effect.parameters]
+        seen = [
+            (effect.geometry(x, s, *values), effect.reading(x, s, *values),
+             effect.force_factor(s.temperature_C, *values))
+            for s in (cold, hot)
+        ]  # fmt: skip
+        differs = any(not np.array_equal(one, other) for one, other in zip(*seen, strict=True))
+        assert effect.needs_temperature == differs, effect.name
 
 
 def test_a_static_deflection_is_what_the_largest_plausible_force_makes_of_the_stiffness():
