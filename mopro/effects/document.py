@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from mopro.effects import OWN
-from mopro.effects.base import Effect, Parameter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
-_STAGES = {
+from mopro.diagnosis.model import Candidate, Role, Settings
+from mopro.diagnosis.model import Parameter as Fitted
+from mopro.effects.base import AXIS, RUN, Effect, Floats, Parameter, ViewedReading, ViewedRun
+from mopro.effects.registry import own_effects
+from mopro.machine import Machine, load_machine
+from mopro.motion import Schedule, plan
+from mopro.program import Program
+from mopro.source import Source
+
+_DOMAINS = {
     "C": "Command: what the controller does before the drive sees it",
     "D": "Dynamics: forces, phase currents, the drive",
     "M": "Measurement: between the true position and what an instrument shows",
     "T": "Heat: what the heat balance leaves out",
 }
+_EXAMPLE_MACHINE = "chow1992"
+_EXAMPLE_TRAVEL_M = (0.0, 0.3)
 
-_HEAD = """\
+_HEAD = f"""\
 # Effects
 
 Everything that a machine can do which the nominal model leaves out. A machine file
@@ -23,36 +34,126 @@ switches one on, with numbers in the unit given here or with another unit:
 b = 9.0
 
 [effects.current_loop_lag]
-tau = { value = 120, unit = "us", origin = "measured", place = "bench" }
+tau = {{ value = 120, unit = "us", origin = "measured", place = "bench" }}
 axes = [1]
 ```
 
-In Python: `mopro.emulate(program, effects={"viscous_drag": {"b": 9.0}})`. What is not
+In Python: `mopro.emulate(program, effects={{"viscous_drag": {{"b": 9.0}}}})`. What is not
 stated has its default. A drive with `model = "full"` has voltage_saturation at its supply.
 A package adds effects through the entry-point group `mopro.effects`, each a subclass of
-`mopro.effects.Effect`.
+`mopro.effects.Effect`; they are run, switched on and fitted as those listed here. One that
+declares no `forms` has each of its amplitudes fitted alone and with the others; a parameter
+whose `null` is its default, and not 0, is a shape and is left there.
+
+An effect is fitted in one form or several: the parameters named are fitted, within the range
+given, here for one run on {_EXAMPLE_MACHINE}; the others are fixed. A form that extends another
+is tried once that one has been found, unless it may come first. A free form can mimic much
+else, and is believed only if it leaves nothing unexplained. Where sensors on both axes were
+read, effects of the measurement are fitted on each axis alone as well.
 
 This page is printed by `mopro machine effects`.
 """
 
 
+@dataclass(frozen=True)
+class _ProgrammedRun:
+    program: Program | None
+
+
+@dataclass(frozen=True)
+class _ExampleView:
+    """One run of a program that nothing was read of, on a machine without effects."""
+
+    machine: Machine
+    runs: Sequence[ViewedRun] = field(default=(_ProgrammedRun(Program((), Source("", ""))),))
+
+    def own(self, name: str) -> Mapping[str, float]:
+        return {}
+
+    def positions(self) -> Mapping[int, tuple[int, ViewedReading]]:
+        return {}
+
+    def schedule(self, index: int, /) -> Schedule:
+        program = self.runs[index].program
+        assert program is not None, "the run has a program"
+        return plan(program)
+
+    def targets(self, settings: Settings, /) -> Sequence[Floats]:
+        return []
+
+    def travel_m(self) -> tuple[float, float]:
+        return _EXAMPLE_TRAVEL_M
+
+
 def markdown() -> str:
-    """The page: one section for each stage, one for each of mopro's own effects."""
-    parts = [_HEAD]
-    for stage, title in _STAGES.items():
+    """The page: one section for each domain, one for each of mopro's own effects."""
+    parts, effects = [_HEAD], list(own_effects().values())
+    view = _ExampleView(load_machine(_EXAMPLE_MACHINE))
+    for domain, title in _DOMAINS.items():
         parts.append(f"\n## {title}\n")
-        parts += [_section(kind()) for kind in OWN if kind.stage == stage]
+        parts += [_section(e, effects, view) for e in effects if e.domain == domain]
     return "".join(parts)
 
 
-def _section(effect: Effect) -> str:
+def _section(effect: Effect, effects: Sequence[Effect], view: _ExampleView) -> str:
     rows = "".join(map(_row, effect.parameters))
     head = "| parameter | unit | default | plausible | bounds | |\n|---|---|---|---|---|---|\n"
-    family = f" Family: {', '.join(effect.families)}.\n" if effect.families else ""
-    return f"\n### {effect.name}\n\n{effect.equation()}\n{family}\n{head}{rows}"
+    notes = [*_forms(effect, view), *_notes(effect, effects, view.machine)]
+    ending = "".join(f"\n{note}\n" for note in notes)
+    return f"\n### {effect.name}\n\n{effect.equation()}\n\n{head}{rows}{ending}"
 
 
 def _row(p: Parameter) -> str:
     plausible = f"{p.plausible[0]:g} to {p.plausible[1]:g}"
     bounds = f"{p.low:g} to {p.high:g}"
-    return f"| `{p.name}` | {p.unit} | {p.default:g} | {plausible} | {bounds} | {p.meaning} |\n"
+    meaning = f"{p.meaning}, another in each run" if p.per_run else p.meaning
+    return f"| `{p.name}` | {p.unit} | {p.default:g} | {plausible} | {bounds} | {meaning} |\n"
+
+
+# -- how it is fitted --------------------------------------------------------------
+
+
+def _forms(effect: Effect, view: _ExampleView) -> Iterator[str]:
+    forms = list(effect.forms(view))
+    if not forms:
+        yield "Not fitted."
+    elif len(forms) == 1 and not forms[0].form:
+        yield f"Fitted: {_form(forms[0])}."
+    else:
+        items = (f"- {form.form or 'plain'}: {_form(form)}" for form in forms)
+        yield "Fitted:\n\n" + "\n".join(items)
+
+
+def _form(form: Candidate) -> str:
+    searched = " as a search finds them" if form.find_starts else ""
+    words = [", ".join(_fitted(p) for p in form.parameters) + searched]
+    if form.extends is not None:
+        extended = f"extends {form.extends or 'plain'}"
+        words.append(f"{extended}, or comes first" if form.can_enter_first else extended)
+    if form.flexible:
+        words.append("a free form")
+    return "; ".join(words)
+
+
+def _fitted(p: Fitted) -> str:
+    if p.role is Role.SEARCHED:
+        return f"`{p.name}`" + (" (the run that it happened in)" if p.name in (AXIS, RUN) else "")
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    return f"`{p.name}` ({p.low:.3g} to {p.high:.3g}{unit})"
+
+
+# -- what else there is to know ----------------------------------------------------
+
+
+def _notes(effect: Effect, effects: Sequence[Effect], machine: Machine) -> Iterator[str]:
+    number = effect.toleranced(machine)
+    if number is not None:
+        yield f"Within a tolerance that the machine file states of {number.key}, a calibration."
+    if effect.reservation is not None:
+        yield f"Not in the machine file that a diagnosis writes: {effect.reservation}."
+    for family in effect.families:
+        alike = [e.name for e in effects if family in e.families and e is not effect]
+        yield f"Easily confused ({family}) with {', '.join(alike)}."
+    if effect.constant_offset is not None:
+        alike = [e.name for e in effects if e.static_deflection_m(machine)]
+        yield f"Where all runs share it, easily confused with {', '.join(alike)}."

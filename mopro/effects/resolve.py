@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 
 from mopro.effects.base import Active, Effect, Parameter
-from mopro.effects.phases import VoltageSaturation
+from mopro.effects.registry import in_order
 from mopro.errors import MOST_SHOWN, Diagnostic, ModelError
 from mopro.machine import Machine, StatedEffect, StatedValue
 from mopro.program import AXES
@@ -15,28 +15,29 @@ from mopro.units import to_si
 
 
 def active_effects(machine: Machine, catalogue: dict[str, Effect]) -> tuple[Active, ...]:
-    """The effects that `machine` switches on, in the catalogue's order.
+    """The effects that `machine` switches on, in the order in which they act.
 
-    A drive of the full electrical model is voltage_saturation at its supply. Raises
-    ModelError with all findings.
+    Some follow from what it states elsewhere, unless it states them, too. Raises ModelError
+    with all findings.
     """
     resolver = _Resolver(catalogue)
     active = [a for stated in machine.effects if (a := resolver.resolve(stated))]
     if resolver.found:
         raise ModelError(machine.source or Source(machine.name, ""), resolver.found)
     names = {a.name for a in active}
-    if machine.drive.model == "full" and VoltageSaturation.name not in names:
-        active.append(Active(VoltageSaturation(), (machine.drive.supply_V,), AXES))
-    order = {name: i for i, name in enumerate(catalogue)}
-    return tuple(sorted(active, key=lambda a: order[a.name]))
+    for effect in catalogue.values():
+        values = effect.stated_by(machine)
+        if values is not None and effect.name not in names:
+            active.append(Active(effect, values, AXES))
+    return in_order(active, catalogue)
 
 
-def values_by_effect(machine: Machine, catalogue: dict[str, Effect]) -> dict[str, dict[str, float]]:
-    """The numbers (SI) of each effect that `machine` switches on, by the parameters' names."""
-    return {
-        a.name: {p.name: v for p, v in zip(a.effect.parameters, a.values, strict=True)}
-        for a in active_effects(machine, catalogue)
-    }
+def with_values(
+    effect: Effect, values: Mapping[str, float], axes: tuple[int, ...] = AXES
+) -> Active:
+    """`effect` with `values` (SI) by its parameters' names; unstated ones are the defaults."""
+    numbers = tuple(float(values.get(p.name, p.default)) for p in effect.parameters)
+    return Active(effect, numbers, axes)
 
 
 class _Resolver:

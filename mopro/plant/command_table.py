@@ -32,7 +32,7 @@ class CommandTable:
     def ticked(self, interval_s: float, interpolate: bool, until_s: float) -> CommandTable:
         """This command as a controller gives it that updates it every `interval_s`.
 
-        See the effect profile_tick; `until_s` ends a motion without end.
+        See effects.command; `until_s` ends a motion without end.
         """
         ends_s = np.minimum(np.append(self.starts_s[1:], np.inf), until_s)
         moving = self.coefficients[2:].any(axis=0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mopro.effects import Active, Stage, catalogue, on_axis
+from mopro.effects import Active, Domain, catalogue, on_axis
 from mopro.effects.resolve import active_effects
 from mopro.machine import Machine
 from mopro.machine.constants import PlantConstants
@@ -240,7 +240,7 @@ def _heat(
     intervals: HeatIntervals | None = None,
 ) -> Heat:
     """The forcer's temperature, which needs no equation of motion."""
-    effects = [a for a in active if a.effect.stage is Stage.HEAT]
+    effects = [a for a in active if a.effect.domain is Domain.HEAT]
     if not effects and all(s.always_full for s in scalings.values()):
         return HeatHistory(machine, schedule.moves, intervals)
     lasting_s = schedule.duration_s

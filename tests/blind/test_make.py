@@ -90,10 +90,10 @@ def test_the_full_grid_has_what_the_issue_asks_for():
 
 
 def test_the_grid_s_effects_are_the_catalogue_s():
-    from mopro.effects import OWN
+    from mopro.effects import catalogue
 
-    parameters = {kind.name: {p.name for p in kind.parameters} for kind in OWN}
-    assert set(hidden.ENTRIES) == set(parameters)
+    parameters = {name: {p.name for p in e.parameters} for name, e in catalogue().items()}
+    assert set(hidden.ENTRIES) <= set(parameters)
     for entry in hidden.ENTRIES.values():
         values = entry.draw(np.random.default_rng(1), THESIS)(0.5)
         assert set(values) <= parameters[entry.name], entry.name
@@ -102,13 +102,12 @@ def test_the_grid_s_effects_are_the_catalogue_s():
 @pytest.mark.parametrize("name", [n for n in hidden.ENTRIES if n != "lost_steps"])
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_all_strengths_lie_in_the_plausible_range(name, seed):
-    from mopro.effects import OWN
+    from mopro.effects import catalogue
 
-    kind = next(k for k in OWN if k.name == name)
     entry = hidden.ENTRIES[name]
     drawn_effect = entry.draw(np.random.default_rng(seed), THESIS)
     for strength in (entry.least, 0.5, 1.0):
-        for parameter in kind.parameters:
+        for parameter in catalogue()[name].parameters:
             value = drawn_effect(strength).get(parameter.name, parameter.default)
             low, high = parameter.plausible
             slack = 0.01 * max(abs(low), abs(high))

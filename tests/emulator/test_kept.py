@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.effects import Active, Effect, Parameter, Stage, catalogue
+from mopro.effects import Active, Domain, Effect, Parameter, catalogue
 from mopro.plant.assembly import Layout, assemble
 from mopro.plant.kept import module_text, term_text
 
@@ -153,7 +153,7 @@ class Nowhere(Effect):
     """F = -b v whose text is nowhere. Source: test."""
 
     name = "nowhere"
-    stage = Stage.DYNAMICS
+    domain = Domain.DYNAMICS
     parameters = (Parameter("b", "N s/m", "drag", 5.0, (1, 10), 0, 50, "drag"),)
     force = staticmethod(eval("lambda x, v, b: -b * v", {"math": math}))
 

@@ -7,7 +7,7 @@ import pytest
 from paths import PROGRAMS
 
 import mopro
-from mopro.effects import Active, Effect, Stage, catalogue
+from mopro.effects import Active, Domain, Effect, catalogue
 from mopro.machine import load_machine
 from mopro.motion import plan
 from mopro.plant.drive_scaling import DriveScaling
@@ -80,7 +80,7 @@ def test_the_work_does_not_grow_with_the_moves():
         """Nothing, counted. Source: test."""
 
         name = "counted"
-        stage = Stage.HEAT
+        domain = Domain.HEAT
         parameters = ()
         calls = 0
 

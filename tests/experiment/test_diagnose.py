@@ -7,11 +7,8 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.diagnosis import Role
-from mopro.effects import catalogue
 from mopro.experiment.conclude.machine_file import machine_with
 from mopro.experiment.diagnose import diagnosis
-from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial
 from mopro.experiment.predict import forward_model as motor
@@ -252,27 +249,6 @@ def test_microsteps_do_not_show_by_taking_a_little_off_what_nothing_accounts_for
 
     assert verdict({}, sensor=SHARP, extra=walk).verdict == "unexplained"
     assert [model.resolved for model in judged] == [False]
-
-
-class TestCandidates:
-    @pytest.fixture(scope="class")
-    @staticmethod
-    def offered():
-        return candidates(ForwardModel(experiment({})))
-
-    def test_every_effect_of_position_is_offered(self, offered):
-        unseen = {"sensor_offset", "thermocouple_lag", "hold_current_reduction"}
-        expected = {e.name for e in catalogue().values() if e.stage != "T"} - unseen
-        assert expected <= {candidate.name for candidate in offered}
-
-    def test_parameters_are_the_effects_own(self, offered):
-        for candidate in offered:
-            own = {p.name: p for p in catalogue()[candidate.name].parameters}
-            for parameter in candidate.parameters:
-                if parameter.name in own and parameter.role is not Role.SEARCHED:
-                    stated = own[parameter.name]
-                    assert parameter.unit == stated.unit
-                    assert stated.low <= parameter.low < parameter.high <= stated.high
 
 
 def tolerant(**tolerances):

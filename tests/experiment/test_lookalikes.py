@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_motor import LASER, of
+from one_run import LASER, of
 
 import mopro
 from mopro.diagnosis import reconcile

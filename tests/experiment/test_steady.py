@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from thermal_table import AIR, CYCLE_M, INCH, MACHINE, source_table, table
+from thermal_table import AIR, CYCLE_M, INCH, MACHINE, offered, source_table, table
 
-from mopro.experiment.diagnose.thermal import candidates, series
+from mopro.experiment.diagnose.thermal import series
 from mopro.experiment.model import SteadyTable
 from mopro.experiment.predict.steady import HOTTEST_RISE_K, rises
 from mopro.thesis.printed import THERMAL
@@ -105,7 +105,7 @@ def test_the_way_there_and_other_stages_change_nothing():
 
 
 def test_candidates_are_what_changes_a_steady_state():
-    found = candidates(MACHINE)
+    found = offered()
     assert {c.name for c in found} == {
         "platen_conduction",
         "speed_dependent_heat",

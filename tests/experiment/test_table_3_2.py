@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from thermal_table import AIR, CYCLE_M, MACHINE, table
+from thermal_table import AIR, CYCLE_M, MACHINE, offered, table
 
 import mopro
-from mopro.experiment.diagnose.thermal import candidates, series
+from mopro.experiment.diagnose.thermal import series
 from mopro.experiment.predict.steady import rises
 
-CANDIDATES = candidates(MACHINE)
+CANDIDATES = offered()
 
 
 def verdict_of(rise=None, noise=1.0):

@@ -5,8 +5,11 @@ import csv
 import numpy as np
 from paths import PROGRAMS
 
-from mopro.experiment.model import SteadyTable
+from mopro.experiment.diagnose.candidates import candidates
+from mopro.experiment.model import Experiment, SteadyTable
+from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.machine import load_machine
+from mopro.source import Source
 
 MACHINE = load_machine("chow1992")
 INCH = 0.0254
@@ -29,3 +32,8 @@ def table(rise=None, noise=1.0, rows=slice(None)):
     )
     measured = columns["temperature_rise_C"][rows] if rise is None else rise
     return SteadyTable("table-3-2.csv", v, a, x, y, measured, noise)
+
+
+def offered():
+    """The candidates of an experiment that is the table alone."""
+    return candidates(ForwardModel(Experiment(Source("e.toml", ""), MACHINE, (), (table(),))))

@@ -19,8 +19,6 @@ from mopro.recording.run import stalls
 
 # Positions are simulated sample by sample; temperatures may last for days.
 LONGEST_S = 1800.0
-# The fastest that the catalogue's plausible effects make a program.
-_FASTEST = {"acceleration_scale": 0.5, "velocity_scale": 0.02}
 _CLOCK_TOLERANCE = 0.01
 _STALL_RATE_HZ = 100.0
 
@@ -71,7 +69,8 @@ def too_short(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnos
 def _shortest_s(trial: Trial, machine: Machine) -> float:
     """How long the program takes at least, on a machine that is faster than told."""
     assert trial.program is not None, "a logged command has no program"
-    faster = tuple(Active(catalogue()[name], (e,), AXES) for name, e in _FASTEST.items())
+    effects = catalogue().values()
+    faster = (Active(e, values, AXES) for e in effects if (values := e.fastest()) is not None)
     own = active_effects(machine, catalogue())
     return plan_with_effects(trial.program, machine, (*own, *faster)).duration_s
 

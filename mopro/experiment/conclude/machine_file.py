@@ -9,10 +9,9 @@ from pathlib import Path
 
 from mopro.diagnosis import Named, Verdict
 from mopro.effects import catalogue
-from mopro.effects.base import Effect
+from mopro.effects.base import AXIS, Effect, angle_in
 from mopro.experiment.conclude.wording import origin_words, reservation
 from mopro.experiment.model import Experiment
-from mopro.experiment.predict.forward_model import ANGLES, AXIS, angle_in
 from mopro.machine import Machine
 from mopro.machine.file import read_machine
 from mopro.source import Source
@@ -74,8 +73,9 @@ def _values(effect: Named, verdict: Verdict) -> Mapping[str, float]:
 
 def _section(effect: Effect, named: Named, verdict: Verdict, place: str) -> Iterator[str]:
     values = dict(_values(named, verdict))
-    for angle in ANGLES:
-        values.setdefault(angle, values.get(angle_in(0, angle), 0.0))
+    for p in effect.parameters:
+        if p.per_run:
+            values.setdefault(p.name, values.get(angle_in(0, p.name), 0.0))
     yield f"[effects.{named.name}]"
     if values.get(AXIS):
         yield f"axes = [{int(values[AXIS])}]"

@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterator
 
 from mopro.diagnosis import Estimate, Named, Verdict
+from mopro.effects import catalogue
+from mopro.effects.base import RUN
 from mopro.experiment.compare.comparison import STEADY, Place
-from mopro.experiment.predict.forward_model import RUN
 
 NO_PROPOSAL = (
     "No program was found that would tell them apart with these sensors: measure something "
     "else, such as another quantity, another sensor, or the controller's own start."
 )
-_OFFSET = "sensor_offset"
 _WAYS = {1: "forward", -1: "backward"}
 
 
@@ -124,8 +124,9 @@ def reservation(effect: Named, verdict: Verdict, runs: tuple[str, ...]) -> str |
 
     `runs` are the names of the experiment's runs.
     """
-    if effect.name == _OFFSET:
-        return "an offset belongs to the sensor's zero"
+    known = catalogue().get(effect.name)
+    if known is not None and known.reservation is not None:
+        return known.reservation
     run = int(verdict.settings.get(effect.name, {}).get(RUN, -1))
     return None if run == -1 else f"it happened in {runs[run]} alone"
 
@@ -136,5 +137,11 @@ def reservations(verdict: Verdict, runs: tuple[str, ...]) -> Iterator[str]:
         reason = reservation(effect, verdict, runs)
         if reason:
             yield f"{effect.name} is not in the machine file: {reason}."
-        elif effect.name == "hum" and len(runs) > 1:
-            yield f"hum has another phase in each run; the machine file has that of {runs[0]}."
+        elif _differs_by_run(effect.name) and len(runs) > 1:
+            words = f"has another phase in each run; the machine file has that of {runs[0]}"
+            yield f"{effect.name} {words}."
+
+
+def _differs_by_run(name: str) -> bool:
+    effect = catalogue().get(name)
+    return effect is not None and any(p.per_run for p in effect.parameters)

@@ -15,6 +15,8 @@ from itertools import combinations, groupby
 import numpy as np
 
 from mopro.diagnosis import Named, Settings, Verdict
+from mopro.effects import catalogue
+from mopro.effects.resolve import with_values
 from mopro.experiment.design.test_motions import (
     Bounds,
     Piece,
@@ -25,6 +27,7 @@ from mopro.experiment.design.test_motions import (
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
+from mopro.machine.constants import PlantConstants
 from mopro.motion import plan
 from mopro.program.compile import compile as compile_text
 
@@ -151,11 +154,12 @@ class _Planner:
     def _bounds(self) -> Bounds:
         """What the motor may be asked for under the least favourable of the rivals."""
         every = [side for c in self._contests for side in (c.settings, c.other)]
-        masses = [side.get("payload_mass", {}).get("dm", 0.0) for side in every]
-        forces = [side.get("force_constant", {}).get("e", 0.0) for side in every]
         machine = self._experiment.machine
-        mass_kg = machine.axis.moving_mass_kg + self._payload_kg + max(masses)
-        return Bounds.of(machine, mass_kg, 1 + min(*forces, 0.0))
+        nominal = PlantConstants.of(machine, self._payload_kg)
+        plants = [_plant(nominal, side) for side in every]
+        weakest_N = min(plant.pull_out_force_N for plant in (nominal, *plants))
+        mass_kg = max(plant.mass_kg for plant in plants)
+        return Bounds.of(machine, mass_kg, weakest_N / nominal.pull_out_force_N)
 
     # -- which pieces ------------------------------------------------------------
 
@@ -258,6 +262,13 @@ class _Planner:
         longest = max(piece.distance for piece in chosen)
         way = f"Goes forth and back by up to {longest:.3g} in from where it starts"
         return f"{way}, for {_WARMING_S / 60:g} min." if chosen[0].endless else f"{way}."
+
+
+def _plant(plant: PlantConstants, settings: Settings) -> PlantConstants:
+    """The constants of the equation of motion with the effects of `settings`."""
+    for a in (with_values(catalogue()[name], values) for name, values in settings.items()):
+        plant = a.effect.plant(plant, *a.values)
+    return plant
 
 
 class _Predictions:

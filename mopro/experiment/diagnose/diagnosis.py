@@ -11,7 +11,7 @@ from scipy import stats
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
 from mopro.diagnosis.residual import Residuals
-from mopro.effects import catalogue
+from mopro.effects import Effect, catalogue
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.quantisation import thinned
@@ -23,7 +23,6 @@ from mopro.instruments.sensor import POSITION
 from mopro.machine import Machine
 from mopro.plant import Stepping
 
-OFFSET, TILT = "sensor_offset", "constant_force"
 # An offset this many standard deviations clear of zero, and the same in all runs, is one.
 _CLEARLY = 6.0
 _THE_SAME = 1e-3
@@ -107,15 +106,19 @@ def _misfit(found: Diagnosis, model: Model) -> float:
 
 def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verdict:
     """`verdict` with the offsets that all runs share, if they are all there is to find."""
+    offset_in = next(
+        ((e, e.constant_offset) for e in catalogue().values() if e.constant_offset), None
+    )
+    if offset_in is None:
+        return verdict
     found, predicted = [], model(verdict.settings)
     readings = [r for t in model.experiment.trials for r in t.readings]
     units_m = {r.sensor.name: r.sensor.unit_si for r in readings if r.sensor.quantity == POSITION}
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
-        offset = _common_offset([data[i] for i in rows], [predicted[i] for i in rows])
+        offset = _common_offset(*offset_in, [data[i] for i in rows], [predicted[i] for i in rows])
         if offset:
-            tilt = _may_be_a_tilt(offset, units_m.get(sensor), model.experiment.machine)
-            rivals = {TILT: 0.0} if tilt else {}
+            rivals = _deflections(offset, units_m.get(sensor), model.experiment.machine)
             found.append(
                 replace(offset, form=sensor, rivals=rivals, indistinguishable_from=[*rivals])
             )
@@ -125,20 +128,29 @@ def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verd
     return replace(verdict, verdict=word, effects=tuple(found))
 
 
-def _may_be_a_tilt(offset: Named, unit_m: float | None, machine: Machine) -> bool:
-    """Whether a plausible force holds the forcer as far off, F/K, wherever it is.
+def _deflections(offset: Named, unit_m: float | None, machine: Machine) -> dict[str, float]:
+    """The effects that may as well, by a plausible force, hold the forcer as far off everywhere.
 
-    `unit_m` is the offset's unit, None where it is no place.
+    Each with what it costs more: nothing. `unit_m` is the offset's unit, None where it is no
+    place.
     """
     if unit_m is None:
-        return False
-    most_N = max(map(abs, catalogue()[TILT].parameter("F_b").plausible))
-    nearest_m = min(map(abs, offset.parameters["o"].ci95)) * unit_m
-    return nearest_m <= most_N / machine.axis.stiffness_N_m
+        return {}
+    nearest_m = min(abs(end) for e in offset.parameters.values() for end in e.ci95) * unit_m
+    return {
+        effect.name: 0.0
+        for effect in catalogue().values()
+        if nearest_m <= effect.static_deflection_m(machine)
+    }
 
 
-def _common_offset(data: Sequence[Series], predicted: Sequence[Floats]) -> Named | None:
-    """The offset of one sensor; where a run stood at its start is no offset."""
+def _common_offset(
+    effect: Effect, parameter: str, data: Sequence[Series], predicted: Sequence[Floats]
+) -> Named | None:
+    """The offset of one sensor as `parameter` of `effect`.
+
+    Where a run stood at its start is no offset.
+    """
     if len(data) < _FEWEST_RUNS:
         return None
     means = np.array([np.mean(s.values - p) for s, p in zip(data, predicted, strict=True)])
@@ -152,9 +164,9 @@ def _common_offset(data: Sequence[Series], predicted: Sequence[Floats]) -> Named
     sigmas = abs(offset) / error
     interval = (offset - 1.96 * error, offset + 1.96 * error)
     return Named(
-        name=OFFSET,
+        name=effect.name,
         form="",
-        parameters={"o": Estimate(offset, data[0].unit, interval, False)},
+        parameters={parameter: Estimate(offset, data[0].unit, interval, False)},
         indistinguishable_from=[],
         rivals={},
         alternatives={},

@@ -1,7 +1,7 @@
 """A machine as a model that the diagnosis can run: settings of effects to every reading.
 
-What a program commands and how the axis answers (stages C and D) is simulated and kept;
-what a sensor makes of it (stage M) is worked out anew each time, as it costs next to
+What a program commands and how the axis answers (domains C and D) is simulated and kept;
+what a sensor makes of it (domain M) is worked out anew each time, as it costs next to
 nothing.
 """
 
@@ -17,11 +17,14 @@ import numpy as np
 from cachetools import LRUCache, cachedmethod
 
 from mopro.diagnosis import Settings
-from mopro.effects import Active, Effect, Stage, catalogue
-from mopro.effects.resolve import active_effects
+from mopro.effects import Active, Domain, Effect, catalogue
+from mopro.effects.base import AXIS, RUN, angle_in
+from mopro.effects.registry import in_order
+from mopro.effects.resolve import active_effects, with_values
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
 from mopro.instruments.sensor import POSITION, TEMPERATURE
+from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import (
     HeatIntervals,
@@ -47,27 +50,9 @@ _MOST_KEPT = 96
 _WATCHED_HZ = 100.0
 _BEYOND = 1.01
 
-# What the diagnosis adds to an effect's own parameters: on which axis alone it acts (0 for
-# all), in which run alone (-1 for all), and an angle that is another one in each run.
-AXIS, RUN = "axis", "run"
-
-# Effects of one group cost little: a kernel for all of them saves compiling others.
-_TOGETHER = (
-    ("viscous_drag", "quadratic_drag", "umbilical_spring", "constant_force"),
-    ("phase_gain_imbalance", "quadrature_error", "phase_current_offset", "current_third_harmonic"),
-)
-
-# Angles of effects that may be others in each run.
-ANGLES = ("phi", "phi2", "phi3")
-
-
-def angle_in(run: int, angle: str = "phi") -> str:
-    """The name of an angle's parameter in run number `run`."""
-    return f"{angle}_{run + 1}"
-
 
 class ForwardModel:
-    """Predicts every reading of an experiment's runs, in their order.
+    """Predicts every reading of an experiment's runs, in their order; a `View` for effects.
 
     `resolved` tells whether the drive's angle moves in whole microsteps; a fine sensor
     sees the difference.
@@ -91,6 +76,23 @@ class ForwardModel:
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [self._reading(run, reading, settings) for run, reading in self.readings()]
+
+    @property
+    def machine(self) -> Machine:
+        return self.experiment.machine
+
+    @property
+    def runs(self) -> tuple[Trial, ...]:
+        return self.experiment.trials
+
+    def own(self, name: str) -> dict[str, float]:
+        """The numbers of the effect `name` that the machine has already; none if it has not."""
+        return {
+            p.name: value
+            for a in self._own
+            if a.name == name
+            for p, value in zip(a.effect.parameters, a.values, strict=True)
+        }
 
     def readings(self) -> list[tuple[int, Reading]]:
         """Every reading with the number of its run, in the order of the predictions."""
@@ -130,8 +132,7 @@ class ForwardModel:
         for name, values in settings.items():
             if values.get(RUN, -1) in (-1, index):
                 chosen[name] = _active(catalogue()[name], values, index)
-        order = list(catalogue())
-        return tuple(sorted(chosen.values(), key=lambda a: order.index(a.name)))
+        return in_order(chosen.values(), catalogue())
 
     def keeps_up(self, settings: Settings) -> bool:
         """Whether every axis stays within a quarter pitch of its command in all its moves.
@@ -225,10 +226,11 @@ class ForwardModel:
 def _active(effect: Effect, values: Mapping[str, float], index: int) -> Active:
     """`effect` with `values`, unstated ones at their defaults."""
     own = dict(values)
-    own |= {a: own[angle_in(index, a)] for a in ANGLES if angle_in(index, a) in own}
-    numbers = tuple(float(own.get(p.name, p.default)) for p in effect.parameters)
+    for p in effect.parameters:
+        if p.per_run and (angle := angle_in(index, p.name)) in own:
+            own[p.name] = own[angle]
     axis = int(values.get(AXIS, 0))
-    return Active(effect, numbers, (axis,) if axis else AXES)
+    return with_values(effect, own, (axis,) if axis else AXES)
 
 
 def _every_second(end_s: float) -> Floats:
@@ -238,26 +240,23 @@ def _every_second(end_s: float) -> Floats:
 
 def _commanding(active: Iterable[Active]) -> tuple[Active, ...]:
     """Those of `active` that change what is commanded."""
-    return tuple(a for a in active if a.effect.stage is Stage.COMMAND)
+    return tuple(a for a in active if a.effect.domain is Domain.COMMAND)
 
 
 def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:
     """Those of `active` that the true motion depends on; heat only if a force does on it."""
-    kept = [a for a in active if a.effect.stage in (Stage.COMMAND, Stage.DYNAMICS)]
-    warm = [a for a in active if a.effect.stage is Stage.HEAT]
-    forces = [a for a in kept if a.effect.force_factor(np.zeros(1), *a.values) is not None]
-    growing = [a for a in active if a.name == "platen_expansion"]
-    return tuple(kept + warm if forces or growing else kept)
+    kept = [a for a in active if a.effect.domain in (Domain.COMMAND, Domain.DYNAMICS)]
+    warm = [a for a in active if a.effect.domain is Domain.HEAT]
+    return tuple(kept + warm if any(a.effect.needs_temperature for a in active) else kept)
 
 
 def _padded(active: tuple[Active, ...]) -> tuple[Active, ...]:
-    """`active` with the rest of each group that it has a part of, at their neutral values."""
+    """`active` with the rest of each kernel group that it has a part of, at neutral values."""
     names = {a.name for a in active}
+    groups = {a.effect.kernel_group for a in active} - {None}
     padding = [
         Active(effect, tuple(p.null for p in effect.parameters), AXES)
-        for group in _TOGETHER
-        if names.intersection(group)
-        for effect in (catalogue()[name] for name in group if name not in names)
+        for effect in catalogue().values()
+        if effect.kernel_group in groups and effect.name not in names
     ]
-    order = list(catalogue())
-    return tuple(sorted((*active, *padding), key=lambda a: order.index(a.name)))
+    return in_order((*active, *padding), catalogue())

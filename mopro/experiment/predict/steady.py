@@ -2,7 +2,7 @@
 
 Each row is the motion between two points over and over, whose heat balance is that of
 Table 3.2 (eq. 3.12 to 3.26): the Reynolds number's length is the distance travelled, the path's
-for two axes, and the forcer's side at rest. Effects of the heat stage change the balance
+for two axes, and the forcer's side at rest. Effects of the heat domain change the balance
 by their own hooks; the final temperature is where nothing flows any more.
 """
 
@@ -15,14 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from mopro.effects import Active, Stage, catalogue
+from mopro.effects import Active, Domain, catalogue
 from mopro.effects.base import Surroundings
-from mopro.effects.resolve import active_effects
+from mopro.effects.resolve import active_effects, with_values
 from mopro.experiment.model import Floats, SteadyTable
 from mopro.machine import Machine
 from mopro.motion import plan_profile
 from mopro.plant import heat_balance
-from mopro.program import AXES
 
 # No forcer is hotter: what has no steady state below is given this rise.
 HOTTEST_RISE_K = 2000.0
@@ -55,7 +54,7 @@ def rises(
     """The final rise above the air (K) of each row of `table`.
 
     `effects` are on besides the machine's own, as name to parameters (SI, unstated ones at
-    their defaults); those that are not of the heat stage, or only of the way there, change
+    their defaults); those that are not of the heat domain, or only of the way there, change
     nothing. A row without a steady state comes to HOTTEST_RISE_K.
     """
     active = _active(machine, effects)
@@ -66,10 +65,8 @@ def rises(
 def _active(machine: Machine, effects: Mapping[str, Mapping[str, float]]) -> list[Active]:
     chosen = {a.name: a for a in active_effects(machine, catalogue())}
     for name, values in effects.items():
-        effect = catalogue()[name]
-        numbers = tuple(float(values.get(p.name, p.default)) for p in effect.parameters)
-        chosen[name] = Active(effect, numbers, AXES)
-    return [a for a in chosen.values() if a.effect.stage is Stage.HEAT]
+        chosen[name] = with_values(catalogue()[name], values)
+    return [a for a in chosen.values() if a.effect.domain is Domain.HEAT]
 
 
 def _rise(machine: Machine, motion: _Motion, active: Sequence[Active]) -> float:

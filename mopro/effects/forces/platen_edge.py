@@ -1,10 +1,10 @@
-"""The hard stop beyond a limit switch."""
+"""The stop beyond a limit switch."""
 
 from __future__ import annotations
 
 import math
 
-from mopro.effects.base import Effect, Parameter, Stage
+from mopro.effects.base import Domain, Effect, Parameter
 
 
 class PlatenEdge(Effect):
@@ -15,7 +15,7 @@ class PlatenEdge(Effect):
     """
 
     name = "platen_edge"
-    stage = Stage.DYNAMICS
+    domain = Domain.DYNAMICS
     parameters = tuple(
         Parameter(n, "m", "length", 0.0, (-1, 1), -math.inf, math.inf, f"{n} edge")
         for n in ("low", "high")

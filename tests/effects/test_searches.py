@@ -4,14 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_motor import LASER, PROGRAM, of
+from one_run import LASER, PROGRAM, of
 
 import mopro
 from mopro.diagnosis.fit import least_squares_fit
 from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.signature import searched
+from mopro.effects.currents.hold_current_reduction import EARLIEST_S
 from mopro.experiment.diagnose.candidates import candidates
-from mopro.experiment.diagnose.hold_current_search import EARLIEST_S
 from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
 

@@ -1,4 +1,4 @@
-"""When a drive saves current at rest, from where its axis begins to ring differently.
+"""A drive that saves current at rest, and how long after a move it begins to.
 
 The ring that a move leaves slows down at that moment, so what is to be seen of it depends
 on the phase of the ring: no fixed start leads there.
@@ -12,10 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from mopro.diagnosis import ResidualView
-from mopro.experiment.diagnose.start_search import Values
-from mopro.experiment.model import Floats, Reading
-from mopro.experiment.predict.forward_model import ForwardModel
+from mopro.diagnosis.model import Candidate, ResidualView, Role
+from mopro.diagnosis.model import Parameter as Fitted
+from mopro.effects.base import Domain, Effect, Floats, Parameter, View, ViewedReading
+from mopro.effects.search import Values
 
 # So many standard deviations clear of white noise something shows.
 _CLEARLY = 5.0
@@ -35,31 +35,61 @@ _KEPT = 2
 # No drive saves current sooner after a move.
 EARLIEST_S = 0.02
 
+_SHARE = Fitted("h", "1", 0.1, 1.0, (0.5,), null=1.0, plausible=(0.3, 1.0))
+# A thousandth of the range is half a period of the ring.
+_AFTER_REST = Fitted(
+    "t_h", "s", EARLIEST_S, 6.0, (0.05, 0.2, 0.7, 2.0), Role.SHAPE, difference=1e-5
+)
+
+
+class HoldCurrentReduction(Effect):
+    """The drive lowers the current of an axis that has rested for a while.
+
+    I' = h I from t_h (s) after the command has come to rest until it moves again; h is a
+    ratio. The coils heat by h² then. Source: common practice; figures assumed.
+    """
+
+    name = "hold_current_reduction"
+    domain = Domain.DYNAMICS
+    parameters = (
+        Parameter("h", "1", "ratio", 0.5, (0.3, 0.75), 0.0, 1.0, "share of current", null=1.0),
+        Parameter("t_h", "s", "time", 0.5, (0.05, 5.0), 0.0, 3600.0, "time at rest", null=0.5),
+    )
+
+    def hold(self, *p: float) -> tuple[float, float]:
+        return p[1], p[0]
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(_SHARE, _AFTER_REST, find_starts=Rests(view, self.name).lower_current)
+
 
 class Rests:
-    """Looks at what a fit leaves of the positions at rest, in the runs of `motor`."""
+    """Looks at what a fit leaves of the positions at rest, in the runs of `view`.
 
-    def __init__(self, motor: ForwardModel) -> None:
-        self._motor = motor
-        axis = motor.experiment.machine.axis
+    `name` is that of the effect in the settings that are tried.
+    """
+
+    def __init__(self, view: View, name: str) -> None:
+        self._view = view
+        self._name = name
+        axis = view.machine.axis
         self._period_s = math.tau / math.sqrt(axis.stiffness_N_m / axis.moving_mass_kg)
         self._since = {
-            row: self._since_moves(run, reading)
-            for row, (run, reading) in motor.positions().items()
+            row: self._since_moves(run, reading) for row, (run, reading) in view.positions().items()
         }
 
-    def _since_moves(self, run: int, reading: Reading) -> list[tuple[slice, float]]:
+    def _since_moves(self, run: int, reading: ViewedReading) -> list[tuple[slice, float]]:
         """The samples from each move of its axis to the next, and when that move ends (s).
 
         None of an axis that never moves.
         """
-        moves = [m for m in self._motor.schedule(run).moves if reading.sensor.axis in m.axes]
+        moves = [m for m in self._view.schedule(run).moves if reading.sensor.axis in m.axes]
         starts = np.searchsorted(reading.time_s, [m.start_s for m in moves[1:]]).tolist()
         spans = pairwise([0, *starts, len(reading.time_s)] if moves else [])
         return [(slice(*span), move.end_s) for span, move in zip(spans, moves, strict=True)]
 
     def lower_current(self, left: ResidualView) -> Iterator[Values]:
-        """The likeliest moments (t_h) and shares (h) of hold_current_reduction."""
+        """The likeliest moments (t_h) and shares (h)."""
         begun_s = self._begun_s(left)
         if begun_s is None:
             return
@@ -69,7 +99,7 @@ class Rests:
         times = np.arange(first_s, begun_s + _AFTER * self._period_s + step_s, step_s)
         found_s = self._best(left, [(h, t) for t in times.tolist() for h in _SHARES])[0]["t_h"]
         likeliest = self._best(left, [(h, found_s) for h in _CLOSE_SHARES])
-        rounds = _ROUNDS if _gains(left, likeliest[0]) else 0
+        rounds = _ROUNDS if self._gains(left, likeliest[0]) else 0
         for _ in range(rounds):
             best = likeliest[0]
             likeliest = self._best(left, self._around(best["h"], best["t_h"]))
@@ -86,8 +116,13 @@ class Rests:
     def _best(self, left: ResidualView, places: Iterable[tuple[float, float]]) -> list[Values]:
         """The likeliest few shares and moments."""
         trials: list[Values] = [{"h": h, "t_h": t_h} for h, t_h in places]
-        trials.sort(key=lambda values: left.rss({"hold_current_reduction": values}))
+        trials.sort(key=lambda values: left.rss({self._name: values}))
         return trials[:_KEPT]
+
+    def _gains(self, left: ResidualView, values: Values) -> bool:
+        """Whether a trial is any better than none: where it is worse, no step makes it good."""
+        without = sum(float(part @ part) for part in left.residuals)
+        return left.rss({self._name: values}) < without
 
     def _begun_s(self, left: ResidualView) -> float | None:
         """How long after a move the few periods begin that show the most.
@@ -96,7 +131,7 @@ class Rests:
         otherwise. None where there is nothing, or first moves show it: they do of all else.
         """
         first_moves, rests = [np.empty(0)], [np.empty((2, 0))]
-        for row, (_, reading) in self._motor.positions().items():
+        for row, (_, reading) in self._view.positions().items():
             excess = left.residuals[row] ** 2 - 1
             for number, (samples, end_s) in enumerate(self._since[row]):
                 rested_s, own = reading.time_s[samples] - end_s, excess[samples]
@@ -114,12 +149,6 @@ class Rests:
         lasts = np.searchsorted(times, times + _BEFORE * self._period_s)
         within = so_far[lasts] - so_far[:-1]
         return float(times[int(np.argmax(within))])
-
-
-def _gains(left: ResidualView, values: Values) -> bool:
-    """Whether a trial is any better than none: where it is worse, no step makes it good."""
-    without = sum(float(part @ part) for part in left.residuals)
-    return left.rss({"hold_current_reduction": values}) < without
 
 
 def _shows(excess: Floats) -> bool:

@@ -1,0 +1,1 @@
+"""The controller: its command before the drive sees it."""

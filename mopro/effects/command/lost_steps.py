@@ -1,0 +1,93 @@
+"""Whole pitches that are lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from mopro.diagnosis.model import Candidate, ResidualView, Role
+from mopro.diagnosis.model import Parameter as Fitted
+from mopro.effects.base import RUN, Domain, Effect, Parameter, View
+from mopro.effects.search import Values, residual_m, step
+from mopro.motion import PlannedMove
+
+# A step this share of a pitch, or of itself, off whole pitches is none.
+_WHOLE = 0.25
+
+
+class LostSteps(Effect):
+    """The axis falls whole pitches behind, as after a stall, and stays there.
+
+    x := x - n p at the share `at` of the axis' move number `move`; n counts pitches.
+    The force has period p, so nothing else changes. Source: chapter 4.4, "the motor
+    would simply stall"; the figures are assumed.
+    """
+
+    name = "lost_steps"
+    domain = Domain.COMMAND
+    parameters = (
+        Parameter("n", "1", "ratio", 1.0, (-50, 50), -1000.0, 1000.0, "pitches lost", whole=True),
+        Parameter(
+            "move", "1", "ratio", 1.0, (1, 100), 1.0, 1e9,
+            "in which of the axis' moves", null=1.0, whole=True,
+        ),
+        Parameter("at", "1", "ratio", 0.5, (0.0, 1.0), 0.0, 1.0, "share of that move", null=0.5),
+    )  # fmt: skip
+
+    def jumps(self, moves: list[PlannedMove], *p: float) -> list[tuple[float, float]]:
+        index = int(p[1]) - 1
+        if index >= len(moves):
+            return []
+        move = moves[index]
+        return [(move.start_s + p[2] * move.profile.duration_s, p[0])]
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        """A logged command has no program whose moves could be counted."""
+        if any(run.program is None for run in view.runs):
+            return
+        numbers = (
+            Fitted(name, "1", -1e9, 1e9, role=Role.SEARCHED) for name in ("n", "move", "at", RUN)
+        )
+        yield self.form(*numbers, flexible=True, find_starts=lambda left: _steps(view, left))
+
+
+def _steps(view: View, left: ResidualView) -> Iterator[Values]:
+    """Steps of whole pitches that stay, in one run or in the same move of all."""
+    found: list[dict[str, float]] = []
+    begun, over = 0.0, 1.0
+    positions = view.positions()
+    for row, (run, reading) in positions.items():
+        here = step(left.residuals[row], residual_m(view, left, row), reading.time_s)
+        moves = [m for m in view.schedule(run).moves if reading.sensor.axis in m.axes]
+        if here is None or not moves:
+            continue
+        before_s, after_s, height_m = here
+        pitches = _whole_pitches(-height_m / view.machine.axis.pitch_m)
+        if not pitches:
+            continue
+        index, share = _place(moves, (before_s + after_s) / 2)
+        found.append({"n": float(pitches), "move": index + 1.0, "at": share, RUN: float(run)})
+        begun = max(begun, _share(moves[index], before_s))
+        over = min(over, _share(moves[index], after_s))
+    yield from found
+    alike = {(f["n"], f["move"]) for f in found}
+    if len(found) > 1 and len(found) == len(positions) and len(alike) == 1:
+        # Each run tells between which samples it was; what all say is the closest.
+        yield {**found[0], "at": (begun + over) / 2, RUN: -1.0}
+
+
+def _whole_pitches(pitches: float) -> int:
+    """The whole number that `pitches` is close to, else 0."""
+    whole = round(pitches)
+    return whole if abs(pitches - whole) <= _WHOLE * max(1, abs(whole)) else 0
+
+
+def _place(moves: Sequence[PlannedMove], time_s: float) -> tuple[int, float]:
+    """Which of the moves (from 0), and at which share of it."""
+    begun = [i for i, move in enumerate(moves) if move.start_s <= time_s]
+    index = begun[-1] if begun else 0
+    return index, _share(moves[index], time_s)
+
+
+def _share(move: PlannedMove, time_s: float) -> float:
+    """Of the move's time, what is over at `time_s`."""
+    return min(max((time_s - move.start_s) / move.profile.duration_s, 0.0), 1.0)

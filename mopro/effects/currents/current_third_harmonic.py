@@ -1,0 +1,29 @@
+"""Currents that are no pure sines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from mopro.diagnosis.model import Candidate
+from mopro.effects.base import Domain, Effect, Parameter, View
+
+
+class CurrentThirdHarmonic(Effect):
+    """The phase currents are no pure sines.
+
+    i_b' = i_b + s sin 3θ, and i_a' = i_a - s cos 3θ, the same shape a quarter turn
+    earlier; s is a ratio. At low speed Δx = s/k sin 4θ. Source: assumed.
+    """
+
+    name = "current_third_harmonic"
+    domain = Domain.DYNAMICS
+    kernel_group = "setpoints"
+    parameters = (Parameter("s", "1", "ratio", 0.02, (-0.05, 0.05), -1.0, 1.0, "over I"),)
+
+    @staticmethod
+    def setpoint(theta: float, ia: float, ib: float, s: float) -> tuple[float, float]:
+        return ia - s * math.cos(3.0 * theta), ib + s * math.sin(3.0 * theta)
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(self.fitted("s", 0.01))

@@ -1,0 +1,29 @@
+"""Two phases that are not a quarter turn apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from mopro.diagnosis.model import Candidate
+from mopro.effects.base import Domain, Effect, Parameter, View
+
+
+class QuadratureError(Effect):
+    """The phases are not a quarter turn apart.
+
+    i_b' = sin(θ + phi), phi in rad. At low speed Δx = phi/(2k) (1 + cos 2θ) for small
+    phi. Source: assumed.
+    """
+
+    name = "quadrature_error"
+    domain = Domain.DYNAMICS
+    kernel_group = "setpoints"
+    parameters = (Parameter("phi", "rad", "angle", 0.035, (-0.0873, 0.0873), -1.0, 1.0, "angle"),)
+
+    @staticmethod
+    def setpoint(theta: float, ia: float, ib: float, phi: float) -> tuple[float, float]:
+        return ia, ib + math.sin(theta + phi) - math.sin(theta)
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(self.fitted("phi", 0.02))

@@ -1,0 +1,1 @@
+"""Forces on the forcer, and the constants of its equation of motion."""

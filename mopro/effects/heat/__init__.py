@@ -1,0 +1,1 @@
+"""The heat balance of chapter 3.1: its missing terms."""

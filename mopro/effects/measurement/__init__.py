@@ -1,0 +1,1 @@
+"""Between the true position and the reading of an instrument."""

@@ -1,0 +1,83 @@
+"""A cyclic error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from mopro.diagnosis.model import Candidate, ResidualView, Role
+from mopro.diagnosis.model import Parameter as Fitted
+from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View, phase
+from mopro.effects.search import (
+    Values,
+    lines_over_position,
+    peaks,
+    residual_m,
+    sinusoid,
+    targets_m,
+)
+
+_PERIODS_TRIED = 3
+_FINEST_PERIOD_M = 1e-4
+_FEWEST_PERIODS = 2.0
+_PERIOD = Fitted(
+    "lambda", "m", 8e-5, 0.15, role=Role.SHAPE, inverse=True, difference=1e-6, plausible=(1e-4, 0.1)
+)
+
+
+class PeriodicError(Effect):
+    """A cyclic error of the teeth or of the sensor's scale.
+
+    x' = x + A sin(2πx/lambda + phi); A and lambda in m, phi in rad. Source: assumed.
+    """
+
+    name = "periodic_error"
+    domain = Domain.MEASUREMENT
+    parameters = (
+        Parameter("A", "m", "length", 5e-6, (1e-6, 1e-4), 0.0, 0.01, "amplitude"),
+        Parameter(
+            "lambda", "m", "length", 1.016e-3, (1e-4, 0.1), 1e-6, 10.0, "period", null=1.016e-3
+        ),
+        Parameter(
+            "phi", "rad", "angle", 0.0, (-math.pi, math.pi), -7.0, 7.0, "phase", role=Role.PHASE
+        ),
+    )
+
+    def geometry(self, x: Floats, scene: Scene, *p: float) -> Floats:
+        ripple: Floats = x + p[0] * np.sin(2 * math.pi * x / p[1] + p[2])
+        return ripple
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        amplitude = Fitted("A", "m", 0.0, 1e-2)
+        yield self.form(
+            amplitude,
+            _PERIOD,
+            phase("phi"),
+            flexible=True,
+            find_starts=lambda left: _lines(view, left),
+        )
+
+
+def _lines(view: View, left: ResidualView) -> Iterator[Values]:
+    """The strongest lines in position, their amplitudes and angles."""
+    targets = targets_m(view, left)
+    rows = [row for row, place in targets.items() if np.ptp(place) > 0]
+    if not rows:
+        return
+    places = [targets[row] for row in rows]
+    residuals = [left.residuals[row] for row in rows]
+    cycles, power = lines_over_position(places, residuals, _FINEST_PERIOD_M)
+    reach = max(float(np.ptp(place)) for place in places)
+    power[cycles * reach < _FEWEST_PERIODS] = 0.0
+    for peak in peaks(power)[:_PERIODS_TRIED]:
+        q = 2 * math.pi * float(cycles[peak])
+        x = np.concatenate(places)
+        r = np.concatenate([residual_m(view, left, row) for row in rows])
+        sine, cosine = sinusoid(q * x, r)
+        yield {
+            "A": math.hypot(sine, cosine),
+            "lambda": 2 * math.pi / q,
+            "phi": math.atan2(cosine, sine),
+        }

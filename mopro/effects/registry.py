@@ -1,0 +1,97 @@
+"""The catalogue: one line an effect, mopro's own before those of installed packages.
+
+Each is named as an entry point names its target, `module:class`. Effects are tried, shown
+and applied in this order, but for those that act last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+
+from mopro.effects.base import Active, Effect
+from mopro.errors import MoproError
+
+ENTRY_POINTS = "mopro.effects"
+
+OWN = (
+    "forces.payload_mass:PayloadMass",
+    "forces.viscous_drag:ViscousDrag",
+    "forces.quadratic_drag:QuadraticDrag",
+    "forces.coulomb_friction:CoulombFriction",
+    "forces.umbilical_spring:UmbilicalSpring",
+    "forces.constant_force:ConstantForce",
+    "forces.electrical_damping:ElectricalDamping",
+    "forces.force_constant:ForceConstant",
+    "forces.force_constant_temperature:ForceConstantTemperature",
+    "forces.detent_force:DetentForce",
+    "currents.phase_gain_imbalance:PhaseGainImbalance",
+    "currents.quadrature_error:QuadratureError",
+    "currents.phase_current_offset:PhaseCurrentOffset",
+    "currents.current_third_harmonic:CurrentThirdHarmonic",
+    "currents.current_loop_lag:CurrentLoopLag",
+    "currents.voltage_saturation:VoltageSaturation",
+    "currents.hold_current_reduction:HoldCurrentReduction",
+    "command.controller_clock:ControllerClock",
+    "command.profile_tick:ProfileTick",
+    "command.acceleration_scale:AccelerationScale",
+    "command.velocity_scale:VelocityScale",
+    "command.start_delay:StartDelay",
+    "command.lost_steps:LostSteps",
+    "measurement.pitch_scale:PitchScale",
+    "measurement.platen_expansion:PlatenExpansion",
+    "measurement.sensor_gain:SensorGain",
+    "measurement.sensor_offset:SensorOffset",
+    "measurement.cross_axis_coupling:CrossAxisCoupling",
+    "measurement.backlash:Backlash",
+    "measurement.sensor_bandwidth:SensorBandwidth",
+    "measurement.trigger_delay:TriggerDelay",
+    "measurement.sample_clock:SampleClock",
+    "measurement.sensor_nonlinearity:SensorNonlinearity",
+    "measurement.periodic_error:PeriodicError",
+    "measurement.hum:Hum",
+    "heat.ambient_drift:AmbientDrift",
+    "heat.platen_conduction:PlatenConduction",
+    "heat.speed_dependent_heat:SpeedDependentHeat",
+    "heat.convection_scale:ConvectionScale",
+    "heat.resistance_tempco:ResistanceTempco",
+    "heat.radiation:Radiation",
+    "heat.thermocouple_lag:ThermocoupleLag",
+)
+
+
+@cache
+def catalogue() -> dict[str, Effect]:
+    """All effects by name: mopro's own, then those of installed packages.
+
+    Raises MoproError for an entry point that is no effect or takes a name twice.
+    """
+    effects = dict(own_effects())
+    for point in entry_points(group=ENTRY_POINTS):
+        effect = _effect(point)
+        if effect.name in effects:
+            message = f"entry point {point.name} = {point.value}: {effect.name} exists already"
+            raise MoproError(message, "bad-effect")
+        effects[effect.name] = effect
+    return effects
+
+
+def own_effects() -> dict[str, Effect]:
+    """Those of mopro itself by name."""
+    points = (EntryPoint("", f"mopro.effects.{target}", ENTRY_POINTS) for target in OWN)
+    return {effect.name: effect for effect in map(_effect, points)}
+
+
+def _effect(point: EntryPoint) -> Effect:
+    kind = point.load()
+    if not (isinstance(kind, type) and issubclass(kind, Effect)):
+        message = f"entry point {point.name} = {point.value}: expected a subclass of Effect"
+        raise MoproError(message, "bad-effect")
+    return kind()
+
+
+def in_order(active: Iterable[Active], effects: Mapping[str, Effect]) -> tuple[Active, ...]:
+    """`active` in the order in which they act, with the catalogue `effects`."""
+    order = {name: i for i, name in enumerate(effects)}
+    return tuple(sorted(active, key=lambda a: (a.effect.acts_last, order[a.name])))
