@@ -147,7 +147,7 @@ def _provenance(root: Value) -> dict[str, Provenance]:
 
 def _effects(value: Value) -> tuple[StatedEffect, ...]:
     if not isinstance(value.data, dict):
-        raise value.refused("expected sections such as [effects.viscous_drag]")
+        raise value.refused("expected sections such as [effects.NAME]")
     effects = [value.get(name, _effect, None) for name in value.data]
     return tuple(effect for effect in effects if effect is not None)
 

@@ -96,7 +96,7 @@ class Value:
 
     @property
     def name(self) -> str:
-        """The name of a section, with all that it is in: `effects.viscous_drag`."""
+        """The name of a section, with all that it is in: `effects.NAME`."""
         return ".".join(shown(part) for part in self._path if isinstance(part, str))
 
     @property
