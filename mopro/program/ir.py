@@ -25,11 +25,12 @@ class Op:
 
     `statement` is the form in which a program writes it: the fields of an operation stand
     for the operands of that statement, in the same order. `seeks_switch` tells that it
-    runs an axis to a limit switch.
+    runs an axis to a limit switch, `is_setting` that it moves nothing and stays in force.
     """
 
     statement: ClassVar[type[ast.Statement]]
     seeks_switch: ClassVar[bool] = False
+    is_setting: ClassVar[bool] = False
     span: Span = field(compare=False, repr=False)
 
     def written_as(self) -> type[ast.Statement]:
@@ -74,6 +75,7 @@ class SetUnits(AxisOp):
     """Microsteps per user unit, as the ratio that the program states."""
 
     statement = ast.Units
+    is_setting = True
     numerator: int
     denominator: int
 
@@ -87,6 +89,7 @@ class SetVelocity(AxisVelocity):
 
     __slots__ = ()
     statement = ast.Velocity
+    is_setting = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +97,7 @@ class SetAcceleration(AxisOp):
     """Acceleration in user units per second squared (the text has 1/1000 of it)."""
 
     statement = ast.Acceleration
+    is_setting = True
     acceleration_uu_s2: Fraction
 
 
@@ -102,6 +106,7 @@ class SetProfile(AxisOp):
     """Parabolic velocity profiles on or off."""
 
     statement = ast.Profile
+    is_setting = True
     parabolic: bool
 
 
@@ -119,6 +124,7 @@ class SetTarget(AxisDistance):
     __slots__ = ()
     statement = ast.Target
     absolute_statement = ast.TargetAbsolute
+    is_setting = True
 
 
 class Go(Op):
