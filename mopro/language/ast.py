@@ -234,6 +234,13 @@ class Home(AxisStatement):
     meaning = "find the switch at the negative end; it becomes position 0 (assumed)"
 
 
+class ZeroPosition(AxisStatement):
+    __slots__ = ()
+    form = "ZP1"
+    layout = "ZP{}"
+    meaning = "the present position becomes 0; nothing moves (assumed)"
+
+
 # All statements, by the name of their grammar rule, in the order of the classes above.
 STATEMENTS: Mapping[str, type[Statement]] = {
     kind.rule(): kind

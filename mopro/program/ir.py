@@ -193,6 +193,13 @@ class Home(AxisOp):
     seeks_switch = True
 
 
+class ZeroPosition(AxisOp):
+    """Count absolute positions from where the axes rest; nothing moves (assumed)."""
+
+    __slots__ = ()
+    statement = ast.ZeroPosition
+
+
 @dataclass(frozen=True)
 class Program:
     """A program ready to be run, linted or sent; `warnings` are what compiling found."""
