@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from random import Random
 
-from mopro.controller import Device, JoinedPort, MemoryStore, Scenario, Station
+from mopro.controller import Device, LoopbackPort, MemoryStore, Scenario, Station
 from mopro.controller.faults import Fault, PlantFault
 from mopro.emulator import Emulator
 from mopro.errors import LinkError
@@ -110,7 +110,7 @@ def joined(random: Random, dialect: str, scenario: Scenario) -> tuple[Station, S
     language = load_dialect(dialect)
     emulator = Emulator(load_machine("chow1992"))
     station = Station(language, emulator, MemoryStore(), scenario, baud)
-    port = JoinedPort(station, breaks=random.random() < 0.5)
+    port = LoopbackPort(station, breaks=random.random() < 0.5)
     return station, Session(port, language, Random(random.randrange(2**31)), baud)
 
 
@@ -144,7 +144,7 @@ def flash_trial(dialect: str, seed: int) -> Tally:
 
 def closed(tally: Tally, ending: str, station: Station, name: str) -> Tally:
     tally.endings[ending] += 1
-    tally.faults.update({kind: min(1, n) for kind, n in station.mischief.happened.items()})
+    tally.faults.update({kind: min(1, n) for kind, n in station.injector.happened.items()})
     tally.seeds += [name] if tally.broken else []
     return tally
 

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
-from mopro.controller import JoinedPort, Station
+from mopro.controller import LoopbackPort, Station
 from mopro.emulator import Emulator
 from mopro.link import Port, SerialPort, Session, builtin_dialects, load_dialect
 from mopro.link.flash import allowed_s, upload, verify
@@ -71,7 +71,7 @@ def connected(dialect: str, baud: int, wall: bool) -> Iterator[CountedPort]:
     language = load_dialect(dialect)
     if not wall:
         yield CountedPort(
-            JoinedPort(Station(language, Emulator(load_machine("chow1992")), baud=baud))
+            LoopbackPort(Station(language, Emulator(load_machine("chow1992")), baud=baud))
         )
         return
     command = [sys.executable, "-m", "mopro", "serve", "--dialect", dialect, "--baud", str(baud)]

@@ -2,14 +2,14 @@
 
 from mopro.controller.device import Device
 from mopro.controller.faults import Scenario, load_scenario
-from mopro.controller.joined import JoinedPort
+from mopro.controller.loopback import LoopbackPort
 from mopro.controller.station import Station
 from mopro.controller.store import FolderStore, MemoryStore
 
 __all__ = [
     "Device",
     "FolderStore",
-    "JoinedPort",
+    "LoopbackPort",
     "MemoryStore",
     "Scenario",
     "Station",

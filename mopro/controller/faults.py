@@ -116,7 +116,7 @@ def _fault(entry: Value) -> Fault | PlantFault | None:
 
 
 @dataclass
-class Mischief:
+class FaultInjector:
     """A scenario being played; `happened` counts by kind."""
 
     scenario: Scenario

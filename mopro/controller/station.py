@@ -9,7 +9,7 @@ import math
 from collections import deque
 
 from mopro.controller.device import Device
-from mopro.controller.faults import Mischief, Scenario
+from mopro.controller.faults import FaultInjector, Scenario
 from mopro.controller.protocol import Protocol
 from mopro.controller.store import MemoryStore, Store
 from mopro.emulator import Emulator
@@ -54,7 +54,7 @@ class Station:
         grammar: str = "attested",
     ) -> None:
         scenario = scenario or Scenario()
-        self.mischief = Mischief(scenario)
+        self.injector = FaultInjector(scenario)
         self.store = store if store is not None else MemoryStore()
         self.device = Device(emulator, self.store, scenario.plant, grammar)
         self.byte_s = dialect.line.bits_per_byte / (baud or dialect.line.baud)
@@ -68,14 +68,14 @@ class Station:
         self._line_end = ord(dialect.line.end[-1]), ord(dialect.line.reply_end[-1])
 
     def connected(self, now_s: float) -> bool:
-        return not self.mischief.active("disconnect", now_s)
+        return not self.injector.active("disconnect", now_s)
 
     def hear(self, data: bytes, now_s: float) -> None:
         """Bytes that the other end sends at `now_s`."""
         if self.connected(now_s):
             self._inward.put(data, now_s)
         else:
-            self.mischief.count("disconnect")
+            self.injector.count("disconnect")
 
     def next_s(self) -> float:
         """When something next happens on the line; inf if nothing is on its way."""
@@ -93,7 +93,7 @@ class Station:
         while self._outward.next_s <= now_s:
             due_s, byte = self._outward.take()
             if self.connected(due_s):
-                out += bytes(self.mischief.byte("to_host", byte, self._line_end[1]))
+                out += bytes(self.injector.byte("to_host", byte, self._line_end[1]))
         return bytes(out)
 
     def _happen(self, due_s: float) -> None:
@@ -108,23 +108,23 @@ class Station:
         if due_s < self._down_until_s or not self.connected(due_s):
             return
         echo = self._dialect.conversation.echo
-        self._protocol.echo = echo and not self.mischief.active("echo_off", due_s)
-        self._protocol.busy = self.mischief.active("busy", due_s)
-        for arrived in self.mischief.byte("to_controller", byte, self._line_end[0]):
+        self._protocol.echo = echo and not self.injector.active("echo_off", due_s)
+        self._protocol.busy = self.injector.active("busy", due_s)
+        for arrived in self.injector.byte("to_controller", byte, self._line_end[0]):
             echoed, reply = self._protocol.feed(arrived, due_s)
             self._outward.put(echoed, due_s)
-            delay_s, reply = self.mischief.reply(reply)
+            delay_s, reply = self.injector.reply(reply)
             if delay_s:
                 self._late.append((due_s + delay_s, reply))
             else:
                 self._outward.put(reply, due_s)
 
     def _reset_up_to(self, now_s: float) -> None:
-        for reset_s in self.mischief.resets(self._reached_s, now_s):
-            self.mischief.count("reset")
+        for reset_s in self.injector.resets(self._reached_s, now_s):
+            self.injector.count("reset")
             self.device.reset(reset_s)
             self._protocol.restart()
             self._outward.clear()
-            down = [f.for_s for f in self.mischief.scenario.faults if f.at_s == reset_s]
+            down = [f.for_s for f in self.injector.scenario.faults if f.at_s == reset_s]
             self._down_until_s = reset_s + (down[0] if math.isfinite(down[0]) else 0.0)
         self._reached_s = max(self._reached_s, now_s)

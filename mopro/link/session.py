@@ -121,7 +121,7 @@ class Session:
             except Damaged:
                 heard += bytes(self._held)
                 tries -= 1
-        raise self._stranger(heard)
+        raise self._unknown_peer(heard)
 
     def _greet(self) -> None:
         self._adrift, self._ahead = False, 0
@@ -133,7 +133,7 @@ class Session:
             self._answer(self.dialect.check.hello, self._number)
         self.greeted = True
 
-    def _stranger(self, heard: bytes) -> LinkError:
+    def _unknown_peer(self, heard: bytes) -> LinkError:
         """What is at the other end, from what it said."""
         name = self.dialect.name
         if not heard:

@@ -7,9 +7,16 @@ import pytest
 from bench_of_link import OLD, SHORT, bench
 
 import mopro
-from mopro.controller import FolderStore, JoinedPort, MemoryStore, Scenario, Station, load_scenario
+from mopro.controller import (
+    FolderStore,
+    LoopbackPort,
+    MemoryStore,
+    Scenario,
+    Station,
+    load_scenario,
+)
 from mopro.controller.device import Refuse
-from mopro.controller.faults import KINDS, Fault, Mischief
+from mopro.controller.faults import KINDS, Fault, FaultInjector
 from mopro.controller.motion import Motion
 from mopro.emulator import Emulator
 from mopro.errors import ModelError
@@ -24,7 +31,7 @@ def station(dialect="plain", scenario=None, baud=None, store=None):
 
 
 def test_a_person_at_a_terminal_sees_echo_prompt_and_refusals():
-    port = JoinedPort(station())
+    port = LoopbackPort(station())
     port.write(b"DL A\rVEL1 1.0\rVLE1\rEP\rLS A\rNONSENSE\r")
     said = b""
     while data := port.read(port.now_s() + 1.0):
@@ -37,7 +44,7 @@ def test_a_person_at_a_terminal_sees_echo_prompt_and_refusals():
 
 @pytest.mark.parametrize("baud", [300, 9600, 115200])
 def test_bytes_take_their_time_on_the_line(baud):
-    port = JoinedPort(station(baud=baud))
+    port = LoopbackPort(station(baud=baud))
     port.write(b"\r" * 50)
     heard = 0
     while data := port.read(port.now_s() + 1.0):
@@ -130,9 +137,9 @@ def test_a_scenario_plays_again_as_it_did():
     faults = [Fault("flip", rate=0.1), Fault("missing", rate=0.2), Fault("drop", rate=0.05)]
 
     def played():
-        mischief = Mischief(Scenario(7, faults))
-        wire = [mischief.byte("to_host", n % 128, 10) for n in range(500)]
-        return wire, [mischief.reply(b"OK") for _ in range(50)], mischief.happened
+        injector = FaultInjector(Scenario(7, faults))
+        wire = [injector.byte("to_host", n % 128, 10) for n in range(500)]
+        return wire, [injector.reply(b"OK") for _ in range(50)], injector.happened
 
     assert played() == played()
     assert set(played()[2]) == {"flip", "missing", "drop"}
@@ -187,7 +194,7 @@ def test_an_ok_comes_only_after_the_program_is_on_the_disk(tmp_path, monkeypatch
     real_fsync, real_rename = os.fsync, Path.replace
     monkeypatch.setattr(os, "fsync", lambda h: done.append("flush") or real_fsync(h))
     monkeypatch.setattr(Path, "replace", lambda *a: done.append("rename") or real_rename(*a))
-    port = JoinedPort(station(store=FolderStore(tmp_path / "new" / "programs.d")))
+    port = LoopbackPort(station(store=FolderStore(tmp_path / "new" / "programs.d")))
     assert done == ["flush", "flush"], "the new folders"
     port.write(b"DL A\rVEL1 1.0\rEP\r")
     said = b""
@@ -199,7 +206,7 @@ def test_an_ok_comes_only_after_the_program_is_on_the_disk(tmp_path, monkeypatch
 
 def test_a_program_that_cannot_be_kept_is_refused(tmp_path):
     (tmp_path / "A.CMD").symlink_to("/dev/full")
-    port = JoinedPort(station(store=FolderStore(tmp_path)))
+    port = LoopbackPort(station(store=FolderStore(tmp_path)))
     port.write(b"DL A\rVEL1 1.0\rEP\rDL B\rVEL1 1.0\rEP\r")
     said = b""
     while data := port.read(port.now_s() + 1.0):

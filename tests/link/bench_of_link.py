@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from random import Random
 
 import mopro
-from mopro.controller import JoinedPort, MemoryStore, Scenario, Station
+from mopro.controller import LoopbackPort, MemoryStore, Scenario, Station
 from mopro.emulator import Emulator
 from mopro.link import SerialBackend, Session, load_dialect
 from mopro.link.flash import statements_of
@@ -37,7 +37,7 @@ def bench(dialect="checked", *faults, seed=1, plant=(), store=None, breaks=False
     scenario = Scenario(seed, faults, plant)
     emulator = Emulator(load_machine("chow1992"))
     station = Station(language, emulator, store or MemoryStore(), scenario)
-    session = Session(JoinedPort(station, breaks), language, Random(seed))
+    session = Session(LoopbackPort(station, breaks), language, Random(seed))
     session.give(120.0)
     if opened:
         session.open()

@@ -31,7 +31,7 @@ def test_a_checked_flash_gets_over_damaged_bytes(kind, direction):
     joined = bench("checked", Fault(kind, rate=0.05, direction=direction, times=3))
     flash(joined.session, PROGRAM, "MAIN")
     assert joined.stored == SHORT.splitlines()
-    assert joined.station.mischief.happened[kind] == 3
+    assert joined.station.injector.happened[kind] == 3
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from mopro.controller.station import Station
 from mopro.errors import LinkError
 
 
-class JoinedPort:
+class LoopbackPort:
     """The host's end of a station's line; its clock goes on only while the host waits.
 
     With `breaks`, a disconnect is an error from then on, as a socket or a pulled adapter
