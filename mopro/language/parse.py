@@ -186,7 +186,7 @@ def _line_reader(grammar: str) -> Callable[[str], _Line]:
 
 
 def _shape_of(tree: Tree[Token]) -> _Line:
-    """What lark's tree of one line says: a statement, a comment, both or neither."""
+    """The statement and the comment of one line, either or both, from lark's tree."""
     statement = comment = fault = None
     for child in tree.children:
         if isinstance(child, Token):

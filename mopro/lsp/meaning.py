@@ -1,4 +1,4 @@
-"""What a statement means, in words and in SI units: the text of a hover."""
+"""The meaning of a statement in words and in SI units: the text of a hover."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ class Move(AxisDistance):
 
 
 class SetTarget(AxisDistance):
-    """Where the next `Go` takes these axes; as for `Move`."""
+    """Target of the next `Go` for these axes; as for `Move`."""
 
     __slots__ = ()
     statement = ast.Target
@@ -233,7 +233,7 @@ class Program:
 
     @property
     def seeks_switch(self) -> bool:
-        """Whether any operation runs an axis to a limit switch."""
+        """True if any operation runs an axis to a limit switch."""
         return any(op.seeks_switch for op in self.ops)
 
     @property

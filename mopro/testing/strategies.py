@@ -94,5 +94,5 @@ def _dressed(statement: str) -> st.SearchStrategy[str]:
 
 
 def programs(grammar: str = "attested") -> st.SearchStrategy[Program]:
-    """What `program_texts` compile to."""
+    """The programs that `program_texts` compile to."""
     return program_texts(grammar).map(lambda text: mopro.compile(text, grammar=grammar))
