@@ -81,15 +81,21 @@ def claim(path: Path) -> Iterator[None]:
 def log(path: Path) -> Iterator[TextIO]:
     """A text file that grows as things happen and survives the process, so without a draft.
 
-    What it held is gone. Raises DataError where `path` cannot be opened.
+    What it held is gone. Raises DataError where `path` cannot be opened. Whoever writes has to
+    flush, and is told of a full disk then: closing it does not raise that again.
     """
     try:
-        target = _Target.of(path)
-        handle = _opener(str(target.path), os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        file = open(_Target.of(path).path, "w", encoding="utf-8", opener=_opener)  # noqa: SIM115 (closed below)
     except OSError as error:
         raise _unwritable(path, error) from error
-    with open(handle, "w", encoding="utf-8") as file:
+    with ExitStack() as closing:
+        closing.callback(_closed, file)
         yield file
+
+
+def _closed(file: TextIO) -> None:
+    with suppress(OSError):
+        file.close()
 
 
 def make_folder(folder: Path) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -67,18 +67,3 @@ def connected_session(
         if trace is not None:
             line = TracedPort(line, open_things.enter_context(log(trace)))
         yield Session(line, language, baud=baud)
-
-
-class _Log(AbstractContextManager[TextIO]):
-    """The file of a trace; what it could not take was told then, and not again at its end."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> TextIO:
-        self._files = ExitStack()
-        return self._files.enter_context(open(self._path, "w", encoding="utf-8"))
-
-    def __exit__(self, *error: object) -> None:
-        with suppress(OSError):
-            self._files.close()

@@ -1,19 +1,27 @@
-"""Where a model and data disagree, which effect is missing, and how sure that is.
+"""Diagnosis of a model: which effects of a catalogue it lacks, by the evidence in data.
 
 Stands alone: it takes any callable model and any effects.
 """
 
 from mopro.diagnosis.engine import reconcile
-from mopro.diagnosis.model import Candidate, Leftover, Parameter, Role, Series, Settings, Simulate
+from mopro.diagnosis.model import (
+    Candidate,
+    Parameter,
+    ResidualView,
+    Role,
+    Series,
+    Settings,
+    Simulate,
+)
 from mopro.diagnosis.verdict import Estimate, Gap, Named, Verdict, Where
 
 __all__ = [
     "Candidate",
     "Estimate",
     "Gap",
-    "Leftover",
     "Named",
     "Parameter",
+    "ResidualView",
     "Role",
     "Series",
     "Settings",

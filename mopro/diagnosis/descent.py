@@ -1,4 +1,4 @@
-"""The way down to a least sum of squares, with as few simulations as that takes."""
+"""Least squares over a box with few evaluations of the residual."""
 
 from __future__ import annotations
 
@@ -9,89 +9,97 @@ from contextlib import suppress
 import numpy as np
 from scipy import optimize
 
+from mopro.diagnosis.jacobian import Iterate, SecantJacobian
 from mopro.diagnosis.model import Floats
-from mopro.diagnosis.slopes import Place, Slopes
 
+# Budget of one round of trust-region steps. Fits of a few parameters take 3 to 8.
 _MOST_EVALUATIONS = 15
-# Rounds after the first start from slopes taken anew, which are also what errors come from.
+# A round after the first begins with a Jacobian from differences, as errors need one: two more
+# correct what secant updates missed.
 _MOST_ROUNDS = 3
-# Where a residual has a kink, steps are cut to a quarter again and again.
+# Trial steps from one point: at a kink of the residual each is cut to a quarter of the last, and
+# four cuts are a 256th.
 _MOST_CUTS = 4
+# Distance of a start from the ends of the range, as a share of it: the solver needs an interior
+# point.
+_INTERIOR = 1e-6
 
 
-class _Arrived(Exception):
-    """Nothing is to be gained by another step."""
+class _Converged(Exception):
+    """No further step lowers the sum of squares by as much as the tolerance."""
 
 
 class Descent:
-    """Least squares of `residual` over a box, by SciPy's trust regions.
+    """Minimises |residual(x)|² over a box, by SciPy's trust regions (`dogbox`).
 
-    Parameters are shares of their ranges, residuals in standard deviations. `differences`
-    are what the slopes are taken with. A descent that is out of reach of a sum of squares of
-    `limit` is given up as `hopeless`.
+    Parameters `x` are shares of their ranges, residuals are in standard deviations.
+    `differences`: steps of finite differences in `x`. `rss_limit`: a descent that cannot come
+    down to this sum of squares is `abandoned`.
     """
 
     def __init__(
-        self, residual: Callable[[Floats], Floats], differences: Sequence[float], limit: float
+        self, residual: Callable[[Floats], Floats], differences: Sequence[float], rss_limit: float
     ) -> None:
         self._residual = residual
-        self._slopes = Slopes(residual, differences)
-        self._limit = limit
+        self._jacobian = SecantJacobian(residual, differences)
+        self._rss_limit = rss_limit
         self._last_rss = math.inf
         self._cuts = 0
-        self.hopeless = False
+        self.abandoned = False
 
-    def run(self, start: Floats, low: Floats, high: Floats, tolerance: float) -> Place:
-        """The lowest place found from `start`; `tolerance` is relative to the sum of squares."""
-        x = np.clip(start, low + 1e-6, high - 1e-6)
+    def run(self, start: Floats, low: Floats, high: Floats, tolerance: float) -> Iterate:
+        """The minimum found from `start`; `tolerance` is relative to the sum of squares."""
+        x = np.clip(start, low + _INTERIOR, high - _INTERIOR)
         for _ in range(_MOST_ROUNDS):
-            place = self._round(x, low, high, tolerance)
-            if self.hopeless or not self._slopes.corrected:
+            reached = self._round(x, low, high, tolerance)
+            if self.abandoned or not self._jacobian.updated:
                 break
-            self._slopes.forget()
-            x = place.x
-        return place
+            self._jacobian.forget()
+            x = reached.x
+        return reached
 
-    def _round(self, x: Floats, low: Floats, high: Floats, tolerance: float) -> Place:
-        def stepped(x: Floats) -> Floats:
-            if self._slopes.last is not None and self._arrived(x, tolerance):
-                raise _Arrived
+    def _round(self, x: Floats, low: Floats, high: Floats, tolerance: float) -> Iterate:
+        def residual(x: Floats) -> Floats:
+            if self._jacobian.last is not None and self._converged(x, tolerance):
+                raise _Converged
             return self._residual(x)
 
-        def slopes(x: Floats) -> Floats:
+        def jacobian(x: Floats) -> Floats:
             self._cuts = 0
-            return self._slopes.at(x)
+            return self._jacobian.at(x)
 
-        def given_up(intermediate_result: optimize.OptimizeResult) -> None:
+        def abandon(intermediate_result: optimize.OptimizeResult) -> None:
             if self._out_of_reach(2 * float(intermediate_result.cost), low, high):
-                self.hopeless = True
+                self.abandoned = True
                 raise StopIteration
 
-        with suppress(_Arrived):
+        with suppress(_Converged):
             optimize.least_squares(
-                stepped, x, jac=slopes, method="dogbox", bounds=(low, high), xtol=1e-9,
+                residual, x, jac=jacobian, method="dogbox", bounds=(low, high), xtol=1e-9,
                 gtol=1e-12, x_scale="jac", ftol=tolerance, max_nfev=_MOST_EVALUATIONS,
-                callback=given_up,
+                callback=abandon,
             )  # fmt: skip
-        assert self._slopes.last is not None, "slopes are taken at the start"
-        return self._slopes.last
+        assert self._jacobian.last is not None, "the Jacobian is taken at the start"
+        return self._jacobian.last
 
-    def _arrived(self, x: Floats, tolerance: float) -> bool:
-        """Whether the slopes promise next to nothing of a step to `x`, or all too often did."""
-        last = self._slopes.last
+    def _converged(self, x: Floats, tolerance: float) -> bool:
+        """True if the step to `x` has a predicted decrease below tolerance, or after four cuts."""
+        last = self._jacobian.last
         assert last is not None, "asked after the start only"
         self._cuts += 1
-        change = last.slopes @ (x - last.x)
-        gain = -float(change @ (2 * last.residual + change))
-        return self._cuts > _MOST_CUTS or gain < tolerance * float(last.residual @ last.residual)
+        change = last.jacobian @ (x - last.x)
+        decrease = -float(change @ (2 * last.residual + change))
+        return self._cuts > _MOST_CUTS or decrease < tolerance * float(
+            last.residual @ last.residual
+        )
 
     def _out_of_reach(self, rss: float, low: Floats, high: Floats) -> bool:
-        """Whether neither steps nor slopes lead to the limit.
+        """True if neither steps nor slopes lead down to the limit.
 
-        All further steps, each as good as the last, would not; and slopes do not promise
-        half as much. (A step may be short because the way bends.)
+        That is: as many further steps as the budget allows, each as good as the last, do not,
+        and twice the predicted reduction does not. (A step may be short because the path bends.)
         """
-        gained, self._last_rss = self._last_rss - rss, rss
-        missing = rss - self._limit
-        slow = gained * _MOST_EVALUATIONS < missing
-        return slow and 2 * self._slopes.promise(low, high) < missing
+        decrease, self._last_rss = self._last_rss - rss, rss
+        missing = rss - self._rss_limit
+        slow = decrease * _MOST_EVALUATIONS < missing
+        return slow and 2 * self._jacobian.predicted_reduction(low, high) < missing

@@ -1,4 +1,4 @@
-"""Fits of a set of effects: least squares within plausible ranges, and what they are worth."""
+"""Least-squares fit of a set of effects, its errors and its evidence."""
 
 from __future__ import annotations
 
@@ -11,33 +11,46 @@ import numpy as np
 from scipy import stats
 
 from mopro.diagnosis.descent import Descent
+from mopro.diagnosis.jacobian import gauss_newton_step
 from mopro.diagnosis.model import Candidate, Floats, Parameter, Role, Settings
 from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.slopes import step_against
 
+# Distance from an end of the range, as a share of it, within which a value may be stopped there.
 _NEAR_BOUND = 1e-3
-# What a fit may still be off its minimum, in chi-squared.
-_CLOSE_ENOUGH = 0.01
-# The most that an implausible value costs, as does one that its range holds back: odds of
-# 150 to 1.
-_IMPLAUSIBLE = 10.0
-_CLEARLY = 2.0
-# What an angle costs that may be anything: its prior is bounded, and a line that is seen
-# at all fixes it within about a fifth of a radian (2 ln of 2π over that, times √2π).
-_PHASE_PRICE = 5.0
-# A parameter costs no less than among so many samples, however few there are: a handful of
-# precise ones fixes it to a tenth of what it might have been, and ln n forgets that.
-_FEWEST = 100
-# Beyond this an exponential is no number.
+# Chi-squared by which a fit may be above its minimum. Doubled, it saves a simulation now and then;
+# evidence is compared in steps of 1 at the least.
+_CHI2_TOLERANCE = 0.01
+# Greatest penalty (chi-squared) of one implausible value, and that of one stopped by its range: a
+# Bayes factor of 150, "very strong" (Kass and Raftery 1995).
+_MOST_IMPLAUSIBLE = 10.0
+# Standard deviations by which a value must be outside a range to be clearly so (95 %).
+_CLEARLY_OUTSIDE = 2.0
+# Penalty (chi-squared) of an angle that may be anything: its prior is bounded, and a line that is
+# seen at all determines it to about 0.2 rad. 2 ln(2π / (0.2 √(2π))) = 5.
+_PHASE_PENALTY = 5.0
+# Least number of samples that a parameter's penalty, ln n, is taken for: a handful of precise
+# samples determines a parameter to a tenth of its prior, which the logarithm of their number
+# does not tell. Doubled, each parameter of a small table must gain 0.7 more.
+_LEAST_SAMPLES = 100
+# Largest argument of exp() that gives a number.
 _MOST_EXPONENT = 700.0
+# Smallest sum of squares, in place of 0, where a logarithm or a quotient is taken.
+_TINY = 1e-300
+# Condition number of the normal matrix beyond which parameters are not identifiable.
+_MOST_CONDITION = 1e12
+# Step of the derivative of a parameter by its scaled coordinate.
+_SCALE_STEP = 1e-6
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Effects fitted together; `residual` is whitened, `jacobian` its derivative.
+    """Effects fitted together.
 
-    Rows of `jacobian` are samples, columns the parameters in `order`; `held` counts those
-    that were found otherwise. One that is `hopeless` was given up on its way.
+    `order`: effect and parameter of each column of `jacobian`. `residual`: whitened, nuisances
+    projected out (samples). `jacobian`: its derivative (samples x parameters, per unit of each).
+    `count`: samples less nuisances. `searched`: number of parameters that a search found and
+    least squares did not fit. `abandoned`: the fit was given up before its minimum, as it could
+    not come near the limit asked for.
     """
 
     candidates: tuple[Candidate, ...]
@@ -47,8 +60,8 @@ class Fit:
     jacobian: Floats
     known_noise: bool
     count: int
-    held: int = 0
-    hopeless: bool = False
+    searched: int = 0
+    abandoned: bool = False
 
     @property
     def names(self) -> frozenset[str]:
@@ -56,11 +69,12 @@ class Fit:
 
     @property
     def key(self) -> frozenset[tuple[str, str]]:
+        """The set of effects, each in its form."""
         return frozenset(candidate.key for candidate in self.candidates)
 
     @property
     def identity(self) -> tuple[frozenset[tuple[str, str]], float]:
-        """What tells it from other fits, of the same effects as well."""
+        """Cache key: the set of effects and its sum of squares."""
         return self.key, self.rss
 
     @property
@@ -74,89 +88,96 @@ class Fit:
 
     @property
     def excess(self) -> float:
-        """What is left over beyond noise, of the sum of squares."""
-        return self.rss - self.count * self.variance
+        """Sum of squares beyond what noise leaves."""
+        return self.rss - self.count * self.noise_variance
 
     @property
-    def misfit(self) -> float:
-        """-2 log likelihood but for a constant."""
-        return self.misfit_of(self.rss)
+    def noise_variance(self) -> float:
+        """Variance of the noise in the whitened residual: 1, or its estimate where unknown."""
+        freedom = max(self.count - len(self.order), 1)
+        return 1.0 if self.known_noise else max(self.rss / freedom, _TINY)
 
-    def misfit_of(self, rss: float) -> float:
-        """The misfit that a sum of squares of `rss` would be."""
+    # -- evidence --------------------------------------------------------------------
+
+    @property
+    def deviance(self) -> float:
+        """-2 ln likelihood, up to a constant."""
+        return self.deviance_of(self.rss)
+
+    def deviance_of(self, rss: float) -> float:
+        """The deviance at a sum of squares of `rss`: rss, or n ln(rss/n) with unknown noise."""
         if self.known_noise:
             return rss
         n = max(self.count, 1)
-        return n * math.log(max(rss, 1e-300) / n)
+        return n * math.log(max(rss, _TINY) / n)
 
-    def rss_of(self, misfit: float) -> float:
-        """The sum of squares of which the misfit is `misfit`."""
+    def rss_of(self, deviance: float) -> float:
+        """Inverse of `deviance_of`."""
         if self.known_noise:
-            return misfit
+            return deviance
         n = max(self.count, 1)
-        return n * math.exp(min(misfit / n, _MOST_EXPONENT))
+        return n * math.exp(min(deviance / n, _MOST_EXPONENT))
 
-    def cost(self, pool: int) -> float:
-        """-2 log likelihood, and the price of each parameter and of having had `pool` choices.
+    def ebic(self, catalogue_size: int) -> float:
+        """Extended Bayesian information criterion (Chen and Chen 2008); lower is better.
 
-        The extended Bayesian information criterion of Chen and Chen (2008): k ln n + 2 ln
-        of the number of ways to choose so many effects. Where the noise is unknown, fewer
-        samples than it takes to tell it are worth nothing.
+        -2 ln L + Σ penalty of each parameter + 2 ln of the number of ways to choose so many
+        effects out of the catalogue, plus a penalty for implausible values. Infinite where the
+        noise is unknown and the samples are too few to estimate it.
         """
         if not self.known_noise and len(self.order) >= self.count - 1:
             return math.inf
-        chosen = choice_price(self.chosen, pool)
-        return self.misfit + self.price + chosen + self._implausible
+        choice = choice_penalty(self.findings, catalogue_size)
+        return self.deviance + self.penalty + choice + self._implausibility
 
     @property
-    def chosen(self) -> int:
-        """How many of its effects are findings, and no calibrations."""
+    def penalty(self) -> float:
+        """Penalty of all parameters: ln n each, n being the samples less nuisances."""
+        fitted = sum(parameter_penalty(parameter, self.count) for _, parameter in self.order)
+        return fitted + self.searched * math.log(max(self.count, _LEAST_SAMPLES))
+
+    @property
+    def findings(self) -> int:
+        """Number of its effects that are findings, and no calibrations."""
         return sum(not self.calibrated(candidate) for candidate in self.candidates)
 
     def calibrated(self, candidate: Candidate) -> bool:
-        """Whether one of its effects does no more than the model's tolerances allow for."""
-        return candidate.calibrates and candidate.name not in self._intolerable
+        """True if this effect corrects a number of the model within its tolerance only."""
+        return candidate.calibrates and candidate.name not in self._beyond_tolerance
 
     @cached_property
-    def _intolerable(self) -> frozenset[str]:
-        """The effects with a value that is in no tolerance, errors allowed for."""
+    def _beyond_tolerance(self) -> frozenset[str]:
+        """The effects with a value that is in no tolerance, its error allowed for."""
         known = zip(self.order, self.values.tolist(), self.deviations().tolist(), strict=True)
-        return frozenset(name for (name, p), v, d in known if not p.tolerates(v, _CLEARLY * d))
-
-    @property
-    def price(self) -> float:
-        """What the parameters cost."""
-        own = sum(price(parameter, self.count) for _, parameter in self.order)
-        return own + self.held * math.log(max(self.count, _FEWEST))
+        return frozenset(
+            name for (name, p), value, d in known if not p.tolerates(value, _CLEARLY_OUTSIDE * d)
+        )
 
     @cached_property
-    def _implausible(self) -> float:
-        """What it would cost to keep every value in its plausible range, to first order.
+    def _implausibility(self) -> float:
+        """Rise of chi-squared if every value were moved into its plausible range, to first order.
 
-        It grows evenly, so that nothing is worth having for moving a value past a mark.
+        It grows continuously up to its limit, so that no fit gains by passing a threshold.
         """
-        most = math.sqrt(_IMPLAUSIBLE)
-        held_back = _IMPLAUSIBLE * len(self.at_bound())
-        return held_back + sum(min(far, most) ** 2 for far in self._beyond())
+        most = math.sqrt(_MOST_IMPLAUSIBLE)
+        at_bound = _MOST_IMPLAUSIBLE * len(self.at_bound())
+        return at_bound + sum(min(distance, most) ** 2 for distance in self._implausible_by())
 
-    def _beyond(self) -> list[float]:
-        """How far each value is outside its plausible range, in standard deviations."""
+    def _implausible_by(self) -> list[float]:
+        """Distance of each value from its plausible range, in standard deviations."""
         known = zip(self.order, self.values.tolist(), self.deviations().tolist(), strict=True)
         return [p.beyond(value) / deviation for (_, p), value, deviation in known]
 
     @property
     def plausible(self) -> bool:
-        """Whether every parameter is within its plausible range, errors allowed for."""
-        return not self.at_bound() and max(self._beyond(), default=0.0) <= _CLEARLY
+        """True if every parameter is within its plausible range, its error allowed for."""
+        furthest = max(self._implausible_by(), default=0.0)
+        return not self.at_bound() and furthest <= _CLEARLY_OUTSIDE
 
-    @property
-    def variance(self) -> float:
-        """Of the noise in the whitened residual: 1, or what the fit says where it is unknown."""
-        freedom = max(self.count - len(self.order), 1)
-        return 1.0 if self.known_noise else max(self.rss / freedom, 1e-300)
+    # -- errors ------------------------------------------------------------------------
 
     def deviations(self) -> Floats:
-        """The parameters' standard deviations, in `order`; infinite if not identifiable."""
+        """Standard deviations of the parameters, in `order`; infinite if not identifiable."""
         spans = np.array([p.high - p.low for _, p in self.order])
         scaled = self.jacobian * spans
         strengths = np.linalg.norm(scaled, axis=0)
@@ -164,72 +185,74 @@ class Fit:
             return np.full(len(spans), math.inf)
         units = scaled / strengths
         gram = units.T @ units
-        if np.linalg.cond(gram) > 1e12:
+        if np.linalg.cond(gram) > _MOST_CONDITION:
             return np.full(len(spans), math.inf)
-        own = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * self.variance)
+        own = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * self.noise_variance)
         deviations: Floats = own / strengths * spans
         return deviations
 
-    def others_without(self, name: str) -> Settings:
-        """Where the other effects would go if `name` were off, as far as the slopes tell."""
-        own = np.array([effect == name for effect, _ in self.order], dtype=bool)
-        off = [
-            p.null - value if effect == name and p.role is Role.AMPLITUDE else 0.0
-            for (effect, p), value in zip(self.order, self.values.tolist(), strict=True)
-        ]
-        kept = {effect: dict(values) for effect, values in self.settings.items() if effect != name}
-        change = self.jacobian @ np.nan_to_num(off, posinf=0.0, neginf=0.0)
-        steps = step_against(self.jacobian[:, ~own], change).tolist()
-        others = (entry for entry, mine in zip(self.order, own, strict=True) if not mine)
-        for (effect, p), step in zip(others, steps, strict=True):
-            kept[effect][p.name] = p.within(kept[effect][p.name] + step)
-        return kept
-
     def intervals(self, level: float = 0.95) -> list[tuple[float, float]]:
-        """Confidence intervals of the parameters, in `order`."""
+        """Confidence intervals of the parameters, in `order`; Student's t with unknown noise."""
         freedom = max(self.count - len(self.order), 1)
         spread = stats.norm if self.known_noise else stats.t(freedom)
         half = spread.ppf((1 + level) / 2) * self.deviations()
         return [(v - h, v + h) for v, h in zip(self.values.tolist(), half.tolist(), strict=True)]
 
     def at_bound(self) -> list[str]:
-        """The parameters that the data would push out of their range.
+        """Parameters (`effect.parameter`) that the data would push out of their range.
 
-        Near a bound, and not clear of it by what they are known to.
+        Those within 1/1000 of an end of it, and by less than their standard deviation.
         """
         names = []
-        known = self.deviations().tolist()
-        for (effect, p), value, error in zip(self.order, self.values.tolist(), known, strict=True):
+        errors = self.deviations().tolist()
+        for (effect, p), value, error in zip(self.order, self.values.tolist(), errors, strict=True):
             nearest = min((p.low, p.high), key=lambda bound: abs(p.scaled(value) - p.scaled(bound)))
             near = abs(p.scaled(value) - p.scaled(nearest)) < _NEAR_BOUND
             if p.role is not Role.PHASE and near and abs(value - nearest) < error:
                 names.append(f"{effect}.{p.name}")
         return names
 
+    def others_without(self, name: str) -> Settings:
+        """Settings of the other effects if `name` were off: one Gauss-Newton step."""
+        own = np.array([effect == name for effect, _ in self.order], dtype=bool)
+        off = [
+            p.null - value if effect == name and p.role is Role.AMPLITUDE else 0.0
+            for (effect, p), value in zip(self.order, self.values.tolist(), strict=True)
+        ]
+        moved = {effect: dict(values) for effect, values in self.settings.items() if effect != name}
+        change = self.jacobian @ np.nan_to_num(off, posinf=0.0, neginf=0.0)
+        steps = gauss_newton_step(self.jacobian[:, ~own], change).tolist()
+        others = (entry for entry, mine in zip(self.order, own, strict=True) if not mine)
+        for (effect, p), step in zip(others, steps, strict=True):
+            moved[effect][p.name] = p.within(moved[effect][p.name] + step)
+        return moved
 
-def price(parameter: Parameter, count: int) -> float:
-    """What a parameter must gain in chi-squared to be worth having, with `count` samples."""
-    return _PHASE_PRICE if parameter.role is Role.PHASE else math.log(max(count, _FEWEST))
+
+def parameter_penalty(parameter: Parameter, count: int) -> float:
+    """Fall of chi-squared that one more parameter must bring, with `count` samples."""
+    if parameter.role is Role.PHASE:
+        return _PHASE_PENALTY
+    return math.log(max(count, _LEAST_SAMPLES))
 
 
-def choice_price(count: int, pool: int) -> float:
-    """What it costs to have chosen `count` out of `pool`; calibrations are not chosen."""
-    return 2 * math.log(math.comb(max(pool, count), count))
+def choice_penalty(chosen: int, catalogue_size: int) -> float:
+    """Penalty of having chosen so many effects: 2 ln(catalogue_size over chosen)."""
+    return 2 * math.log(math.comb(max(catalogue_size, chosen), chosen))
 
 
-def fit(
+def least_squares_fit(
     residuals: Residuals,
     candidates: Sequence[Candidate],
     starts: Sequence[Settings],
-    limit: float = math.inf,
+    rss_limit: float = math.inf,
 ) -> Fit:
     """The best fit of `candidates` from any of `starts`, each parameter within its range.
 
-    A start has a value for every parameter; those that are held keep it. A fit that does
-    not come near a sum of squares of `limit` is given up, as `hopeless`.
+    A start has a value for every parameter; those that are searched keep it. A fit that
+    cannot come down to a sum of squares of `rss_limit` is `abandoned`.
     """
     problems = [_Problem(residuals, candidates, start) for start in starts]
-    return min((problem.solve(limit) for problem in problems), key=lambda found: found.rss)
+    return min((problem.solve(rss_limit) for problem in problems), key=lambda fit: fit.rss)
 
 
 class _Problem:
@@ -241,60 +264,60 @@ class _Problem:
         self._residuals = residuals
         self._candidates = tuple(candidates)
         all_of_them = [(c.name, p) for c in candidates for p in c.parameters]
-        self._order = tuple((n, p) for n, p in all_of_them if p.role is not Role.HELD)
-        self._held = len(all_of_them) - len(self._order)
+        self._order = tuple((n, p) for n, p in all_of_them if p.role is not Role.SEARCHED)
+        self._searched = len(all_of_them) - len(self._order)
         self._start = start
         self._last: tuple[tuple[float, ...], Floats] | None = None
 
-    def solve(self, limit: float) -> Fit:
+    def solve(self, rss_limit: float) -> Fit:
         scaled = np.array([p.scaled(self._start[name][p.name]) for name, p in self._order])
-        low, high = self._limits()
+        low, high = self._box()
         if not self._order:
-            return self._fit(scaled, self._residual(scaled), np.zeros((0, 0)))
-        descent = Descent(self._residual, [p.difference for _, p in self._order], limit)
-        tolerance = _CLOSE_ENOUGH / max(self._residuals.count, 1)
-        place = descent.run(scaled, low, high, tolerance)
-        found = self._fit(place.x, place.residual, place.slopes)
-        return replace(found, hopeless=descent.hopeless)
+            residual = self._residual(scaled)
+            return self._fit(scaled, residual, np.zeros((len(residual), 0)))
+        descent = Descent(self._residual, [p.difference for _, p in self._order], rss_limit)
+        tolerance = _CHI2_TOLERANCE / max(self._residuals.count, 1)
+        reached = descent.run(scaled, low, high, tolerance)
+        fit = self._fit(reached.x, reached.residual, reached.jacobian)
+        return replace(fit, abandoned=descent.abandoned)
 
-    def _limits(self) -> tuple[Floats, Floats]:
-        """An angle may go once around either way."""
+    def _box(self) -> tuple[Floats, Floats]:
+        """Lower and upper ends of the scaled parameters; an angle may go once around either way."""
         turns = np.array([1.0 if p.role is Role.PHASE else 0.0 for _, p in self._order])
         return -turns, 1 + turns
 
     def _fit(self, scaled: Floats, residual: Floats, jacobian: Floats) -> Fit:
-        if not self._order:
-            jacobian = np.zeros((len(residual), 0))
-        places = list(zip((p for _, p in self._order), scaled.tolist(), strict=True))
-        slopes = np.array([(p.value(s + 1e-6) - p.value(s - 1e-6)) / 2e-6 for p, s in places])
+        coordinates = list(zip((p for _, p in self._order), scaled.tolist(), strict=True))
+        h = _SCALE_STEP
+        spans = np.array([(p.value(s + h) - p.value(s - h)) / (2 * h) for p, s in coordinates])
         return Fit(
             candidates=self._candidates,
             order=self._order,
-            settings=self._settings([p.within(p.value(s)) for p, s in places]),
+            settings=self._settings([p.within(p.value(s)) for p, s in coordinates]),
             residual=residual,
-            jacobian=jacobian / slopes if len(slopes) else jacobian,
-            known_noise=self._residuals.known,
+            jacobian=jacobian / spans if len(spans) else jacobian,
+            known_noise=self._residuals.known_noise,
             count=self._residuals.count,
-            held=self._held,
+            searched=self._searched,
         )
 
     def _settings(self, values: Sequence[float]) -> Settings:
         settings: dict[str, dict[str, float]] = {
-            c.name: {**c.fixed, **_held(c, self._start)} for c in self._candidates
+            c.name: {**c.fixed, **_searched_values(c, self._start)} for c in self._candidates
         }
         for (effect, parameter), value in zip(self._order, values, strict=True):
             settings[effect][parameter.name] = float(value)
         return settings
 
     def _residual(self, scaled: Floats) -> Floats:
-        """The residual; the last one is kept, as the solver asks for its slope next."""
-        asked = tuple(scaled.tolist())
-        if self._last is None or self._last[0] != asked:
-            values = [p.value(s) for (_, p), s in zip(self._order, asked, strict=True)]
-            self._last = asked, self._residuals.at(self._settings(values))
+        """The residual; the last one is stored, as the solver asks for its Jacobian next."""
+        point = tuple(scaled.tolist())
+        if self._last is None or self._last[0] != point:
+            values = [p.value(s) for (_, p), s in zip(self._order, point, strict=True)]
+            self._last = point, self._residuals.at(self._settings(values))
         return self._last[1]
 
 
-def _held(candidate: Candidate, start: Settings) -> Mapping[str, float]:
-    names = [p.name for p in candidate.parameters if p.role is Role.HELD]
+def _searched_values(candidate: Candidate, start: Settings) -> Mapping[str, float]:
+    names = [p.name for p in candidate.parameters if p.role is Role.SEARCHED]
     return {name: start[candidate.name][name] for name in names}

@@ -1,7 +1,7 @@
-"""What the engine is given: a model that can be run, candidates, and measured series.
+"""Input of the engine: a callable model, candidate effects and measured series.
 
-Nothing here knows a motor. A model is any function that predicts what each sensor would
-have shown in a run, for given parameters of given effects.
+Nothing here knows a motor. A model is any function that predicts what each sensor would have
+shown in a run, for given parameters of given effects.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-# What the ends of a plausible range are uncertain by, as a share of it.
-_ROUND = 0.01
+# Share of the plausible range by which a value may be outside of it: its ends are round numbers.
+# Doubled, a value 2 % of the range past its end costs nothing.
+_ROUND_ENDS = 0.01
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -26,32 +27,32 @@ Settings = Mapping[str, Mapping[str, float]]
 
 
 class Role(StrEnum):
-    """How the response follows a parameter.
+    """Role of a parameter in the response of its effect.
 
-    An AMPLITUDE has a value (`null`) at which the effect is off, and the response grows
-    nearly in proportion from there. A SHAPE (a period, a corner) decides the form of what
-    the amplitudes multiply. A PHASE is an angle in radians: the response at any is a sum
-    of those at 0 and at π/2. A HELD one is found by the candidate's own search, and least
-    squares leaves it alone (a count, the moment of a step).
+    AMPLITUDE: the effect is off at `null`, and the response is nearly proportional to the
+    distance from there. SHAPE: a period or a corner frequency, which decides the form of what
+    the amplitudes multiply. PHASE: an angle in radians; the response at any angle is a
+    combination of those at 0 and at π/2. SEARCHED: found by the candidate's own search and
+    constant in least squares (a count, the moment of a step).
     """
 
     AMPLITUDE = "amplitude"
     SHAPE = "shape"
     PHASE = "phase"
-    HELD = "held"
+    SEARCHED = "searched"
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect, fitted within [`low`, `high`].
+    """One number of an effect, in `unit`, fitted within [`low`, `high`].
 
-    `starts` are the values to try it at. `plausible` is the range to expect it in, the
-    whole one unless given: a value clearly outside of it speaks against the effect.
-    A value in `tolerated` merely corrects a number that the model itself states no better:
-    that is a calibration, and no finding.
-    `inverse` fits one over the value (a corner frequency, a period), and `difference` is
-    the share of the range that finite differences take: small against what the response
-    can follow evenly, large against the rounding of a simulation.
+    `starts`: values to simulate the signature at. `plausible`: the range in which a value is
+    expected, the whole range unless given; a value clearly outside is evidence against the
+    effect. `tolerated`: values that merely correct a number that the model itself states with
+    this tolerance, which is a calibration and no finding. `inverse`: the fit's coordinate is
+    one over the value (a corner frequency, a period). `difference`: step of finite differences
+    as a share of the range, small against the curvature of the response and large against the
+    rounding of a simulation.
     """
 
     name: str
@@ -72,20 +73,20 @@ class Parameter:
         return (self._coordinate(value) - low) / (high - low)
 
     def value(self, scaled: float) -> float:
-        """What `scaled` gives."""
+        """Inverse of `scaled`."""
         low, high = self._coordinate(self.low), self._coordinate(self.high)
         return self._coordinate(low + scaled * (high - low))
 
-    def grown(self, value: float, size: float) -> float:
-        """The value whose distance from the null is `size` times that of `value`."""
+    def multiplied(self, value: float, factor: float) -> float:
+        """The value whose distance from the null is `factor` times that of `value`."""
         null = self._coordinate(self.null)
-        coordinate = null + size * (self._coordinate(value) - null)
+        coordinate = null + factor * (self._coordinate(value) - null)
         if self.inverse and coordinate <= 0:
             return max(self.low, self.high)
         return self._coordinate(coordinate)
 
-    def size(self, value: float, of: float) -> float:
-        """How many times as far from the null `value` is as `of`."""
+    def factor(self, value: float, of: float) -> float:
+        """Distance of `value` from the null divided by that of `of`; inverse of `multiplied`."""
         null = self._coordinate(self.null)
         return (self._coordinate(value) - null) / (self._coordinate(of) - null)
 
@@ -93,36 +94,36 @@ class Parameter:
         return 1 / value if self.inverse else value
 
     def beyond(self, value: float) -> float:
-        """By how much `value` is outside the plausible range; 0 inside.
+        """Distance of `value` from the plausible range, in `unit`; 0 inside.
 
-        Its ends are round numbers, and what is a little past one is no news.
+        The range is widened by a hundredth at each end, as its ends are round numbers.
         """
         low, high = self.plausible or (self.low, self.high)
-        margin = _ROUND * (high - low)
+        margin = _ROUND_ENDS * (high - low)
         return max(low - margin - value, value - margin - high, 0.0)
 
     def tolerates(self, value: float, error: float) -> bool:
-        """Whether `value`, known to within `error`, is in the model's tolerance."""
+        """True if `value`, known to ± `error`, is within the model's tolerance."""
         if self.tolerated is None or not math.isfinite(error):
             return False
         low, high = self.tolerated
         return low - error <= value <= high + error
 
     def within(self, value: float) -> float:
-        """The nearest value in the range; an angle is turned into ±π first."""
+        """`value` clipped to the range; an angle is turned into ±π first."""
         if self.role is Role.PHASE:
             value = math.remainder(value, 2 * math.pi)
         return min(max(value, self.low), self.high)
 
 
 @dataclass(frozen=True)
-class Leftover:
-    """What a candidate's own search is shown: the data, and what a fit leaves of them.
+class ResidualView:
+    """Data and residual of a fit, as shown to a candidate's own search for starts.
 
-    `residuals` are one array a series, in standard deviations, which are `sigmas` in the
-    series' units; `predictions` are what the model says there, with the `settings` that are
-    fitted already. `misfit(settings)` is the sum of squares that the whole residual would
-    have with further ones.
+    `residuals`: one array a series, in standard deviations of the noise. `sigmas`: those
+    standard deviations, in the units of the series. `predictions`: the model's values with
+    the fitted `settings`, in the units of the series. `rss(settings)`: sum of squares of the
+    whole whitened residual with `settings` added.
     """
 
     data: Sequence[Series]
@@ -130,46 +131,47 @@ class Leftover:
     sigmas: Sequence[float]
     predictions: Sequence[Floats]
     settings: Settings
-    misfit: Callable[[Settings], float]
+    rss: Callable[[Settings], float]
 
 
-Seek = Callable[[Leftover], Iterable[Mapping[str, float]]]
+FindStarts = Callable[[ResidualView], Iterable[Mapping[str, float]]]
 
 
 @dataclass(frozen=True)
 class Candidate:
     """An effect that the model may lack.
 
-    Where honest people write an effect differently there are several `form`s of one name,
-    of which the evidence picks one; `fixed` are the parameters that a form does not fit.
-    A form that `refines` another (by its form) frees more of it, and is tried only when
-    that one has been found, unless it may come `by_itself`. A `flexible` effect (a free
-    period) can mimic much that is in no catalogue, and is believed only if it leaves nothing.
-    `seek` looks for starts in what is left over, where a few fixed ones cannot find it.
+    `form`: an effect that is written in several ways has one candidate for each, with the same
+    name, and the evidence picks one. `fixed`: parameters of the effect that this form does not
+    fit, with their values. `extends`: the form with fewer free parameters that this one
+    extends; it is tried only beside that one, unless it `can_enter_first`. `flexible`: can
+    mimic much that is in no catalogue (a free period), and so is believed only if it leaves
+    nothing unexplained. `find_starts`: finds values of all parameters in a residual, where a
+    few fixed starts cannot.
     """
 
     name: str
     parameters: tuple[Parameter, ...]
     form: str = ""
     fixed: Mapping[str, float] = field(default_factory=dict)
-    refines: str | None = None
-    by_itself: bool = False
+    extends: str | None = None
+    can_enter_first: bool = False
     flexible: bool = False
-    seek: Seek | None = None
+    find_starts: FindStarts | None = None
 
     @property
     def key(self) -> tuple[str, str]:
         return self.name, self.form
 
-    def frees_more_than(self, other: Candidate) -> bool:
-        """Whether it is the effect `other` with parameters fitted that are fixed there."""
+    def nests(self, other: Candidate) -> bool:
+        """True if `other` is this effect with some of its free parameters fixed."""
         own, others = ({p.name for p in c.parameters} for c in (self, other))
-        kept = {name: value for name, value in other.fixed.items() if name not in own}
-        return self.name == other.name and others < own and kept == dict(self.fixed)
+        still_fixed = {name: value for name, value in other.fixed.items() if name not in own}
+        return self.name == other.name and others < own and still_fixed == dict(self.fixed)
 
     @property
     def calibrates(self) -> bool:
-        """Whether it may be no more than the correction of a number that has a tolerance."""
+        """True if it may merely correct a number of the model within its tolerance."""
         return any(parameter.tolerated for parameter in self.parameters)
 
     def settings(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
@@ -178,15 +180,14 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Series:
-    """What one sensor showed in one run.
+    """Readings of one sensor in one run.
 
-    `sigma` is its noise (standard deviation, in `unit`), or None where it is unknown and
-    the fit must tell. `time_s` and `folds` have the values' length: folds number the
-    parts (moves) of the run that can be held out, the same in all its series. `nuisances`
-    (length x count) are shapes that nobody would call an effect, fitted always; a constant
-    offset unless given. `labels` are further arrays of that length (`position` in
-    `position_unit`, `velocity`, `acceleration`) that help to describe what no effect
-    accounts for.
+    `values`: in `unit`. `sigma`: standard deviation of the noise in `unit`, or None where it
+    is unknown and is estimated. `time_s` and `folds` have the length of `values`; `folds`
+    numbers the parts of the run (moves) that can be held out, alike in all its series.
+    `nuisances` (samples x shapes): shapes that are always fitted and never an effect; a
+    constant offset unless given. `labels`: further arrays of that length (`position` in
+    `position_unit`, `velocity`, `acceleration`) used to describe an unexplained residual.
     """
 
     run: str
@@ -208,7 +209,7 @@ class Series:
 
 
 class Simulate(Protocol):
-    """Predict each series, in their order and of their lengths, with effects as set.
+    """Predict each series, in their order, lengths and units, with the effects in `settings`.
 
     Must be deterministic, and safe to call from several threads at once if `reconcile`
     is given more than one job.

@@ -1,4 +1,4 @@
-"""What is left when the effects are taken out: whether it is noise, and what it looks like."""
+"""Test of the residual of a fit against noise, and a description of what is in it."""
 
 from __future__ import annotations
 
@@ -8,36 +8,42 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
-from scipy import fft, stats
+from scipy import fft
 
 from mopro.diagnosis.model import Floats, Series
-from mopro.diagnosis.residual import Residuals, white_variance
+from mopro.diagnosis.noise_tests import (
+    FEWEST_SAMPLES,
+    STILL,
+    bartlett_log_p,
+    chi2_log_p,
+    cumulative_periodogram,
+    cusum_step,
+    line_log_p,
+    normal_log_p,
+)
+from mopro.diagnosis.residual import Residuals, difference_variance
 from mopro.diagnosis.spectrum import position_spectrum
 
-# A false alarm in one of a thousand remainders that are noise, over all tests together.
+# Share of residuals that are noise and fail, over all tests together (Bonferroni).
 FALSE_ALARMS = 1e-3
-# Nobody knows a sensor's noise better than this; what is white and no larger is noise.
+# Share by which a sensor's noise may be larger than stated: it is never known better.
 NOISE_TOLERANCE = 0.05
-_FEWEST = 60
-# How far off what the data themselves say of their noise may be, in its standard errors.
-_ERRORS = 2.0
-# Fewer cycles than these in all the data are no line, but a bend.
+# Standard errors by which noise that is estimated from n samples may be larger than the estimate.
+_ESTIMATE_ERRORS = 2.0
+# Cycles in all the data below which a line is a bend or a drift.
 _FEWEST_CYCLES = 4
-# Kolmogorov's chance is its first term beyond this.
-_FAR = 3.0
-_BINS = (8, 16, 32, 64)
-# What varies less than this, in the noise's variance, does not vary: a sensor at rest.
-STILL = 1e-6
-# Times whose steps are nearly all alike are even; a gap here and there is none too many.
-_ALIKE, _NEARLY_ALL = 0.01, 0.9
+# Intervals of position, as numbers of them over the range, among which a bump is looked for.
+_BUMP_BINS = (8, 16, 32, 64)
+# Sampling is even if this share of the time steps is within this share of their median: single
+# gaps do not matter.
+_EVEN_STEPS, _STEP_TOLERANCE = 0.9, 0.01
 
 
 @dataclass(frozen=True)
 class Remainder:
-    """Whether what is left is more than noise, and the most telling shape in it.
+    """Answer of the tests: whether the residual is more than noise, and its clearest shape.
 
-    `scatter` is its root mean square in standard deviations of the sensors' noise, 1 where
-    that is not known.
+    `scatter`: its RMS in standard deviations of the sensors' noise, 1 where that is unknown.
     """
 
     significant: bool
@@ -48,15 +54,15 @@ class Remainder:
 
 @dataclass(frozen=True)
 class _Finding:
-    """A test's answer: the logarithm of how often noise does as much, and words for it."""
+    """Answer of one test: ln of its p-value, and a description of the shape it looks for."""
 
     log_p: float
     description: str | None
 
 
 @dataclass(frozen=True)
-class _Left:
-    """What is left of one series, in standard deviations."""
+class _Standardised:
+    """Residual of one series, in standard deviations of its noise."""
 
     series: Series
     z: Floats
@@ -65,224 +71,203 @@ class _Left:
         label = self.series.labels.get(name)
         return None if label is None else np.asarray(label, dtype=float)
 
+    def in_units(self, z: float) -> float:
+        return z * (self.series.sigma or 1.0)
+
 
 def examine(residuals: Residuals, residual: Floats, parameters: int) -> Remainder:
-    """Test what `residual` leaves, to which `parameters` numbers were fitted.
+    """Test a whitened `residual`, to which so many `parameters` were fitted.
 
-    Of a series with unknown noise only the shape can be tested, against as much white
-    noise.
+    With unknown noise only the shape is tested, against white noise as strong as neighbouring
+    samples differ.
     """
-    parts = zip(residuals.data, residuals.split(residual), residuals.sigmas, strict=True)
-    lefts = [_left(series, own, sigma) for series, own, sigma in parts if len(series) >= _FEWEST]
-    known = residuals.known
-    tests = [_excess(residual, parameters)] if known else []
-    tests += [test for left in lefts for test in _own_shapes(left)]
-    for _, group in groupby(sorted(lefts, key=_sensor), key=_sensor):
-        tests += _common_shapes(list(group))
-    if not tests:
+    by_series = zip(residuals.data, residuals.split(residual), residuals.sigmas, strict=True)
+    parts = [
+        _standardised(series, own, sigma)
+        for series, own, sigma in by_series
+        if len(series) >= FEWEST_SAMPLES
+    ]
+    known = residuals.known_noise
+    findings = [_excess(residual, parameters)] if known else []
+    findings += [finding for part in parts for finding in _own_shapes(part)]
+    for _, group in groupby(sorted(parts, key=_sensor), key=_sensor):
+        findings += _common_shapes(list(group))
+    if not findings:
         return Remainder(False, None, 1.0)
     scatter = math.sqrt(float(np.mean(residual**2))) if known else 1.0
-    log_p = min(test.log_p for test in tests) + math.log(len(tests))
+    log_p = min(finding.log_p for finding in findings) + math.log(len(findings))
     p_value = math.exp(min(log_p, 0.0))
     if p_value >= FALSE_ALARMS:
         return Remainder(False, None, p_value, scatter)
-    return Remainder(True, _words(tests, scatter), p_value, scatter)
+    return Remainder(True, _description(findings, scatter), p_value, scatter)
 
 
-def _left(series: Series, own: Floats, sigma: float) -> _Left:
-    """Where nobody knows the noise, neighbouring samples tell it, with an error of their own."""
+def _standardised(series: Series, residual: Floats, sigma: float) -> _Standardised:
+    """In units of the stated noise; where that is unknown, of an upper limit of its estimate."""
     if series.sigma is not None:
-        return _Left(series, own)
-    known = 1 + _ERRORS / math.sqrt(len(own))
-    scatter = known * math.sqrt(white_variance(own)) or 1.0
-    return _Left(replace(series, sigma=sigma * scatter), own / scatter)
+        return _Standardised(series, residual)
+    upper = 1 + _ESTIMATE_ERRORS / math.sqrt(len(residual))
+    scatter = upper * math.sqrt(difference_variance(residual)) or 1.0
+    return _Standardised(replace(series, sigma=sigma * scatter), residual / scatter)
 
 
-def _words(tests: Sequence[_Finding], scatter: float) -> str:
-    described = [test for test in tests if test.description]
-    telling = min(described, key=lambda test: test.log_p, default=None)
-    level = math.log(FALSE_ALARMS / len(tests))
-    if telling and telling.description and telling.log_p < level:
-        return telling.description
+def _description(findings: Sequence[_Finding], scatter: float) -> str:
+    described = [finding for finding in findings if finding.description]
+    clearest = min(described, key=lambda finding: finding.log_p, default=None)
+    level = math.log(FALSE_ALARMS / len(findings))
+    if clearest and clearest.description and clearest.log_p < level:
+        return clearest.description
     return f"more scatter than the sensor's noise, {scatter:.3g} times as much"
 
 
-def _sensor(left: _Left) -> str:
-    return left.series.sensor
+def _sensor(part: _Standardised) -> str:
+    return part.series.sensor
 
 
 def _excess(residual: Floats, parameters: int) -> _Finding:
-    freedom = max(len(residual) - parameters, 1)
-    allowed = (1 + NOISE_TOLERANCE) ** 2
-    return _Finding(float(stats.chi2.logsf(residual @ residual / allowed, freedom)), None)
+    """Chi-squared test with the largest noise that is tolerated."""
+    rss = float(residual @ residual) / (1 + NOISE_TOLERANCE) ** 2
+    return _Finding(chi2_log_p(rss, len(residual) - parameters), None)
 
 
 # -- in one series ---------------------------------------------------------------
 
 
-def _own_shapes(left: _Left) -> Iterator[_Finding]:
-    series, z = left.series, left.z
-    yield _memory(left)
-    if series.time_s is not None:
-        yield _drift(series, series.time_s, z)
-        yield _step(series, series.time_s, z)
-    if _even(series):
-        yield _line_in_time([left])
+def _own_shapes(part: _Standardised) -> Iterator[_Finding]:
+    yield _autocorrelation(part)
+    if part.series.time_s is not None:
+        yield _drift(part, part.series.time_s)
+        yield _step(part, part.series.time_s)
+    if _even(part.series):
+        yield _line_in_time([part])
 
 
 def _even(series: Series) -> bool:
-    """Whether it was sampled at a steady rate: a place in its spectrum is a frequency then."""
+    """True if the sampling rate is steady, so that the spectrum has frequencies."""
     if series.time_s is None:
         return False
     steps = np.diff(series.time_s)
     step = float(np.median(steps))
-    return float(np.mean(np.abs(steps - step) < _ALIKE * step)) >= _NEARLY_ALL
+    return float(np.mean(np.abs(steps - step) < _STEP_TOLERANCE * step)) >= _EVEN_STEPS
 
 
-def _memory(left: _Left) -> _Finding:
-    """Bartlett's test (1955): the cumulative periodogram of white noise is a straight line."""
-    z = left.z
-    if float(np.var(z)) < STILL:
+def _autocorrelation(part: _Standardised) -> _Finding:
+    """Bartlett's test."""
+    if float(np.var(part.z)) < STILL:
         return _Finding(0.0, None)
-    shares = cumulative_periodogram(z)
-    distance = float(stats.kstest(shares, "uniform", method="asymp").statistic)
-    return _Finding(_kolmogorov(distance * math.sqrt(len(shares))), _wander(left, shares))
+    shares = cumulative_periodogram(part.z)
+    return _Finding(bartlett_log_p(shares), _wander(part, shares))
 
 
-def cumulative_periodogram(z: Floats) -> Floats:
-    """The share of the variance at each frequency and below, the last (1) left out."""
-    power = np.abs(fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
-    shares: Floats = np.cumsum(power)[:-1] / float(power.sum())
-    return shares
-
-
-def _kolmogorov(distance: float) -> float:
-    """The log of Kolmogorov's limiting chance, by its first term where that is all of it."""
-    if distance > _FAR:
-        return math.log(2) - 2 * distance**2
-    return float(stats.kstwobign.logsf(distance))
-
-
-def _wander(left: _Left, shares: Floats) -> str | None:
-    """Words for power that gathers at low or high frequencies, without being a line there."""
-    time_s = left.series.time_s
+def _wander(part: _Standardised, shares: Floats) -> str | None:
+    """Description of power that gathers at low or high frequencies without being a line."""
+    time_s = part.series.time_s
     if time_s is None:
         return None
     beyond = shares - np.linspace(0, 1, len(shares))
     edge = int(np.argmax(np.abs(beyond)))
     hertz = (edge + 1) / float(np.ptp(time_s))
     if beyond[edge] > 0:
-        return f"a slow wander in time, below {hertz:.2g} Hz, in {left.series.run}"
-    return f"a quick scatter in time, above {hertz:.2g} Hz, in {left.series.run}"
+        return f"a slow wander in time, below {hertz:.2g} Hz, in {part.series.run}"
+    return f"a quick scatter in time, above {hertz:.2g} Hz, in {part.series.run}"
 
 
-def _drift(series: Series, time_s: Floats, z: Floats) -> _Finding:
-    centred = time_s - time_s.mean()
-    slope = float(centred @ z / (centred @ centred))
+def _drift(part: _Standardised, time_s: Floats) -> _Finding:
+    """Slope of a straight line in time."""
+    series, centred = part.series, time_s - time_s.mean()
+    slope = float(centred @ part.z / (centred @ centred))
     strength = abs(slope) * math.sqrt(float(centred @ centred))
-    total = slope * (series.sigma or 1.0) * float(np.ptp(time_s))
+    total = part.in_units(slope) * float(np.ptp(time_s))
     words = f"a drift in time of {total:.3g} {series.unit} over {series.run}"
-    return _Finding(_two_sided(strength), words)
+    return _Finding(normal_log_p(strength), words)
 
 
-def _step(series: Series, time_s: Floats, z: Floats) -> _Finding:
-    """The place where the means before and after differ the most."""
-    n = len(z)
-    before = np.arange(1, n)
-    contrast = np.cumsum(z - z.mean())[:-1] / np.sqrt(before * (n - before) / n)
-    at = int(np.argmax(np.abs(contrast)))
-    height = -contrast[at] * math.sqrt(n / ((at + 1) * (n - at - 1))) * (series.sigma or 1.0)
-    words = f"a step of {height:.3g} {series.unit} at {time_s[at]:.3g} s in {series.run}"
-    return _Finding(_two_sided(float(contrast[at]), n), words)
+def _step(part: _Standardised, time_s: Floats) -> _Finding:
+    """The step in time between the two means that differ the most."""
+    series, n = part.series, len(part.z)
+    last, contrast = cusum_step(part.z)
+    height = part.in_units(-contrast * math.sqrt(n / ((last + 1) * (n - last - 1))))
+    words = f"a step of {height:.3g} {series.unit} at {time_s[last]:.3g} s in {series.run}"
+    return _Finding(normal_log_p(contrast, n), words)
 
 
 # -- in all series of one sensor ---------------------------------------------------
 
 
-def _common_shapes(lefts: Sequence[_Left]) -> Iterator[_Finding]:
-    timed = [left for left in lefts if _even(left.series)]
+def _common_shapes(parts: Sequence[_Standardised]) -> Iterator[_Finding]:
+    timed = [part for part in parts if _even(part.series)]
     if len(timed) > 1:
         yield _line_in_time(timed)
-    placed = [left for left in lefts if _reach(left) > 0]
-    if placed:
-        yield _line_in_position(placed)
-        yield _bump(placed)
+    moving = [part for part in parts if _reach(part) > 0]
+    if moving:
+        yield _line_in_position(moving)
+        yield _bump(moving)
     for name, shape in _LAWS.items():
-        if all(left.label(shape[0]) is not None for left in lefts):
-            yield _law(lefts, name, *shape)
+        if all(part.label(shape[0]) is not None for part in parts):
+            yield _law(parts, name, *shape)
 
 
-def _reach(left: _Left) -> float:
-    position = left.label("position")
+def _reach(part: _Standardised) -> float:
+    """Range of the positions; 0 where they are not known."""
+    position = part.label("position")
     return 0.0 if position is None else float(np.ptp(position))
 
 
-def _line_in_time(lefts: Sequence[_Left]) -> _Finding:
-    """The strongest line of the periodograms (evenly sampled), summed over the runs."""
-    length = fft.next_fast_len(max(len(left.z) for left in lefts))
-    powers = [np.abs(fft.rfft(left.z, length)[1:]) ** 2 / len(left.z) for left in lefts]
+def _line_in_time(parts: Sequence[_Standardised]) -> _Finding:
+    """The strongest line of the periodograms (even sampling), summed over the series."""
+    length = fft.next_fast_len(max(len(part.z) for part in parts))
+    powers = [np.abs(fft.rfft(part.z, length)[1:]) ** 2 / len(part.z) for part in parts]
     summed = np.sum(powers, axis=0)
     summed[: _FEWEST_CYCLES - 1] = 0.0
-    at = int(np.argmax(summed))
-    times = lefts[0].series.time_s
-    assert times is not None, "only series with times are asked for lines in time"
-    frequency = (at + 1) / (length * float(np.median(np.diff(times))))
-    amplitude = 2 * math.sqrt(summed[at] / sum(len(left.z) for left in lefts))
-    series = lefts[0].series
-    where = series.run if len(lefts) == 1 else "all runs"
+    line = int(np.argmax(summed))
+    series = parts[0].series
+    assert series.time_s is not None, "only series with times are asked for lines in time"
+    frequency = (line + 1) / (length * float(np.median(np.diff(series.time_s))))
+    amplitude = 2 * math.sqrt(summed[line] / sum(len(part.z) for part in parts))
+    where = series.run if len(parts) == 1 else "all runs"
     words = (
         f"a line at {frequency:.3g} Hz in time, "
-        f"{amplitude * (series.sigma or 1.0):.2g} {series.unit}, in {where}"
+        f"{parts[0].in_units(amplitude):.2g} {series.unit}, in {where}"
     )
-    return _Finding(_line_chance(float(summed[at]), len(summed), len(lefts)), words)
+    return _Finding(line_log_p(float(summed[line]), len(summed), len(parts)), words)
 
 
-def _line_in_position(lefts: Sequence[_Left]) -> _Finding:
-    positions = [np.asarray(left.label("position")) for left in lefts]
-    cycles, power = position_spectrum(positions, [left.z for left in lefts])
+def _line_in_position(parts: Sequence[_Standardised]) -> _Finding:
+    """The strongest line of the periodograms over position, summed over the series."""
+    positions = [np.asarray(part.label("position")) for part in parts]
+    cycles, power = position_spectrum(positions, [part.z for part in parts])
     power[cycles * max(np.ptp(x) for x in positions) < _FEWEST_CYCLES] = 0.0
-    at = int(np.argmax(power))
-    series = lefts[0].series
-    words = f"a line in position with a period of {1 / cycles[at]:.3g} {series.position_unit}"
-    return _Finding(_line_chance(float(power[at]), len(cycles), len(lefts)), words)
+    line = int(np.argmax(power))
+    series = parts[0].series
+    words = f"a line in position with a period of {1 / cycles[line]:.3g} {series.position_unit}"
+    return _Finding(line_log_p(float(power[line]), len(cycles), len(parts)), words)
 
 
-def _line_chance(power: float, lines: int, runs: int) -> float:
-    """How often (log) the strongest of `lines` summed lines of unit white noise is as strong."""
-    return min(0.0, math.log(lines) + float(stats.gamma.logsf(power, runs)))
-
-
-def _two_sided(strength: float, chances: int = 1) -> float:
-    """How often (log) the largest of `chances` standard normals is as far from 0."""
-    return min(0.0, math.log(2 * chances) + float(stats.norm.logsf(abs(strength))))
-
-
-def _bump(lefts: Sequence[_Left]) -> _Finding:
-    """The stretch of the way whose mean is furthest off."""
-    position = np.concatenate([np.asarray(left.label("position")) for left in lefts])
-    z = np.concatenate([left.z for left in lefts])
+def _bump(parts: Sequence[_Standardised]) -> _Finding:
+    """The interval of position whose mean is furthest from zero."""
+    position = np.concatenate([np.asarray(part.label("position")) for part in parts])
+    z = np.concatenate([part.z for part in parts])
     low, reach = float(position.min()), float(np.ptp(position))
-    best, chances = (0.0, 0.0, 0.0, 1.0), 0
-    for bins in _BINS:
-        place = np.minimum((bins * (position - low) / reach).astype(int), bins - 1)
-        counts, sums = np.bincount(place, minlength=bins), np.bincount(place, z, bins)
+    strength, middle, width, count, trials = 0.0, low, reach, 1.0, 0
+    for bins in _BUMP_BINS:
+        bin_of = np.minimum((bins * (position - low) / reach).astype(int), bins - 1)
+        counts, sums = np.bincount(bin_of, minlength=bins), np.bincount(bin_of, z, bins)
         means = sums / np.sqrt(np.maximum(counts, 1))
-        at = int(np.argmax(np.abs(means)))
-        chances += int((counts > 0).sum())
-        if abs(means[at]) > abs(best[0]):
-            best = (float(means[at]), at, bins, float(counts[at]))
-    strength, at_bin, of_bins, count = best
-    series = lefts[0].series
-    height = strength / math.sqrt(count) * (series.sigma or 1.0)
-    middle, width = low + (at_bin + 0.5) * reach / max(of_bins, 1), reach / max(of_bins, 1)
+        largest = int(np.argmax(np.abs(means)))
+        trials += int((counts > 0).sum())
+        if abs(means[largest]) > abs(strength):
+            strength, count = float(means[largest]), float(counts[largest])
+            middle, width = low + (largest + 0.5) * reach / bins, reach / bins
+    series = parts[0].series
+    height = parts[0].in_units(strength / math.sqrt(count))
     words = (
         f"a local bump of {height:.2g} {series.unit} in position, at {middle:.3g} "
         f"{series.position_unit}, about {width:.2g} {series.position_unit} wide"
     )
-    return _Finding(_two_sided(strength, chances), words)
+    return _Finding(normal_log_p(strength, trials), words)
 
 
-# words -> (label, what is taken of it)
+# description -> (label, function of it)
 _LAWS: dict[str, tuple[str, Callable[[Floats], Floats]]] = {
     "a law in velocity v": ("velocity", lambda v: v),
     "a law in velocity v|v|": ("velocity", lambda v: v * np.abs(v)),
@@ -294,16 +279,16 @@ _LAWS: dict[str, tuple[str, Callable[[Floats], Floats]]] = {
 
 
 def _law(
-    lefts: Sequence[_Left], name: str, label: str, shape: Callable[[Floats], Floats]
+    parts: Sequence[_Standardised], name: str, label: str, shape: Callable[[Floats], Floats]
 ) -> _Finding:
-    values = [shape(np.asarray(left.label(label))) for left in lefts]
-    parts = np.concatenate([v - v.mean() for v in values])
-    z = np.concatenate([left.z for left in lefts])
-    strength = math.sqrt(float(parts @ parts))
-    if not strength:
+    """Projection of the residual on a function of a label, its mean in each series taken out."""
+    values = [shape(np.asarray(part.label(label))) for part in parts]
+    centred = np.concatenate([v - v.mean() for v in values])
+    z = np.concatenate([part.z for part in parts])
+    norm = math.sqrt(float(centred @ centred))
+    if not norm:
         return _Finding(0.0, None)
-    slope = float(parts @ z) / strength
-    series = lefts[0].series
-    size = abs(slope) * float(np.abs(parts).max()) / strength * (series.sigma or 1.0)
-    words = f"{name}, up to {size:.2g} {series.unit}"
-    return _Finding(_two_sided(slope), words)
+    strength = float(centred @ z) / norm
+    size = parts[0].in_units(abs(strength) * float(np.abs(centred).max()) / norm)
+    words = f"{name}, up to {size:.2g} {parts[0].series.unit}"
+    return _Finding(normal_log_p(strength), words)

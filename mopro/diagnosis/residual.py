@@ -1,4 +1,4 @@
-"""Measured less simulated, in standard deviations, with the nuisances taken out."""
+"""Residual = measured - simulated, in standard deviations, with the nuisances projected out."""
 
 from __future__ import annotations
 
@@ -8,124 +8,136 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from scipy import fft
+from scipy import fft, linalg
 
 from mopro.diagnosis.model import Floats, Mask, Series, Settings, Simulate
 
-# Autocorrelation is summed over so many times what it sums up to.
+# The autocorrelation is summed over lags up to this multiple of the integrated autocorrelation
+# time: 5 is the usual choice (Sokal 1997), where the bias is below 1 %. Halved, slow noise is
+# underestimated; doubled, the sum itself is noisier.
 _WINDOW = 5
+# Singular values below this share of the largest are rounding: nuisance shapes that depend on
+# each other.
+_RANK_TOLERANCE = 1e-9
 
 
 class Residuals:
-    """All series of a problem as one vector.
+    """All series of a problem as one vector (samples of the first series first).
 
-    `sigmas` are what a standard deviation is in each, and `known` tells whether that is
-    stated for all. Where it is not, neighbouring samples tell it: a scale, so that nothing
-    hangs on the units, and no more. A subset of samples (`keep`) is a problem of its own
-    for held-out tests, with the `sigmas` of the whole.
+    `sigmas`: standard deviation of the noise in each series, in its unit. `known_noise`: it is
+    stated for all of them. Where it is not, the differences between neighbouring samples
+    estimate it, so that results do not depend on the units. `mask`: the samples that count; a
+    subset of them is a problem of its own for held-out tests, with the `sigmas` of the whole.
+    `weights`: 1/sigma of each sample. `count`: samples that count, less the nuisances.
     """
 
     def __init__(
         self,
         simulate: Simulate,
         data: Sequence[Series],
-        keep: Mask | None = None,
+        mask: Mask | None = None,
         sigmas: Sequence[float] = (),
     ) -> None:
         self._simulate = simulate
         self.data = data
-        self.known = all(series.sigma is not None for series in data)
-        self.keep = np.ones(sum(map(len, data)), dtype=bool) if keep is None else keep
+        self.known_noise = all(series.sigma is not None for series in data)
+        self.mask = np.ones(sum(map(len, data)), dtype=bool) if mask is None else mask
         self.measured = np.concatenate([series.values for series in data])
         self.sigmas = tuple(sigmas) or self._scales()
         self.weights = np.repeat([1 / sigma for sigma in self.sigmas], [len(s) for s in data])
-        self.basis = self.nuisance_basis(self.keep)
-        self.count = int(self.keep.sum()) - self.basis.shape[1]
+        self.basis = self.nuisance_basis(self.mask)
+        self.count = int(self.mask.sum()) - self.basis.shape[1]
 
-    def subset(self, keep: Mask) -> Residuals:
-        return Residuals(self._simulate, self.data, keep, self.sigmas)
+    def subset(self, mask: Mask) -> Residuals:
+        """The same problem with the samples in `mask` alone."""
+        return Residuals(self._simulate, self.data, mask, self.sigmas)
 
-    def burdened(self, residual: Floats) -> Residuals:
-        """The same problem with noise as strong as `residual` (all samples), its memory included.
+    def with_inflated_noise(self, residual: Floats) -> Residuals:
+        """The same problem with the long-run variance of `residual` (all samples) as noise.
 
-        What is stated counts where that is more.
+        The sigma that a series states counts where it is larger.
         """
-        parts = zip(self.data, self.split(residual), self.sigmas, strict=True)
-        burdens = [
-            (series, sigma * math.sqrt(lasting_variance(own))) for series, own, sigma in parts
+        by_series = zip(self.data, self.split(residual), self.sigmas, strict=True)
+        inflated = [
+            (series, sigma * math.sqrt(long_run_variance(own))) for series, own, sigma in by_series
         ]
         return Residuals(
             self._simulate,
-            [replace(series, sigma=max(burden, series.sigma or 0.0) or None)
-             for series, burden in burdens],
+            [replace(series, sigma=max(sigma, series.sigma or 0.0) or None)
+             for series, sigma in inflated],
         )  # fmt: skip
 
     def _scales(self) -> tuple[float, ...]:
         stated = [series.sigma for series in self.data]
         if None not in stated:
             return tuple(sigma for sigma in stated if sigma is not None)
-        left = self.split(self.measured - self.predicted({}))
-        told = [math.sqrt(white_variance(own)) or 1.0 for own in left]
-        return tuple(sigma or scale for sigma, scale in zip(stated, told, strict=True))
+        residuals = self.split(self.measured - self.predicted({}))
+        estimated = [math.sqrt(difference_variance(own)) or 1.0 for own in residuals]
+        return tuple(sigma or scale for sigma, scale in zip(stated, estimated, strict=True))
 
     def at(self, settings: Settings) -> Floats:
-        """The whitened residual of the kept samples with `settings`."""
-        return self.cleaned((self.measured - self.predicted(settings)) * self.weights)
+        """Whitened residual of the samples in the mask, with the effects in `settings`."""
+        return self.without_nuisances((self.measured - self.predicted(settings)) * self.weights)
 
     def predicted(self, settings: Settings) -> Floats:
-        """All series one after the other, in their units."""
-        parts = [np.asarray(p, dtype=float) for p in self._simulate(settings)]
-        predicted = np.concatenate(parts) if parts else np.zeros(0)
-        if [len(part) for part in parts] != [len(series) for series in self.data]:
+        """Predictions of all series in one vector, in their units.
+
+        Raises ValueError where the model predicts another number of values than were measured.
+        """
+        predictions = [np.asarray(p, dtype=float) for p in self._simulate(settings)]
+        predicted = np.concatenate(predictions) if predictions else np.zeros(0)
+        if [len(own) for own in predictions] != [len(series) for series in self.data]:
             message = (
                 f"the model predicts {predicted.size} values for {self.measured.size} measured"
             )
             raise ValueError(message)
         return predicted
 
-    def cleaned(self, whitened: Floats) -> Floats:
-        """The kept part of a whitened vector, nuisances projected out."""
-        return projected_out(self.basis, whitened[self.keep])
+    def without_nuisances(self, whitened: Floats) -> Floats:
+        """The samples of a whitened vector in the mask, nuisances projected out."""
+        return projected_out(self.basis, whitened[self.mask])
 
     def split(self, joined: Floats) -> list[Floats]:
         """A vector over all series as one array for each."""
         ends = np.cumsum([0, *map(len, self.data)])
         return [joined[a:b] for a, b in pairwise(ends.tolist())]
 
-    def nuisance_basis(self, keep: Mask) -> Floats:
-        """An orthonormal basis (kept samples x count) of all nuisances."""
+    def nuisance_basis(self, mask: Mask) -> Floats:
+        """Orthonormal basis (samples in `mask` x shapes) of the nuisances of all series."""
         columns = []
         end = 0
         for series in self.data:
             own = np.arange(end, end + len(series))
             end += len(series)
             shapes = series.nuisance_shapes()
-            for shape in _orthonormal(shapes[keep[own]]).T:
-                column = np.zeros(len(keep))
-                column[own[keep[own]]] = shape
-                columns.append(column[keep])
-        return np.array(columns).T if columns else np.zeros((int(keep.sum()), 0))
+            # A series has one sigma, so that its weight does not change the basis.
+            for shape in linalg.orth(shapes[mask[own]], _RANK_TOLERANCE).T:
+                column = np.zeros(len(mask))
+                column[own[mask[own]]] = shape
+                columns.append(column[mask])
+        return np.array(columns).T if columns else np.zeros((int(mask.sum()), 0))
 
 
 def projected_out(basis: Floats, vector: Floats) -> Floats:
-    """`vector`, or each column of a matrix, without its part in an orthonormal `basis`."""
-    cleaned: Floats = vector - basis @ (basis.T @ vector)
-    return cleaned
+    """`vector`, or each column of a matrix, less its projection on an orthonormal `basis`."""
+    remaining: Floats = vector - basis @ (basis.T @ vector)
+    return remaining
 
 
-def white_variance(values: Floats) -> float:
-    """Of the white noise in `values`, by how much neighbours differ (von Neumann, 1941).
+def difference_variance(values: Floats) -> float:
+    """Variance of the white noise in `values`: half the mean square successive difference.
 
-    What else is in them, if it is slower, does not count.
+    Anything slower than the sampling hardly counts (von Neumann et al., 1941).
     """
     return float(np.mean(np.diff(values) ** 2)) / 2 if len(values) > 1 else 0.0
 
 
-def lasting_variance(values: Floats) -> float:
-    """Of white noise that would leave a mean of many samples as uncertain as `values` do.
+def long_run_variance(values: Floats) -> float:
+    """Variance of `values` times their integrated autocorrelation time, at least 1.
 
-    Their variance times the sum of their autocorrelation, over as many lags as five times what
-    it comes to (Madras and Sokal, 1988); never less than the variance.
+    White noise of this variance leaves the mean of many samples as uncertain as `values` do.
+    The autocorrelation is summed up to the first lag M with M >= 5 times the sum (Madras and
+    Sokal, 1988).
     """
     centred = values - values.mean()
     variance = float(np.mean(centred**2))
@@ -134,15 +146,7 @@ def lasting_variance(values: Floats) -> float:
     length = fft.next_fast_len(2 * len(values), real=True)
     power = np.abs(fft.rfft(centred, length)) ** 2
     correlation = fft.irfft(power, length)[: len(values)] / (len(values) * variance)
-    sums = 2 * np.cumsum(correlation) - 1
-    enough = np.arange(len(sums)) >= _WINDOW * sums
-    lasting = float(sums[np.argmax(enough)])
-    return variance * max(lasting, 1.0)
-
-
-def _orthonormal(shapes: Floats) -> Floats:
-    """A basis of the columns; a series has one sigma, so weighing changes nothing."""
-    left, strength, _ = np.linalg.svd(shapes, full_matrices=False)
-    independent = strength > 1e-9 * max(strength.max(initial=0.0), 1e-300)
-    basis: Floats = left[:, independent]
-    return basis
+    times = 2 * np.cumsum(correlation) - 1
+    wide_enough = np.arange(len(times)) >= _WINDOW * times
+    integrated = float(times[np.argmax(wide_enough)])
+    return variance * max(integrated, 1.0)

@@ -1,4 +1,4 @@
-"""Which effects, if any: sets by their sketches or one by one, then pruned and swapped."""
+"""Search for the set of effects with the lowest EBIC: forward, backward and swap steps."""
 
 from __future__ import annotations
 
@@ -6,258 +6,300 @@ import math
 
 import numpy as np
 
+from mopro.diagnosis.alternatives import OUT_OF_REACH, Alternatives
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.fits import Fits
-from mopro.diagnosis.promise import MISJUDGED, RIVAL_MARGIN, Promises, rough
+from mopro.diagnosis.fit_cache import FitCache
+from mopro.diagnosis.linear_subset import LinearSubset, LinearSubsets, distinct
 from mopro.diagnosis.remainder import examine
-from mopro.diagnosis.rivals import OUT_OF_REACH, Rivals
-from mopro.diagnosis.signature import Scored
-from mopro.diagnosis.sketch import Sketch, Sketcher, distinct
+from mopro.diagnosis.screening import (
+    ALTERNATIVE_MARGIN,
+    LINEARITY_ERROR,
+    Screening,
+    far_from_linear,
+)
+from mopro.diagnosis.signature import ScoreTest
 
-_SHORTLIST = 10
-_FITTED_SETS = 3
-# As many however many jobs there are: what is found must not hang on that.
-_FITTED_TO_THE_END = 2
+# Budgets: each more costs fits, and each fit some ten simulations.
 _MOST_EFFECTS = 3
-_MOST_STEPS = 6
+# Single candidates fitted in one forward step.
+_SHORTLIST = 10
+# Of these the first are fitted to their minimum, the others only if they can come near it. As many
+# with any number of jobs: results must not depend on that.
+_FITTED_TO_MINIMUM = 2
 _FORMS_OF_A_NAME = 2
+# Subsets fitted in one forward step.
+_FITTED_SUBSETS = 3
+_MOST_FORWARD_STEPS = 6
 _MOST_SWAPS = 3
-# What a single effect leaves at most, as a share, for the others to be a matter of detail.
-_NEXT_TO_NOTHING = 0.02
-_MOST_BEGINNINGS = 2
-# What an effect promises at least, as a share of what several gain, to be tried in their place,
-# and how many are.
-_MOST_OF_IT = 0.5
-_INSTEAD = 4
-# A rival that is cheaper by less is as good, and may as well stay a rival.
-_WORTH_A_SWAP = 2.0
-# What an effect must pay beyond its price to be named: odds of 10 to 1.
-_WORTH_A_NAME = 2 * math.log(10)
-# What an effect costs at most that a rival of another one makes superfluous.
-_PRICE_OF_ONE = 30.0
+# Single effects, besides the first, that the forward search begins with again.
+_MOST_RESTARTS = 2
+# Candidates tried in the place of several effects.
+_MOST_SUBSTITUTES = 4
+
+# Largest share of the sum of squares that a single effect leaves if it is the main one.
+_MAIN_EFFECT_LEAVES = 0.02
+# Share of what several effects gain that a single one must be predicted to gain, to be tried in
+# their place.
+_MOST_OF_GAIN = 0.5
+# EBIC by which an alternative must be lower to be taken for the effect: a Bayes factor of 2.7,
+# "not worth more than a bare mention" (Kass and Raftery 1995) below that.
+_SWAP_GAIN = 2.0
+# EBIC that an effect must save to be named: a Bayes factor of 10. Doubled, one of 100.
+_NAMING_MARGIN = 2 * math.log(10)
+# EBIC by which a swap may at first be worse, as it may make one other effect superfluous, whose
+# penalty is then saved.
+_ONE_PENALTY = 30.0
 
 
 class Search:
-    """Looks through the catalogue of `fits` for the effects that account for its residual."""
+    """Searches the catalogue of `fits` for the effects that account for its residual."""
 
-    def __init__(self, fits: Fits) -> None:
+    def __init__(self, fits: FitCache) -> None:
         self.fits = fits
-        self.promises = Promises(fits)
-        self.rivals = Rivals(fits, self.promises)
+        self.screening = Screening(fits)
+        self.alternatives = Alternatives(fits, self.screening)
 
     def run(self) -> Fit:
-        """The cheapest set of effects that is found, each of which is worth its name."""
-        return self.fits.pruned(self._cheapest(), _WORTH_A_NAME)
+        """The set of effects with the lowest EBIC found, each of which saves 4.6 of it."""
+        return self.fits.eliminated(self._lowest(), _NAMING_MARGIN)
 
-    def _cheapest(self) -> Fit:
-        """The cheapest set of effects that steps forward, swaps and steps back lead to.
+    def refitted(self, fit: Fit) -> Fit:
+        """The effects of a fit to other noise, fitted to this, with swaps and elimination."""
+        same = self.fits.fitted(fit.candidates, [fit.settings])
+        return self.fits.eliminated(self._swapped(self.fits.eliminated(same)), _NAMING_MARGIN)
 
-        Where signatures can be trusted whole sets are weighed by them, and the best are
-        fitted; far from the data single effects are fitted instead. A single effect that
-        promises to account for nearly all is tried before any set is.
+    def _lowest(self) -> Fit:
+        """The set with the lowest EBIC that forward, backward and swap steps lead to.
+
+        A single effect that is predicted to account for nearly all is tried before any set.
+        Where the null model is far from linear and the search ends with more than noise, it is
+        begun again with other single effects.
         """
-        alone = self._alone()
-        if alone.candidates and self._settled(alone):
-            return alone
-        found = self._grown(self.fits.null)
-        if rough(self.fits.null) and not self._explained(found):
-            for other in self._other_beginnings(found):
-                found = min(found, self._grown(other), key=self.fits.cost)
-                if self._explained(found):
+        single = self._best_single()
+        if single.candidates and self._complete(single):
+            return single
+        best = self._forward(self.fits.null)
+        if far_from_linear(self.fits.null) and not self._is_noise(best):
+            for start in self._restarts(best):
+                best = min(best, self._forward(start), key=self.fits.ebic)
+                if self._is_noise(best):
                     break
-        return self.exchanged(self._one_for_several(found))
+        return self.swapped_in_pairs(self._several_replaced(best))
 
-    def _grown(self, base: Fit) -> Fit:
-        """The cheapest set that steps forward from `base`, swaps and steps back lead to."""
-        found = base
-        for _ in range(_MOST_STEPS):
-            grown = self._extended(base) if rough(base) else self._sketched(base)
-            # One after the other: whose fit of a set they share comes first must not be chance.
-            freed = map(self.fits.refined, self._distinct(grown))
-            best = min([*grown, *freed], key=self.fits.cost, default=found)
-            best = self.fits.pruned(best)
-            if self.fits.cost(best) >= self.fits.cost(found):
-                if base is found or not rough(found):
+    # -- forward -----------------------------------------------------------------------
+
+    def _forward(self, base: Fit) -> Fit:
+        """The set with the lowest EBIC that forward steps from `base`, each with swaps, lead to."""
+        best = base
+        for _ in range(_MOST_FORWARD_STEPS):
+            step = self._forward_step(base, best)
+            if self.fits.ebic(step) >= self.fits.ebic(best):
+                if base is best or not far_from_linear(best):
                     break
-                # Where much is left yet, even what explains less than that may be there.
-                base = found
+                # Where the residual is still large, an effect below the excess may be real.
+                base = best
                 continue
-            found = best
-            if self._settled(found):
+            best = step
+            if self._complete(best):
                 break
-            base = self._swapped(self._core(found))
-            found = min(found, base, key=self.fits.cost)
-        return self._swapped(found)
+            base = self._swapped(self._above_excess(best))
+            best = min(best, base, key=self.fits.ebic)
+        return self._swapped(best)
 
-    def _distinct(self, fits: list[Fit]) -> list[Fit]:
-        """Those that leave something else each, the cheapest of twins."""
-        kept: list[Fit] = []
-        for fit in sorted(fits, key=self.fits.cost):
-            apart = (float(np.sum((fit.residual - k.residual) ** 2)) for k in kept)
-            if all(distance > RIVAL_MARGIN * fit.variance for distance in apart):
-                kept.append(fit)
-        return kept
+    def _forward_step(self, base: Fit, best: Fit) -> Fit:
+        """`base` with one candidate or one subset more and the best forms, after elimination."""
+        steps = self._with_one_more(base) if far_from_linear(base) else self._with_subset(base)
+        # In order, not in threads: fits share sets, and which start comes first must not vary.
+        in_best_forms = map(self.fits.with_best_forms, self._distinct(steps))
+        lowest = min([*steps, *in_best_forms], key=self.fits.ebic, default=best)
+        return self.fits.eliminated(lowest)
 
-    def _other_beginnings(self, found: Fit) -> list[Fit]:
-        """Single effects that account for nearly all by themselves, and were left for others.
+    def _best_single(self) -> Fit:
+        """The candidate with the lowest predicted EBIC, or an alternative to it.
 
-        What mimics a strong effect to a thousandth may do so better than the effect itself does
-        as long as others are missing, and then no step leads from the one to the other.
+        The null model unless the residual beyond it is predicted to be within the linearity
+        error: a signature may misjudge a strong effect by more than a second effect would gain,
+        and fitting sets that only make up for that takes long.
         """
         null = self.fits.null
-        alone = [
-            fit
-            for fit in self._extended(null)
-            if fit.rss < _NEXT_TO_NOTHING * null.rss and not fit.names <= found.names
-        ]
-        return sorted(alone, key=self.fits.cost)[:_MOST_BEGINNINGS]
-
-    def _one_for_several(self, found: Fit) -> Fit:
-        """`found`, or a single effect in the place of all of it or of all but one.
-
-        Where a response bends, its signature promises less than several others add up to.
-        """
-        beginnings = [self.fits.null] if len(found.candidates) > 1 else []
-        if len(found.candidates) > 2:
-            beginnings += [self._only(found, name) for name in sorted(found.names)]
-        limit = self.fits.no_dearer(found, OUT_OF_REACH)
-        fewer = [fit for base in beginnings for fit in self._instead(base, found, limit)]
-        freed = [self.fits.refined(fit, limit) for fit in self._distinct(fewer)]
-        best = min(freed, key=self.fits.cost, default=found)
-        return self._swapped(best) if self.fits.cost(best) < self.fits.cost(found) else found
-
-    def _only(self, found: Fit, name: str) -> Fit:
-        """The effect `name` of `found` by itself."""
-        for other in sorted(found.names - {name}):
-            found = self.fits.without(found, other)
-        return found
-
-    def _instead(self, base: Fit, found: Fit, limit: float) -> list[Fit]:
-        """`base` with one effect that promises most of what those of `found` gain."""
-        enough = _MOST_OF_IT * (base.rss - found.rss)
-        others = [
-            s
-            for s in self.promises.scores(base, self.fits.null)
-            if s.starts and s.gain > enough and s.candidate.name not in found.names
-        ]
-        return self.fits.each(lambda s: self.fits.joined(base, s, limit), others[:_INSTEAD])
-
-    def settled_at(self, found: Fit) -> Fit:
-        """The effects of `found`, known from another weighing, as far as they pay in this one."""
-        again = self.fits.fitted(found.candidates, [found.settings])
-        return self.fits.pruned(self._swapped(self.fits.pruned(again)), _WORTH_A_NAME)
-
-    def _core(self, found: Fit) -> Fit:
-        """`found` without the effects that explain less than it leaves over.
-
-        They may only make up for what a wrong one among the others gets wrong.
-        """
-        for name in sorted(found.names):
-            fewer = self.fits.without(found, name, found.rss + found.excess)
-            if fewer.rss - found.rss < found.excess:
-                return self._core(fewer)
-        return found
-
-    def _alone(self) -> Fit:
-        """The single effect that promises the most, or its best rival; the null if none may do.
-
-        It must promise to leave next to nothing. A signature misjudges a strong effect by
-        more than a second one would gain, and sets are dear to fit that mend nothing else.
-        """
-        null = self.fits.null
-        most = next((s for s in self.promises.scores(null) if s.starts), None)
-        if most is None or self.promises.predicted(null, most) >= self.fits.cost(null):
+        first = next((s for s in self.screening.scores(null) if s.starts), None)
+        if first is None or self.screening.predicted_ebic(null, first) >= self.fits.ebic(null):
             return null
-        if null.excess - most.gain > MISJUDGED * most.gain:
+        reduction = first.predicted_reduction
+        if null.excess - reduction > LINEARITY_ERROR * reduction:
             return null
-        return self._swapped(self.fits.pruned(self.fits.refined(self.fits.joined(null, most))))
+        fit = self.fits.with_best_forms(self.fits.with_added(null, first))
+        return self._swapped(self.fits.eliminated(fit))
 
-    def _sketched(self, base: Fit) -> list[Fit]:
-        """`base` with the sets of candidates whose signatures promise the most."""
+    def _with_subset(self, base: Fit) -> list[Fit]:
+        """`base` with each of the subsets of the lowest predicted EBIC, if below that of `base`."""
         most = _MOST_EFFECTS - len(base.candidates)
         tangent, _ = np.linalg.qr(base.jacobian)
-        sketches = Sketcher(base, tangent, self.promises.fresh(base)).sets(
-            most, lambda members: self.promises.priced(base, members)
+        subsets = LinearSubsets(base, tangent, self.screening.relinearised(base)).best(
+            most, lambda members: self.screening.total_penalty(base, members)
         )
-        worth = [sketch for sketch in sketches if sketch.cost < self.fits.cost(base)]
+        lower = [subset for subset in subsets if subset.ebic < self.fits.ebic(base)]
         return self.fits.each(
-            lambda sketch: self._drawn(base, sketch), distinct(worth, _FITTED_SETS)
+            lambda subset: self._fitted_subset(base, subset), distinct(lower, _FITTED_SUBSETS)
         )
 
-    def _drawn(self, base: Fit, sketch: Sketch) -> Fit:
-        candidates = [member.candidate for member in sketch.members]
+    def _fitted_subset(self, base: Fit, subset: LinearSubset) -> Fit:
+        candidates = [member.candidate for member in subset.members]
         return self.fits.fitted(
-            (*base.candidates, *candidates), [{**base.settings, **sketch.start}]
+            (*base.candidates, *candidates), [{**base.settings, **subset.start}]
         )
 
-    def _explained(self, found: Fit) -> bool:
-        """Whether what is left over is no more than noise."""
-        return not examine(self.fits.residuals, found.residual, len(found.order)).significant
+    def _with_one_more(self, base: Fit) -> list[Fit]:
+        """`base` with each of the candidates whose predicted EBIC is below that of `base`.
 
-    def _settled(self, found: Fit) -> bool:
-        """Whether nothing is left over that any candidate promises to account for."""
-        if not self._explained(found):
-            return False
-        scored = self.promises.scores(found, self.fits.null)
-        return all(self.promises.predicted(found, s) >= self.fits.cost(found) for s in scored)
-
-    def _extended(self, base: Fit) -> list[Fit]:
-        """`base` with each of the candidates that promise to pay for themselves.
-
-        One stands for those that the data cannot tell from it; the others come as its rivals.
-        All but the first are given up where they come near neither those nor next to nothing.
+        Of candidates with the same signature one is fitted; the others follow as alternatives.
+        All but the first two are abandoned where they cannot come near those or leave less than
+        2 % of the sum of squares.
         """
-        chosen: list[Scored] = []
-        for s in self.promises.scores(base) if len(base.candidates) < _MOST_EFFECTS else ():
-            forms = sum(c.candidate.name == s.candidate.name for c in chosen)
-            worth = s.starts and self.promises.predicted(base, s) < self.fits.cost(base)
-            if worth and forms < _FORMS_OF_A_NAME and not any(s.twin_of(c) for c in chosen):
-                chosen.append(s)
-        first = self.fits.each(lambda s: self.fits.joined(base, s), chosen[:_FITTED_TO_THE_END])
-        left = min((fit.rss for fit in first), default=base.rss)
-        limit = max(left, _NEXT_TO_NOTHING * base.rss)
-        further = chosen[_FITTED_TO_THE_END:_SHORTLIST]
-        return [*first, *self.fits.each(lambda s: self.fits.joined(base, s, limit), further)]
+        shortlist = self._shortlist(base)
+        first = self.fits.each(
+            lambda s: self.fits.with_added(base, s), shortlist[:_FITTED_TO_MINIMUM]
+        )
+        lowest_rss = min((fit.rss for fit in first), default=base.rss)
+        limit = max(lowest_rss, _MAIN_EFFECT_LEAVES * base.rss)
+        further = shortlist[_FITTED_TO_MINIMUM:_SHORTLIST]
+        return [*first, *self.fits.each(lambda s: self.fits.with_added(base, s, limit), further)]
 
-    def _swapped(self, found: Fit) -> Fit:
-        """`found` with an effect replaced by a rival as long as that is better.
+    def _shortlist(self, base: Fit) -> list[ScoreTest]:
+        """Candidates predicted to lower EBIC, without twins and with two forms of a name at most.
 
-        One may stand for two: beside it an effect that mended a wrong one does not pay.
+        None beside three effects.
+        """
+        shortlist: list[ScoreTest] = []
+        for s in self.screening.scores(base) if len(base.candidates) < _MOST_EFFECTS else ():
+            forms = sum(c.candidate.name == s.candidate.name for c in shortlist)
+            lower = s.starts and self.screening.predicted_ebic(base, s) < self.fits.ebic(base)
+            if lower and forms < _FORMS_OF_A_NAME and not any(s.twin_of(c) for c in shortlist):
+                shortlist.append(s)
+        return shortlist
+
+    def _restarts(self, fit: Fit) -> list[Fit]:
+        """Single effects, other than those of `fit`, that leave less than 2 % by themselves.
+
+        A mimic of a strong effect may fit better than the effect itself as long as weaker ones
+        are missing, and then no swap leads from the one to the other.
+        """
+        null = self.fits.null
+        singles = [
+            single
+            for single in self._with_one_more(null)
+            if single.rss < _MAIN_EFFECT_LEAVES * null.rss and not single.names <= fit.names
+        ]
+        return sorted(singles, key=self.fits.ebic)[:_MOST_RESTARTS]
+
+    # -- backward ----------------------------------------------------------------------
+
+    def _above_excess(self, fit: Fit) -> Fit:
+        """`fit` without the effects whose reduction of chi-squared is below its excess.
+
+        They may only compensate for what a wrong effect among the others leaves.
+        """
+        for name in sorted(fit.names):
+            reduced = self.fits.without(fit, name, fit.rss + fit.excess)
+            if reduced.rss - fit.rss < fit.excess:
+                return self._above_excess(reduced)
+        return fit
+
+    # -- swap --------------------------------------------------------------------------
+
+    def _swapped(self, fit: Fit) -> Fit:
+        """`fit` with an effect replaced by an alternative, while that lowers EBIC by 2.
+
+        An alternative may stand for two: an effect that made up for a wrong one is eliminated.
         """
         for _ in range(_MOST_SWAPS):
-            near = self._swaps(found, found.names, _PRICE_OF_ONE)
-            lighter = [self.fits.pruned(swap) for swap in near]
-            better = min(lighter, key=self.fits.cost, default=found)
-            if self.fits.cost(better) > self.fits.cost(found) - _WORTH_A_SWAP:
+            swaps = self._swaps(fit, fit.names, _ONE_PENALTY)
+            eliminated = [self.fits.eliminated(swap) for swap in swaps]
+            best = min(eliminated, key=self.fits.ebic, default=fit)
+            if self.fits.ebic(best) > self.fits.ebic(fit) - _SWAP_GAIN:
                 break
-            found = self.fits.pruned(self.fits.refined(better))
-        return found
+            fit = self.fits.eliminated(self.fits.with_best_forms(best))
+        return fit
 
-    def exchanged(self, found: Fit) -> Fit:
-        """`found` with two effects replaced at once as long as that is better.
+    def swapped_in_pairs(self, fit: Fit) -> Fit:
+        """`fit` with two effects replaced at once, while that lowers EBIC by 2.
 
-        What mimics one effect pulls along what stands in for another, and then neither is
-        better replaced while the other stays.
+        Where the mimics of two effects make up for each other's errors, replacing only one of
+        them raises EBIC.
         """
         for _ in range(_MOST_SWAPS):
-            near = self._swaps(found, found.names, OUT_OF_REACH)
-            halfway = [fit for fit in self._distinct([found, *near]) if fit.names != found.names]
-            both = [
+            singles = self._swaps(fit, fit.names, OUT_OF_REACH)
+            halfway = [half for half in self._distinct([fit, *singles]) if half.names != fit.names]
+            pairs = [
                 swap
                 for half in halfway
-                for swap in self._swaps(half, half.names & found.names, OUT_OF_REACH)
+                for swap in self._swaps(half, half.names & fit.names, OUT_OF_REACH)
             ]
-            better = min(both, key=self.fits.cost, default=found)
-            if self.fits.cost(better) > self.fits.cost(found) - _WORTH_A_SWAP:
+            best = min(pairs, key=self.fits.ebic, default=fit)
+            if self.fits.ebic(best) > self.fits.ebic(fit) - _SWAP_GAIN:
                 break
-            found = self._swapped(self.fits.pruned(self.fits.refined(better)))
-        return found
+            fit = self._swapped(self.fits.eliminated(self.fits.with_best_forms(best)))
+        return fit
 
-    def _swaps(self, found: Fit, names: frozenset[str], dearer: float) -> list[Fit]:
-        """`found` with one of `names` replaced by a rival, where that is not `dearer` or more.
+    def _swaps(self, fit: Fit, names: frozenset[str], delta_ebic: float) -> list[Fit]:
+        """Fits with one of `names` replaced, at an EBIC less than `delta_ebic` above `fit`.
 
-        In their order: who fits a set first that two ways lead to must not be chance.
+        Names in order: fits share sets, and which start comes first must not vary.
         """
-        swaps = [swap for name in sorted(names) for swap in self.rivals.swaps(found, name)]
-        near = self.fits.cost(found) + dearer
-        return [swap for swap in swaps if self.fits.cost(swap) < near]
+        swaps = [swap for name in sorted(names) for swap in self.alternatives.swaps(fit, name)]
+        limit = self.fits.ebic(fit) + delta_ebic
+        return [swap for swap in swaps if self.fits.ebic(swap) < limit]
+
+    def _several_replaced(self, fit: Fit) -> Fit:
+        """`fit`, or a single effect in the place of all of its effects or of all but one.
+
+        Far from linear, the signature of one effect predicts less than several others add up to.
+        """
+        bases = [self.fits.null] if len(fit.candidates) > 1 else []
+        if len(fit.candidates) > 2:
+            bases += [self._only(fit, name) for name in sorted(fit.names)]
+        limit = self.fits.rss_limit(fit, OUT_OF_REACH)
+        fewer = [other for base in bases for other in self._substitutes(base, fit, limit)]
+        in_best_forms = [self.fits.with_best_forms(other, limit) for other in self._distinct(fewer)]
+        best = min(in_best_forms, key=self.fits.ebic, default=fit)
+        return self._swapped(best) if self.fits.ebic(best) < self.fits.ebic(fit) else fit
+
+    def _only(self, fit: Fit, name: str) -> Fit:
+        """The effect `name` of `fit` without the others."""
+        for other in sorted(fit.names - {name}):
+            fit = self.fits.without(fit, other)
+        return fit
+
+    def _substitutes(self, base: Fit, fit: Fit, limit: float) -> list[Fit]:
+        """`base` with one effect predicted to gain at least half of what `fit` gains over it."""
+        needed = _MOST_OF_GAIN * (base.rss - fit.rss)
+        scores = [
+            s
+            for s in self.screening.scores(base, self.fits.null)
+            if s.starts and s.predicted_reduction > needed and s.candidate.name not in fit.names
+        ]
+        return self.fits.each(
+            lambda s: self.fits.with_added(base, s, limit), scores[:_MOST_SUBSTITUTES]
+        )
+
+    # -- tests of a fit ----------------------------------------------------------------
+
+    def _is_noise(self, fit: Fit) -> bool:
+        """True if the residual of `fit` passes the tests of noise."""
+        return not examine(self.fits.residuals, fit.residual, len(fit.order)).significant
+
+    def _complete(self, fit: Fit) -> bool:
+        """True if the residual is noise and no candidate is predicted to lower EBIC."""
+        if not self._is_noise(fit):
+            return False
+        scores = self.screening.scores(fit, self.fits.null)
+        return all(self.screening.predicted_ebic(fit, s) >= self.fits.ebic(fit) for s in scores)
+
+    def _distinct(self, fits: list[Fit]) -> list[Fit]:
+        """The fits whose residuals differ by more than 10 in chi-squared, the lowest EBIC first."""
+        chosen: list[Fit] = []
+        for fit in sorted(fits, key=self.fits.ebic):
+            distances = (float(np.sum((fit.residual - c.residual) ** 2)) for c in chosen)
+            if all(distance > ALTERNATIVE_MARGIN * fit.noise_variance for distance in distances):
+                chosen.append(fit)
+        return chosen

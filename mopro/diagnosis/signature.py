@@ -1,4 +1,4 @@
-"""Signatures: the change that one extra simulation shows, and what it promises (score test)."""
+"""Signatures: the change that one simulation with a candidate shows, and its score test."""
 
 from __future__ import annotations
 
@@ -11,89 +11,98 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.model import Candidate, Floats, Leftover, Parameter, Role, Settings
+from mopro.diagnosis.model import Candidate, Floats, Parameter, ResidualView, Role, Settings
 from mopro.diagnosis.residual import Residuals, projected_out
 
-_STARTS_KEPT = 2
+# Starts of a candidate that are fitted from, the best by their score tests. Each more costs a fit.
+_MOST_STARTS = 2
 _QUARTER_TURN = math.pi / 2
-# A signature whose remains beside the others are a smaller share is rounding.
+# A signature is rounding if projecting out the effects of the fit leaves a smaller share of it.
 _INDEPENDENT = 1e-6
-# A response may bend between sizes this many times apart.
-_FAR = 3.0
-# Predictions closer than this in chi-squared are one.
-_THE_SAME = 1.0
-# A probe without an amplitude is what it is; a shape not yet fitted may be off by this.
+# Factor between two amplitudes within which a response is taken to be proportional.
+_PROPORTIONAL = 3.0
+# Chi-squared between two predictions below which they are one.
+_SAME_PREDICTION = 1.0
+# Most times that the change of a candidate without amplitudes is counted: such a probe shows the
+# effect itself, and a shape that is not fitted yet may be off by this factor.
 _MOST_OF_A_SHAPE = 3.0
+# Singular values below this share of the largest: probes that depend on each other.
+_RANK_TOLERANCE = 1e-6
+# Smallest norm, in place of 0, in a comparison of norms.
+_TINY = 1e-300
+
+# The amplitude that a probe sets away from its null ("" if there is none), and its angle.
+Moved = tuple[str, str | None]
 
 
 @dataclass(frozen=True)
-class Scored:
-    """A candidate's promise: the drop in chi-squared that its signature predicts.
+class ScoreTest:
+    """Score test of a candidate: the fall of chi-squared that its signature predicts.
 
-    `starts` are the settings that fit best along the signatures, `group` the probes that
-    the first of them comes from, and `explained` is what it would take away.
+    `predicted_reduction`: that fall, with the size of the effect free. `starts`: the settings
+    with the largest predicted reductions, best first. `group`: the probes that the first of
+    them comes from. `explained`: the part of the whitened residual (samples) that it would
+    take away.
     """
 
     candidate: Candidate
-    gain: float
+    predicted_reduction: float
     starts: tuple[Settings, ...]
     explained: NDArray[np.float32]
     group: Group = ()
 
-    def twin_of(self, other: Scored) -> bool:
-        """Whether both would take the same away, within what noise hides."""
-        return float(np.sum((self.explained - other.explained) ** 2)) < _THE_SAME
+    def twin_of(self, other: ScoreTest) -> bool:
+        """True if both would take away the same, to within 1 in chi-squared."""
+        return float(np.sum((self.explained - other.explained) ** 2)) < _SAME_PREDICTION
 
 
 @dataclass(frozen=True)
 class Probe:
-    """Settings to try a candidate at, and the whitened change that they make.
+    """Values of a candidate's parameters, and the whitened change that they make (samples).
 
     `moved` names what was set away from its null: an amplitude, and the angle it has.
     """
 
     values: Mapping[str, float]
-    moved: tuple[str, str | None]
+    moved: Moved
     change: Floats
 
 
-# Probes whose changes add up: one for each amplitude and each quarter of an angle.
+# Probes whose changes add up: one for each amplitude and each quarter turn of an angle.
 Group = tuple[Probe, ...]
 
 
 def signatures(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]:
     """One group of probes for each combination of the shapes' starts, at `base`."""
 
-    def probe(values: dict[str, float], moved: tuple[str, str | None]) -> Probe:
+    def probe(values: dict[str, float], moved: Moved) -> Probe:
         settings = {**base.settings, **candidate.settings(values)}
         return Probe(values, moved, base.residual - residuals.at(settings))
 
     return [tuple(probe(values, moved) for values, moved in group) for group in _groups(candidate)]
 
 
-def _groups(
-    candidate: Candidate,
-) -> Iterator[list[tuple[dict[str, float], tuple[str, str | None]]]]:
+def _groups(candidate: Candidate) -> Iterator[list[tuple[dict[str, float], Moved]]]:
     own = candidate.parameters
     amplitudes = [p for p in own if p.role is Role.AMPLITUDE]
-    shapes = [p for p in own if p.role in (Role.SHAPE, Role.HELD)]
+    shapes = [p for p in own if p.role in (Role.SHAPE, Role.SEARCHED)]
     phases = [p for p in own if p.role is Role.PHASE]
     null = {p.name: p.null for p in amplitudes} | {p.name: 0.0 for p in phases}
     for shape in product(*(p.starts for p in shapes)):
-        form = null | {p.name: v for p, v in zip(shapes, shape, strict=True)}
+        values = null | {p.name: v for p, v in zip(shapes, shape, strict=True)}
         if not amplitudes:
-            yield [(form, ("", None))]
+            yield [(values, ("", None))]
         for sizes in _sizes(amplitudes):
             for turns in _turns(phases):
                 yield [
-                    (form | {name: size} | turned, (name, angle))
+                    (values | {name: size} | turned, (name, angle))
                     for name, size in sizes.items()
                     for turned, angle in turns
                 ]
 
 
 def _sizes(amplitudes: Sequence[Parameter]) -> list[dict[str, float]]:
-    """A single amplitude is tried at each of its starts, several together at their first."""
+    """A single amplitude at each of its starts; several together at their first."""
     if len(amplitudes) == 1:
         return [{amplitudes[0].name: start} for start in amplitudes[0].starts]
     if not amplitudes or not all(p.starts for p in amplitudes):
@@ -102,7 +111,7 @@ def _sizes(amplitudes: Sequence[Parameter]) -> list[dict[str, float]]:
 
 
 def _turns(phases: Sequence[Parameter]) -> list[list[tuple[dict[str, float], str | None]]]:
-    """A quarter turn from each start of an angle: what lies between adds up of the two."""
+    """Each start of an angle and a quarter turn on: angles between are their combinations."""
     if not phases:
         return [[({}, None)]]
     (phase,) = phases
@@ -112,41 +121,44 @@ def _turns(phases: Sequence[Parameter]) -> list[list[tuple[dict[str, float], str
     ]
 
 
-def score(base: Fit, tangent: Floats, candidate: Candidate, groups: Sequence[Group]) -> Scored:
-    """How much of what `base` leaves the signatures take away, free in size.
+def score_test(
+    base: Fit, tangent: Floats, candidate: Candidate, groups: Sequence[Group]
+) -> ScoreTest:
+    """Fall of chi-squared below that of `base` if the signatures are added, free in size.
 
-    `tangent` is an orthonormal basis of what the effects of `base` can move themselves.
+    `tangent` is an orthonormal basis of the Jacobian of `base` (samples x parameters), so that
+    the effects in it may adapt.
     """
     trials = [(*_trial(base.residual, tangent, candidate, group), group) for group in groups]
     trials.sort(key=lambda trial: -trial[0])
-    kept = [trial for trial in trials[:_STARTS_KEPT] if trial[0] > 0]
-    if not kept:
-        return Scored(candidate, 0.0, (), np.zeros(0, dtype=np.float32))
-    starts = tuple(candidate.settings(values) for _, values, _, _ in kept)
-    gain, _, explained, group = kept[0]
-    return Scored(candidate, gain, starts, explained.astype(np.float32), group)
+    best = [trial for trial in trials[:_MOST_STARTS] if trial[0] > 0]
+    if not best:
+        return ScoreTest(candidate, 0.0, (), np.zeros(0, dtype=np.float32))
+    starts = tuple(candidate.settings(values) for _, values, _, _ in best)
+    reduction, _, explained, group = best[0]
+    return ScoreTest(candidate, reduction, starts, explained.astype(np.float32), group)
 
 
 def _trial(
-    left: Floats, tangent: Floats, candidate: Candidate, group: Group
+    residual: Floats, tangent: Floats, candidate: Candidate, group: Group
 ) -> tuple[float, dict[str, float], Floats]:
-    """The gain, the settings that it comes from, and what they would take away."""
+    """Predicted reduction, the parameter values that it comes from, and what they take away."""
     changes = np.array([probe.change for probe in group]).T
     apart = projected_out(tangent, changes)
     strengths, whole = np.linalg.norm(apart, axis=0), np.linalg.norm(changes, axis=0)
-    seen = strengths > _INDEPENDENT * np.maximum(whole, 1e-300)
+    seen = strengths > _INDEPENDENT * np.maximum(whole, _TINY)
     sizes = np.zeros(len(group))
     if len(group) == 1 and seen[0]:
-        sizes[0] = float(apart[:, 0] @ left) / float(strengths[0]) ** 2
+        sizes[0] = float(apart[:, 0] @ residual) / float(strengths[0]) ** 2
     elif seen.any():
-        sizes[seen] = np.linalg.lstsq(apart[:, seen], left, rcond=1e-6)[0]
+        sizes[seen] = np.linalg.lstsq(apart[:, seen], residual, rcond=_RANK_TOLERANCE)[0]
     values, sizes = resized(candidate, group, sizes)
     explained = apart @ sizes
-    return float(2 * explained @ left - explained @ explained), values, explained
+    return float(2 * explained @ residual - explained @ explained), values, explained
 
 
 def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str, float], Floats]:
-    """The start that `sizes` times the probes come to, and the sizes that its range allows."""
+    """Parameter values at `sizes` times the probes, and the sizes that their ranges allow."""
     values = dict(group[0].values)
     by_name = {p.name: p for p in candidate.parameters}
     allowed = sizes.copy()
@@ -157,52 +169,40 @@ def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str
         parameter, angle = by_name[name], group[own[0]].moved[1]
         probed = group[own[0]].values[name]
         size = float(np.hypot(*sizes[own])) if angle else float(sizes[own[0]])
-        values[name] = parameter.within(parameter.grown(probed, size))
+        values[name] = parameter.within(parameter.multiplied(probed, size))
         if angle:
             turned = np.arctan2(sizes[own[1]], sizes[own[0]])
             values[angle] = math.remainder(group[own[0]].values[angle] + turned, math.tau)
         if size:
-            allowed[own] *= parameter.size(values[name], of=probed) / size
+            allowed[own] *= parameter.factor(values[name], of=probed) / size
     return values, allowed
 
 
-def far_from_probes(scored: Scored) -> bool:
-    """Whether the best start is of quite another size than what was simulated for it."""
-    amplitudes = [p for p in scored.candidate.parameters if p.role is Role.AMPLITUDE]
-    if len(amplitudes) != 1 or not scored.starts:
+def far_from_probes(score: ScoreTest) -> bool:
+    """True if the amplitude of the best start is over 3 times, or under 1/3 of, the probed one."""
+    amplitudes = [p for p in score.candidate.parameters if p.role is Role.AMPLITUDE]
+    if len(amplitudes) != 1 or not score.starts:
         return False
     (own,) = amplitudes
-    value, probed = (
-        values[own.name] for values in (scored.starts[0][scored.candidate.name],
-                                        scored.group[0].values)
-    )  # fmt: skip
+    value = score.starts[0][score.candidate.name][own.name]
+    probed = score.group[0].values[own.name]
     if own.null in (value, probed):
         return value != own.null
-    return not 1 / _FAR < abs(own.size(value, of=probed)) < _FAR
+    return not 1 / _PROPORTIONAL < abs(own.factor(value, of=probed)) < _PROPORTIONAL
 
 
-def probed_at(residuals: Residuals, at: Fit, candidate: Candidate, start: Settings) -> Group:
-    """The signature of a candidate at the size and shape of `start`."""
+def probed_at(residuals: Residuals, base: Fit, candidate: Candidate, start: Settings) -> Group:
+    """The signature of a candidate at the size and shape of `start`, beside `base`."""
     values = dict(start[candidate.name])
     amplitude = next(p.name for p in candidate.parameters if p.role is Role.AMPLITUDE)
-    change = at.residual - residuals.at({**at.settings, **start})
+    change = base.residual - residuals.at({**base.settings, **start})
     return (Probe(values, (amplitude, None), change),)
 
 
-def sought(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]:
-    """What the candidate's own search finds in what `base` leaves, each as a probe."""
-    if candidate.seek is None:
+def searched(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]:
+    """The starts that the candidate's own search finds in the residual of `base`, as probes."""
+    if candidate.find_starts is None:
         return []
-    predicted = residuals.predicted(base.settings)
-    whole = (residuals.measured - predicted) * residuals.weights
-    left = Leftover(
-        residuals.data,
-        residuals.split(projected_out(residuals.basis, whole)),
-        residuals.sigmas,
-        residuals.split(predicted),
-        base.settings,
-        lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
-    )
     amplitude = next((p for p in candidate.parameters if p.role is Role.AMPLITUDE), None)
     moved = amplitude.name if amplitude else ""
 
@@ -210,19 +210,33 @@ def sought(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]
         settings = {**base.settings, **candidate.settings(values)}
         return Probe(dict(values), (moved, None), base.residual - residuals.at(settings))
 
-    def nearer(found: Probe) -> Probe:
-        """As it was found, not to be resized, where the size that it asks for leaves more."""
-        strength = float(found.change @ found.change)
+    def as_found_or_resized(start: Probe) -> Probe:
+        """The start, fixed in size where the size that its signature asks for leaves more."""
+        strength = float(start.change @ start.change)
         if amplitude is None or not strength:
-            return found
-        size = np.array([float(found.change @ base.residual) / strength])
-        values = resized(candidate, (found,), size)[0]
-        # Its range may allow none of what it asks for.
+            return start
+        size = np.array([float(start.change @ base.residual) / strength])
+        values = resized(candidate, (start,), size)[0]
+        # The range may not allow any of the size that was asked for.
         if values[amplitude.name] == amplitude.null:
-            return found
+            return start
         other = probe(values)
-        by_found, by_other = (base.residual - p.change for p in (found, other))
-        closer = float(by_other @ by_other) < float(by_found @ by_found)
-        return other if closer else replace(found, moved=("", None))
+        by_start, by_other = (base.residual - p.change for p in (start, other))
+        lower = float(by_other @ by_other) < float(by_start @ by_start)
+        return other if lower else replace(start, moved=("", None))
 
-    return [(nearer(probe(values)),) for values in candidate.seek(left)]
+    starts = candidate.find_starts(_view(residuals, base))
+    return [(as_found_or_resized(probe(values)),) for values in starts]
+
+
+def _view(residuals: Residuals, base: Fit) -> ResidualView:
+    predicted = residuals.predicted(base.settings)
+    whitened = (residuals.measured - predicted) * residuals.weights
+    return ResidualView(
+        residuals.data,
+        residuals.split(projected_out(residuals.basis, whitened)),
+        residuals.sigmas,
+        residuals.split(predicted),
+        base.settings,
+        lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
+    )

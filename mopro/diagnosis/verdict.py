@@ -1,4 +1,4 @@
-"""What the engine answers."""
+"""Answer of the engine: verdict, effects with their evidence, gaps, and its JSON."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from mopro.diagnosis.remainder import Remainder
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter's value with its 95 % interval; `at_bound` if the range stopped the fit.
+    """Value of a parameter with its 95 % interval, both in `unit`.
 
-    The interval is infinite where the data do not bound it, and not a number where a
-    search found the value.
+    The interval is infinite where the data do not bound it, and not a number where a search
+    found the value. `at_bound`: the fit was stopped by an end of the parameter's range.
     """
 
     value: float
@@ -25,13 +25,13 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that is believed, in which form, and what cannot be told from it.
+    """An effect that is believed, with the alternatives that the data cannot tell from it.
 
-    `rivals` says how much dearer each of those is, in chi-squared with its price, and
-    `alternatives` are all settings with the rival in the place of the effect.
-    `log10_bayes_factor` weighs the model with the effect against the one without, its
-    price paid, `sigmas` is the size of what it explains in standard deviations of the
-    noise, and `held_out` tells whether parts that were not fitted gain by it.
+    `rivals`: EBIC of each alternative above that of the effect, within 10. `alternatives`: all
+    settings with the alternative in the place of the effect. `log10_bayes_factor`: half the
+    EBIC that the effect saves, over ln 10 (Kass and Raftery 1995). `sigmas`: root of the
+    chi-squared that it explains. `held_out`: parts that were not fitted are predicted better
+    with it.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A candidate that was looked at and not believed, and why."""
+    """A candidate that is not believed, and why; `gain` is its reduction of chi-squared."""
 
     name: str
     gain: float
@@ -56,10 +56,10 @@ class Rejected:
 
 @dataclass(frozen=True)
 class BelowResolution:
-    """An effect that these data could not show at any size to expect.
+    """An effect that these data could not show at any plausible size.
 
-    The largest would come to `expected_sigmas` standard deviations in all; `needed_sigmas`
-    are what it takes to be seen.
+    `expected_sigmas`: root of the chi-squared of the largest plausible one; `needed_sigmas`:
+    root of its penalty.
     """
 
     name: str
@@ -69,7 +69,7 @@ class BelowResolution:
 
 @dataclass(frozen=True)
 class Where:
-    """How far one series is off before anything is added."""
+    """RMS residual of one series before any effect is added, and its noise, in its unit."""
 
     run: str
     sensor: str
@@ -79,7 +79,7 @@ class Where:
 
 @dataclass(frozen=True)
 class RunGap:
-    """The gap of one series, in its own unit."""
+    """RMS residuals of one series, in its own unit."""
 
     run: str
     sensor: str
@@ -92,7 +92,7 @@ class RunGap:
 
 @dataclass(frozen=True)
 class Gap:
-    """Root mean square of measured less simulated; `held_out` on parts not fitted."""
+    """RMS of measured - simulated, in `unit`; `held_out_rms` that of parts not fitted."""
 
     unit: str
     before_rms: float
@@ -104,7 +104,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Signature:
-    """What a named effect adds to each series, in its unit, and the chi-squared it takes away."""
+    """Change of each series by an effect, in its unit, and its reduction of chi-squared."""
 
     name: str
     changes: tuple[Floats, ...]
@@ -113,12 +113,12 @@ class Signature:
 
 @dataclass(frozen=True)
 class Verdict:
-    """`none`, `named`, `ambiguous` or `unexplained`, and the grounds for it.
+    """`none`, `named`, `ambiguous` or `unexplained`, and the evidence for it.
 
-    `before` and `after` are what is left of each series, in its unit, without and with
-    the effects named; `next_experiment` is the text of a program that would tell rivals
-    apart, if whoever asked can write one. `calibration` are corrections of the model's own
-    numbers within their tolerances, which are no findings.
+    `before` and `after`: the residual of each series, in its unit, without and with the
+    effects. `settings`: all that was fitted. `next_experiment`: the text of a program that
+    would tell alternatives apart, if the caller writes one. `calibration`: corrections of the
+    model's own numbers within their tolerances, which are no findings.
     """
 
     verdict: str
@@ -137,7 +137,7 @@ class Verdict:
 
     @property
     def fitted(self) -> tuple[Named, ...]:
-        """All that was added to the model: the effects, and its numbers calibrated."""
+        """All that was added to the model: the effects and the calibrations."""
         return (*self.effects, *self.calibration)
 
     def as_json(self) -> dict[str, Any]:

@@ -12,10 +12,11 @@ from laboratory import PROGRAMS as PROGRAMS_OF_LAB
 from paths import PROGRAMS
 
 import mopro
+from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.errors import DataError
 from mopro.experiment import load_experiment
 from mopro.experiment.compare.comparison import compare
-from mopro.experiment.compare.noise_tests import memory_chance, quantile_residual
+from mopro.experiment.compare.noise_tests import quantile_residual
 from mopro.experiment.predict.nominal import predict
 from mopro.instruments import Thermocouple, read_lvdt, write_thermocouple
 from mopro.instruments.sensor import Sensor
@@ -343,7 +344,7 @@ def test_a_coarse_converter_leaves_white_noise(noise):
         true = phase / 50 + 20 * np.sin(np.arange(2000) / 3000)
         seen = np.rint(true + generator.normal(0.0, noise or 1e-12, 2000))
         z = quantile_residual(seen, true, sensor, generator)
-        alarms += memory_chance(z) < 0.01
+        alarms += whiteness_p(z) < 0.01
         sizes.append(z.var())
     assert alarms <= 3
     assert np.mean(sizes) == pytest.approx(1.0, abs=0.15)

@@ -269,7 +269,7 @@ class TestCandidates:
         for candidate in offered:
             own = {p.name: p for p in catalogue()[candidate.name].parameters}
             for parameter in candidate.parameters:
-                if parameter.name in own and parameter.role is not Role.HELD:
+                if parameter.name in own and parameter.role is not Role.SEARCHED:
                     stated = own[parameter.name]
                     assert parameter.unit == stated.unit
                     assert stated.low <= parameter.low < parameter.high <= stated.high

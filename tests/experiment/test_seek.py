@@ -7,9 +7,9 @@ import pytest
 from test_motor import LASER, PROGRAM, of
 
 import mopro
-from mopro.diagnosis.fit import fit
+from mopro.diagnosis.fit import least_squares_fit
 from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.signature import sought
+from mopro.diagnosis.signature import searched
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.hold_current_search import EARLIEST_S
 from mopro.experiment.diagnose.series import series_of
@@ -27,10 +27,10 @@ def starts(name, truth, fitted=(), seed=0, program=PROGRAM, noise_in=LASER.noise
     trial = dataclasses.replace(trial, readings=(seen,))
     motor = Motor(dataclasses.replace(experiment, trials=(trial,)), COARSE)
     residuals = Residuals(motor, series_of(motor))
-    base = fit(residuals, (), [{}])
+    base = least_squares_fit(residuals, (), [{}])
     base = dataclasses.replace(base, settings={n: truth[n] for n in fitted})
     (candidate,) = [c for c in candidates(motor) if c.name == name and form in ("", c.form)]
-    return [group[0].values for group in sought(residuals, base, candidate)]
+    return [group[0].values for group in searched(residuals, base, candidate)]
 
 
 def test_a_period_is_found_under_a_sensor_that_bends():
@@ -85,7 +85,7 @@ def test_what_begins_as_soon_as_a_move_ends_is_sought_from_the_earliest_moment_o
     motor = Motor(of(clean + noise), COARSE)
     (candidate,) = [c for c in candidates(motor) if c.name == "hold_current_reduction"]
     residuals = Residuals(motor, series_of(motor))
-    found = sought(residuals, fit(residuals, (), [{}]), candidate)
+    found = searched(residuals, least_squares_fit(residuals, (), [{}]), candidate)
     assert found
     assert all(group[0].values["t_h"] >= EARLIEST_S for group in found)
 
@@ -106,7 +106,7 @@ def test_the_search_for_a_moment_ends_early_where_none_is_any_better():
         return motor(settings)
 
     residuals = Residuals(simulate, series_of(motor))
-    assert sought(residuals, fit(residuals, (), [{}]), candidate)
+    assert searched(residuals, least_squares_fit(residuals, (), [{}]), candidate)
     assert len(asked) < 80
 
 

@@ -118,8 +118,8 @@ def test_candidates_are_what_changes_a_steady_state():
         for p in candidate.parameters:
             assert p.low <= p.plausible[0] <= p.plausible[1] <= p.high
             assert all(p.low < start < p.high for start in p.starts)
-        if candidate.refines:
-            (coarser,) = (c for c in found if c.key == (candidate.name, candidate.refines))
+        if candidate.extends:
+            (coarser,) = (c for c in found if c.key == (candidate.name, candidate.extends))
             assert set(coarser.fixed) > set(candidate.fixed)
 
 

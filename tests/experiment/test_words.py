@@ -82,8 +82,8 @@ def test_what_is_calibrated_is_told_as_such():
 
 def test_rivals_are_told_with_what_they_cost():
     assert list(undecided_words(verdict("ambiguous", STEPS, EITHER))) == [
-        "These data cannot tell viscous_drag from current_loop_lag (Δ cost +0.25), "
-        "trigger_delay (Δ cost +4)."
+        "These data cannot tell viscous_drag from current_loop_lag (ΔEBIC +0.25), "
+        "trigger_delay (ΔEBIC +4)."
     ]
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
 from mopro.experiment.compare.noise_tests import (
     mean_chance,
-    memory_chance,
     quantile_residual,
     size_chance,
 )
@@ -173,7 +173,7 @@ def _place(r: _Residual, rows: np.ndarray[Any, np.dtype[np.intp]], level: float)
 
 def _series(r: _Residual, level: float) -> SeriesTest:
     sensor = r.reading.sensor
-    size_p, memory_p = size_chance(r.z, fitted=1), memory_chance(r.z)
+    size_p, memory_p = size_chance(r.z, fitted=1), whiteness_p(r.z)
     rms = _rms(r.values)
     return SeriesTest(
         run=r.run,

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from scipy import stats
 
-from mopro.diagnosis.remainder import STILL, cumulative_periodogram
 from mopro.experiment.model import Floats
 from mopro.instruments.sensor import Sensor
 
@@ -15,7 +14,6 @@ from mopro.instruments.sensor import Sensor
 _LEAST_NOISE = 0.03
 # Beyond this many deviations the size says enough, and a tail's chance underflows.
 _FAR = 5.0
-_FEWEST = 60
 
 
 def quantile_residual(
@@ -49,14 +47,3 @@ def size_chance(z: Floats, fitted: int = 0) -> float:
 def mean_chance(z: Floats) -> float:
     """How often the mean of noise is as far from zero."""
     return float(2 * stats.norm.sf(abs(float(z.sum())) / math.sqrt(len(z))))
-
-
-def memory_chance(z: Floats) -> float:
-    """How often noise has as much memory.
-
-    Bartlett's test (1955): the cumulative periodogram of white noise is a straight line.
-    """
-    if len(z) < _FEWEST or float(np.var(z)) < STILL:
-        return 1.0
-    test = stats.kstest(cumulative_periodogram(z), "uniform", method="asymp")
-    return float(test.pvalue)

@@ -88,9 +88,8 @@ def held_out_words(effect: Named, verdict: Verdict) -> str:
 
 
 def rivals_words(effect: Named) -> str:
-    """What cannot be told from it, and how much dearer each is."""
-    dearer = [f"{name} (Δ cost {cost:+.2g})" for name, cost in effect.rivals.items()]
-    return ", ".join(dearer)
+    """The alternatives that the data cannot tell from it, each with its EBIC above it."""
+    return ", ".join(f"{name} (ΔEBIC {delta:+.2g})" for name, delta in effect.rivals.items())
 
 
 def place_words(place: Place) -> str:

@@ -74,12 +74,12 @@ def _of_position(motor: Motor) -> Iterator[Candidate]:
 def _on_one(candidate: Candidate, axis: int) -> Candidate:
     """The same on one axis alone, as each has a sensor of its own."""
     form = f"{candidate.form}, axis {axis}".removeprefix(", ")
-    refines = f"{candidate.refines}, axis {axis}".removeprefix(", ")
+    extends = f"{candidate.extends}, axis {axis}".removeprefix(", ")
     return replace(
         candidate,
         form=form,
         fixed={**candidate.fixed, AXIS: axis},
-        refines=None if candidate.refines is None else refines,
+        extends=None if candidate.extends is None else extends,
     )
 
 
@@ -96,14 +96,14 @@ def _forces(experiment: Experiment) -> Iterator[Candidate]:
     presliding = Parameter("delta", "m", 5e-7, 5e-5, (5e-6,), Role.SHAPE, plausible=(1e-6, 2e-5))
     yield replace(
         coulomb, parameters=(*coulomb.parameters, presliding), fixed={},
-        form="presliding fitted", refines="",
+        form="presliding fitted", extends="",
     )  # fmt: skip
     spring = _one("umbilical_spring", "k_h", 10.0, fixed={"x_h": 0.0})
     yield spring
     free_end = Parameter("x_h", "m", -0.9, 0.9, (0.0,), Role.SHAPE, plausible=(-0.6, 0.6))
     yield replace(
         spring, parameters=(*spring.parameters, free_end), fixed={},
-        form="free end fitted", refines="",
+        form="free end fitted", extends="",
     )  # fmt: skip
     yield _one("constant_force", "F_b", 1.0)
     yield Candidate("electrical_damping", (_damping(machine.axis.damping_ratio),))
@@ -177,7 +177,7 @@ def _drive(rests: Rests) -> Iterator[Candidate]:
     after = Parameter(
         "t_h", "s", EARLIEST_S, 6.0, (0.05, 0.2, 0.7, 2.0), Role.SHAPE, difference=1e-5
     )
-    yield Candidate("hold_current_reduction", (held, after), seek=rests.lower_current)
+    yield Candidate("hold_current_reduction", (held, after), find_starts=rests.lower_current)
 
 
 # -- stage C -----------------------------------------------------------------------
@@ -193,7 +193,7 @@ def _commands(motor: Motor) -> Iterator[Candidate]:
     for form, interpolate in (("interpolated", 1.0), ("held", 0.0)):
         yield Candidate(
             "profile_tick", (tick,), form, {"interpolate": interpolate},
-            seek=seek.interpolated_tick if interpolate else seek.held_tick,
+            find_starts=seek.interpolated_tick if interpolate else seek.held_tick,
         )  # fmt: skip
     if any(trial.program is None for trial in motor.experiment.trials):
         return
@@ -202,8 +202,10 @@ def _commands(motor: Motor) -> Iterator[Candidate]:
     delay = _own("start_delay", "d", 1e-3, 8e-3)
     yield Candidate("start_delay", (delay,), "once", {"every_move": 0.0})
     yield Candidate("start_delay", (delay,), "each move", {"every_move": 1.0})
-    numbers = [Parameter(name, "1", -1e9, 1e9, role=Role.HELD) for name in ("n", "move", "at", RUN)]
-    yield Candidate("lost_steps", tuple(numbers), flexible=True, seek=seek.lost_steps)
+    numbers = [
+        Parameter(name, "1", -1e9, 1e9, role=Role.SEARCHED) for name in ("n", "move", "at", RUN)
+    ]
+    yield Candidate("lost_steps", tuple(numbers), flexible=True, find_starts=seek.lost_steps)
 
 
 # -- stage M -----------------------------------------------------------------------
@@ -242,19 +244,19 @@ def _bends(motor: Motor) -> Iterator[Candidate]:
     quintic = replace(cubic, name="c5")
     yield Candidate(
         "sensor_nonlinearity", (cubic, quintic), "cubic and quintic",
-        {"mid": middle, "half": half}, refines="cubic", flexible=True,
+        {"mid": middle, "half": half}, extends="cubic", flexible=True,
     )  # fmt: skip
     # A way that lies to one side of the sensor's middle shows little of a bend about its own.
     places = tuple(np.linspace(low - half / 2, high + half / 2, _MIDDLES_TRIED).tolist())
     mid = Parameter("mid", "m", low - half, high + half, places, Role.SHAPE, null=middle)
     elsewhere = Candidate(
         "sensor_nonlinearity", (cubic, mid), "cubic, middle fitted",
-        {"c5": 0.0, "half": half}, refines="cubic", by_itself=True, flexible=True,
+        {"c5": 0.0, "half": half}, extends="cubic", can_enter_first=True, flexible=True,
     )  # fmt: skip
     yield elsewhere
     yield replace(
         elsewhere, parameters=(cubic, quintic, mid), fixed={"half": half},
-        form="cubic and quintic, middle fitted", refines=elsewhere.form,
+        form="cubic and quintic, middle fitted", extends=elsewhere.form,
     )  # fmt: skip
 
 
@@ -266,7 +268,7 @@ def _lines(motor: Motor) -> Iterator[Candidate]:
     )  # fmt: skip
     amplitude = Parameter("A", "m", 0.0, 1e-2)
     yield Candidate(
-        "periodic_error", (amplitude, period, _angle("phi")), flexible=True, seek=seek.period
+        "periodic_error", (amplitude, period, _angle("phi")), flexible=True, find_starts=seek.period
     )
     runs = range(len(motor.experiment.trials))
     lines = {
@@ -279,8 +281,8 @@ def _lines(motor: Motor) -> Iterator[Candidate]:
         yield Candidate(
             "hum", (*main, *(p for n in harmonics for p in lines[n])),
             f"{' and '.join(f'{n * mains:g}' for n in (1, *harmonics))} Hz",
-            {"f": mains, **off}, refines=f"{mains:g} Hz" if harmonics else None,
-            by_itself=harmonics == _HARMONICS, seek=seek.hum(mains, harmonics),
+            {"f": mains, **off}, extends=f"{mains:g} Hz" if harmonics else None,
+            can_enter_first=harmonics == _HARMONICS, find_starts=seek.hum(mains, harmonics),
         )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mopro.diagnosis import Leftover
+from mopro.diagnosis import ResidualView
 from mopro.experiment.diagnose.start_search import Values
 from mopro.experiment.model import Floats, Reading
 from mopro.experiment.predict.forward_model import Motor
@@ -58,7 +58,7 @@ class Rests:
         spans = pairwise([0, *starts, len(reading.time_s)] if moves else [])
         return [(slice(*span), move.end_s) for span, move in zip(spans, moves, strict=True)]
 
-    def lower_current(self, left: Leftover) -> Iterator[Values]:
+    def lower_current(self, left: ResidualView) -> Iterator[Values]:
         """The likeliest moments (t_h) and shares (h) of hold_current_reduction."""
         begun_s = self._begun_s(left)
         if begun_s is None:
@@ -83,13 +83,13 @@ class Rests:
         for h in share * _CLOSE:
             yield from ((float(h), t) for t in times.tolist() if h < 1 and t >= EARLIEST_S)
 
-    def _best(self, left: Leftover, places: Iterable[tuple[float, float]]) -> list[Values]:
+    def _best(self, left: ResidualView, places: Iterable[tuple[float, float]]) -> list[Values]:
         """The likeliest few shares and moments."""
         trials: list[Values] = [{"h": h, "t_h": t_h} for h, t_h in places]
-        trials.sort(key=lambda values: left.misfit({"hold_current_reduction": values}))
+        trials.sort(key=lambda values: left.rss({"hold_current_reduction": values}))
         return trials[:_KEPT]
 
-    def _begun_s(self, left: Leftover) -> float | None:
+    def _begun_s(self, left: ResidualView) -> float | None:
         """How long after a move the few periods begin that show the most.
 
         Of each series that is in the first rest that shows anything: the next move begins
@@ -116,10 +116,10 @@ class Rests:
         return float(times[int(np.argmax(within))])
 
 
-def _gains(left: Leftover, values: Values) -> bool:
+def _gains(left: ResidualView, values: Values) -> bool:
     """Whether a trial is any better than none: where it is worse, no step makes it good."""
     without = sum(float(part @ part) for part in left.residuals)
-    return left.misfit({"hold_current_reduction": values}) < without
+    return left.rss({"hold_current_reduction": values}) < without
 
 
 def _shows(excess: Floats) -> bool:

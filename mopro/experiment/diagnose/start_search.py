@@ -9,8 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis import Leftover
-from mopro.diagnosis.model import Seek
+from mopro.diagnosis import ResidualView
+from mopro.diagnosis.model import FindStarts
+from mopro.diagnosis.noise_tests import cusum_step
 from mopro.diagnosis.spectrum import position_spectrum
 from mopro.experiment.model import Floats
 from mopro.experiment.predict.forward_model import RUN, Motor, angle_in
@@ -44,7 +45,7 @@ class Seeker:
 
     # -- lines -------------------------------------------------------------------
 
-    def period(self, left: Leftover) -> Iterator[Values]:
+    def period(self, left: ResidualView) -> Iterator[Values]:
         """The strongest lines in position, their amplitudes and angles."""
         ways = self._places_m(left)
         rows = [row for row, place in ways.items() if np.ptp(place) > 0]
@@ -67,10 +68,10 @@ class Seeker:
                 "phi": math.atan2(cosine, sine),
             }
 
-    def hum(self, mains_hz: float, harmonics: Sequence[int] = ()) -> Seek:
+    def hum(self, mains_hz: float, harmonics: Sequence[int] = ()) -> FindStarts:
         """A line of `mains_hz` in time, and one at so many times that for each of `harmonics`."""
 
-        def seek(left: Leftover) -> Iterator[Values]:
+        def seek(left: ResidualView) -> Iterator[Values]:
             values = self._line_in_time(left, mains_hz, "A", "phi")
             for n in harmonics:
                 values |= self._line_in_time(left, n * mains_hz, f"A{n}", f"phi{n}")
@@ -79,7 +80,7 @@ class Seeker:
         return seek
 
     def _line_in_time(
-        self, left: Leftover, hz: float, amplitude: str, angle: str
+        self, left: ResidualView, hz: float, amplitude: str, angle: str
     ) -> dict[str, float]:
         """Its amplitude over all runs, and its angle in each."""
         runs = range(len(self._motor.experiment.trials))
@@ -94,15 +95,15 @@ class Seeker:
 
     # -- ticks -------------------------------------------------------------------
 
-    def interpolated_tick(self, left: Leftover) -> Iterator[Values]:
+    def interpolated_tick(self, left: ResidualView) -> Iterator[Values]:
         """Late by a tick: all the delay that is left."""
         return self._ticks(left, 1.0, 1.0)
 
-    def held_tick(self, left: Leftover) -> Iterator[Values]:
+    def held_tick(self, left: ResidualView) -> Iterator[Values]:
         """Late by half a tick."""
         return self._ticks(left, 2.0, 0.0)
 
-    def _ticks(self, left: Leftover, ticks: float, interpolate: float) -> Iterator[Values]:
+    def _ticks(self, left: ResidualView, ticks: float, interpolate: float) -> Iterator[Values]:
         """The tick that the delay speaks of; where its grid shows, the best one around."""
         delay_s, error_s = self._delay(left)
         tick_s = ticks * delay_s
@@ -116,10 +117,10 @@ class Seeker:
         around = np.linspace(tick_s - reach_s, tick_s + reach_s, _TICKS_TRIED)
         trials = [float(t) for t in (*around, *_round_numbers(tick_s)) if 1e-4 < t < 0.015]
         fixed = {"interpolate": interpolate}
-        costs = [left.misfit({"profile_tick": {"T": t, **fixed}}) for t in trials]
+        costs = [left.rss({"profile_tick": {"T": t, **fixed}}) for t in trials]
         yield {"T": trials[int(np.argmin(costs))]}
 
-    def _grid_shows(self, left: Leftover, tick_s: float) -> float:
+    def _grid_shows(self, left: ResidualView, tick_s: float) -> float:
         """How strong, in standard deviations, what lies between chords and curve is.
 
         A chord over T is a T²/12 from its arc in the mean.
@@ -131,7 +132,7 @@ class Seeker:
         ]  # fmt: skip
         return math.sqrt(sum(float(sag @ sag) for sag in sags))
 
-    def _delay(self, left: Leftover) -> tuple[float, float]:
+    def _delay(self, left: ResidualView) -> tuple[float, float]:
         """By how much the data are late against the model (s), and its standard deviation."""
         lateness = strength = 0.0
         for row, (_, reading) in self._positions.items():
@@ -146,7 +147,7 @@ class Seeker:
 
     # -- steps -------------------------------------------------------------------
 
-    def lost_steps(self, left: Leftover) -> Iterator[Values]:
+    def lost_steps(self, left: ResidualView) -> Iterator[Values]:
         """Steps of whole pitches that stay, in one run or in the same move of all."""
         found: list[dict[str, float]] = []
         begun, over = 0.0, 1.0
@@ -172,11 +173,11 @@ class Seeker:
 
     # -- readings ------------------------------------------------------------------
 
-    def _metres(self, left: Leftover, row: int) -> Floats:
+    def _metres(self, left: ResidualView, row: int) -> Floats:
         metres: Floats = left.residuals[row] * left.sigmas[row]
         return metres * self._positions[row][1].sensor.unit_si
 
-    def _places_m(self, left: Leftover) -> dict[int, Floats]:
+    def _places_m(self, left: ResidualView) -> dict[int, Floats]:
         """Where the target was at each sample, whatever the transducer made of it."""
         places = self._motor.targets(left.settings)
         return {
@@ -208,13 +209,10 @@ def _round_numbers(tick_s: float) -> set[float]:
 
 def _step(z: Floats, metres: Floats, time_s: Floats) -> tuple[float, float, float] | None:
     """The times before and after the step that divides the samples best, and its height (m)."""
-    n = len(z)
-    if n < _FEWEST_FOR_A_STEP:
+    if len(z) < _FEWEST_FOR_A_STEP:
         return None
-    before = np.arange(1, n)
-    contrast = np.cumsum(z - z.mean())[:-1] / np.sqrt(before * (n - before) / n)
-    at = int(np.argmax(np.abs(contrast)))
-    if abs(contrast[at]) < _CONTRAST:
+    at, contrast = cusum_step(z)
+    if abs(contrast) < _CONTRAST:
         return None
     height = float(metres[at + 1 :].mean() - metres[: at + 1].mean())
     return float(time_s[at]), float(time_s[at + 1]), height

@@ -61,7 +61,7 @@ def _forms(effect: Effect, air_C: float, stated: Mapping[str, float]) -> list[Ca
         forms.append(Candidate(effect.name, (_parameter(own),), own.name, without))
         both = tuple(map(_parameter, (own, *others)))
         words = " and ".join(p.name for p in both)
-        forms.append(Candidate(effect.name, both, words, fixed, refines=own.name))
+        forms.append(Candidate(effect.name, both, words, fixed, extends=own.name))
     return forms
 
 

@@ -1,0 +1,106 @@
+"""Jacobian of a residual that costs a simulation: finite differences, then secant updates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mopro.diagnosis.model import Floats
+
+# A secant update is made if the Jacobian predicted the change of the residual to within this
+# share of it. Doubled, steps follow worse slopes; halved, more of them cost new differences.
+_SECANT_ERROR = 0.3
+# Distance from an end of the range, as a share of it, within which a parameter is at that end.
+_AT_BOUND = 1e-6
+# Singular values below this share of the largest: parameters that the residual cannot tell apart.
+_RANK_TOLERANCE = 1e-9
+# A change of the residual below this, in chi-squared, is too small to learn a slope from.
+_NO_CHANGE = 1e-2
+
+
+def gauss_newton_step(jacobian: Floats, residual: Floats) -> Floats:
+    """The step of the parameters that minimises |residual + jacobian @ step|² (samples x them)."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    step: Floats = np.linalg.lstsq(jacobian / scale, -residual, rcond=_RANK_TOLERANCE)[0] / scale
+    return step
+
+
+@dataclass
+class Iterate:
+    """Point of a descent: scaled parameters `x`, residual and Jacobian there."""
+
+    x: Floats
+    residual: Floats
+    jacobian: Floats
+
+
+class SecantJacobian:
+    """Jacobian (samples x parameters) of `residual`, asked for along the path of a fit.
+
+    `differences` are the steps of finite differences, one for each parameter. Where the
+    Jacobian predicted a step well, the next one is a secant update of it, which costs no
+    evaluation (Broyden 1965; here the correction is shared out by what each parameter
+    contributed to the predicted change); else it is taken by differences, one evaluation a
+    parameter. `updated` is True if the last one is a secant update: good for a step, and not
+    for the errors of the parameters.
+    """
+
+    def __init__(self, residual: Callable[[Floats], Floats], differences: Sequence[float]) -> None:
+        self._residual = residual
+        self._differences = differences
+        self.last: Iterate | None = None
+        self.updated = False
+
+    def forget(self) -> None:
+        """Take the next Jacobian by finite differences."""
+        self.last = None
+
+    def at(self, x: Floats) -> Floats:
+        residual = self._residual(x)
+        jacobian = self._secant_update(x, residual)
+        if jacobian is None:
+            jacobian = self._finite_differences(x, residual)
+            self.updated = False
+        self.last = Iterate(x.copy(), residual, jacobian)
+        return jacobian
+
+    def predicted_reduction(self, low: Floats, high: Floats) -> float:
+        """Fall of the sum of squares at the minimum of the linearised problem.
+
+        A parameter at an end of its range, from `low` to `high`, stays there.
+        """
+        if self.last is None:
+            return math.inf
+        inside = (self.last.x > low + _AT_BOUND) & (self.last.x < high - _AT_BOUND)
+        basis, _ = np.linalg.qr(self.last.jacobian[:, inside])
+        return float(np.sum((basis.T @ self.last.residual) ** 2))
+
+    def _secant_update(self, x: Floats, residual: Floats) -> Floats | None:
+        """The last Jacobian corrected by the step to `x`; None if it predicted that badly."""
+        if self.last is None:
+            return None
+        step, change = x - self.last.x, residual - self.last.residual
+        if float(change @ change) < _NO_CHANGE:
+            return self.last.jacobian
+        missed = change - self.last.jacobian @ step
+        share = float(np.linalg.norm(missed) / np.linalg.norm(change))
+        if share > _SECANT_ERROR:
+            return None
+        weighted = step * np.sum(self.last.jacobian**2, axis=0)
+        self.updated = True
+        updated: Floats = self.last.jacobian + np.outer(missed, weighted / (weighted @ step))
+        return updated
+
+    def _finite_differences(self, x: Floats, residual: Floats) -> Floats:
+        """Forward differences, backward in the upper half of a range."""
+        columns = np.empty((len(residual), len(x)))
+        for i, difference in enumerate(self._differences):
+            step = -difference if x[i] > 0.5 else difference
+            moved = x.copy()
+            moved[i] += step
+            columns[:, i] = (self._residual(moved) - residual) / step
+        return columns

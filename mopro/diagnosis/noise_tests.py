@@ -1,0 +1,80 @@
+"""Tests of a series against white noise of unit variance: size, autocorrelation, steps, lines.
+
+Each returns the natural logarithm of its p-value, as p-values below 1e-308 are common here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import fft, stats
+
+from mopro.diagnosis.model import Floats
+
+# Samples below which the asymptotic p-values of these tests do not hold.
+FEWEST_SAMPLES = 60
+# Variance, in that of the noise, below which a series is constant: a sensor at rest that shows no
+# noise. Rounding of the simulation is about 1e-12.
+STILL = 1e-6
+# Kolmogorov distance (times √n) beyond which the first term of its series is all of it: the
+# second is e⁻⁵⁴ of it there, and the library's logarithm underflows further out.
+_FIRST_TERM_ALONE = 3.0
+
+
+def chi2_log_p(rss: float, freedom: int) -> float:
+    """Chi-squared test of a sum of squares with so many degrees of freedom."""
+    return float(stats.chi2.logsf(rss, max(freedom, 1)))
+
+
+def normal_log_p(z: float, trials: int = 1) -> float:
+    """Two-sided test of the largest of `trials` standard normal numbers (Bonferroni)."""
+    return min(0.0, math.log(2 * trials) + float(stats.norm.logsf(abs(z))))
+
+
+def line_log_p(power: float, lines: int, series: int) -> float:
+    """Test of the strongest of `lines` in a periodogram summed over so many series.
+
+    The power of one line of white noise of variance 1 is exponential with mean 1.
+    """
+    return min(0.0, math.log(lines) + float(stats.gamma.logsf(power, series)))
+
+
+def cumulative_periodogram(z: Floats) -> Floats:
+    """Share of the variance at each frequency and below, without the last, which is 1."""
+    power = np.abs(fft.rfft(z - z.mean()))[1 : (len(z) + 1) // 2] ** 2
+    shares: Floats = np.cumsum(power)[:-1] / float(power.sum())
+    return shares
+
+
+def bartlett_log_p(shares: Floats) -> float:
+    """Bartlett's test (1955) of a cumulative periodogram: that of white noise is a straight line.
+
+    The distance from that line has Kolmogorov's limiting distribution.
+    """
+    statistic = float(stats.kstest(shares, "uniform", method="asymp").statistic)
+    distance = statistic * math.sqrt(len(shares))
+    if distance > _FIRST_TERM_ALONE:
+        return math.log(2) - 2 * distance**2
+    return float(stats.kstwobign.logsf(distance))
+
+
+def whiteness_p(z: Floats) -> float:
+    """p-value of Bartlett's test; 1 for fewer than 60 samples and for a constant."""
+    if len(z) < FEWEST_SAMPLES or float(np.var(z)) < STILL:
+        return 1.0
+    return math.exp(bartlett_log_p(cumulative_periodogram(z)))
+
+
+def cusum_step(z: Floats) -> tuple[int, float]:
+    """The last sample before the likeliest step of the mean, and the contrast there.
+
+    The contrast is standard normal at a given place if there is no step: the CUSUM of the
+    centred samples over its standard deviation, √(m (n - m) / n) after m of n samples. Negative
+    for a step up. `z` has two samples at least.
+    """
+    n = len(z)
+    before = np.arange(1, n)
+    contrast = np.cumsum(z - z.mean())[:-1] / np.sqrt(before * (n - before) / n)
+    last = int(np.argmax(np.abs(contrast)))
+    return last, float(contrast[last])

@@ -1,0 +1,92 @@
+"""Families: the effects that the data cannot tell from the one that is named."""
+
+import numpy as np
+import pytest
+from servo import CATALOGUE, Servo
+from signals import candidates, diagnosed, family, of_size, sizes, times
+
+import mopro
+from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis.alternatives import Alternatives
+from mopro.diagnosis.fit_cache import FitCache
+from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.screening import Screening
+
+
+def test_two_effects_of_the_same_response_are_a_family():
+    servo = Servo()
+    twin = Candidate("twin_of_viscous", (Parameter("c", "N s/m", 0, 20, (1.0,)),))
+
+    def simulate(settings):
+        others = {name: values for name, values in settings.items() if name != twin.name}
+        if twin.name in settings:
+            others["viscous"] = {"b": settings[twin.name]["c"]}
+        return servo.predict(others)
+
+    data = servo.measure({"viscous": {"b": 3.0}}, 0.1, 0)
+    verdict = mopro.reconcile(simulate, (*CATALOGUE, twin), data)
+    (effect,) = verdict.effects
+    assert verdict.verdict == "ambiguous"
+    assert family(effect) == {"viscous", "twin_of_viscous"}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_alternative_whose_signature_is_slightly_wrong_is_in_the_family(seed):
+    """Probed at 1 V, `bent` has 0.14 V of another shape, which is 2 % of its sum of squares.
+
+    At 0.4 V, which would explain the data, it has 0.009 V, and the noise of 0.18 V hides that.
+    """
+    t = times()
+
+    def simulate(settings):
+        straight, bent = sizes(settings, "straight", "bent")
+        return [(straight + bent) * np.sin(7 * t) + 0.14 * bent**3 * np.cos(11 * t)]
+
+    effects = candidates("straight", "bent")
+    (effect,) = diagnosed(simulate, effects, of_size(straight=0.4), 0.18, seed).effects
+    assert family(effect) == {"straight", "bent"}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_weak_alternative_that_differs_at_its_own_size_is_not_in_the_family(seed):
+    """At 1 V, where it is probed, `bent` is the same; at 0.4 V it has -0.19 V of another shape.
+
+    That is 7.6 standard deviations of the noise over 2000 samples.
+    """
+    t = times()
+
+    def simulate(settings):
+        straight, bent = sizes(settings, "straight", "bent")
+        return [(straight + bent) * np.sin(7 * t) + 0.8 * bent * (bent - 1) * np.cos(11 * t)]
+
+    effects = candidates("straight", "bent")
+    (effect,) = diagnosed(simulate, effects, of_size(straight=0.4), 0.8, seed).effects
+    assert (effect.name, effect.indistinguishable_from) == ("straight", [])
+    assert effect.sigmas < 20
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
+def test_a_family_does_not_depend_on_the_unit_where_the_noise_is_unknown(scale):
+    """The shapes differ by 0.3 cos(11 t): 4 in chi-squared at this size of them."""
+    t = np.linspace(0.0, 1.0, 500)
+    shapes = {"one": np.sin(7 * t), "other": np.sin(7 * t) + 0.3 * np.cos(11 * t)}
+    noise = np.random.default_rng(4).standard_normal(len(t))
+
+    def simulate(settings):
+        return [sum((v["size"] * shapes[n] for n, v in settings.items()), np.zeros(len(t)))]
+
+    effects = candidates(*shapes, size=Parameter("size", "N", -50 * scale, 50 * scale, (scale,)))
+    data = [Series("run", "force", "N", scale * (0.5 * shapes["one"] + noise), None, t)]
+    (effect,) = mopro.reconcile(simulate, effects, data).effects
+    assert family(effect) == set(shapes)
+
+
+def test_a_swap_that_lost_its_new_effect_in_elimination_is_no_alternative(monkeypatch):
+    """Freeing a form may make the effect that was swapped in superfluous: the null is left."""
+    servo = Servo()
+    data = servo.measure({"viscous": {"b": 3.0}}, 0.1, seed=1)
+    fits = FitCache(Residuals(servo.predict, data), CATALOGUE)
+    alternatives = Alternatives(fits, Screening(fits))
+    viscous = fits.fitted(CATALOGUE[:1], [{"viscous": {"b": 1.0}}])
+    monkeypatch.setattr(alternatives, "swaps", lambda *_: [fits.null])
+    assert alternatives.of(viscous, "viscous") == []

@@ -1,0 +1,43 @@
+"""Cross-validation: which samples are held out together, and what they tell."""
+
+import numpy as np
+import pytest
+
+from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis.fit_cache import FitCache
+from mopro.diagnosis.heldout import folds
+from mopro.diagnosis.residual import Residuals
+
+
+def test_all_sensors_of_a_run_hold_out_the_same_moves():
+    parts = np.repeat([0, 1, 2], 20)
+    one = Series("run", "force", "N", np.zeros(60), 1.0, folds=parts)
+    other = Series("run", "speed", "m/s", np.zeros(60), 1.0, folds=parts[::-1])
+    third = Series("next run", "force", "N", np.zeros(60), 1.0, folds=parts)
+    masks = folds(Residuals(lambda _: [np.zeros(60)] * 3, [one, other, third]))
+    assert len(masks) == 6
+    together = [mask for mask in masks if mask[:120].any()]
+    assert len(together) == 3
+    assert all((mask[:60] == mask[60:120][::-1]).all() for mask in together)
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_an_effect_in_a_single_move_is_predicted_from_the_rest_of_that_move(alike):
+    """A ramp from 2.2 s to 2.6 s: the third move alone has information on its slope."""
+    rng = np.random.default_rng(9)
+    t = np.linspace(0.0, 3.0, 3000)
+    grown = np.clip(t - 2.2, 0.0, 0.4)
+    bent = np.where(t > 2.4, 2 * 0.2 - grown, grown)
+
+    def model(settings):
+        return [settings.get("growth", {"v": 0.0})["v"] * grown]
+
+    values = (grown if alike else bent) + 0.01 * rng.standard_normal(len(t))
+    series = Series("run", "probe", "V", values, 0.01, folds=np.minimum(t.astype(int), 2))
+    residuals = Residuals(model, [series])
+    growth = Candidate("growth", (Parameter("v", "V/s", -5.0, 5.0, (0.5,)),))
+    fits = FitCache(residuals, [growth])
+    grown_fit = fits.fitted([growth], [{"growth": {"v": 0.5}}])
+    held = fits.held_out(grown_fit)
+    assert held.supports("growth") is alike
+    assert (held.after < 1.1) is alike

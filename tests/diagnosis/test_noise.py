@@ -1,0 +1,178 @@
+"""Noise: white, with memory, unknown, at rest; and the tests that tell it from a residual."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import signal, stats
+from servo import CATALOGUE, Servo
+from signals import family, names
+
+import mopro
+from mopro.diagnosis import Series
+from mopro.diagnosis.noise_tests import (
+    bartlett_log_p,
+    cumulative_periodogram,
+    cusum_step,
+    whiteness_p,
+)
+from mopro.diagnosis.residual import difference_variance, long_run_variance
+
+SIGMA = 0.1
+
+
+def autoregressive(memory, samples, rng):
+    """Noise of first order: each sample is `memory` times the last one plus white noise."""
+    return signal.lfilter([1.0], [1.0, -memory], rng.standard_normal(samples))
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])
+def test_the_long_run_variance_of_first_order_noise_is_that_of_theory(memory):
+    """(1 + φ) / (1 - φ) times the variance of a sample."""
+    rng = np.random.default_rng(4)
+    values = autoregressive(memory, 60_000, rng)
+    theory = (1 + memory) / (1 - memory) / (1 - memory**2)
+    assert long_run_variance(values) == pytest.approx(theory, rel=0.15)
+
+
+def test_the_long_run_variance_is_at_least_the_variance():
+    values = np.sin(0.3 * np.arange(5000))
+    assert long_run_variance(values) == pytest.approx(0.5, rel=0.05)
+    assert long_run_variance(np.ones(10)) == 0.0
+
+
+def test_the_difference_variance_is_that_of_the_white_noise_alone():
+    rng = np.random.default_rng(2)
+    slow = 20 * np.sin(np.linspace(0.0, 6.0, 20_000))
+    assert difference_variance(slow + rng.standard_normal(20_000)) == pytest.approx(1.0, rel=0.03)
+    assert difference_variance(np.ones(1)) == 0.0
+
+
+def test_whiteness_is_rejected_as_often_as_its_p_value_says():
+    rng = np.random.default_rng(6)
+    p = [whiteness_p(rng.standard_normal(500)) for _ in range(400)]
+    assert stats.kstest(p, "uniform").pvalue > 0.01
+    assert whiteness_p(autoregressive(0.5, 500, rng)) < 1e-6
+
+
+def test_whiteness_of_a_short_series_or_of_a_constant_is_not_rejected():
+    assert whiteness_p(np.arange(59.0)) == 1.0
+    assert whiteness_p(np.ones(500)) == 1.0
+
+
+def test_the_p_value_of_whiteness_has_no_jump_where_its_first_term_takes_over():
+    """At Kolmogorov distances of 3, to either side of it."""
+
+    def log_p(distance, n=400):
+        # Half of the shares moved up by d have their largest distance, d, in the middle.
+        even = (np.arange(n) + 0.5) / n
+        return bartlett_log_p(np.clip(even + distance / math.sqrt(n) - 0.5 / n, 0.0, 1.0))
+
+    below, above = log_p(2.9999), log_p(3.0001)
+    assert 0 < below - above < 0.01
+    assert log_p(8.0) == pytest.approx(math.log(2) - 2 * 8.0**2, abs=0.01)
+
+
+def test_the_cumulative_periodogram_of_a_line_steps_at_its_frequency():
+    shares = cumulative_periodogram(np.sin(2 * np.pi * 20 * np.arange(200) / 200))
+    assert shares[18] < 1e-9
+    assert shares[19] == pytest.approx(1.0)
+
+
+def test_the_cusum_finds_the_place_of_a_step_and_its_size():
+    z = np.random.default_rng(0).standard_normal(1000)
+    z[300:] += 1.0
+    last, contrast = cusum_step(z)
+    assert abs(last - 299) < 10
+    # The difference of two means of 300 and 700 samples, in its standard deviations.
+    assert contrast == pytest.approx(-math.sqrt(300 * 700 / 1000), abs=2.0)
+
+
+def test_a_sensor_at_rest_that_shows_no_noise_is_no_disagreement():
+    still = Series("run", "probe", "V", np.zeros(500), 0.1, np.arange(500) / 100.0)
+    verdict = mopro.reconcile(lambda _: [np.zeros(500)], CATALOGUE[:1], [still])
+    assert verdict.verdict == "none"
+
+
+def test_no_frequency_is_stated_for_times_that_are_not_even():
+    rng = np.random.default_rng(3)
+    stamps = np.concatenate([np.arange(100.0), 100 + 15 * np.arange(800.0)])
+    slow = 0.1 * np.sin(2 * np.pi * stamps / 100) + 0.1 * rng.standard_normal(900)
+    series = Series("run", "thermocouple", "C", slow, 0.1, stamps)
+    verdict = mopro.reconcile(lambda _: [np.zeros(900)], CATALOGUE[:1], [series])
+    assert verdict.verdict == "unexplained"
+    assert "a line at" not in verdict.remainder.description
+
+
+def test_negative_autocorrelation_is_described_as_a_quick_scatter():
+    rng = np.random.default_rng(8)
+    white = rng.standard_normal(2001)
+    t = np.linspace(0.0, 1.0, 2000)
+    values = SIGMA * (white[1:] - 0.5 * white[:-1]) / math.sqrt(1.25)
+    series = Series("run", "force", "N", values, SIGMA, t)
+    verdict = mopro.reconcile(lambda settings: [0.0 * t], [], [series])
+    assert verdict.verdict == "unexplained"
+    assert verdict.remainder.description.startswith("a quick scatter in time, above")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_slow_noise_within_the_stated_sigma_is_not_named_as_an_effect(seed):
+    """Nine tenths of the stated sigma wander, which any slow signature fits."""
+    rng = np.random.default_rng(seed)
+    servo = Servo(samples=3000)
+    data = []
+    for series in servo.measure({}, 0.3 * SIGMA, seed):
+        wander = autoregressive(0.98, len(series), rng)
+        wander *= 0.9 * SIGMA / wander.std()
+        data.append(replace(series, values=series.values + wander, sigma=SIGMA))
+    verdict = mopro.reconcile(servo.predict, CATALOGUE, data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+
+
+def with_slow_noise(servo, truth, seed, sigma, memory=0.95):
+    """`servo` measured with slow noise, three times as strong as the white noise that is stated."""
+    rng = np.random.default_rng([seed, 1])
+    data = []
+    for series in servo.measure(truth, SIGMA, seed):
+        wander = autoregressive(memory, len(series), rng)
+        wander *= 3 * SIGMA * math.sqrt(1 - memory**2)
+        data.append(replace(series, values=series.values + wander, sigma=sigma))
+    return data
+
+
+@pytest.mark.parametrize("sigma", [SIGMA, None])
+def test_intervals_cover_the_truth_beside_slow_noise(sigma):
+    """Taken for white, noise of this strength would make them five times as narrow."""
+    truth, servo, hits = {"coulomb": {"Fc": 2.0}, "viscous": {"b": 8.0}}, Servo(5, 1000), []
+    for seed in range(8):
+        verdict = mopro.reconcile(
+            servo.predict, CATALOGUE, with_slow_noise(servo, truth, seed, sigma)
+        )
+        assert (verdict.verdict, names(verdict)) == ("unexplained", set(truth))
+        assert verdict.gap.noise_rms == (None if sigma is None else pytest.approx(SIGMA))
+        for effect in verdict.effects:
+            ((name, estimate),) = effect.parameters.items()
+            low, high = estimate.ci95
+            hits.append(low <= truth[effect.name][name] <= high)
+    assert sum(hits) >= 14
+
+
+def test_effects_that_only_slow_noise_separates_are_a_family():
+    """Friction that differs a little between the two directions, and friction that does not."""
+    forth, back = np.tile(np.repeat([[1, 0, 0, 0], [0, 0, 1, 0]], 250, axis=1), 3).astype(float)
+
+    def simulate(settings):
+        both = settings.get("coulomb", {}).get("Fc", 0.0)
+        each = settings.get("asymmetric_coulomb", {"forth": 0.0, "back": 0.0})
+        return [(both + each["forth"]) * forth - (both + each["back"]) * back]
+
+    catalogue = [c for c in CATALOGUE if c.name in ("coulomb", "asymmetric_coulomb")]
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        wander = autoregressive(0.97, len(forth), rng)
+        values = 2.0 * (forth - back) + SIGMA * (wander + rng.standard_normal(len(forth)))
+        series = Series("run", "force", "N", values, SIGMA, folds=np.arange(len(forth)) // 500)
+        verdict = mopro.reconcile(simulate, catalogue, [series])
+        (friction,) = verdict.effects
+        assert "coulomb" in family(friction)

@@ -1,0 +1,298 @@
+"""`mopro.reconcile` on a servo axis with hidden effects, on a table, and on bad data."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from servo import CATALOGUE, Servo
+from signals import names
+
+import mopro
+from mopro.diagnosis import Candidate, Parameter, Series
+
+SIGMA = 0.1
+SERVO = Servo()
+
+
+def hidden(truth, seed=0, sigma=SIGMA, servo=SERVO, catalogue=CATALOGUE):
+    return mopro.reconcile(servo.predict, catalogue, servo.measure(truth, sigma, seed))
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [
+        {"viscous": {"b": 3.0}},
+        {"coulomb": {"Fc": 0.5}},
+        {"stribeck": {"Fs": 0.6, "v0": 0.2}},
+        {"inertia": {"dM": -0.1}},
+        {"position_ripple": {"sine": 0.2, "cosine": 0.1, "period": 0.02}},
+        {"viscous": {"b": 2.0}, "coulomb": {"Fc": 0.5}},
+        {"viscous": {"b": 2.0}, "inertia": {"dM": 0.2}},
+        {"viscous": {"b": 2.0}, "coulomb": {"Fc": 0.5},
+         "position_ripple": {"sine": 0.2, "cosine": 0.1, "period": 0.02}},
+    ],
+    ids="+".join,
+)  # fmt: skip
+def test_hidden_effects_are_named_and_the_gap_closes(truth):
+    verdict = hidden(truth)
+    assert (verdict.verdict, names(verdict)) == ("named", set(truth))
+    assert verdict.gap.after_rms < 1.1 * SIGMA < verdict.gap.before_rms
+    assert verdict.gap.held_out_rms < 1.1 * SIGMA
+    for effect in verdict.effects:
+        assert effect.held_out
+        assert effect.log10_bayes_factor > 2
+        for name, estimate in effect.parameters.items():
+            low, high = estimate.ci95
+            width = high - low
+            assert low - width < truth[effect.name][name] < high + width
+
+
+def test_nothing_hidden_is_none_in_twenty_of_twenty():
+    verdicts = [hidden({}, seed).verdict for seed in range(20)]
+    assert verdicts == ["none"] * 20
+
+
+def hidden_with_unknown_noise(truth, seed=0, **how):
+    data = [replace(series, sigma=None) for series in SERVO.measure(truth, SIGMA, seed, **how)]
+    return mopro.reconcile(SERVO.predict, CATALOGUE, data)
+
+
+UNMODELLED = [
+    ({"bump": {"height": 0.6}}, "in position"),
+    ({"drift": {"rate": 0.5}}, "drift in time"),
+    ({"hum": {"A": 0.15}}, "line at 50 Hz"),
+]
+
+
+def test_unknown_noise_is_estimated():
+    assert [hidden_with_unknown_noise({}, seed).verdict for seed in range(20)] == ["none"] * 20
+    truth = {"viscous": {"b": 3.0}, "inertia": {"dM": 0.2}}
+    verdict = hidden_with_unknown_noise(truth)
+    assert (verdict.verdict, names(verdict)) == ("named", set(truth))
+
+
+@pytest.mark.parametrize("verdict_on", [hidden_with_unknown_noise, lambda truth: hidden(truth)])
+@pytest.mark.parametrize(("truth", "words"), UNMODELLED, ids=str)
+def test_what_no_effect_accounts_for_is_unexplained_and_described(truth, words, verdict_on):
+    verdict = verdict_on(truth)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+    assert words in verdict.remainder.description
+
+
+def test_a_strong_effect_is_named_beside_a_drift_with_hidden_with_unknown_noise():
+    both = hidden_with_unknown_noise({"viscous": {"b": 10.0}, "drift": {"rate": 0.5}})
+    assert (both.verdict, names(both)) == ("unexplained", {"viscous"})
+
+
+def test_a_strong_effect_is_named_beside_an_unexplained_hum():
+    verdict = hidden({"viscous": {"b": 3.0}, "hum": {"A": 0.15}})
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"viscous"})
+
+
+def test_a_constant_offset_is_no_effect():
+    data = SERVO.measure({}, SIGMA, seed=1, offset=25.0)
+    assert mopro.reconcile(SERVO.predict, CATALOGUE, data).verdict == "none"
+
+
+@pytest.mark.parametrize(("slope", "named"), [(0.0, set()), (8.0, {"slope"})])
+def test_a_slope_is_named_beside_a_slow_disturbance_only_if_it_is_much_larger(slope, named):
+    """An exponential approach, 3 σ high, contains a slope of that order; 8 σ more are another."""
+    t = np.linspace(0.0, 1.0, 2000)
+    straight = Candidate("slope", (Parameter("b", "N", -90.0, 90.0, (0.1,)),))
+    values = 3 * SIGMA * (1 - np.exp(-t / 0.3)) + slope * SIGMA * t
+    values = values + SIGMA * np.random.default_rng(1).standard_normal(len(t))
+    data = [Series("run", "force", "N", values, SIGMA, t, np.arange(2000) // 200)]
+    verdict = mopro.reconcile(lambda s: [s.get("slope", {"b": 0.0})["b"] * t], [straight], data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", named)
+
+
+def test_an_effect_below_ten_times_the_unexplained_excess_is_rejected():
+    """Beside a bump of 1.4 V, `weak` explains five times what remains, `strong` fifty times."""
+    t = np.linspace(0.0, 5.0, 2000)
+    shapes = {name: np.sin(f * t) for name, f in (("strong", 7.0), ("weak", 11.0))}
+    size = Parameter("size", "V", -90.0, 90.0, (1.0,))
+
+    def simulate(settings):
+        return [sum((v["size"] * shapes[n] for n, v in settings.items()), np.zeros(2000))]
+
+    bump = 1.4 * np.exp(-(((t - 2.0) / 0.8) ** 2))
+    (values,) = simulate({"strong": {"size": 5.0}, "weak": {"size": 1.5}})
+    values = values + bump + 0.5 * np.random.default_rng(4).standard_normal(2000)
+    data = [Series("run", "probe", "V", values, 0.5, t, np.arange(2000) // 400)]
+    verdict = mopro.reconcile(simulate, [Candidate(n, (size,)) for n in shapes], data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"strong"})
+    assert "weak" in {rejected.name for rejected in verdict.rejected}
+
+
+def test_intervals_cover_the_truth_about_as_often_as_they_say():
+    truth, hits, count = {"viscous": {"b": 1.0}, "inertia": {"dM": 0.05}}, 0, 0
+    for seed in range(12):
+        for effect in hidden(truth, seed, servo=Servo(runs=2, samples=200)).effects:
+            for name, estimate in effect.parameters.items():
+                low, high = estimate.ci95
+                hits += low <= truth[effect.name][name] <= high
+                count += 1
+    assert count >= 23
+    assert hits / count >= 0.85
+
+
+def test_a_ripple_in_one_run_alone_is_not_named():
+    """Fitted there, it raises chi-squared in the other runs."""
+    data = SERVO.measure({}, SIGMA, 0)
+    q = SERVO.motions[0][0]
+    rippled = Series(
+        "run 0", "force", "N", data[0].values + 0.12 * np.sin(2 * np.pi * q / 0.02), SIGMA,
+        SERVO.time_s, labels=data[0].labels,
+    )  # fmt: skip
+    verdict = mopro.reconcile(SERVO.predict, CATALOGUE, [rippled, *data[1:]])
+    assert not verdict.effects
+    assert any("held out" in r.reason or "unexplained" in r.reason for r in verdict.rejected)
+
+
+def test_order_of_runs_and_units_of_force_do_not_matter():
+    truth = {"viscous": {"b": 2.0}, "coulomb": {"Fc": 0.5}}
+    data = SERVO.measure(truth, SIGMA, 3)
+    plain = mopro.reconcile(SERVO.predict, CATALOGUE, data)
+    turned = mopro.reconcile(lambda s: SERVO.predict(s)[::-1], CATALOGUE, data[::-1])
+    assert names(turned) == names(plain) == set(truth)
+    in_mN = [Series(s.run, s.sensor, "mN", s.values * 1000, s.sigma * 1000, s.time_s) for s in data]
+    scaled = mopro.reconcile(lambda s: [f * 1000 for f in SERVO.predict(s)], CATALOGUE, in_mN)
+    assert scaled.gap.before_rms == pytest.approx(1000 * plain.gap.before_rms)
+    for one, other in zip(plain.effects, scaled.effects, strict=True):
+        for name, estimate in one.parameters.items():
+            assert other.parameters[name].value == pytest.approx(estimate.value, rel=1e-3)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e4])
+def test_units_do_not_matter_where_the_noise_is_unknown(scale):
+    truth = {"viscous": {"b": 2.0}, "coulomb": {"Fc": 0.5}}
+    servo = Servo()
+    data = [
+        replace(series, values=scale * series.values, sigma=None, unit="other")
+        for series in servo.measure(truth, SIGMA, seed=5)
+    ]
+
+    def simulate(settings):
+        return [scale * force for force in servo.predict(settings)]
+
+    verdict = mopro.reconcile(simulate, CATALOGUE, data)
+    assert names(verdict) == set(truth)
+    (drag,) = (e for e in verdict.effects if e.name == "viscous")
+    low, high = drag.parameters["b"].ci95
+    assert low < 2.0 < high
+    assert high - low < 0.2
+    assert verdict.gap.after_rms == pytest.approx(scale * SIGMA, rel=0.1)
+    assert verdict.where[0].rms == pytest.approx(verdict.gap.runs[0].before_rms)
+
+
+def test_an_unexplained_line_is_described_in_the_unit_of_the_series():
+    data = [
+        replace(series, values=1e-3 * series.values, sigma=None, unit="kN")
+        for series in SERVO.measure({"hum": {"A": 0.3}}, SIGMA, seed=6)
+    ]
+
+    def simulate(settings):
+        return [1e-3 * force for force in SERVO.predict(settings)]
+
+    verdict = mopro.reconcile(simulate, CATALOGUE, data)
+    assert verdict.verdict == "unexplained"
+    assert verdict.remainder.description.startswith("a line at 50 Hz in time, 0.0003 kN")
+
+
+def test_json_has_the_fields_of_the_contract():
+    answer = hidden({"viscous": {"b": 3.0}}).as_json()
+    assert {"verdict", "effects", "where", "gap", "remainder", "next_experiment"} <= answer.keys()
+    (effect,) = answer["effects"]
+    assert {"name", "indistinguishable_from", "parameters", "evidence"} <= effect.keys()
+    assert effect["parameters"]["b"]["unit"] == "N s/m"
+    assert {"unit", "before_rms", "after_rms", "noise_rms", "held_out"} <= answer["gap"].keys()
+    assert answer["where"][0]["rms"] > answer["where"][0]["sigma"]
+
+
+def test_one_part_cannot_be_held_out():
+    (series, *_) = SERVO.measure({"viscous": {"b": 3.0}}, SIGMA, seed=1)
+    servo = Servo(runs=1)
+    verdict = mopro.reconcile(servo.predict, CATALOGUE, [series])
+    assert names(verdict) == {"viscous"}
+    assert verdict.gap.held_out_rms is None
+    assert not verdict.effects[0].held_out
+    assert verdict.as_json()["gap"]["held_out"] is False
+
+
+@pytest.mark.parametrize(
+    ("bump", "searched", "expected"), [(0.0, True, "none"), (20.0, False, "unexplained")]
+)
+def test_the_finer_simulation_is_used_where_it_could_account_for_a_tenth_of_the_excess(
+    bump, searched, expected
+):
+    """A step error of 30 σ in all does so by itself, and not beside a bump of 1000 σ."""
+    t = np.linspace(0, 1, 2000)
+    error = np.cos(2 * np.pi * 2 * t) * 30 * SIGMA / math.sqrt(1000)
+    bump_N = bump * np.exp(-(((t - 0.5) / 0.02) ** 2))
+    measured = bump_N + SIGMA * np.random.default_rng(1).standard_normal(2000)
+    data = [Series("run", "force", "N", measured, SIGMA, t, np.arange(2000) // 200)]
+    slope = Candidate("slope", (Parameter("b", "N", -9, 9, (0.1,)),))
+    asked = []
+
+    def finer(settings):
+        asked.append(settings)
+        return [settings.get("slope", {"b": 0.0})["b"] * t]
+
+    def coarse(settings):
+        return [settings.get("slope", {"b": 0.0})["b"] * t + error]
+
+    verdict = mopro.reconcile(coarse, [slope], data, finer=finer)
+    assert verdict.verdict == expected
+    assert (len(asked) > 1) == searched
+
+
+class TestTable:
+    """Few numbers of unknown noise, as in a table of steady states."""
+
+    X = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+    CATALOGUE = (
+        Candidate("slope", (Parameter("a", "1", -10, 10, (1.0,)),)),
+        Candidate("curve", (Parameter("b", "1", -10, 10, (1.0,)),)),
+        Candidate("wave", (Parameter("c", "1", -10, 10, (1.0,)),)),
+    )
+
+    def predict(self, settings):
+        shapes = {"slope": self.X, "curve": self.X**2, "wave": np.sin(2 * self.X)}
+        total = np.zeros(8)
+        for name, parameters in settings.items():
+            total = total + shapes[name] * next(iter(parameters.values()))
+        return [total]
+
+    @pytest.mark.parametrize(("truth", "verdict"), [({}, "none"), ({"slope": {"a": 2.0}}, "named")])
+    def test_noise_is_learnt_from_the_fit(self, truth, verdict):
+        rng = np.random.default_rng(5)
+        values = self.predict(truth)[0] + 0.3 * rng.standard_normal(8)
+        table = Series("table", "rise", "K", values, None, folds=np.arange(8),
+                       nuisances=np.zeros((8, 0)))  # fmt: skip
+        answer = mopro.reconcile(self.predict, self.CATALOGUE, [table])
+        assert (answer.verdict, names(answer)) == (verdict, set(truth))
+        assert answer.gap.noise_rms is None
+
+
+class TestBadInput:
+    def refused(self, message, predict=SERVO.predict, catalogue=CATALOGUE, data=None):
+        with pytest.raises(ValueError, match=message):
+            mopro.reconcile(
+                predict, catalogue, SERVO.measure({}, SIGMA, 0) if data is None else data
+            )
+
+    def test_each_is_named(self):
+        gap = SERVO.measure({}, SIGMA, 0)
+        gap[1].values[7] = math.nan
+        self.refused("run 1, force: expected finite numbers", data=gap)
+        self.refused("there are no data", data=[])
+        self.refused("the model predicts", predict=lambda s: SERVO.predict(s)[:1])
+        self.refused("the same name", catalogue=[CATALOGUE[0], CATALOGUE[0]])
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, math.nan])
+def test_a_sigma_must_be_above_0(sigma):
+    data = [replace(series, sigma=sigma) for series in SERVO.measure({}, SIGMA, 0)]
+    with pytest.raises(ValueError, match="run 0, force: expected a sigma above 0, or None"):
+        mopro.reconcile(SERVO.predict, CATALOGUE, data)

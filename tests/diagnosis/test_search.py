@@ -1,0 +1,157 @@
+"""The set of effects that the search ends with, where signatures or single steps mislead it."""
+
+import math
+
+import numpy as np
+import pytest
+from signals import candidates, diagnosed, measured, names, of_size, sizes, times
+
+import mopro
+from mopro.diagnosis import Candidate, Parameter, Role, Series
+from mopro.diagnosis.fit_cache import FitCache
+from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.search import Search
+
+
+def test_a_single_effect_that_explains_all_is_fitted_alone():
+    """Its response has a part that grows with the square of its size, which `straight` mimics.
+
+    The signature of `bent` therefore predicts less than those of both together do, and yet no
+    pair is fitted: `bent` alone is predicted to leave next to nothing.
+    """
+    t, progress = times(500), []
+
+    def simulate(settings):
+        bent, straight = sizes(settings, "bent", "straight")
+        return [bent * np.sin(7 * t) + (0.06 * bent**2 + straight) * np.cos(11 * t)]
+
+    verdict = diagnosed(
+        simulate, candidates("bent", "straight"), of_size(bent=2.5), 0.25, 2,
+        progress=progress.append,
+    )  # fmt: skip
+    assert (verdict.verdict, names(verdict)) == ("named", {"bent"})
+    assert [line for line in progress if line.startswith("fitting")] == ["fitting bent"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_signature_is_simulated_again_at_the_size_that_it_asks_for(seed):
+    """`bent` is probed at 0.1 V and 2.8 V and is there with 1 V, where its shape is another.
+
+    At 1 V its cosine is half of its sine, which `mimic` has at any size to within 8 %.
+    """
+    t = times()
+
+    def simulate(settings):
+        bent, mimic = sizes(settings, "bent", "mimic")
+        like = np.sin(7 * t) + 0.46 * np.cos(11 * t)
+        return [bent * np.sin(7 * t) + 0.5 * bent**2 * np.cos(11 * t) + mimic * like]
+
+    effects = [
+        Candidate("bent", (Parameter("size", "V", -9.0, 9.0, (0.1, 2.8)),)),
+        # Its range ends just below the size that would mimic 1 V of `bent`.
+        Candidate("mimic", (Parameter("size", "V", 0.0, 0.97, (0.5,)),)),
+    ]
+    verdict = diagnosed(simulate, effects, of_size(bent=1.0), 0.7, seed)
+    assert (verdict.verdict, names(verdict)) == ("named", {"bent"})
+
+
+def test_a_mimic_of_the_strongest_effect_does_not_keep_the_search_from_the_truth():
+    """Alone and with `mending`, `mimic` leaves less than `main` does without the other two.
+
+    Of the truth (100 u + 5 w + 4 v in standard deviations) `mimic` explains 100 u + 4 w, so
+    replacing one effect at a time never leads back to `main`.
+    """
+    t = times()
+    u, v, w, y, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0, 29.0))
+    effects = ("main", "second", "third", "mimic", "mending")
+
+    def simulate(settings):
+        main, second, third, mimic, mending = sizes(settings, *effects)
+        mimicked = mimic * (2 - mimic) * (100 * u + 4 * w - 1.5 * z)
+        mended = mending * (4 * v + 1.5 * z + 0.5 * y)
+        return [100 * main * u + 5 * second * w + 4 * third * v + mimicked + mended]
+
+    half = Parameter("size", "V", -10.0, 10.0, (0.5,))
+    truth = of_size(main=1.0, second=1.0, third=1.0)
+    verdict = diagnosed(simulate, candidates(*effects, size=half), truth, 1.0, 3)
+    assert (verdict.verdict, names(verdict)) == ("named", set(truth))
+
+
+def test_two_effects_are_swapped_at_once_where_neither_swap_alone_lowers_the_ebic():
+    """The errors of the two mimics (0.2 w) make up for each other; 0.15 z in one of them stays."""
+    t = times()
+    u, v, w, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0))
+    shapes = {
+        "one": 100 * u,
+        "other": 10 * v,
+        "like one": 100 * u + 0.2 * w,
+        "like other": 10 * v - 0.2 * w + 0.15 * z,
+    }
+
+    def simulate(settings):
+        return [sum((settings[name]["size"] * shapes[name] for name in settings), 0 * t)]
+
+    (values,) = simulate(of_size(one=1.0, other=1.0))
+    effects = candidates(*shapes, size=Parameter("size", "V", -10.0, 10.0, (0.5,)))
+    fits = FitCache(Residuals(simulate, measured(values, 1.0, 3)), effects)
+    search = Search(fits)
+    mimics = {name: {"size": 1.0} for name in ("like one", "like other")}
+    wrong = fits.fitted(effects[2:], [mimics])
+    single = [fits.ebic(swap) for name in mimics for swap in search.alternatives.swaps(wrong, name)]
+    assert single
+    assert min(single) > fits.ebic(wrong)
+    assert search.swapped_in_pairs(wrong).names == {"one", "other"}
+
+
+def test_an_effect_that_must_be_searched_for_replaces_one_that_absorbed_it():
+    """A constant lateness is told from a clock that runs fast only within 1.0 to 1.2 s.
+
+    Fitted without `delay`, the clock takes most of the lateness along, so that nothing is left
+    from which a search could tell the tick: it has to look at the residual before that refit.
+    """
+    t = np.linspace(1.0, 1.2, 2000)
+    speed, grid = np.sin(300 * t), np.sin(900 * t)
+
+    def simulate(settings):
+        fast = settings.get("clock", {}).get("e", 0.0)
+        late = settings.get("delay", {}).get("d", 0.0)
+        tick = settings.get("tick", {}).get("T", 0.0)
+        return [(fast * t + late + tick) * speed + tick * grid / 50]
+
+    def lateness(view):
+        (residual,) = view.residuals
+        yield {"T": float(residual @ speed / (speed @ speed))}
+
+    effects = [
+        Candidate("clock", (Parameter("e", "1", -900.0, 900.0, (1.0,)),)),
+        Candidate("delay", (Parameter("d", "s", -900.0, 900.0, (1.0,)),)),
+        Candidate("tick", (Parameter("T", "s", 0.0, 900.0, role=Role.SHAPE),),
+                  find_starts=lateness),
+    ]  # fmt: skip
+    (values,) = simulate({"clock": {"e": 100.0}, "tick": {"T": 100.0}})
+    values = values + np.random.default_rng(5).standard_normal(len(t))
+    data = [Series("run", "probe", "V", values, 1.0, t, np.arange(2000) // 400)]
+    fits = FitCache(Residuals(simulate, data), effects)
+    wrong = fits.fitted(effects[:2], [{"clock": {"e": 100.0}, "delay": {"d": 100.0}}])
+    assert wrong.rss > 1.5 * wrong.count
+    swaps = Search(fits).alternatives.swaps(wrong, "delay")
+    as_noise = [swap.names for swap in swaps if swap.rss < 1.1 * swap.count]
+    assert {"clock", "tick"} in as_noise
+
+
+@pytest.mark.parametrize(("saved", "expected"), [(-1.0, set()), (4.0, set()), (5.2, {"line"})])
+def test_an_effect_is_named_if_it_saves_an_ebic_of_2_ln_10(saved, expected):
+    """The fall of chi-squared, less ln n for the parameter, is 2 ln of the Bayes factor."""
+    rng = np.random.default_rng(7)
+    t, sigma = np.linspace(0.0, 2.0, 400), 0.01
+    shape = np.sin(5 * t) / np.linalg.norm(np.sin(5 * t))
+    noise = rng.standard_normal(len(t))
+    noise -= shape * (shape @ noise)
+    values = sigma * (noise + shape * math.sqrt(math.log(len(t)) + saved))
+    data = [Series("run", "probe", "V", values, sigma, nuisances=np.zeros((len(t), 0)))]
+    line = Candidate("line", (Parameter("v", "V", -1.0, 1.0, (0.01,)),))
+    verdict = mopro.reconcile(lambda s: [s.get("line", {"v": 0.0})["v"] * shape], [line], data)
+    assert names(verdict) == expected
+    if expected:
+        (effect,) = verdict.effects
+        assert 2 * math.log(10) * effect.log10_bayes_factor == pytest.approx(saved, abs=0.01)
