@@ -1,4 +1,4 @@
-"""Escaping of text from outside: names, cells and replies that mopro did not write."""
+"""Escaping of text from outside (names, cells, replies); names of classes in data."""
 
 from __future__ import annotations
 
@@ -11,3 +11,8 @@ def plain(text: str) -> str:
     """
     shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
     return shown.replace("$", r"\$")
+
+
+def snake_case(name: str) -> str:
+    """The name of a class, `SetVelocity`, in the form for data: `set_velocity`."""
+    return name[0].lower() + "".join(f"_{c.lower()}" if c.isupper() else c for c in name[1:])

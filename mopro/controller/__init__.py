@@ -1,4 +1,7 @@
-"""The virtual controller: bytes in, bytes out, over the emulated machine; time is an argument."""
+"""The virtual controller: answers a dialect's bytes with the emulated machine behind it.
+
+Time is an argument throughout; only `serve` reads a clock.
+"""
 
 from mopro.controller.device import Device
 from mopro.controller.faults import Scenario, load_scenario

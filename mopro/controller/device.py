@@ -1,6 +1,6 @@
-"""The controller itself, free of any wire: stored programs, registers, state.
+"""The controller without its wire: stored programs, position registers, state of the run.
 
-It knows the statements of a dialect by their names only. Time comes with each of them.
+Statements come by their names in the dialect file, each with the time in seconds.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _LONGEST_REASON = 48
 Row = dict[str, Any]
 
 
-class Refuse(Exception):
-    """The controller will not; `code` is the number it gives, the text its reason."""
+class Refusal(Exception):
+    """A statement that the controller refuses: `code` is its error number, `reason` its text."""
 
     def __init__(self, code: int, reason: str) -> None:
         super().__init__(reason)
@@ -37,7 +37,8 @@ class Refuse(Exception):
 class Device:
     """One controller with its motor.
 
-    `plant_faults` happen in every run, at their times from its start.
+    `plant_faults` occur in every run, at their times (s) from its start. `grammar` is the
+    language of the programs that it takes.
     """
 
     def __init__(
@@ -56,14 +57,14 @@ class Device:
         self._started_s = 0.0
         self._pending: list[PlantFault] = []
         self._ending = ""
-        # After how long a silence the present run brakes, and the next one will.
+        # Silence of the host (s) after which the present run brakes, and the next one.
         self._silence_s = self._next_silence_s = math.inf
         self._heard_s = 0.0
         self.state = "idle"
-        # Where the motor was told to be and is, from the middle of the platen, at the last
-        # start; and where the registers count from.
-        self._told_u = dict.fromkeys(AXES, 0)
-        self._seen_u = dict.fromkeys(AXES, 0.0)
+        # Commanded and actual position at the last start, in microsteps from the middle of
+        # the platen, and the origin of the position registers.
+        self._commanded_u = dict.fromkeys(AXES, 0)
+        self._actual_u = dict.fromkeys(AXES, 0.0)
         self._origin_u = dict.fromkeys(AXES, 0)
         self._statements: dict[str, Callable[..., list[Row]]] = {
             "identify": lambda: [{"text": "MOPRO VIRTUAL CONTROLLER"}],
@@ -90,31 +91,34 @@ class Device:
         return self._download is not None
 
     def do(self, statement: str, fields: Row, now_s: float) -> list[Row]:
-        """Execute one statement; gives its reply lines' fields. Raises Refuse."""
+        """Execute one statement at `now_s`; returns the fields of each reply line.
+
+        Raises Refusal.
+        """
         self.hear(now_s)
         return self._statements[statement](**fields)
 
     def hear(self, now_s: float) -> None:
-        """A sign of life of the host."""
+        """Note that the host sent something at `now_s`, which restarts the heartbeat."""
         self.move_on(now_s)
         self._heard_s = now_s
 
     def take(self, line: str) -> None:
-        """One line of a download."""
+        """Add a line to the download under way; Refusal if it is no statement."""
         assert self._download is not None, "the protocol asks first"
         if len(self._download[1]) >= MOST_STATEMENTS:
-            raise Refuse(7, f"more than {MOST_STATEMENTS} statements")
+            raise Refusal(7, f"more than {MOST_STATEMENTS} statements")
         try:
             parse(Source("line", line), self._grammar)
         except LocatedError as error:
-            raise Refuse(5, error.diagnostics[0].message) from error
+            raise Refusal(5, error.diagnostics[0].message) from error
         self._download[1].append(line)
 
     def abandon_download(self) -> None:
         self._download = None
 
     def reset(self, now_s: float) -> None:
-        """Power comes back after a dip: what runs is forgotten, what is stored stays."""
+        """Restart at `now_s`, as after a power dip: runs are dropped, stored programs stay."""
         self.move_on(now_s)
         self._download = None
         self._next_silence_s = math.inf
@@ -125,10 +129,10 @@ class Device:
                 self._come_to_rest("idle")
             self._motion = None
         self.state = "idle"
-        self._origin_u = dict(self._told_u)
+        self._origin_u = dict(self._commanded_u)
 
     def move_on(self, now_s: float) -> None:
-        """Let time come to `now_s`."""
+        """Advance the run to `now_s`: faults, limit switches, braking, its end."""
         self._now_s = now_s
         motion = self._motion
         if motion is None or self.state not in ("running", "stopping"):
@@ -136,7 +140,7 @@ class Device:
         at_s = now_s - self._started_s
         if self.state == "running":
             motion.look_ahead(at_s)
-            self._strike(motion, at_s)
+            self._apply_events(motion, at_s)
         if self.state == "running" and at_s >= motion.end_s:
             if motion.schedule.complete:
                 self._come_to_rest("done")
@@ -149,8 +153,8 @@ class Device:
 
     # -- motion ----------------------------------------------------------------
 
-    def _strike(self, motion: Motion, at_s: float) -> None:
-        """Let what the scenario and the limit switches have in store happen, in order."""
+    def _apply_events(self, motion: Motion, at_s: float) -> None:
+        """Apply faults, limit switches and heartbeat up to `at_s` of the run, in order of time."""
         events = [(f.run_s, f.kind, f.axis, f.pitches) for f in self._pending]
         events.append((motion.limit_s, "limit", 0, 0))
         events.append((self._heard_s + self._silence_s - self._started_s, "silent", 0, 0))
@@ -168,7 +172,7 @@ class Device:
             self._brake("overheated", at_s)
 
     def _brake(self, ending: str, at_s: float) -> None:
-        """Stop all motion, and call it `ending` once it rests."""
+        """Brake all axes from `at_s` on; the state becomes `ending` at standstill."""
         assert self._motion is not None, "only a running program is stopped"
         self._motion.stop(self._motion.tick_after(at_s))
         self.state, self._ending = "stopping", ending
@@ -178,17 +182,17 @@ class Device:
         assert motion is not None, "only a run comes to rest"
         motion.finish()
         for axis in AXES:
-            self._told_u[axis] += motion.command_u(axis, motion.end_s)
-            self._seen_u[axis] += motion.seen_u[axis]
+            self._commanded_u[axis] += motion.command_u(axis, motion.end_s)
+            self._actual_u[axis] += motion.seen_u[axis]
         self.state = ending
 
     def _at(self, axis: int) -> tuple[int, float]:
-        """Where `axis` is told to be and is, from the middle of the platen."""
-        told, seen = self._told_u[axis], self._seen_u[axis]
+        """Commanded and actual position of `axis` in microsteps from the middle of the platen."""
+        commanded, actual = self._commanded_u[axis], self._actual_u[axis]
         if self._motion is not None and self.state in ("running", "stopping"):
-            told += self._motion.command_u(axis, self._now_s - self._started_s)
-            seen += self._motion.seen_u[axis]
-        return told, seen
+            commanded += self._motion.command_u(axis, self._now_s - self._started_s)
+            actual += self._motion.seen_u[axis]
+        return commanded, actual
 
     def in_motion(self, axis: int) -> bool:
         if self._motion is None or self.state not in ("running", "stopping"):
@@ -200,17 +204,17 @@ class Device:
 
     def _at_rest(self) -> None:
         if self.state in ("running", "stopping"):
-            raise Refuse(4, "a program is running")
+            raise Refusal(4, "a program is running")
 
     def _named(self, name: str) -> str:
         if not is_name(name.upper()):
-            raise Refuse(2, "a name is a letter and up to 15 letters or digits")
+            raise Refusal(2, "a name is a letter and up to 15 letters or digits")
         return name.upper()
 
     def _stored(self, name: str) -> list[str]:
         lines = self._store.read(self._named(name))
         if lines is None:
-            raise Refuse(3, "nothing is stored under this name")
+            raise Refusal(3, "nothing is stored under this name")
         return lines
 
     def _begin(self, name: str) -> list[Row]:
@@ -218,13 +222,13 @@ class Device:
         name = self._named(name)
         names = self._store.names()
         if name not in names and len(names) >= MOST_PROGRAMS:
-            raise Refuse(8, "no room for another program")
+            raise Refusal(8, "no room for another program")
         self._download = (name, [])
         return []
 
     def _end_download(self) -> list[Row]:
         if self._download is None:
-            raise Refuse(6, "no download is under way")
+            raise Refusal(6, "no download is under way")
         name, lines = self._download
         self._download = None
         self._compiled(lines)
@@ -247,24 +251,24 @@ class Device:
         lines, name = self._stored(scratch), self._named(name)
         names = self._store.names()
         if name not in names and len(names) >= MOST_PROGRAMS:
-            raise Refuse(8, "no room for another program")
+            raise Refusal(8, "no room for another program")
         self._keep(name, lines)
         return []
 
     def _keep(self, name: str, lines: list[str]) -> None:
-        """Store a program; only what will outlast a crash is answered with an OK."""
+        """Store a program durably; Refusal if the store cannot."""
         try:
             self._store.write(name, lines)
         except DataError as error:
-            raise Refuse(8, "the program cannot be kept") from error
+            raise Refusal(8, "the program cannot be kept") from error
 
     def _run(self, name: str, for_s: float | None = None) -> list[Row]:
         self._at_rest()
         if for_s is not None and for_s <= 0:
-            raise Refuse(2, "a time must be greater than 0")
+            raise Refusal(2, "a time must be greater than 0")
         program = self._compiled(self._stored(name))
         travel_u = {
-            axis: (low - self._told_u[axis], high - self._told_u[axis])
+            axis: (low - self._commanded_u[axis], high - self._commanded_u[axis])
             for axis, (low, high) in self._emulator.machine.travel_u().items()
         }
         try:
@@ -279,7 +283,7 @@ class Device:
 
     def _heartbeat(self, milliseconds: float) -> list[Row]:
         if milliseconds <= 0:
-            raise Refuse(2, "a time must be greater than 0")
+            raise Refusal(2, "a time must be greater than 0")
         self._next_silence_s = milliseconds / 1000
         return []
 
@@ -320,6 +324,6 @@ class Device:
         ]
 
 
-def _refusal_of(error: LocatedError) -> Refuse:
+def _refusal_of(error: LocatedError) -> Refusal:
     first = min(error.diagnostics, key=lambda finding: finding.span)
-    return Refuse(6, f"statement {first.span.line}: {first.message}")
+    return Refusal(6, f"statement {first.span.line}: {first.message}")

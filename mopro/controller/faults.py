@@ -1,6 +1,6 @@
-"""Scenarios: what goes wrong on the wire, in the controller and at the machine, in one file.
+"""Scenarios: faults of the wire, the controller and the machine, read from one TOML file.
 
-What is random comes from the scenario's seed, so that a scenario happens again as it did.
+All randomness comes from the scenario's seed, so that a scenario can be repeated exactly.
 """
 
 from __future__ import annotations
@@ -55,7 +55,11 @@ _KEYS: dict[str, Reader[Any]] = {
 
 @dataclass(frozen=True)
 class Fault:
-    """One entry of a scenario; `times` is how often it may happen at most."""
+    """A fault of the wire or the controller.
+
+    `rate` is its probability for each byte or reply, `times` how often it occurs at most;
+    one that lasts begins at `at_s` and ends after `for_s`. `delay_s` is for late replies.
+    """
 
     kind: str
     rate: float = 0.0
@@ -68,7 +72,10 @@ class Fault:
 
 @dataclass(frozen=True)
 class PlantFault:
-    """What befalls the machine `run_s` seconds after the start of each run."""
+    """A fault of the machine, `run_s` seconds after the start of each run.
+
+    `axis` and `pitches` are for lost steps.
+    """
 
     kind: str
     run_s: float
@@ -78,7 +85,7 @@ class PlantFault:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A seed and what goes wrong; nothing, by default."""
+    """A seed, the faults of wire and controller, and those of the machine (`plant`)."""
 
     seed: int = 0
     faults: Sequence[Fault] = ()
@@ -117,7 +124,7 @@ def _fault(entry: Value) -> Fault | PlantFault | None:
 
 @dataclass
 class FaultInjector:
-    """A scenario being played; `happened` counts by kind."""
+    """Applies a scenario to bytes and replies; `happened` counts the faults by kind."""
 
     scenario: Scenario
     random: Random = field(init=False)
@@ -127,18 +134,18 @@ class FaultInjector:
         self.random = Random(self.scenario.seed)
         self._left = {id(fault): fault.times for fault in self.scenario.faults}
         self._bytes = {
-            way: [
+            direction: [
                 f
                 for f in self.scenario.faults
-                if "direction" in KINDS[f.kind][1] and f.direction in (way, "both")
+                if "direction" in KINDS[f.kind][1] and f.direction in (direction, "both")
             ]
-            for way in DIRECTIONS[:2]
+            for direction in DIRECTIONS[:2]
         }
         self._replies = [
             f for f in self.scenario.faults if f.kind in ("late", "missing", "garbled")
         ]
 
-    def _strikes(self, fault: Fault) -> bool:
+    def _occurs(self, fault: Fault) -> bool:
         if self._left[id(fault)] <= 0 or self.random.random() >= fault.rate:
             return False
         self._left[id(fault)] -= 1
@@ -148,12 +155,15 @@ class FaultInjector:
     def count(self, kind: str) -> None:
         self.happened[kind] = self.happened.get(kind, 0) + 1
 
-    def byte(self, way: str, byte: int, line_end: int) -> list[int]:
-        """What becomes of one byte on its way; `line_end` is the last byte of a line's end."""
-        for fault in self._bytes[way]:
+    def byte(self, direction: str, byte: int, line_end: int) -> list[int]:
+        """The bytes that arrive for one that is sent in `direction`: none, one or two.
+
+        `line_end` is the last byte of a line's end.
+        """
+        for fault in self._bytes[direction]:
             if fault.kind == "merge" and byte != line_end:
                 continue
-            if self._strikes(fault):
+            if self._occurs(fault):
                 if fault.kind in ("drop", "merge"):
                     return []
                 if fault.kind == "double":
@@ -164,10 +174,10 @@ class FaultInjector:
         return [byte]
 
     def reply(self, data: bytes) -> tuple[float, bytes]:
-        """By how much a reply is late, and what is left of it."""
+        """The delay of a reply in seconds, and the bytes of it that are sent."""
         delay_s = 0.0
         for fault in self._replies:
-            if data and self._strikes(fault):
+            if data and self._occurs(fault):
                 if fault.kind == "late":
                     delay_s += fault.delay_s
                 elif fault.kind == "missing":
@@ -177,7 +187,7 @@ class FaultInjector:
         return delay_s, data
 
     def active(self, kind: str, now_s: float) -> bool:
-        """Whether a fault of `kind` that lasts for a time is under way."""
+        """True while a lasting fault of `kind` is active."""
         return any(
             f.kind == kind and f.at_s <= now_s < f.at_s + f.for_s for f in self.scenario.faults
         )

@@ -1,4 +1,4 @@
-"""Host and virtual controller in one process, joined in memory, in simulated time."""
+"""A port to a virtual controller in the same process, in simulated time."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from mopro.errors import LinkError
 
 
 class LoopbackPort:
-    """The host's end of a station's line; its clock goes on only while the host waits.
+    """The host's end of a station's line; its clock advances only while the host waits.
 
-    With `breaks`, a disconnect is an error from then on, as a socket or a pulled adapter
-    gives it; without, it is silence, as of a pulled serial plug.
+    With `breaks`, a disconnect raises LinkError from then on, as a socket or a USB adapter
+    does; without, it is silence, as of a serial plug that is pulled.
     """
 
     def __init__(self, station: Station, breaks: bool = False) -> None:
@@ -23,12 +23,12 @@ class LoopbackPort:
         return self._now_s
 
     def write(self, data: bytes) -> None:
-        self._look()
+        self._check()
         self.station.hear(data, self._now_s)
 
     def read(self, until_s: float) -> bytes:
         while True:
-            self._look()
+            self._check()
             data = self.station.say(self._now_s)
             if data:
                 return data
@@ -38,7 +38,7 @@ class LoopbackPort:
                 return b""
             self._now_s = max(self._now_s, next_s)
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         self._broken = self._broken or not self.station.connected(self._now_s)
         if self._breaks and self._broken:
             raise LinkError("the link is lost: the other end hung up", "link-lost")

@@ -1,9 +1,9 @@
-"""A stored program being run on the emulated machine, as time goes on.
+"""The run of a stored program on the emulated machine, advanced in steps of time.
 
-The command is planned ahead; the machine follows only up to the present, on the
-emulator's own grid of samples, so that a stop can still change all that is to come and a
-run that is let alone gives the emulator's numbers to the bit. Times are seconds from the
-start of the run, `_u` microsteps from where it started.
+The command is planned ahead, but the machine is integrated only up to the present, on the
+emulator's own grid of samples: a stop can change all that is to come, and a run without a
+stop gives the emulator's numbers to the bit. Times are seconds from the start of the run,
+`_u` microsteps from its first position.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ _MOST_RINGING_S = 2.0
 
 
 class Motion:
-    """`travel_u` are the limit switches of each axis, from the start of this run."""
+    """One run of `program`, for at most `for_s` seconds.
+
+    `travel_u` has each axis' limit switches, in microsteps from the start of this run.
+    """
 
     def __init__(
         self,
@@ -67,7 +70,7 @@ class Motion:
         return schedule
 
     def look_ahead(self, now_s: float) -> None:
-        """Plan a loop further before its end is reached."""
+        """Extend the plan of a loop before its end is reached."""
         while (
             self._for_s is None
             and self._horizon_s is not None
@@ -81,7 +84,7 @@ class Motion:
 
     @property
     def end_s(self) -> float:
-        """When the command comes to its end, as far as it is planned."""
+        """The time (s) at which the planned command ends."""
         return self.schedule.duration_s
 
     @property
@@ -124,11 +127,11 @@ class Motion:
     # -- the machine -----------------------------------------------------------
 
     def slip_at(self, at_s: float, axis: int, pitches: int) -> None:
-        """Have `axis` thrown back by whole pitches when time comes to `at_s`."""
+        """Make `axis` lose whole pitches at `at_s`."""
         self._slips.append((at_s, axis, pitches))
 
     def advance(self, now_s: float) -> None:
-        """Let the machine follow up to the last sample before `now_s`."""
+        """Integrate the machine up to the last sample before `now_s`."""
         self.now_s = max(self.now_s, now_s)
         for slip in sorted(s for s in self._slips if s[0] <= now_s):
             self._slips.remove(slip)
@@ -167,29 +170,30 @@ class Motion:
             self.temperature_C = float(columns["temperature_C"][-1])
 
     def calm(self) -> bool:
-        """Whether the machine has stopped ringing: within a microstep, as near as it is slow.
+        """True once every axis is within 2 µm of its command and at standstill.
 
-        One that fell into another tooth rests a whole number of pitches away.
+        Velocity counts as the distance still travelled in 2 ms. Becomes true after 2 s in
+        any case: an axis that lost steps rests a whole number of pitches away.
         """
         if self.now_s > self.end_s + _MOST_RINGING_S:
             return True
         return all(value < _REST_M for value in self._calm_u.values())
 
     def finish(self) -> None:
-        """At the end of the command, let what rings come to rest, and close the account."""
+        """End the run at the end of the command: outcomes are final, positions are at rest."""
         if self._ended:
             return
         self._close()
         self._ended = True
         pitch_u = self._emulator.machine.axis.pitch_m / self._emulator.machine.microstep_m
         for axis in AXES:
-            # What still rings has its tooth, and that is where it comes to rest.
+            # An axis that still rings comes to rest in the tooth that it is in.
             told_u = self.command_u(axis, self.end_s)
             seen_u = self._begun().position_m(axis) / self._emulator.machine.microstep_m
             self.seen_u[axis] = told_u - round((told_u - seen_u) / pitch_u) * pitch_u
 
     def expire(self) -> None:
-        """At the end of the time given, close the account, and brake what still moves."""
+        """End the time given: outcomes are final, axes that still move brake."""
         self._close()
         self._accounts = [self.outcome(move) for move in self.schedule.moves]
         self.stop(self.end_s)
@@ -202,7 +206,7 @@ class Motion:
         simulation.settle()
 
     def finished_moves(self) -> list[PlannedMove]:
-        """The first moves whose accounts are final: each axis has gone on to another."""
+        """The leading moves whose outcomes are final: each of their axes has a later move."""
         moves = list(self.schedule.moves)
         if self._ended:
             return moves
@@ -230,5 +234,5 @@ class Motion:
         ]
 
 
-# A velocity counts as the distance still gone in this time.
+# A velocity counts as the distance travelled in this time.
 _CALM_S = 2e-3

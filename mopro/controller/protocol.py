@@ -1,10 +1,10 @@
-"""The controller's end of the wire: bytes to statements, replies to bytes, by the dialect."""
+"""The controller's end of the protocol: bytes to statements, replies to bytes, by the dialect."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from mopro.controller.device import Device, Refuse
+from mopro.controller.device import Device, Refusal
 from mopro.link.dialect import Dialect
 from mopro.link.frame import BadFrame
 
@@ -13,7 +13,7 @@ _UNKNOWN, _NOT_GREETED, _TOO_LONG = 1, 9, 7
 
 
 class Protocol:
-    """Takes bytes one by one; `echo` and `busy` may be switched by a scenario."""
+    """Reads bytes one by one and answers lines; a scenario may switch `echo` and `busy`."""
 
     def __init__(self, dialect: Dialect, device: Device) -> None:
         self.echo = dialect.conversation.echo
@@ -34,7 +34,7 @@ class Protocol:
         self._answers.clear()
 
     def feed(self, byte: int, now_s: float) -> tuple[bytes, bytes]:
-        """Echo and reply to one byte that comes at `now_s`."""
+        """Echo and reply (bytes) to one byte that arrives at `now_s`."""
         self._line.append(byte)
         if self._attention and self._line.endswith(self._attention):
             self._line.clear()
@@ -63,7 +63,7 @@ class Protocol:
         return self._numbered(line, now_s) if line else b""
 
     def _numbered(self, line: str, now_s: float) -> bytes:
-        """A line in its frame: done once, however often it comes."""
+        """Reply to a line in its frame, which is executed once however often it comes."""
         check = self._dialect.check
         assert check is not None, "only for a dialect with a check"
         try:
@@ -75,7 +75,7 @@ class Protocol:
             self._answers.clear()
             self._expected = number
         elif self._expected is None:
-            refusal = self._refusal(Refuse(_NOT_GREETED, "expected a greeting first"))
+            refusal = self._refusal(Refusal(_NOT_GREETED, "expected a greeting first"))
             return self._framed(number, [refusal])
         assert self._expected is not None, "greeted"
         ahead = check.ahead(number, self._expected)
@@ -100,8 +100,8 @@ class Protocol:
         acknowledge = self._dialect.conversation.acknowledge
         return [*lines, acknowledge] if acknowledge else lines
 
-    def _refusal(self, refuse: Refuse) -> str:
-        fields = {"code": refuse.code, "text": refuse.reason}
+    def _refusal(self, refusal: Refusal) -> str:
+        fields = {"code": refusal.code, "text": refusal.reason}
         return self._dialect.conversation.refuse.fill(fields)
 
     def _answered(self, line: str, now_s: float) -> list[str]:
@@ -110,12 +110,12 @@ class Protocol:
             return [self._dialect.conversation.busy]
         try:
             return self._acknowledged(self._done(line, now_s))
-        except Refuse as refuse:
-            return [self._refusal(refuse)]
+        except Refusal as refusal:
+            return [self._refusal(refusal)]
 
     def _done(self, line: str, now_s: float) -> list[str]:
         if len(line) > self._dialect.line.longest:
-            raise Refuse(_TOO_LONG, "the line is too long")
+            raise Refusal(_TOO_LONG, "the line is too long")
         if self._device.downloading and line != self._dialect.statements["end"].text:
             self._device.move_on(now_s)
             self._device.take(line)
@@ -125,7 +125,7 @@ class Protocol:
             if fields is not None:
                 rows = self._device.do(name, fields, now_s)
                 return [self._row(name, row) for row in rows]
-        raise Refuse(_UNKNOWN, "not a statement of this controller")
+        raise Refusal(_UNKNOWN, "not a statement of this controller")
 
     def _row(self, name: str, row: dict[str, Any]) -> str:
         if "state" in row:

@@ -1,7 +1,4 @@
-"""The virtual controller for other processes: on a pseudo-terminal or on TCP, in real time.
-
-This and the command line are where the controller meets a clock.
-"""
+"""Serves the virtual controller to other processes in real time: pseudo-terminal or TCP."""
 
 from __future__ import annotations
 
@@ -29,13 +26,13 @@ class End(Protocol):
     address: str
 
     def wait(self, seconds: float) -> bytes:
-        """What comes within `seconds`; empty if nothing does."""
+        """Bytes as soon as any come; empty if none do within `seconds`."""
         ...
 
     def send(self, data: bytes) -> None: ...
 
     def hang_up(self) -> None:
-        """Break the link, as a pulled plug does."""
+        """Drop the client, as a pulled plug does."""
         ...
 
     def close(self) -> None: ...
@@ -80,7 +77,7 @@ class PtyEnd:
         os.close(self._slave)
 
     def _as_heard(self, data: bytes) -> bytes:
-        """Bytes between two ends of unlike rates are heard as something else."""
+        """`data`, garbled if the client has set another rate."""
         if self._baud is None or self._termios.tcgetattr(self._slave)[4] == self._baud:
             return data
         return bytes(0x80 | (byte * 83) % 128 for byte in data)

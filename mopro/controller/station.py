@@ -1,6 +1,6 @@
-"""A controller at its end of a line: bytes in, bytes out, at the line's rate.
+"""The virtual controller with its serial line: bytes in, bytes out, at the line's rate.
 
-Whoever holds the other end says when bytes go in and asks what has come out by when.
+The caller is the other end: it states the time at which bytes go in and are asked for.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mopro.link.dialect import Dialect
 
 
 class Wire:
-    """One direction: bytes follow one another at the line's rate."""
+    """One direction of the line; each byte takes `byte_s` seconds."""
 
     def __init__(self, byte_s: float) -> None:
         self._byte_s = byte_s
@@ -31,7 +31,7 @@ class Wire:
 
     @property
     def next_s(self) -> float:
-        """When the next byte has arrived; inf if none is on its way."""
+        """The time (s) at which the next byte arrives; inf if none is on its way."""
         return self._queue[0][0] if self._queue else math.inf
 
     def take(self) -> tuple[float, int]:
@@ -71,23 +71,23 @@ class Station:
         return not self.injector.active("disconnect", now_s)
 
     def hear(self, data: bytes, now_s: float) -> None:
-        """Bytes that the other end sends at `now_s`."""
+        """Take bytes that the other end sends at `now_s`."""
         if self.connected(now_s):
             self._inward.put(data, now_s)
         else:
             self.injector.count("disconnect")
 
     def next_s(self) -> float:
-        """When something next happens on the line; inf if nothing is on its way."""
+        """The time (s) of the next event on the line; inf if there is none."""
         return min(self._inward.next_s, self._outward.next_s, self._late_s())
 
     def _late_s(self) -> float:
         return min((at_s for at_s, _ in self._late), default=math.inf)
 
     def say(self, now_s: float) -> bytes:
-        """Let time come to `now_s`; gives the bytes that have arrived at the other end."""
+        """Advance to `now_s`; returns the bytes that have arrived at the other end by then."""
         while (due_s := min(self._inward.next_s, self._late_s())) <= now_s:
-            self._happen(due_s)
+            self._process(due_s)
         self._reset_up_to(now_s)
         out = bytearray()
         while self._outward.next_s <= now_s:
@@ -96,8 +96,8 @@ class Station:
                 out += bytes(self.injector.byte("to_host", byte, self._line_end[1]))
         return bytes(out)
 
-    def _happen(self, due_s: float) -> None:
-        """One late reply or one incoming byte, whichever comes first."""
+    def _process(self, due_s: float) -> None:
+        """Process the late replies or the incoming byte due at `due_s`."""
         self._reset_up_to(due_s)
         for late in [late for late in self._late if late[0] <= due_s]:
             self._late.remove(late)

@@ -1,4 +1,4 @@
-"""Where a controller keeps its programs; they are there whole or as they were before."""
+"""The program memory of a controller; a write is whole or leaves what was there."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Store(Protocol):
     def read(self, name: str) -> list[str] | None: ...
 
     def write(self, name: str, lines: list[str]) -> None:
-        """Keep a program; it will be there after a crash. Raises DataError if it cannot be."""
+        """Store a program durably, so that it outlasts a crash. Raises DataError."""
 
     def names(self) -> list[str]: ...
 

@@ -9,17 +9,12 @@ line end.
 
 from __future__ import annotations
 
-import re
 from dataclasses import fields, replace
 
 from mopro.errors import SourceError
 from mopro.language import ast
 from mopro.language.parse import parse_what_can_be
 from mopro.source import Source
-
-_LETTERS = re.compile(r"[A-Za-z:]+")
-# Operands that a space or a slash parts from what is before them; all others follow at once.
-_BEFORE = {"value": " ", "denominator": "/"}
 
 
 def format_source(source: Source, grammar: str = "attested") -> Source:
@@ -41,15 +36,13 @@ def format_source(source: Source, grammar: str = "attested") -> Source:
 def statement_text(statement: ast.Statement, source: Source) -> str:
     """`statement` in the canonical layout, its operands as they stand in `source`."""
     line = source.line(statement.span.line)
-    mnemonic = _LETTERS.match(statement.form)
-    assert mnemonic is not None, "each form begins with its mnemonic"
-    text = ":" if isinstance(statement, ast.Label) else mnemonic[0]
-    for field in fields(statement):
-        operand = getattr(statement, field.name)
-        if isinstance(operand, ast.Operand):
-            space = " " if isinstance(statement, ast.Jump) else _BEFORE.get(field.name, "")
-            text += space + line[operand.column - 1 : operand.end_column - 1]
-    return text
+    operands = (getattr(statement, field.name) for field in fields(statement))
+    texts = [
+        line[operand.column - 1 : operand.end_column - 1]
+        for operand in operands
+        if isinstance(operand, ast.Operand)
+    ]
+    return statement.layout.format(*texts)
 
 
 def _indentation(line: str) -> str:

@@ -20,7 +20,7 @@ def load(path: str | Path) -> Source:
 
 
 def load_bytes(path: str | Path) -> bytes:
-    """What is in file `path`, at most a byte more than a program may have; else SourceError."""
+    """The bytes of file `path`, at most one more than a program may have; else SourceError."""
     try:
         with open(path, "rb") as file:
             return file.read(MOST_BYTES + 1)
@@ -35,7 +35,7 @@ def split_at_end_of_file(data: bytes) -> tuple[bytes, bytes]:
 
 
 def text_before_end_of_file(text: str) -> str:
-    """What an editor shows of a DOS file, without its Ctrl-Z and what follows."""
+    """The part of a DOS file before its Ctrl-Z, as an editor shows it."""
     return text.partition(_DOS_END_OF_FILE.decode("ascii"))[0]
 
 

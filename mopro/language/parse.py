@@ -30,29 +30,6 @@ GRAMMARS = {"attested": "mopro.lark", "extended": "mopro_extended.lark"}
 
 MOST_DIGITS = 30
 
-_ATTESTED: dict[str, type[ast.Statement]] = {
-    "units": ast.Units,
-    "velocity": ast.Velocity,
-    "acceleration": ast.Acceleration,
-    "profile": ast.Profile,
-    "move": ast.Move,
-    "target": ast.Target,
-    "go": ast.Go,
-    "wait_axis": ast.WaitAxis,
-    "dwell": ast.Dwell,
-    "label": ast.Label,
-    "jump": ast.Jump,
-}
-_ASSUMED: dict[str, type[ast.Statement]] = {
-    "move_absolute": ast.MoveAbsolute,
-    "target_absolute": ast.TargetAbsolute,
-    "continuous": ast.Continuous,
-    "seek": ast.Seek,
-    "stop": ast.Stop,
-    "home": ast.Home,
-}
-_KINDS = _ATTESTED | _ASSUMED
-
 # How messages call what may stand at a place, in the order in which they name it.
 _WORDS = {
     "AXIS": "an axis digit (0 for all axes)",
@@ -103,9 +80,12 @@ def parse_what_can_be(
     return ast.Tree(source, tuple(statements), tuple(comments)), faults
 
 
+@cache
 def statement_kinds(grammar: str) -> list[type[ast.Statement]]:
-    """The statements that `grammar` knows."""
-    return list((_KINDS if grammar == "extended" else _ATTESTED).values())
+    """The statements of `grammar`: the alternatives of `_statement` in its file."""
+    rules = _parser(grammar).rules
+    names = {rule.expansion[0].name for rule in rules if rule.origin.name == "_statement"}
+    return [kind for name, kind in ast.STATEMENTS.items() if name in names]
 
 
 def grammar_path(file: str) -> Path:
@@ -147,6 +127,7 @@ class _Line:
     fault: _FaultShape | None = None
 
 
+@cache
 def _parser(grammar: str) -> Lark:
     """The parser of `grammar`, from the user's cache where it is kept there.
 
@@ -205,7 +186,7 @@ def _line_reader(grammar: str) -> Callable[[str], _Line]:
 
 
 def _shape_of(tree: Tree[Token]) -> _Line:
-    """What lark's tree of one line says: a statement, a comment, both or neither."""
+    """The statement and the comment of one line, either or both, from lark's tree."""
     statement = comment = fault = None
     for child in tree.children:
         if isinstance(child, Token):
@@ -215,7 +196,9 @@ def _shape_of(tree: Tree[Token]) -> _Line:
         fault = fault or next((f for f in map(_overlong, tokens) if f), None)
         if fault is None:
             columns = ast.Operand(child.meta.column, child.meta.end_column)
-            statement = _StatementShape(_KINDS[child.data], columns, tuple(map(_operand, tokens)))
+            statement = _StatementShape(
+                ast.STATEMENTS[child.data], columns, tuple(map(_operand, tokens))
+            )
     return _Line(statement, comment, fault)
 
 
@@ -254,7 +237,7 @@ def _explain(
     """Lark's complaint about a line in the words of the language."""
     first = _WORD.search(text)
     assert first is not None, "a line without a word parses"
-    mnemonics = {_mnemonic(kind): kind for kind in known if kind is not ast.Label}
+    mnemonics = {kind.mnemonic(): kind for kind in known if kind is not ast.Label}
     letters = _mnemonic_letters(first[0])
     stem = letters if letters in mnemonics else letters.removesuffix("O")
     if first[0].startswith(":"):
@@ -292,14 +275,10 @@ def _unknown_mnemonic(first: re.Match[str], mnemonics: list[str]) -> _FaultShape
 
     near = get_close_matches(letters, mnemonics, n=1, cutoff=0.5)
     hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(mnemonics))}"
-    if letters in map(_mnemonic, _ASSUMED.values()):
+    if letters in (kind.mnemonic() for kind in statement_kinds("extended")):
         hint = f"{letters} is an assumed statement: it needs --grammar extended"
     message = f"`{first[0]}` begins no statement of the language"
     return _FaultShape("unknown-mnemonic", message, columns, hint)
-
-
-def _mnemonic(kind: type[ast.Statement]) -> str:
-    return _mnemonic_letters(kind.form)
 
 
 def _mnemonic_letters(text: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 from mopro.errors import DataError
 from mopro.link.flash import allowed_s, upload
-from mopro.link.halt import Allowance, Ending, Signals
+from mopro.link.halt import Signals, StopOnError, TimeBudget
 from mopro.link.session import Refused, Session
 from mopro.link.watch import Samples, Watch
 from mopro.machine import DEFAULT_LOOP_S, Machine
@@ -44,7 +44,7 @@ _ENDINGS = {
 
 @dataclass(frozen=True)
 class SerialBackend:
-    """A controller at the end of a line.
+    """Runs programs on a controller at the end of a line.
 
     `machine` gives the lengths of the axes; `deadline_s` is how long a run may take by
     the host's clock, from opening to standstill after a stop, counted from `begun_s` on
@@ -90,20 +90,20 @@ class SerialBackend:
         samples = Samples(sink, schedule, self.machine.microstep_m, whole)
         watch = Watch(self.session, program, samples, self.poll_hz)
         stop_s = _STOP_S + _braking_s(schedule)
-        allowance = Allowance(self.session, self.deadline_s, stop_s, self.begun_s)
-        ending = Ending(watch, allowance.for_stop)
+        budget = TimeBudget(self.session, self.deadline_s, stop_s, self.begun_s)
+        guard = StopOnError(watch, budget.for_stop)
         trouble = None
-        with self.signals, closing(allowance):
-            with ending, self.signals.raised():
+        with self.signals, closing(budget):
+            with guard, self.signals.raised():
                 self._load(program, watch)
-                trouble = self._followed(watch, schedule, for_s, allowance)
-            if ending.reason is not None:
-                trouble = self._account(ending.reason, watch)
+                trouble = self._followed(watch, schedule, for_s, budget)
+            if guard.reason is not None:
+                trouble = self._account(guard.reason, watch)
             trouble = _joined(trouble, _unwritten(samples))
         return self._report(schedule, watch, trouble)
 
     def _load(self, program: Program, watch: Watch) -> None:
-        """Find the controller, store the program, and see where the motor stands."""
+        """Open the link, store the program, and read the positions at the start."""
         if not self.session.greeted:
             self.session.give(OPENING_S)
             self.session.open()
@@ -113,7 +113,7 @@ class SerialBackend:
         self._ask_for_heartbeat()
 
     def _ask_for_heartbeat(self) -> None:
-        """Have the run braked by the controller when it hears nothing any more."""
+        """Make the controller brake the run by itself when the line falls silent."""
         dialect = self.session.dialect
         if not dialect.knows("heartbeat"):
             self.warn(f"the dialect {dialect.name} has no heartbeat: {_UNWATCHED}")
@@ -126,9 +126,9 @@ class SerialBackend:
             self.warn(f"the controller refused a heartbeat ({refused.reason}): {_UNWATCHED}")
 
     def _followed(
-        self, watch: Watch, schedule: Schedule, for_s: float | None, allowance: Allowance
+        self, watch: Watch, schedule: Schedule, for_s: float | None, budget: TimeBudget
     ) -> str | None:
-        """Start, and watch until it ends; gives what went wrong."""
+        """Start the run and watch it to its end; returns what went wrong, or None."""
         cut = None if schedule.complete else for_s
         timed = cut is not None and self.session.dialect.knows("run_for")
         planned_s = schedule.duration_s * _SPARE_FACTOR + _SPARE_S
@@ -136,14 +136,14 @@ class SerialBackend:
         watch.start(cut if timed else None)
         watch.follow(None if timed else cut)
         if watch.state == "running":
-            return None if watch.stop(allowance.for_stop()) else self._account("", watch)
+            return None if watch.stop(budget.for_stop()) else self._account("", watch)
         if watch.state in _ENDINGS:
             return self._account(_ENDINGS[watch.state], watch)
         return self._misplaced(watch, schedule)
 
     def _account(self, reason: str, watch: Watch) -> str:
-        """What a person must know after a run that did not end well."""
-        return _joined(reason, watch.stop_report(), watch.last_words()) or ""
+        """Report of a run that did not end well: reason, stop, last state, for a person."""
+        return _joined(reason, watch.stop_report(), watch.last_report()) or ""
 
     def _misplaced(self, watch: Watch, schedule: Schedule) -> str | None:
         """A finding if the controller's registers end elsewhere than the program's."""
@@ -190,7 +190,7 @@ def _braking_s(schedule: Schedule) -> float:
 
 
 def _unwritten(samples: Samples) -> str | None:
-    """Hand the last samples on; gives what went wrong."""
+    """Write the last samples; returns what went wrong, or None."""
     try:
         samples.close()
     except DataError as error:

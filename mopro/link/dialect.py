@@ -1,6 +1,6 @@
-"""Dialect files: all that is taken to be true of a controller's wire format.
+"""Dialect files: the wire format of a controller, as TOML.
 
-Both ends read the same file: the host to speak, the virtual controller to answer.
+Host and virtual controller read the same file.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ _REPLIES: dict[str, tuple[set[str], set[str]]] = {
 
 @dataclass(frozen=True)
 class Line:
-    """How bytes and lines go over the wire; `window` and `longest` count bytes."""
+    """[line]: the serial settings and the line ends; `window` and `longest` are in bytes."""
 
     baud: int = stated(whole(50, 4_000_000))
     data_bits: int = stated(whole(7, 8))
@@ -89,7 +89,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Conversation:
-    """How the controller shows that it heard, has done, or will not."""
+    """[conversation]: echo, prompt, acknowledgement and refusal, time limit (s), retries."""
 
     echo: bool = stated(flag)
     refuse: Template = stated(template())
@@ -103,7 +103,7 @@ class Conversation:
 
 @dataclass(frozen=True)
 class Names:
-    """Where programs are kept on the controller."""
+    """[names]: the programs that mopro stores on the controller."""
 
     scratch: str = stated(_TEXT)
     main: str = stated(_TEXT)
@@ -169,7 +169,7 @@ class Dialect:
         return statement in self.statements
 
     def word_of(self, state: str) -> str:
-        """What the controller calls `state`."""
+        """The controller's word for `state`."""
         return self.states[state if state in self.states else _ELSE[state]]
 
     def state_of(self, word: str) -> str | None:

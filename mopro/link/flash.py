@@ -1,4 +1,4 @@
-"""A program into a controller's memory: done means read back and equal.
+"""Storing a program on a controller, verified by reading it back.
 
 The program goes to a scratch place, is read back and compared, and only then is it
 copied to its own place, where it is compared once more. Until that copy the old program
@@ -28,7 +28,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Flashed:
-    """What a flash came to: `seconds` on the port's clock, `upload_s` for the way up."""
+    """The result of a flash; times in `seconds` on the port's clock, `upload_s` of it to send."""
 
     name: str
     statements: int
@@ -66,13 +66,13 @@ def flash(
 
 
 def allowed_s(session: Session, program: Program) -> float:
-    """The time that a flash may take before it counts as failed."""
+    """The time in seconds that a flash may take before it counts as failed."""
     size = sum(session.dialect.wrapped_length(text) for text in statements_of(program))
     return _SPARE_S + _SPARE_FACTOR * _PASSES * 2 * size * session.byte_s
 
 
 def upload(session: Session, program: Program, name: str, done: Callable[[int], None]) -> None:
-    """Store `program` under `name` and prove it; damaged ways are gone again."""
+    """Store `program` under `name` and verify it; damaged transfers are repeated."""
     check_size(session, program)
     tries = session.dialect.conversation.retries
     refused = ""
@@ -133,7 +133,7 @@ def read_back(session: Session, name: str) -> list[str]:
 def verify(session: Session, program: Program, name: str) -> None:
     """VerifyError unless what is stored under `name` is `program`, statement by statement.
 
-    A difference counts when it is there twice: the way back can be damaged too.
+    A difference counts when it is read twice: the reply can be damaged too.
     """
     difference = differences(program, read_back(session, name))
     if difference:
@@ -167,7 +167,7 @@ def differences(program: Program, stored: Sequence[str]) -> list[tuple[int, str,
 
 
 def _same_meaning(ours: str, theirs: str) -> bool:
-    """Whether two single statements ask for the same; jumps compare by their text."""
+    """True if two single statements lower to the same; jumps compare by their text."""
     try:
         first, second = (
             lower(parse(Source("<line>", text), "extended")).ops for text in (ours, theirs)
@@ -178,7 +178,7 @@ def _same_meaning(ours: str, theirs: str) -> bool:
 
 
 def stored_program(session: Session, name: str, grammar: str) -> Program:
-    """What is stored under `name`, compiled; VerifyError if it is no program."""
+    """The program stored under `name`; VerifyError if it is none."""
     lines = read_back(session, name)
     if not lines:
         raise VerifyError(f"the controller has nothing under {name}", "empty")

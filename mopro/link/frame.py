@@ -25,12 +25,12 @@ CHECKSUMS: dict[str, Callable[[bytes], str]] = {
 
 
 class BadFrame(ValueError):
-    """A line that is damaged, or was never one of ours."""
+    """A line whose checksum or form is not that of a frame."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """How lines are numbered and summed; `form` has a number, a body and the check last."""
+    """Line numbers and checksums; `form` has a number, a body and, last, the check."""
 
     form: Template = stated(template({"number", "body", "check"}, ends="{check}"))
     checksum: str = stated(one_of(*CHECKSUMS))
@@ -58,6 +58,6 @@ class Check:
         return (number + steps) % self.numbers
 
     def ahead(self, number: int, reference: int) -> int:
-        """By how much `number` is ahead of `reference`; negative if behind."""
+        """Steps from `reference` to `number`, negative if behind, modulo `numbers`."""
         half = self.numbers // 2
         return (number - reference + half) % self.numbers - half

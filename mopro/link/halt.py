@@ -1,8 +1,8 @@
-"""The way out of a run: the stop first, the report second, and no signal in between.
+"""Ending a run safely: the stop goes out first, the report second, no signal in between.
 
 `Signals` turns the first signal that would end the process into one exception, and only
-notes those that follow. `Ending` stands around all that a run says to a controller;
-whatever leaves it by an exception has been answered with a stop.
+notes those that follow. `StopOnError` encloses the whole conversation of a run: every
+exception that leaves it has been answered with a stop.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _ENDING = (
     *("SIGVTALRM", "SIGPROF", "SIGXCPU", "SIGPOLL", "SIGPWR", "SIGSTKFLT", "SIGBREAK"),
 )
 _KEYBOARD = "interrupted from the keyboard"
-# Ends that are told as a run's trouble; all others are faults of a program, and raised.
-_TOLD = (MoproError, OSError, MemoryError, KeyboardInterrupt)
+# Exceptions that a run reports as its trouble; all others are faults of a program, and raised.
+_REPORTED = (MoproError, OSError, MemoryError, KeyboardInterrupt)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -43,12 +43,12 @@ class Signals:
         self._depth = 0
         self._before: dict[int, Any] = {}
         self._noted: int | None = None
-        self._told = self._armed = False
+        self._raised = self._armed = False
 
     def __enter__(self) -> Signals:
         self._depth += 1
         if self._depth == 1:
-            self._noted, self._told = None, False
+            self._noted, self._raised = None, False
             self._install()
         return self
 
@@ -73,14 +73,14 @@ class Signals:
         self._raise_noted()
 
     def _raise_noted(self) -> None:
-        if self._armed and self._noted is not None and not self._told:
-            self._told, self._armed = True, False
+        if self._armed and self._noted is not None and not self._raised:
+            self._raised, self._armed = True, False
             name = signal.Signals(self._noted).name
             raise Interrupted(_KEYBOARD if name == "SIGINT" else f"ended by {name}")
 
     @contextmanager
     def raised(self) -> Iterator[None]:
-        """Here the first signal is raised, also one that has come before."""
+        """A part in which the first signal is raised, also one that came before it."""
         try:
             self._armed = True
             self._raise_noted()
@@ -90,7 +90,7 @@ class Signals:
 
     @contextmanager
     def deferred(self) -> Iterator[None]:
-        """Within `raised()`, a part that is done to its end before a signal is raised."""
+        """A part within `raised()` that is completed before a signal is raised."""
         armed, self._armed = self._armed, False
         try:
             yield
@@ -99,7 +99,7 @@ class Signals:
         self._raise_noted()
 
 
-class Allowance:
+class TimeBudget:
     """The time that a run may take on the port's clock, some of it kept for the stop.
 
     `total_s` counts from `start_s` on and covers all of it; None is without end, and then
@@ -129,7 +129,7 @@ class Allowance:
 
 
 class Stoppable(Protocol):
-    """What `Ending` needs of a run; `begun` tells that motion may have started."""
+    """A run as `StopOnError` needs it; `begun` is true once motion may have started."""
 
     begun: bool
 
@@ -138,8 +138,8 @@ class Stoppable(Protocol):
     def stop_report(self) -> str: ...
 
 
-class Ending:
-    """Around a run: an exception that leaves it is answered with a stop.
+class StopOnError:
+    """Context of a run that answers every exception with a stop.
 
     After that, `reason` says what ended a run that had begun, for a report; an exception
     before the start, or of an unforeseen kind, goes on with the outcome of the stop as a
@@ -151,7 +151,7 @@ class Ending:
         self._stop_s = stop_s
         self.reason: str | None = None
 
-    def __enter__(self) -> Ending:
+    def __enter__(self) -> StopOnError:
         return self
 
     def __exit__(
@@ -163,15 +163,15 @@ class Ending:
         if error is None:
             return False
         self._run.stop(self._stop_s())
-        if self._run.begun and isinstance(error, _TOLD):
-            self.reason = _told(error)
+        if self._run.begun and isinstance(error, _REPORTED):
+            self.reason = _reason_of(error)
             return True
         error.add_note(self._run.stop_report())
         return False
 
 
-def _told(error: BaseException) -> str:
-    """What ended a run, for a person."""
+def _reason_of(error: BaseException) -> str:
+    """The cause of a run's end, for a person."""
     if isinstance(error, KeyboardInterrupt):
         return str(error) or _KEYBOARD
     if isinstance(error, MemoryError):

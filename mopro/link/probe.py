@@ -1,4 +1,4 @@
-"""A dialect walked step by step on a live controller: what matches and what does not.
+"""Test of a dialect on a live controller, step by step.
 
 Nothing is moved: the only program that runs waits for a tenth of a second.
 """
@@ -21,7 +21,7 @@ _RUN_S = 10.0
 
 @dataclass(frozen=True)
 class Step:
-    """One thing tried, whether the controller did as the dialect says, and what it said."""
+    """One step: its name, `matched` if the controller did as the dialect says, its answer."""
 
     name: str
     matched: bool
@@ -67,7 +67,7 @@ def _opened(session: Session) -> str:
 
 
 def _refusal(session: Session) -> str:
-    """A name that no controller can take must be refused, and understood to be."""
+    """Run a program of an impossible name, which must be refused; returns the refusal."""
     try:
         session.ask("run", name="0")
     except Refused as refused:
@@ -97,7 +97,7 @@ def _ran(session: Session, scratch: str) -> str:
 
 
 def _committed(session: Session, program: Program) -> str:
-    """Copying to the scratch place itself changes no program that anyone keeps."""
+    """Commit the scratch program to its own name, which changes no other, and verify it."""
     scratch = session.dialect.names.scratch
     session.ask("commit", scratch=scratch, name=scratch)
     verify(session, program, scratch)

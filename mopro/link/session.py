@@ -1,7 +1,7 @@
-"""A conversation with a controller in its dialect: lines asked, answers understood.
+"""A conversation with a controller in its dialect: sends lines, reads the answers.
 
-Damage is seen where the dialect allows it, and what may be asked again is asked again.
-No wait is without end: each answer has its time, and the whole conversation has one.
+Damaged lines are detected as far as the dialect allows, and repeated where that is safe.
+Each answer has a time limit, and so has the whole conversation.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mopro.link.frame import BadFrame
 from mopro.link.template import MOST_DIGITS, Template
 from mopro.link.transport import Port
 
-_UNLESS_GIVEN_S = 120.0
+_DEFAULT_ALLOWED_S = 120.0
 _MOST_HELD = 65536
 _MOST_LINES = 100_000
 _QUIET_S = 0.05
@@ -27,7 +27,7 @@ _SHOWN = 60
 
 
 class Refused(LinkError):
-    """The controller understood the line and will not do it."""
+    """The controller refused a line, with its error `code` and `reason`."""
 
     rule = "refused"
 
@@ -37,13 +37,13 @@ class Refused(LinkError):
 
 
 class Damaged(LinkError):
-    """An answer that cannot be what the controller meant, or none."""
+    """An answer that is damaged, or that did not come in time."""
 
     rule = "no-answer"
 
 
 class Busy(Damaged):
-    """The controller asks to be left alone for a while."""
+    """The controller answered that it is busy."""
 
     rule = "busy"
 
@@ -65,14 +65,14 @@ class Session:
         self.dialect = dialect
         self.retried = 0
         self.greeted = False
-        self._until_s = port.now_s() + _UNLESS_GIVEN_S
+        self._until_s = port.now_s() + _DEFAULT_ALLOWED_S
         self._bound_s = math.inf
         self._random = random or Random()
         self._number = 0
-        # Whether line numbers may have been used that were not answered: they must not be
-        # used again for other lines.
-        self._adrift = False
-        # How many numbers beyond the last answered one may have been used.
+        # True while line numbers may have been used that were not answered: they must not
+        # be used again for other lines.
+        self._unsynchronised = False
+        # Count of numbers beyond the last answered one that may have been used.
         self._ahead = 0
         self._held = bytearray()
         self.byte_s = dialect.line.bits_per_byte / (baud or dialect.line.baud)
@@ -91,7 +91,7 @@ class Session:
         self._until_s = min(self._until_s, until_s)
 
     def _wait_until_s(self, bytes_due: int) -> float:
-        """How long an answer may take of which `bytes_due` are still on the wire."""
+        """The time limit (port's clock) of an answer with `bytes_due` still on the wire."""
         talk = self.dialect.conversation
         now_s = self.port.now_s()
         if now_s >= self._until_s:
@@ -99,7 +99,7 @@ class Session:
         return min(self._until_s, now_s + talk.reply_timeout_s + bytes_due * self.byte_s)
 
     def pause(self, seconds: float) -> None:
-        """Let time pass; what comes meanwhile is held."""
+        """Wait for `seconds`; bytes that come meanwhile are kept."""
         until_s = min(self.port.now_s() + seconds, self._until_s)
         while self.port.now_s() < until_s:
             self._hold(self.port.read(until_s))
@@ -107,7 +107,7 @@ class Session:
     # -- opening ---------------------------------------------------------------
 
     def open(self) -> None:
-        """Find the controller at the other end, and begin; LinkError says what is there."""
+        """Synchronise with the controller and greet it; LinkError if it does not answer so."""
         heard = b""
         tries = self.dialect.conversation.retries + 1
         while tries:
@@ -117,14 +117,14 @@ class Session:
                 self._greet()
                 return
             except Busy as busy:
-                self._leave_alone(busy)
+                self._wait_while_busy(busy)
             except Damaged:
                 heard += bytes(self._held)
                 tries -= 1
         raise self._unknown_peer(heard)
 
     def _greet(self) -> None:
-        self._adrift, self._ahead = False, 0
+        self._unsynchronised, self._ahead = False, 0
         if self.dialect.check is None:
             self._once("status")
         else:
@@ -134,7 +134,7 @@ class Session:
         self.greeted = True
 
     def _unknown_peer(self, heard: bytes) -> LinkError:
-        """What is at the other end, from what it said."""
+        """The error for a peer that sent `heard` and is no controller of this dialect."""
         name = self.dialect.name
         if not heard:
             message = "nothing answers: is the controller on, is this its port and its baud rate?"
@@ -148,7 +148,7 @@ class Session:
         return LinkError(message, "other-dialect")
 
     def recover(self) -> bytes:
-        """Bring both ends to the start of a line; gives what was on its way."""
+        """Bring both ends to the start of a line; returns the bytes that were on their way."""
         attention = self.dialect.conversation.attention.encode("latin-1")
         if attention:
             self.port.write(attention)
@@ -170,27 +170,28 @@ class Session:
     # -- asking ----------------------------------------------------------------
 
     def ask(self, statement: str, again: bool = True, **fields: Any) -> list[dict[str, Any]]:
-        """Say a statement of the dialect; gives its reply lines, read.
+        """Send a statement of the dialect; returns the fields of each reply line.
 
-        `again` tells that doing it twice is doing it once. Raises Refused, LinkError.
+        `again` states that it may be repeated: executing it twice has no other effect.
+        Raises Refused, LinkError.
         """
         tries = self.dialect.conversation.retries if again or self.dialect.check else 0
-        if self._adrift:
+        if self._unsynchronised:
             self.open()
         while True:
             try:
                 return self._once(statement, **fields)
             except Busy as busy:
-                self._leave_alone(busy)
+                self._wait_while_busy(busy)
             except Damaged:
-                self._adrift = tries == 0
-                if self._adrift:
+                self._unsynchronised = tries == 0
+                if self._unsynchronised:
                     raise
                 tries -= 1
                 self.retried += 1
                 self._rewind()
 
-    def _leave_alone(self, busy: Busy) -> None:
+    def _wait_while_busy(self, busy: Busy) -> None:
         """Wait before a busy controller is asked again; LinkError if the time is over."""
         if self.port.now_s() + _BUSY_PAUSE_S >= self._until_s:
             raise LinkError(str(busy), "busy") from busy
@@ -208,7 +209,7 @@ class Session:
         read = [template.read(text) for text in lines]
         for text, values in zip(lines, read, strict=True):
             if values is None:
-                raise Damaged(_senseless(line, text, template))
+                raise Damaged(_unreadable(line, text, template))
         rows = [values for values in read if values is not None]
         _in_order(line, rows)
         return rows
@@ -218,14 +219,14 @@ class Session:
         return check.after(self._number, steps) if check else 0
 
     def _rewind(self) -> None:
-        """After damage, the start of a line; a numbered one is then said again as it was."""
+        """Return to the start of a line after damage; a numbered line is then repeated."""
         if self.dialect.check is None:
             self.recover()
         else:
             self._settle()
 
     def _settle(self) -> None:
-        """End a half line and let pass what is on its way; a download under way stays."""
+        """End a half line and discard what is on its way; a download under way stays."""
         self.port.write(self.dialect.line.end.encode("latin-1"))
         self.pause(_QUIET_S + 20 * self.byte_s)
         self._held.clear()
@@ -244,13 +245,13 @@ class Session:
             self._rewind()
 
     def stream(self, lines: Sequence[str], done: Callable[[int], None]) -> None:
-        """Say `lines` without waiting for each answer; `done(n)` when n of them are taken.
+        """Send `lines` without waiting for each answer; calls `done(n)` after n answers.
 
         Raises Refused for the first line that is refused, with `done` at the line before.
         """
         sent = taken = tries = 0
         on_way: deque[int] = deque()
-        self._adrift = True
+        self._unsynchronised = True
         while taken < len(lines):
             while sent < len(lines) and self._room(on_way, lines[sent]):
                 self._put(lines[sent], self._next_number(sent - taken + 1))
@@ -271,24 +272,24 @@ class Session:
             self._ahead = len(on_way)
             taken, tries = taken + 1, 0
             done(taken)
-        self._adrift = False
+        self._unsynchronised = False
 
     def _go_back(self, error: Damaged) -> None:
-        """Before lines are said again: no answer to the first time may still come."""
+        """Prepare to repeat lines: no answer to the first sending may still come."""
         self.retried += 1
         if isinstance(error, Busy):
-            self._leave_alone(error)
+            self._wait_while_busy(error)
         self._settle()
 
     def _room(self, on_way: deque[int], line: str) -> bool:
         coming = self.dialect.wrapped_length(line)
         return not on_way or sum(on_way) + coming <= self.dialect.line.window
 
-    def shout(self, statement: str) -> None:
-        """Say a statement at once: without a greeting before it, or an answer awaited.
+    def send_unanswered(self, statement: str) -> None:
+        """Send a statement at once, without greeting first or awaiting the answer.
 
-        With numbered lines it is said under each number that the other end may expect now,
-        and again behind a new greeting, all in one piece; so it may be done several times.
+        With numbered lines it is sent under each number that the other end may expect now,
+        and again after a new greeting, in one write; so it may be executed several times.
         Raises LinkError if the bytes cannot be sent.
         """
         body = self.dialect.statements[statement].fill({})
@@ -301,7 +302,7 @@ class Session:
                 check.wrap(check.hello, new),
                 check.wrap(body, check.after(new)),
             ]
-        self._adrift = True
+        self._unsynchronised = True
         begin = self.dialect.conversation.attention or self.dialect.line.end
         end = self.dialect.line.end
         self.port.write((begin + "".join(line + end for line in lines)).encode("latin-1"))
@@ -383,8 +384,8 @@ class Session:
             raise LinkError("the other end does not stop sending", "flood")
 
 
-def _senseless(line: str, text: str, template: Template) -> str:
-    """Why `text` is no answer to `line`."""
+def _unreadable(line: str, text: str, template: Template) -> str:
+    """The message for a `text` that does not fit the reply `template` to `line`."""
     shown = repr(text[:_SHOWN]) + (f"... ({len(text)} characters)" if len(text) > _SHOWN else "")
     return (
         f"the answer to `{line}` makes no sense: {shown}; "

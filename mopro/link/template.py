@@ -93,9 +93,9 @@ class Template:
 def template(
     needs: Set[str] = frozenset(), allows: Set[str] | None = None, ends: str = ""
 ) -> Reader[Template]:
-    """Reads a template that has the fields it needs, others if allowed, and that end.
+    """Reader of a template with the fields `needs` and possibly `allows`, ending in `ends`.
 
-    All others are, if `allows` is None.
+    Any field is allowed if `allows` is None.
     """
     read_text = text_reader(ascii_only=True)
     wanted = ", ".join(f"{{{name}}}" for name in sorted(needs)) or "no field"

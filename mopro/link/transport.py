@@ -28,7 +28,7 @@ class Port(Protocol):
     def write(self, data: bytes) -> None: ...
 
     def read(self, until_s: float) -> bytes:
-        """What has come, as soon as there is any; empty if nothing came by `until_s`."""
+        """Bytes as soon as any have come; empty if none came by `until_s`."""
         ...
 
     def close(self) -> None: ...
@@ -54,7 +54,7 @@ class SerialPort:
         try:
             self._serial = serial.serial_for_url(url, **options)
         except (serial.SerialException, OSError, ValueError) as error:
-            raise _unusable(url, error) from error
+            raise _port_error(url, error) from error
 
     def now_s(self) -> float:
         return time.monotonic()
@@ -81,7 +81,7 @@ class SerialPort:
             raise self._lost(error) from error
 
     def _waiting(self) -> bytes:
-        """What else is there already, so that bytes need not be fetched one by one."""
+        """The bytes that are already received, fetched at once."""
         data = bytearray()
         while (count := self._serial.in_waiting) and len(data) < 65536:
             data += self._serial.read(count)
@@ -95,8 +95,8 @@ class SerialPort:
         return LinkError(f"{self.url}: the link is lost: {error}", "link-lost")
 
 
-def _unusable(url: str, error: Exception) -> PortError:
-    """Why a port could not be opened, in words for the person at the machine."""
+def _port_error(url: str, error: Exception) -> PortError:
+    """The error for a port that could not be opened, with its reason and remedy."""
     number = getattr(error, "errno", None)
     text = str(error)
     if number == errno.ENOENT or "FileNotFoundError" in text:
@@ -117,17 +117,17 @@ def available_ports() -> list[tuple[str, str]]:
 
 
 class TracedPort:
-    """A port whose every byte is written down with its time, readable and in hexadecimal.
+    """A port that logs every byte with its time, as text and in hexadecimal.
 
-    Bytes come first: they are sent before they are written down. A trace that cannot be
-    written is told once, by a DataError after the bytes are on their way, and then ends.
+    Bytes are sent before they are logged. A log that cannot be written raises one
+    DataError, after the bytes are sent, and ends.
     """
 
     def __init__(self, port: Port, log: TextIO, note: Callable[[], str] = lambda: "") -> None:
         self._port = port
         self._log: TextIO | None = log
         self._start_s = port.now_s()
-        self._put_down(
+        self._write_log(
             "# seconds from opening; > to the controller, < from it; hexadecimal; text\n" + note()
         )
 
@@ -137,26 +137,26 @@ class TracedPort:
     def write(self, data: bytes) -> None:
         at_s = self.now_s()
         self._port.write(data)
-        self._note(">", data, at_s)
+        self._trace(">", data, at_s)
 
     def read(self, until_s: float) -> bytes:
         data = self._port.read(until_s)
         if data:
-            self._note("<", data, self.now_s())
+            self._trace("<", data, self.now_s())
         return data
 
     def close(self) -> None:
         self._port.close()
 
-    def _note(self, way: str, data: bytes, at_s: float) -> None:
+    def _trace(self, direction: str, data: bytes, at_s: float) -> None:
         rows = []
         for first in range(0, len(data), 16):
-            piece = data[first : first + 16]
-            shown = piece.decode("latin-1").translate(_SHOWN)
-            rows.append(f"{at_s - self._start_s:12.6f} {way} {piece.hex(' '):<47}  {shown}\n")
-        self._put_down("".join(rows))
+            row = data[first : first + 16]
+            shown = row.decode("latin-1").translate(_SHOWN)
+            rows.append(f"{at_s - self._start_s:12.6f} {direction} {row.hex(' '):<47}  {shown}\n")
+        self._write_log("".join(rows))
 
-    def _put_down(self, text: str) -> None:
+    def _write_log(self, text: str) -> None:
         """Write to the trace as long as that works; DataError when it fails."""
         if self._log is None:
             return

@@ -1,4 +1,4 @@
-"""A run seen from the host: polled state and positions, and the way to stop it."""
+"""A run as the host observes it: polls state and positions, and stops it."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _UNDER_WAY = ("running", "stopping")
 _HELD_ROWS = 256
 _MOST_TRIES_TO_STOP = 10
 _PRECAUTION_S = 2.0
-# What may come between two tries to stop, and is answered by the next one.
+# Exceptions during an attempt to stop, after which the next attempt follows.
 _TRY_AGAIN = (MoproError, OSError, ValueError, ArithmeticError, KeyboardInterrupt)
 
 
 @dataclass
 class Stop:
-    """What is known of a stop: each a step further than the one before."""
+    """Progress of a stop; `precaution` if no run had been started."""
 
     tried: bool = False
     sent: bool = False
@@ -36,7 +36,7 @@ class Stop:
     precaution: bool = False
 
     def report(self) -> str:
-        """What the controller has confirmed, for a person; empty if nothing was tried."""
+        """The controller's confirmation of the stop, for a person; empty if none was tried."""
         if self.precaution:
             told = "acknowledged" if self.acknowledged else "not acknowledged"
             rest = "both axes rest" if self.rested else "standstill was not seen"
@@ -54,10 +54,10 @@ class Stop:
 
 
 class Samples:
-    """Polled samples to a sink, with NaN in every column that nobody could see.
+    """Writes polled samples to a sink, with NaN in the columns that are not measured.
 
-    `whole` stands around each piece that is handed on, so that none is left half handed on.
-    A sink that has failed gets no more.
+    `whole` is the context of each write, so that no signal interrupts one. A sink that has
+    failed gets no more.
     """
 
     def __init__(
@@ -87,11 +87,11 @@ class Samples:
             self.close()
 
     def hold(self) -> None:
-        """Keep samples here until `close`: the sink must not come between motor and stop."""
+        """Buffer samples until `close`, so that a slow or failing sink cannot delay a stop."""
         self._holding = True
 
     def close(self) -> None:
-        """Hand on what is held; DataError if the sink does not take it."""
+        """Write the buffered samples; DataError if the sink cannot."""
         if not self._rows or self._sink is None:
             return
         names = column_names(AXES)
@@ -112,7 +112,7 @@ class Samples:
 
 
 class Watch:
-    """One run: what the controller last said of it. Positions count from the start."""
+    """One run, with its state as last polled; positions in microsteps from its start."""
 
     def __init__(
         self, session: Session, program: Program, samples: Samples, poll_hz: float
@@ -136,10 +136,10 @@ class Watch:
     # -- the run ---------------------------------------------------------------
 
     def mark_start(self) -> None:
-        """Take the present positions for the start."""
-        self._zero_u = self._where("position")
+        """Read the present positions as those of the start."""
+        self._zero_u = self._positions("position")
         if self._session.dialect.knows("measured"):
-            self._seen_zero_u = self._where("measured")
+            self._seen_zero_u = self._positions("measured")
 
     def start(self, for_s: float | None) -> None:
         scratch = self._session.dialect.names.scratch
@@ -172,19 +172,19 @@ class Watch:
         if self.state not in ("idle", "done"):
             self.statement = status.get("statement", 0)
         self.completed = status.get("completed", 0)
-        position = self._where("position")
+        position = self._positions("position")
         self.position_u = {axis: position[axis] - self._zero_u[axis] for axis in AXES}
         self.elapsed_s = self._session.port.now_s() - self._started_s
         seen: dict[int, int] = {}
         if self._session.dialect.knows("measured"):
-            measured = self._where("measured")
+            measured = self._positions("measured")
             seen = {axis: measured[axis] - self._seen_zero_u[axis] for axis in AXES}
         self._samples.add(self.elapsed_s, self._line(self.statement), self.position_u, seen)
         if self.accounts and self.state in _UNDER_WAY:
             self._ask_moves()
 
     def _status(self) -> dict[str, Any]:
-        """The status with its state by our name; a word that nobody knows is asked again."""
+        """The status, its state translated; asked again while the word is in no [states]."""
         for _ in range(self._session.dialect.conversation.retries + 1):
             status = self._session.one("status")
             state = self._session.dialect.state_of(status["state"])
@@ -193,13 +193,13 @@ class Watch:
         raise LinkError(f"the status `{status['state']}` is in no [states]", "unknown-state")
 
     def _ask_moves(self) -> bool:
-        """Fetch accounts that are not here yet; whether any came."""
+        """Fetch outcomes of moves that are not known yet; True if any came."""
         before = len(self.moves)
         rows = self._session.ask("moves", first=before + 1)
         self.moves.update((row["index"], row) for row in rows if row["index"] > before)
         return len(self.moves) > before
 
-    def _where(self, statement: str) -> dict[int, int]:
+    def _positions(self, statement: str) -> dict[int, int]:
         row = self._session.one(statement)
         return {axis: row[f"position_{axis}"] for axis in AXES}
 
@@ -220,25 +220,25 @@ class Watch:
         self._session.give(within_s)
         until_s = self._session.port.now_s() + within_s
         self._stop.tried = True
-        self._shout()
+        self._send_stop()
         tries = _MOST_TRIES_TO_STOP
         while tries and not self._stop.rested and self._session.port.now_s() < until_s:
             tries -= 1
             with suppress(*_TRY_AGAIN):
-                self._see_it_stop()
+                self._confirm_stop()
         with suppress(*_TRY_AGAIN):
             while self._stop.rested and self.begun and self.accounts and self._ask_moves():
                 pass
         return self._stop.rested
 
-    def _shout(self) -> None:
-        """Send the stop, awaiting nothing; a trace that fails just then fails after it."""
+    def _send_stop(self) -> None:
+        """Send the stop without awaiting an answer; a failing trace cannot prevent it."""
         with suppress(LinkError, OSError):
             with suppress(DataError):
-                self._session.shout("stop")
+                self._session.send_unanswered("stop")
             self._stop.sent = True
 
-    def _see_it_stop(self) -> None:
+    def _confirm_stop(self) -> None:
         self._session.open()
         self._session.ask("stop")
         self._stop.sent = self._stop.acknowledged = True
@@ -253,13 +253,13 @@ class Watch:
         self._stop.rested = True
 
     def stop_report(self) -> str:
-        """What became of the stop, for a person; empty if there was none."""
+        """The outcome of the stop, for a person; empty if there was none."""
         return self._stop.report()
 
     # -- words -----------------------------------------------------------------
 
-    def last_words(self) -> str:
-        """What the machine last reported, and which statement was done."""
+    def last_report(self) -> str:
+        """The last polled state and the last completed statement, for a person."""
         place = ", ".join(f"axis {axis} at {u:+d}" for axis, u in self.position_u.items())
         text = f"last reported after {self.elapsed_s:.3f} s: {self.state}, {place} microsteps"
         if self.statement:

@@ -39,7 +39,7 @@ class Subject:
     @property
     def _switches_u(self) -> dict[int, tuple[float, float]]:
         """The limit switches that a seek runs to, in microsteps; only seeks need them."""
-        if not any(isinstance(op, ir.Seek | ir.Home) for op in self.program.ops):
+        if not self.program.seeks_switch:
             return {}
         return self.machine.travel_u()
 

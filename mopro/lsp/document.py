@@ -1,4 +1,4 @@
-"""What an editor asks of one open text, in places of mopro; nothing of the protocol."""
+"""One open text as an editor queries it, in lines and columns; free of the protocol."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Document:
         return self.source.line(span.line)[span.column - 1 : span.end_column - 1]
 
     def why_no_name(self, name: str, old: str) -> str | None:
-        """Why `name` cannot take the place of the label `old`; None if it can."""
+        """The reason why `name` cannot replace the label `old`; None if it can."""
         if not _LABEL.fullmatch(name):
             return f"`{name}` is no label: letters, digits and _, with no digit first"
         if name.upper() != old and self.definition_of(name.upper()) is not None:

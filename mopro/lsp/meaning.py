@@ -1,41 +1,15 @@
-"""What a statement means, in words and in SI units: the text of a hover."""
+"""The meaning of a statement in words and in SI units: the text of a hover."""
 
 from __future__ import annotations
 
 from functools import singledispatch
 
 from mopro.errors import SourceError
-from mopro.language import ast
 from mopro.lint.check import subject_of
 from mopro.lint.subject import Subject
 from mopro.lsp.document import Document
 from mopro.motion import PlannedMove
 from mopro.program import ir
-
-_FORMS = {
-    ast.Units: "user units: microsteps per user unit, as a ratio",
-    ast.Velocity: "peak velocity in user units per second",
-    ast.Acceleration: "acceleration in user units per second per millisecond",
-    ast.Profile: "parabolic velocity profile on (+) or off (-)",
-    ast.Move: "move by this distance, now",
-    ast.Target: "where the next GO takes the axis, from here",
-    ast.Go: "start all axes that have a target, together",
-    ast.WaitAxis: "wait until the axis has finished its motion",
-    ast.Dwell: "wait this many milliseconds",
-    ast.Label: "a place to jump to",
-    ast.Jump: "go on at the label",
-    ast.MoveAbsolute: "move to this position, now (assumed)",
-    ast.TargetAbsolute: "where the next GO takes the axis (assumed)",
-    ast.Continuous: "keep this velocity from now on (assumed)",
-    ast.Seek: "move at this velocity to a limit switch (assumed)",
-    ast.Stop: "slow down to rest (assumed)",
-    ast.Home: "find the switch at the negative end; it becomes position 0 (assumed)",
-}
-
-
-def form_words(kind: type[ast.Statement]) -> str:
-    """What statements of this kind do."""
-    return _FORMS[kind]
 
 
 def hover(document: Document, line: int) -> str | None:
@@ -43,7 +17,7 @@ def hover(document: Document, line: int) -> str | None:
     statement = document.statement_at(line)
     if statement is None:
         return None
-    parts = [f"`{statement.form}`: {form_words(type(statement))}"]
+    parts = [f"`{statement.form}`: {statement.meaning}"]
     try:
         subject = subject_of(document.source, document.settings)
     except SourceError:

@@ -20,7 +20,7 @@ from mopro.lint.config import find_settings
 from mopro.lint.rule import Finding
 from mopro.lint.settings import Settings
 from mopro.lsp.document import Document
-from mopro.lsp.meaning import form_words, hover
+from mopro.lsp.meaning import hover
 from mopro.source import Source, Span
 
 _SEVERITIES = {
@@ -216,9 +216,7 @@ def completion(ls: LanguageServer, params: lsp.CompletionParams) -> list[lsp.Com
 
 
 def _statement_item(kind: type[ast.Statement]) -> lsp.CompletionItem:
-    return lsp.CompletionItem(
-        kind.form, detail=form_words(kind), kind=lsp.CompletionItemKind.Keyword
-    )
+    return lsp.CompletionItem(kind.form, detail=kind.meaning, kind=lsp.CompletionItemKind.Keyword)
 
 
 @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
@@ -245,7 +243,7 @@ def outline(ls: LanguageServer, params: lsp.DocumentSymbolParams) -> list[lsp.Do
             kind=_SYMBOLS[type(statement)],
             range=text.span(statement.span),
             selection_range=text.span(statement.span),
-            detail=form_words(type(statement)),
+            detail=statement.meaning,
         )
         for statement in text.document.tree.statements
         if type(statement) in _SYMBOLS

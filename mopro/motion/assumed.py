@@ -1,4 +1,4 @@
-"""Motion of the assumed statements: continuous velocity, stop, seek, home.
+"""Execution of the assumed statements: continuous velocity, stop, seek, home, zero position.
 
 Importing this registers them with `execute`.
 """
@@ -62,6 +62,13 @@ def _(op: ir.Home, planner: Planner) -> None:
     for axis in planner.of(op):
         if planner.ready(axis, op):
             _seek(planner, axis, -axis.velocity_u_s(), op.span)
+            axis.origin_u = axis.position_u
+
+
+@execute.register
+def _(op: ir.ZeroPosition, planner: Planner) -> None:
+    for axis in planner.of(op):
+        if planner.at_rest(axis, op):
             axis.origin_u = axis.position_u
 
 

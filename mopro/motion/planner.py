@@ -132,7 +132,7 @@ class Planner:
     # -- motion ----------------------------------------------------------------
 
     def ready(self, axis: AxisRegisters, op: ir.Op, governs: bool = True) -> bool:
-        """Whether `axis` may start the motion of `op` now; reports why not."""
+        """True if `axis` may start the motion of `op` now; reports the reason if not."""
         missing = axis.missing(governs)
         for rule, what, example in missing:
             message = f"axis {axis.number} has no {what} when it is told to move"

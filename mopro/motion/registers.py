@@ -1,4 +1,4 @@
-"""What the controller keeps of one axis: its settings, its target and its motion."""
+"""The registers of one axis: its settings, its target and its motion."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class AxisRegisters:
         self.started_by, self.started_s, self.busy_until_s = span, start_s, end_s
 
     def destination_u(self, op: ir.Move | ir.SetTarget) -> Fraction:
-        """Where `op` sends the axis, from where it is."""
+        """The position, in microsteps from the start, to which `op` sends the axis."""
         base_u = self.origin_u if op.absolute else self.position_u
         return base_u + op.distance_uu * self.units
 
     def missing(self, governs: bool) -> list[tuple[str, str, str]]:
-        """What must be set before a motion and is not: rule, name, example.
+        """Settings that a motion needs and that are not set: rule, name, example.
 
         An axis that follows another's profile (`governs` false) needs user units only.
         """

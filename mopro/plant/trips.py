@@ -23,7 +23,6 @@ from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.motion.track import Track
 from mopro.plant.command_table import Floats
-from mopro.program import ir
 
 _TOLERANCE_U = 1.0
 
@@ -45,7 +44,7 @@ class Trip:
 
 def switches_u(schedule: Schedule, travel_u: Mapping[int, tuple[float, float]]) -> Ranges:
     """Where each axis meets its switches, in microsteps from the program's start."""
-    seeking = any(isinstance(op, ir.Seek | ir.Home) for op in schedule.program.ops)
+    seeking = schedule.program.seeks_switch
     found: Ranges = {}
     for axis, (low, high) in travel_u.items():
         least, most = (0.0, 0.0) if seeking else _range_u(schedule.tracks[axis])
@@ -64,7 +63,7 @@ def _range_u(track: Track) -> tuple[float, float]:
 
 def limit_trip(schedule: Schedule, switches: Ranges) -> Trip | None:
     """The first time at which a command runs over a switch."""
-    if any(isinstance(op, ir.Seek | ir.Home) for op in schedule.program.ops):
+    if schedule.program.seeks_switch:
         return None
     found = [
         Trip("limit-switch", time_s, _line_at(schedule, time_s), axis)

@@ -10,8 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
+from typing import ClassVar
 
 from mopro.errors import Diagnostic
+from mopro.language import ast
 from mopro.source import Source, Span
 
 AXES = (1, 2)
@@ -19,9 +21,20 @@ AXES = (1, 2)
 
 @dataclass(frozen=True, slots=True)
 class Op:
-    """Base of all operations."""
+    """Base of all operations.
 
+    `statement` is the form in which a program writes it: the fields of an operation stand
+    for the operands of that statement, in the same order. `seeks_switch` tells that it
+    runs an axis to a limit switch, `is_setting` that it moves nothing and stays in force.
+    """
+
+    statement: ClassVar[type[ast.Statement]]
+    seeks_switch: ClassVar[bool] = False
+    is_setting: ClassVar[bool] = False
     span: Span = field(compare=False, repr=False)
+
+    def written_as(self) -> type[ast.Statement]:
+        return self.statement
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +55,12 @@ class AxisVelocity(AxisOp):
 class AxisDistance(AxisOp):
     """Base of operations with a distance, or a position where `absolute`."""
 
+    absolute_statement: ClassVar[type[ast.Statement]]
     distance_uu: Fraction
     absolute: bool = False
+
+    def written_as(self) -> type[ast.Statement]:
+        return self.absolute_statement if self.absolute else self.statement
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +74,8 @@ class NamedOp(Op):
 class SetUnits(AxisOp):
     """Microsteps per user unit, as the ratio that the program states."""
 
+    statement = ast.Units
+    is_setting = True
     numerator: int
     denominator: int
 
@@ -69,12 +88,16 @@ class SetVelocity(AxisVelocity):
     """Peak velocity in user units per second."""
 
     __slots__ = ()
+    statement = ast.Velocity
+    is_setting = True
 
 
 @dataclass(frozen=True, slots=True)
 class SetAcceleration(AxisOp):
     """Acceleration in user units per second squared (the text has 1/1000 of it)."""
 
+    statement = ast.Acceleration
+    is_setting = True
     acceleration_uu_s2: Fraction
 
 
@@ -82,6 +105,8 @@ class SetAcceleration(AxisOp):
 class SetProfile(AxisOp):
     """Parabolic velocity profiles on or off."""
 
+    statement = ast.Profile
+    is_setting = True
     parabolic: bool
 
 
@@ -89,30 +114,38 @@ class Move(AxisDistance):
     """Start moving now, by `distance_uu`, or to that position where `absolute`."""
 
     __slots__ = ()
+    statement = ast.Move
+    absolute_statement = ast.MoveAbsolute
 
 
 class SetTarget(AxisDistance):
-    """Where the next `Go` takes these axes; as for `Move`."""
+    """Target of the next `Go` for these axes; as for `Move`."""
 
     __slots__ = ()
+    statement = ast.Target
+    absolute_statement = ast.TargetAbsolute
+    is_setting = True
 
 
 class Go(Op):
     """Start all axes that have a target, together."""
 
     __slots__ = ()
+    statement = ast.Go
 
 
 class WaitAxis(AxisOp):
     """Wait until the axes have finished their motion."""
 
     __slots__ = ()
+    statement = ast.WaitAxis
 
 
 @dataclass(frozen=True, slots=True)
 class Dwell(Op):
     """Wait; a program says whole milliseconds, a slow controller may add parts of one."""
 
+    statement = ast.Dwell
     milliseconds: int | Fraction
 
 
@@ -120,34 +153,51 @@ class Label(NamedOp):
     """A place to jump to; `name` is in capitals."""
 
     __slots__ = ()
+    statement = ast.Label
 
 
 class Jump(NamedOp):
+    """Go on at the label `name`."""
+
     __slots__ = ()
+    statement = ast.Jump
 
 
 class Continuous(AxisVelocity):
     """Change to this velocity in user units per second and keep it (assumed)."""
 
     __slots__ = ()
+    statement = ast.Continuous
 
 
 class Seek(AxisVelocity):
     """Move at this velocity until a limit switch, then stop (assumed)."""
 
     __slots__ = ()
+    statement = ast.Seek
+    seeks_switch = True
 
 
 class Stop(AxisOp):
     """Slow down to rest at the set acceleration (assumed)."""
 
     __slots__ = ()
+    statement = ast.Stop
 
 
 class Home(AxisOp):
     """Seek the switch at the negative end at the set velocity; it becomes position 0 (assumed)."""
 
     __slots__ = ()
+    statement = ast.Home
+    seeks_switch = True
+
+
+class ZeroPosition(AxisOp):
+    """Count absolute positions from where the axes rest; nothing moves (assumed)."""
+
+    __slots__ = ()
+    statement = ast.ZeroPosition
 
 
 @dataclass(frozen=True)
@@ -180,6 +230,11 @@ class Program:
             op = self.ops[index]
             index = self.labels[op.name] if isinstance(op, Jump) else index + 1
         return tuple(met), index in met
+
+    @property
+    def seeks_switch(self) -> bool:
+        """True if any operation runs an axis to a limit switch."""
+        return any(op.seeks_switch for op in self.ops)
 
     @property
     def loops_forever(self) -> bool:

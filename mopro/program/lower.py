@@ -157,3 +157,7 @@ class _Lowering:
     @op.register
     def _(self, s: ast.Home) -> ir.Op:
         return ir.Home(s.span, self._axes(s, s.axis))
+
+    @op.register
+    def _(self, s: ast.ZeroPosition) -> ir.Op:
+        return ir.ZeroPosition(s.span, self._axes(s, s.axis))

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from mopro.errors import Diagnostic, SourceError
+from mopro.language import ast
 from mopro.program import Program, ir
 from mopro.program.text import statement
 from mopro.source import Span
 
-_SETTINGS = (ir.SetUnits, ir.SetVelocity, ir.SetAcceleration, ir.SetProfile, ir.SetTarget)
+_ORDER = {kind: n for n, kind in enumerate(ast.STATEMENTS.values())}
 
 
 @dataclass(frozen=True)
@@ -51,17 +52,15 @@ def resume(program: Program, line: int) -> Resumed:
 
 
 def _in_force(path: list[ir.Op]) -> list[ir.Op]:
-    """The last setting of each kind for each axis, in the order of the program."""
-    held: dict[tuple[type[ir.Op], int], ir.Op] = {}
+    """The last setting of each kind for each axis, in the order of the language."""
+    held: dict[tuple[type[ast.Statement], int], ir.Op] = {}
     for op in path:
         if isinstance(op, ir.Go):
-            held = {key: value for key, value in held.items() if key[0] is not ir.SetTarget}
-        if isinstance(op, _SETTINGS):
+            held = {key: value for key, value in held.items() if key[0] is not ast.Target}
+        if isinstance(op, ir.AxisOp) and op.is_setting:
             for axis in op.axes:
-                held[type(op), axis] = replace(op, axes=(axis,))
-    order = {id(kind): n for n, kind in enumerate(_SETTINGS)}
-    keys = sorted(held, key=lambda key: (order[id(key[0])], key[1]))
-    return [held[key] for key in keys]
+                held[op.statement, axis] = replace(op, axes=(axis,))
+    return [held[key] for key in sorted(held, key=lambda key: (_ORDER[key[0]], key[1]))]
 
 
 def _free_label(program: Program) -> str:

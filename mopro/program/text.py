@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import fields
 from fractions import Fraction
 from functools import singledispatch
 from typing import Any
 
 from mopro.program import ir
+from mopro.text import snake_case
 from mopro.units import MS_PER_S
 
 # A number of the language has at most 30 characters, and milliseconds take three more.
@@ -47,94 +49,50 @@ def decimal(value: Fraction) -> str:
     return f"{'-' if value < 0 else ''}{whole}.{part:0{digits}d}"
 
 
-def _axis(op: ir.AxisOp) -> str:
-    return "0" if op.axes == ir.AXES else str(op.axes[0])
+def statement(op: ir.Op) -> str:
+    """One operation as its canonical statement."""
+    return op.written_as().layout.format(*map(_written, _operands(op)))
 
 
 @singledispatch
-def statement(op: ir.Op) -> str:
-    """One operation as its canonical statement."""
-    raise TypeError(f"no statement for {type(op).__name__}")
+def _operands(op: ir.Op) -> Iterable[Any]:
+    """The values that the statement of `op` has as operands: those of its fields."""
+    return (getattr(op, field.name) for field in fields(op) if field.name != "span")
 
 
-@statement.register
-def _(op: ir.SetUnits) -> str:
-    return f"UU{_axis(op)}{op.numerator}/{op.denominator}"
+@_operands.register
+def _(op: ir.SetAcceleration) -> Iterable[Any]:
+    return op.axes, op.acceleration_uu_s2 / MS_PER_S
 
 
-@statement.register
-def _(op: ir.SetVelocity) -> str:
-    return f"VEL{_axis(op)} {decimal(op.velocity_uu_s)}"
+@_operands.register
+def _(op: ir.AxisDistance) -> Iterable[Any]:
+    return op.axes, op.distance_uu
 
 
-@statement.register
-def _(op: ir.SetAcceleration) -> str:
-    return f"ACC{_axis(op)} {decimal(op.acceleration_uu_s2 / MS_PER_S)}"
+@_operands.register
+def _(op: ir.Dwell) -> Iterable[Any]:
+    return (str(op.milliseconds),)
 
 
-@statement.register
-def _(op: ir.SetProfile) -> str:
-    return f"PARA{_axis(op)}{'+' if op.parabolic else '-'}"
-
-
-@statement.register
-def _(op: ir.Move) -> str:
-    return f"{'MAI' if op.absolute else 'MRI'}{_axis(op)} {decimal(op.distance_uu)}"
-
-
-@statement.register
-def _(op: ir.SetTarget) -> str:
-    return f"{'MA' if op.absolute else 'MR'}{_axis(op)} {decimal(op.distance_uu)}"
-
-
-@statement.register
-def _(op: ir.Go) -> str:
-    return "GO"
-
-
-@statement.register
-def _(op: ir.WaitAxis) -> str:
-    return f"WX{_axis(op)}"
-
-
-@statement.register
-def _(op: ir.Dwell) -> str:
-    return f"WT{op.milliseconds}"
-
-
-@statement.register
-def _(op: ir.Label) -> str:
-    return f":{op.name}"
-
-
-@statement.register
-def _(op: ir.Jump) -> str:
-    return f"JUMP {op.name}"
-
-
-@statement.register
-def _(op: ir.Continuous) -> str:
-    return f"MC{_axis(op)} {decimal(op.velocity_uu_s)}"
-
-
-@statement.register
-def _(op: ir.Seek) -> str:
-    return f"SK{_axis(op)} {decimal(op.velocity_uu_s)}"
-
-
-@statement.register
-def _(op: ir.Stop) -> str:
-    return f"ST{_axis(op)}"
-
-
-@statement.register
-def _(op: ir.Home) -> str:
-    return f"HM{_axis(op)}"
+def _written(value: Any) -> str:
+    """A field's value as an operand."""
+    match value:
+        case bool():
+            return "+" if value else "-"
+        case Fraction():
+            return decimal(value)
+        case tuple():
+            return "0" if value == ir.AXES else str(value[0])
+        case _:
+            return str(value)
 
 
 def _described(op: ir.Op) -> str:
     values = {name: value for name, value in _op_json(op).items() if name not in ("op", "at")}
-    return " ".join([_op_name(op), *(f"{k}={_shown(v)}" for k, v in values.items())]).rstrip()
+    return " ".join(
+        [snake_case(type(op).__name__), *(f"{k}={_shown(v)}" for k, v in values.items())]
+    ).rstrip()
 
 
 def _shown(value: Any) -> str:
@@ -143,13 +101,7 @@ def _shown(value: Any) -> str:
 
 def _op_json(op: ir.Op) -> dict[str, Any]:
     own = {f.name: _plain(getattr(op, f.name)) for f in fields(op) if f.name != "span"}
-    return {"op": _op_name(op), "at": [op.span.line, op.span.column], **own}
-
-
-def _op_name(op: ir.Op) -> str:
-    """`SetVelocity` as `set_velocity`."""
-    name = type(op).__name__
-    return name[0].lower() + "".join(f"_{c.lower()}" if c.isupper() else c for c in name[1:])
+    return {"op": snake_case(type(op).__name__), "at": [op.span.line, op.span.column], **own}
 
 
 def _plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What every velocity profile must keep to, whatever its shape."""
+"""Invariants of velocity profiles of any shape."""
 
 from __future__ import annotations
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from fractions import Fraction
+from typing import get_type_hints
 
 from hypothesis import strategies as st
 
 import mopro
+from mopro.language import ast
+from mopro.language.parse import statement_kinds
 from mopro.motion import Profile, plan_profile
 from mopro.program import Program
 from mopro.program.text import decimal
 
-_AXES = st.sampled_from("012")
+_AXES = st.sampled_from("012O")
 _LABELS = ("B1", "LOOP", "x_2")
+# Statements that are refused with an operand of 0, or below.
+_NOT_ZERO = (ast.Units, ast.Velocity, ast.Acceleration, ast.Seek)
 
 
 def profiles(parabolic: bool | None = None) -> st.SearchStrategy[Profile]:
@@ -36,31 +42,34 @@ def decimals(positive: bool = False) -> st.SearchStrategy[str]:
     return exact | st.sampled_from(("15.", ".5", "8", "+2.50") + (() if positive else ("-.25",)))
 
 
-def _statements() -> st.SearchStrategy[str]:
-    """One statement in canonical form but for its numbers."""
-    whole = st.integers(1, 99999).map(str)
-    any_number, positive = decimals(), decimals(positive=True)
-    return st.one_of(
-        st.builds("UU{}0{}/{}".format, _AXES, whole, whole),
-        st.builds("VEL{} {}".format, _AXES | st.just("O"), positive),
-        st.builds("ACC{} {}".format, _AXES | st.just("O"), positive),
-        st.builds("PARA{}{}".format, _AXES, st.sampled_from("+-")),
-        st.builds("MRI{} {}".format, _AXES, any_number),
-        st.builds("MR{} {}".format, _AXES, any_number),
-        st.just("GO"),
-        st.builds("WX{}".format, _AXES),
-        st.builds("WT{}".format, st.integers(0, 10**6)),
-        st.sampled_from(_LABELS).map("JUMP {}".format),
-    )
+def _statements(grammar: str) -> st.SearchStrategy[str]:
+    """One statement of `grammar` in canonical form but for its operands; no labels."""
+    kinds = [kind for kind in statement_kinds(grammar) if kind is not ast.Label]
+    return st.one_of(*map(_statement, kinds))
+
+
+def _statement(kind: type[ast.Statement]) -> st.SearchStrategy[str]:
+    types = get_type_hints(kind)
+    of_type: dict[type[ast.Operand], st.SearchStrategy[str]] = {
+        ast.Axis: _AXES,
+        ast.Number: decimals(positive=kind in _NOT_ZERO),
+        ast.Whole: st.builds(
+            "{}{}".format, st.sampled_from(("", "0")), st.integers(kind in _NOT_ZERO, 10**6)
+        ),
+        ast.Switch: st.sampled_from("+-"),
+        ast.Name: st.sampled_from(_LABELS),
+    }
+    operands = [of_type[types[field.name]] for field in fields(kind) if field.name != "span"]
+    return st.builds(kind.layout.format, *operands)
 
 
 @st.composite
-def program_texts(draw: st.DrawFn) -> str:
-    """Programs of the attested language with the oddities of DOS files; all compile.
+def program_texts(draw: st.DrawFn, grammar: str = "attested") -> str:
+    """Programs of the language with the oddities of DOS files; all compile.
 
     They need not make sense as motion.
     """
-    body = draw(st.lists(_statements(), max_size=20))
+    body = draw(st.lists(_statements(grammar), max_size=20))
     for label in _LABELS:
         body.insert(draw(st.integers(0, len(body))), f":{label}")
     end = draw(st.sampled_from(("\n", "\r\n", "\r")))
@@ -84,5 +93,6 @@ def _dressed(statement: str) -> st.SearchStrategy[str]:
     )  # fmt: skip
 
 
-def programs() -> st.SearchStrategy[Program]:
-    return program_texts().map(mopro.compile)
+def programs(grammar: str = "attested") -> st.SearchStrategy[Program]:
+    """The programs that `program_texts` compile to."""
+    return program_texts(grammar).map(lambda text: mopro.compile(text, grammar=grammar))

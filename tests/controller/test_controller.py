@@ -15,7 +15,7 @@ from mopro.controller import (
     Station,
     load_scenario,
 )
-from mopro.controller.device import Refuse
+from mopro.controller.device import Refusal
 from mopro.controller.faults import KINDS, Fault, FaultInjector
 from mopro.controller.motion import Motion
 from mopro.emulator import Emulator
@@ -81,7 +81,7 @@ def test_a_program_without_sense_is_refused_at_its_end():
     device = station().device
     device.do("begin", {"name": "X"}, 0.0)
     device.take("JUMP NOWHERE")
-    with pytest.raises(Refuse, match="statement 1: no line defines the label NOWHERE"):
+    with pytest.raises(Refusal, match="statement 1: no line defines the label NOWHERE"):
         device.do("end", {}, 0.0)
     assert device.do("list", {"name": "X"}, 0.0) == []
 
@@ -92,7 +92,7 @@ def test_a_running_program_is_not_disturbed(statement):
     store.write("MAIN", SHORT.splitlines())
     device.do("run", {"name": "MAIN"}, 0.0)
     fields = {"name": "MAIN"} | ({"scratch": "MAIN"} if statement == "commit" else {})
-    with pytest.raises(Refuse, match="running"):
+    with pytest.raises(Refusal, match="running"):
         device.do(statement, fields, 0.1)
     assert device.do("status", {}, 0.1)[0] == {"state": "running", "statement": 4, "completed": 0}
 

@@ -10,7 +10,7 @@ import pytest
 from bench_of_link import DIALECTS, OLD, SHORT, bench, with_line
 
 import mopro
-from mopro.controller.device import Refuse
+from mopro.controller.device import Refusal
 from mopro.errors import LinkError
 from mopro.link import SerialBackend, load_dialect
 from mopro.link.dialect import read_dialect
@@ -355,7 +355,7 @@ def test_a_host_that_falls_silent_is_noticed_by_a_controller_that_can(dialect):
     def killed():
         raise SystemExit
 
-    joined.session.shout = lambda statement: None
+    joined.session.send_unanswered = lambda statement: None
     joined.session.port = Troubled(joined.session.port, 2.0, killed, times=10**9)
     warned = []
     with pytest.raises(SystemExit):
@@ -388,7 +388,7 @@ def test_a_controller_that_refuses_a_heartbeat_is_run_with_a_warning():
 
     def refusing(statement, fields, now_s):
         if statement == "heartbeat":
-            raise Refuse(1, "not a statement of this controller")
+            raise Refusal(1, "not a statement of this controller")
         return do(statement, fields, now_s)
 
     joined.station.device.do = refusing

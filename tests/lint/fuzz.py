@@ -5,16 +5,17 @@ from __future__ import annotations
 import random
 
 from mopro.errors import SourceError
-from mopro.language import source_from_bytes
+from mopro.language import ast, source_from_bytes
 from mopro.lint import Settings, lint
 from mopro.lint.rule import Stage
 from mopro.lint.rules import RULES
 from mopro.source import Source, Span
 
+# Every statement of the language as a person writes it, and what a person gets wrong.
 _WORDS = (
-    "UU012500/1", "UU1", "VEL1 40.0", "VELO 15", "ACC0 .25", "ACC2 1.9", "PARA1+", "PARA2-",
-    "MRI1 15.0", "MRI2 -0.0001", "MRI0 2", "MR1 8", "MR2 -8.0", "GO", "WX1", "WX0", "WT10", "WT0",
-    ":B1", ":b1", ":X", "JUMP B1", "JUMP X", "JUMP Y", "MAI1 3", "MC1 5.0", "ST1", "SK1 -5", "HM2",
+    *(kind.form for kind in ast.STATEMENTS.values()),
+    "UU1", "VELO 15", "ACC0 .25", "ACC2 1.9", "PARA2-", "MRI2 -0.0001", "MRI0 2", "MR2 -8.0",
+    "WX0", "WT10", "WT0", ":b1", ":X", "JUMP X", "JUMP Y", "MC1 5.0", "HM2",
     "; mopro: allow stall", "; 250 in/s^2", "VLE1 4", "MRI 1 2", "WT99999999999", "VEL1 -1",
 )  # fmt: skip
 _ENDS = ("\n", "\n", "\n", "\r\n", "\r", "", " ", "\x1a", "\t;")

@@ -227,3 +227,25 @@ class TestAssumedStatements:
         travel = {1: (-10.0 * IN, 10.0 * IN)}
         run = self.schedule("VEL1 20.0\nHM1\nWX1\nMAI1 2.0\nWX1\n", travel_u=travel)
         assert run.moves[1].strokes[0].length_u == 2 * IN
+
+    def test_zero_position_is_what_absolute_moves_count_from(self):
+        run = self.schedule("MRI1 3.0\nWX1\nZP1\nMAI1 2.0\nWX1\nMRI1 -1.0\nWX1\nMAI1 0.0\nWX1\n")
+        assert [m.strokes[0].end_u for m in run.moves] == [3 * IN, 5 * IN, 4 * IN, 3 * IN]
+
+    def test_zero_position_concerns_its_axis_and_later_targets_only(self):
+        body = "MRI0 1.0\nWX0\nMA1 2.0\nZP1\nGO\nWX0\nMAI2 3.0\nWX2\nZP0\nMA0 0.5\nGO\nWX0\n"
+        run = self.schedule(body)
+        ends = [{s.axis: s.end_u / IN for s in move.strokes} for move in run.moves]
+        assert ends == [{1: 1}, {2: 1}, {1: 2}, {2: 3}, {1: 2.5, 2: 3.5}]
+
+    def test_zero_position_takes_no_time_and_no_motion(self):
+        run = self.schedule("ZP0\nWT100\nZP1\n")
+        assert (run.duration_s, run.moves, run.final_u(1)) == (0.1, (), 0)
+
+    @pytest.mark.parametrize("motion", ["MRI1 8.0", "MC1 1.0"])
+    def test_zero_position_of_a_moving_axis_is_refused(self, motion):
+        with pytest.raises(MotionError, match="put `WX1` before line 5") as caught:
+            self.schedule(f"{motion}\nZP1\n", 1.0)
+        assert [(d.span.line, d.rule) for d in caught.value.diagnostics] == [
+            (5, "move-on-moving-axis")
+        ]

@@ -38,7 +38,7 @@ class StartDelay(Effect):
             return replace(program, ops=(ir.Dwell(program.ops[0].span, milliseconds), *program.ops))
         ops: list[ir.Op] = []
         for op in program.ops:
-            if isinstance(op, ir.Move | ir.Go | ir.Seek | ir.Home):
+            if op.seeks_switch or isinstance(op, ir.Move | ir.Go):
                 ops.append(ir.Dwell(op.span, milliseconds))
             ops.append(op)
         return replace(program, ops=tuple(ops))
