@@ -11,8 +11,11 @@ import random
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 
-from mopro.testing.fuzz import check_input, fuzz_input
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "lint"))
+
+from fuzz import check_input, fuzz_input
 
 _CHUNK = 2000
 _HANG_S = 20.0

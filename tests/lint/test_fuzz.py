@@ -3,11 +3,11 @@
 import random
 
 import pytest
+from fuzz import check_input, fuzz_input
 
 from mopro.errors import SourceError
 from mopro.language import source_from_bytes
 from mopro.lint import Settings, lint
-from mopro.testing.fuzz import check_input, fuzz_input
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -29,7 +29,7 @@ _APART_S = 1e-7
 
 
 @dataclass(frozen=True)
-class Piece:
+class HeatInterval:
     """A time of even heating, up to `until_s`."""
 
     until_s: float
@@ -48,20 +48,20 @@ def temperature_C(
 ) -> Floats:
     """The forcer's temperature at ascending times; it starts as warm as the air."""
     found, here_C, now_s, done = np.empty(len(times_s)), n.air_C, 0.0, 0
-    for piece in pieces(timeline, max(float(times_s[-1]), 0.0), hidden, n):
-        last = int(np.searchsorted(times_s, piece.until_s, side="right"))
+    for interval in heat_intervals(timeline, max(float(times_s[-1]), 0.0), hidden, n):
+        last = int(np.searchsorted(times_s, interval.until_s, side="right"))
         inside = np.maximum(times_s[done:last], now_s)
-        marks = np.concatenate(([now_s], inside, [piece.until_s]))
-        curve = _curve(here_C, marks, piece, hidden, n)
+        marks = np.concatenate(([now_s], inside, [interval.until_s]))
+        curve = _curve(here_C, marks, interval, hidden, n)
         found[done:last] = curve[1:-1]
-        here_C, now_s, done = float(curve[-1]), piece.until_s, last
+        here_C, now_s, done = float(curve[-1]), interval.until_s, last
     return found
 
 
 def _curve(
     start_C: float,
     marks: Floats,
-    piece: Piece,
+    interval: HeatInterval,
     hidden: Mapping[str, Mapping[str, float]],
     n: Nominal,
 ) -> Floats:
@@ -72,14 +72,14 @@ def _curve(
         return np.full(len(marks), start_C)
     copper = hidden.get("resistance_tempco", {})
     numbers = (
-        piece.coil_W,
+        interval.coil_W,
         copper.get("alpha", 0.0),
         copper.get("T0", n.air_C),
-        piece.core_W,
-        piece.loss_W_K,
+        interval.core_W,
+        interval.loss_W_K,
         hidden.get("ambient_drift", {}).get("r", 0.0),
-        piece.conduction_W_K,
-        piece.platen_C,
+        interval.conduction_W_K,
+        interval.platen_C,
         hidden.get("radiation", {}).get("eps", 0.0) * (n.side_area_m2 + n.top_area_m2),
         n.air_C,
         n.capacity_J_K,
@@ -102,12 +102,12 @@ def _slope(  # type: ignore[no-untyped-def]
     return flow / capacity_J_K
 
 
-def pieces(
+def heat_intervals(
     timeline: Timeline,
     until_s: float,
     hidden: Mapping[str, Mapping[str, float]],
     n: Nominal = THESIS,
-) -> list[Piece]:
+) -> list[HeatInterval]:
     """The times of even heating from the program's start to `until_s`."""
     until_s += 1e-6
     held = {axis: _held_times(timeline, axis, until_s, hidden) for axis in _AXES}
@@ -126,7 +126,7 @@ def pieces(
             at += 1
         moving = [s for s in moving if s.start_s + s.duration_s > middle]
         shares = [_share(held[axis], middle, hidden) for axis in _AXES]
-        found.append(_piece(end, moving, shares, hidden, n))
+        found.append(_interval(end, moving, shares, hidden, n))
         start_s = end
     return found
 
@@ -143,20 +143,22 @@ def steady_rise_K(
         for i, (speed, way) in enumerate(zip(speeds_m_s, ways_m, strict=True))
         if way
     ]
-    piece = _piece(1.0, still, [1.0, 1.0], hidden, n)
-    platen = piece.conduction_W_K * (piece.platen_C - n.air_C)
-    return (piece.coil_W + piece.core_W + platen) / (piece.loss_W_K + piece.conduction_W_K)
+    interval = _interval(1.0, still, [1.0, 1.0], hidden, n)
+    platen = interval.conduction_W_K * (interval.platen_C - n.air_C)
+    return (interval.coil_W + interval.core_W + platen) / (
+        interval.loss_W_K + interval.conduction_W_K
+    )
 
 
-def _piece(
+def _interval(
     until_s: float,
     moving: list[Stroke],
     shares: list[float],
     hidden: Mapping[str, Mapping[str, float]],
     n: Nominal,
-) -> Piece:
+) -> HeatInterval:
     speeds = [s.peak_m_s for s in moving]
-    ways = [abs(s.way_m) for s in moving]
+    ways = [abs(s.displacement_m) for s in moving]
     squares = [share**2 for share in shares]
     rest_W = 2 * n.coil_ohm * n.current_A**2 * sum(squares)
     moving_W = len(moving) * n.coil_ohm * n.moving_current_A**2 * max(squares)
@@ -164,7 +166,7 @@ def _piece(
     platen = hidden.get("platen_conduction", {})
     core = hidden.get("speed_dependent_heat", {})
     steps_Hz = [speed / n.pitch_m for speed in speeds]
-    return Piece(
+    return HeatInterval(
         until_s,
         rest_W + moving_W,
         scale * convection_W_K(math.hypot(*speeds), math.hypot(*ways) or n.side_m, n),

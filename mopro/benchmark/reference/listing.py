@@ -44,13 +44,13 @@ class Controller:
 
 @dataclass(frozen=True)
 class Stroke:
-    """One axis in one motion: from `start_m`, by `way_m`, along scaled `parts`."""
+    """One axis in one motion: from `start_m`, by `displacement_m`, along scaled `parts`."""
 
     axis: int
     start_s: float
     duration_s: float
     start_m: float
-    way_m: float
+    displacement_m: float
     peak_m_s: float
     parts: tuple[Leg, ...]
 
@@ -141,27 +141,27 @@ class _Clockwork:
         for number, way in ways.items():
             self._stroke(number, way, abs(ways[major]), parts)
 
-    def _profile(self, axis: _Axis, way_u: int) -> list[Leg]:
+    def _profile(self, axis: _Axis, displacement_u: int) -> list[Leg]:
         unit = float(axis.per_unit)
-        return legs(way_u, axis.speed * unit, axis.acceleration * unit, axis.parabolic)
+        return legs(displacement_u, axis.speed * unit, axis.acceleration * unit, axis.parabolic)
 
-    def _stroke(self, number: int, way_u: int, major_u: int, parts: list[Leg]) -> None:
+    def _stroke(self, number: int, displacement_u: int, major_u: int, parts: list[Leg]) -> None:
         axis, rate = self.axes[number], self.controller.clock
-        share = way_u / major_u * self.microstep_m
+        share = displacement_u / major_u * self.microstep_m
         scaled = tuple(
             (t / rate, v * share * rate, a * share * rate**2, j * share * rate**3)
             for t, v, a, j in parts
         )
         lasts = duration_s(parts)
         peak = max(max(v, v + a * t / 2 + j * t * t / 8, v + a * t) for t, v, a, j in parts)
-        if way_u:
+        if displacement_u:
             self.strokes.append(
                 Stroke(
                     number, self.now_s / rate, lasts / rate, axis.at_u * self.microstep_m,
-                    way_u * self.microstep_m, abs(peak * share * rate), scaled,
+                    displacement_u * self.microstep_m, abs(peak * share * rate), scaled,
                 )
             )  # fmt: skip
-        axis.at_u += way_u
+        axis.at_u += displacement_u
         axis.busy_until_s = self.now_s + lasts
 
 

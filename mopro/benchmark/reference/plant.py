@@ -133,7 +133,7 @@ def _command(strokes: list[Stroke], until_s: float) -> Floats:
             found.append(_row(at_s, at_s + lasts, x, v, a, j))
             x += lasts * (v + lasts * (a / 2 + lasts * j / 6))
             at_s += lasts
-        x, now_s = stroke.start_m + stroke.way_m, at_s
+        x, now_s = stroke.start_m + stroke.displacement_m, at_s
     found.append(_row(now_s, max(until_s, now_s + 1.0), x))
     return np.array(found)
 

@@ -28,7 +28,7 @@ def test_both_readers_see_the_same_moves(file):
         assert mine.start_s == pytest.approx(move.start_s, abs=1e-9)
         assert mine.duration_s == pytest.approx(move.profile.duration_s, abs=1e-9)
         assert mine.start_m == pytest.approx(stroke.start_u * THESIS.microstep_m, abs=1e-12)
-        assert mine.way_m == pytest.approx(stroke.length_u * THESIS.microstep_m, abs=1e-12)
+        assert mine.displacement_m == pytest.approx(stroke.length_u * THESIS.microstep_m, abs=1e-12)
     if theirs.complete:
         assert ours.duration_s == pytest.approx(theirs.duration_s, abs=1e-9)
 
@@ -64,6 +64,6 @@ def test_a_move_on_a_moving_axis_is_refused():
 def test_the_letter_o_and_several_statements_on_a_line():
     line = timeline("UU012500/1 VELO 10.0 ACCO 0.1\nMR1 2.0 MR2 -1.0 GO WX1 WX2 WT500")
     assert [s.axis for s in line.strokes] == [1, 2]
-    assert line.strokes[1].way_m == pytest.approx(-1.0 * INCH_M)
+    assert line.strokes[1].displacement_m == pytest.approx(-1.0 * INCH_M)
     assert line.strokes[0].duration_s == line.strokes[1].duration_s
     assert line.duration_s == pytest.approx(line.strokes[0].duration_s + 0.5)

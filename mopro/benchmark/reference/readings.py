@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from mopro.benchmark.reference import heat, plant, sensors, strange
+from mopro.benchmark.reference import disturbances, heat, plant, sensors
 from mopro.benchmark.reference.listing import Timeline, timeline
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
@@ -24,7 +24,7 @@ _EARLY_S, _LATE_STEP_S = 600.0, 15.0
 
 
 @dataclass(frozen=True)
-class Strange:
+class Disturbance:
     """A disturbance off the catalogue; `size_m` multiplies its shape."""
 
     name: str
@@ -33,7 +33,7 @@ class Strange:
 
 
 @dataclass(frozen=True)
-class Trial:
+class ProgramRun:
     """One run: a program, what is known to ride on the forcer, how long it is recorded.
 
     `until_s` ends a program that loops for ever.
@@ -45,16 +45,16 @@ class Trial:
 
 
 @dataclass
-class Plant:
+class ReferencePlant:
     """A machine with what is hidden in it; `stalled` once an axis lost its tooth."""
 
     hidden: Hidden
-    strange: Strange | None = None
+    disturbance: Disturbance | None = None
     nominal: Nominal = THESIS
     stalled: bool = field(default=False, init=False)
 
     def readings(
-        self, trial: Trial, instruments: Sequence[Instrument], generator: np.random.Generator
+        self, trial: ProgramRun, instruments: Sequence[Instrument], generator: np.random.Generator
     ) -> tuple[Floats, list[Floats]]:
         """Time stamps (s) and, without noise, what each instrument shows in its unit.
 
@@ -85,7 +85,7 @@ class Plant:
     def _place(
         self,
         real: Timeline,
-        trial: Trial,
+        trial: ProgramRun,
         instrument: Instrument,
         stamps: Floats,
         generator: np.random.Generator,
@@ -107,14 +107,19 @@ class Plant:
         if dense:
             seen = sensors.resampled(step_s, seen, taken)
         seen = sensors.electronics(seen, taken, self.hidden)
-        if self.strange:
-            seen = seen + self.strange.size_m * strange.disturbance(
-                self.strange.name, self.strange.numbers, stamps, own[:, 0], own[:, 2], generator
+        if self.disturbance:
+            seen = seen + self.disturbance.size_m * disturbances.disturbance(
+                self.disturbance.name,
+                self.disturbance.numbers,
+                stamps,
+                own[:, 0],
+                own[:, 2],
+                generator,
             )
         return seen / instrument.unit
 
     def _motion(
-        self, real: Timeline, trial: Trial, axis: int, times: Floats, dense: bool
+        self, real: Timeline, trial: ProgramRun, axis: int, times: Floats, dense: bool
     ) -> Floats:
         if not dense:
             return self._axis(real, trial, axis, times)
@@ -124,7 +129,7 @@ class Plant:
         place = CubicHermiteSpline(coarse, found[:, 0], found[:, 1])
         return np.column_stack([place(times), *(np.interp(times, coarse, c) for c in found.T[1:])])
 
-    def _axis(self, real: Timeline, trial: Trial, axis: int, times: Floats) -> Floats:
+    def _axis(self, real: Timeline, trial: ProgramRun, axis: int, times: Floats) -> Floats:
         def temperature(at_s: Floats) -> Floats:
             return self._temperature(real, at_s)
 
