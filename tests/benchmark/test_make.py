@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mopro.benchmark import hidden
-from mopro.benchmark.case import draw_case
+from mopro.benchmark.case import case_instruments, draw_case
 from mopro.benchmark.grid import LASER, CaseSpec, case_specs
 from mopro.benchmark.make import make, write
 from mopro.benchmark.reference.listing import timeline
