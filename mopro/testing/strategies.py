@@ -16,7 +16,7 @@ _LABELS = ("B1", "LOOP", "x_2")
 
 
 def profiles(parabolic: bool | None = None) -> st.SearchStrategy[Profile]:
-    """Profiles of any shape over nine decades, those just at a change of shape included."""
+    """Profiles of any shape, with sizes over nine decades, and those at a change of shape."""
     size = st.floats(1e-3, 1e6)
     kind = st.booleans() if parabolic is None else st.just(parabolic)
     free = st.builds(plan_profile, size, size, size, kind)
@@ -24,7 +24,7 @@ def profiles(parabolic: bool | None = None) -> st.SearchStrategy[Profile]:
 
 
 def _at_change_of_shape(velocity: float, acceleration: float, parabolic: bool) -> Profile:
-    """The move whose cruise is just empty."""
+    """The shortest move that reaches its velocity."""
     distance = (8 / 3 if parabolic else 1) * velocity**2 / acceleration
     return plan_profile(distance, velocity, acceleration, parabolic)
 
@@ -85,4 +85,5 @@ def _dressed(statement: str) -> st.SearchStrategy[str]:
 
 
 def programs() -> st.SearchStrategy[Program]:
+    """Compiled programs of `program_texts`."""
     return program_texts().map(mopro.compile)
