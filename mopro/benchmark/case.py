@@ -49,7 +49,7 @@ class Case:
 
     @property
     def as_wanted(self) -> bool:
-        """Each effect is at least as large as its class demands, and no axis loses steps."""
+        """Each effect is at least as large as its class demands, and no axis stalls."""
         least = [
             SIZE_CLASSES[size][0] if size in SIZE_CLASSES else 0.0 for _, size in self.spec.effects
         ]

@@ -31,7 +31,7 @@ def add_proposed_run(
     """Write a copy of the case in `folder` with the program `text` as one more run.
 
     Returns the experiment file in the folder `copy`. Raises ValueError for a program that
-    cannot be run or makes the plant lose steps, DataError if `copy` holds files of an
+    cannot be run or makes the plant stall, DataError if `copy` holds files of an
     experiment that were not made here.
     """
     instruments = [Instrument(**i) for i in answer["instruments"]]
@@ -41,7 +41,7 @@ def add_proposed_run(
     plant = hidden_plant(answer)
     data = measured(plant, run, instruments, answer["offsets"], generator)
     if plant.stalled:
-        raise ValueError("the proposed program makes the hidden plant lose its lock")
+        raise ValueError("the proposed program makes the hidden plant stall")
     contents = {name: (folder / name).read_bytes() for name in answer["files"]}
     name = data_name("proposed", instruments)
     contents["proposed.CMD"] = text.encode("utf-8")

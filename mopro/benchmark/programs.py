@@ -13,7 +13,7 @@ Generator = np.random.Generator
 
 _SPEEDS = (3.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 _RATES = (0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4)
-# With a payload the axis would lose steps on steeper ramps.
+# With a payload the axis would stall on steeper ramps.
 _GENTLE = (0.04, 0.06, 0.1, 0.15)
 _MOST_MOVES = 60
 

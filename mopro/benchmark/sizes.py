@@ -52,7 +52,7 @@ class NoiselessRuns:
         ]
 
     def total_sigma(self, effects: dict[str, dict[str, float]]) -> float:
-        """Total size √(Σ (Δ - mean of Δ in the series)² / σ²); infinite if an axis loses steps.
+        """Total size √(Σ (Δ - mean of Δ in the series)² / σ²); infinite if an axis stalls.
 
         Δ is the change of the readings. The mean of a sensor's offset alone is not subtracted.
         """
@@ -74,7 +74,7 @@ class NoiselessRuns:
         return found
 
     def _change(self, effects: dict[str, dict[str, float]]) -> Floats | None:
-        """Change of all readings in σ, each series less its mean; None if an axis loses steps."""
+        """Change of all readings in σ, each series less its mean; None if an axis stalls."""
         if self._plain is None:
             self._plain = self.clean(ReferencePlant({}, nominal=self.nominal))
         plant = ReferencePlant(effects, nominal=self.nominal)
@@ -96,7 +96,7 @@ def strength_for(
     """The strength in [least, 1] whose total size is closest to `target`, and that size.
 
     A target of 0 or infinity stands for the near or the far end of the range; the far end is
-    reduced until the axis loses no steps.
+    reduced until the axis does not stall.
     """
     if target in (0.0, math.inf):
         return _end_of_range(noiseless, name, drawn, least if target == 0.0 else 1.0)

@@ -197,8 +197,8 @@ def _slipped(
     return np.concatenate([command[:at], [before, after], command[at + 1 :]])
 
 
-def lost_lock(response: Floats, hidden: Hidden, pitch_m: float = THESIS.pitch_m) -> bool:
-    """Whether the axis lost steps other than those of the hidden effect `lost_steps`."""
+def has_stalled(response: Floats, hidden: Hidden, pitch_m: float = THESIS.pitch_m) -> bool:
+    """Whether the axis has stalled; steps of the hidden effect `lost_steps` do not count."""
     lag = response[:, 3] - response[:, 0]
     steps = abs(_of(hidden, "lost_steps", "n")) * pitch_m
     return bool(np.abs(lag).max() > pitch_m * 0.3 + steps)

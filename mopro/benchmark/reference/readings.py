@@ -46,7 +46,7 @@ class ProgramRun:
 
 @dataclass
 class ReferencePlant:
-    """A machine with hidden effects; `stalled` is set once an axis loses steps."""
+    """A machine with hidden effects; `stalled` is set once an axis stalls."""
 
     hidden: Hidden
     disturbance: Disturbance | None = None
@@ -139,7 +139,7 @@ class ReferencePlant:
         command = plant.rows(real, axis, self.hidden, temperature, pitch_m)
         numbers = plant.numbers(self.hidden, run.payload_kg, self.nominal)
         found = plant.axis_response(times, command, numbers)
-        self.stalled |= plant.lost_lock(found, self.hidden, pitch_m)
+        self.stalled |= plant.has_stalled(found, self.hidden, pitch_m)
         return found
 
     def _rise_K(self, real: Timeline, times: Floats) -> Floats | float:
