@@ -10,14 +10,14 @@ import numpy as np
 
 from mopro.benchmark.grid import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
 from mopro.benchmark.hidden import HIDDEN_EFFECTS, Parameters
-from mopro.benchmark.programs import ProgramWriter, Travel
+from mopro.benchmark.programs import PositionRange, ProgramWriter
 from mopro.benchmark.reference.nominal import INCH_M, THESIS, Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
 from mopro.benchmark.sizes import SIZE_CLASSES, NoiselessRuns, class_of, strength_for
 
 _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
-_TRAVEL = {LVDT: Travel(-9.0, 9.0)}
+_TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}
 _NEXT_COARSER = {LASER: ENCODER, ENCODER: LVDT}
 _ATTEMPTS = 5
 _DISTURBANCE_RMS = (0.3, 1.0, 2.0, 3.0)  # in σ of the sensor
@@ -143,7 +143,7 @@ def case_instruments(sensor: str, style: str) -> list[Instrument]:
 
 
 def _runs(g: Generator, spec: CaseSpec, nominal: Nominal) -> list[ProgramRun]:
-    writer = ProgramWriter.of(nominal, _TRAVEL.get(spec.sensor, Travel()))
+    writer = ProgramWriter.of(nominal, _TRAVEL.get(spec.sensor, PositionRange()))
     return [_run(g, spec, writer) for _ in range(spec.runs)]
 
 

@@ -24,12 +24,12 @@ _FORM = "files that mopro blind made, with their SHA-256"
 
 
 def is_case_number(number: object) -> bool:
-    """Whether `number` is the number of a case."""
+    """True for the number of a case: three to six digits."""
     return isinstance(number, str) and _NUMBER.fullmatch(number) is not None
 
 
 def is_file_name(name: object) -> bool:
-    """Whether `name` is a valid name of an experiment's file."""
+    """True for a valid name of an experiment's file, without a folder."""
     return isinstance(name, str) and _NAME.fullmatch(name) is not None
 
 
@@ -122,7 +122,7 @@ def _path_of(number: str, name: str) -> str:
 
 
 def _is_path(path: str) -> bool:
-    """Whether a manifest may list `path`: answers.json, or a file of the folder or of a case."""
+    """True for a path that a manifest may list: answers.json, or a file of the folder or a case."""
     number, slash, name = path.rpartition("/")
     return path == ANSWERS or (is_file_name(name) and (is_case_number(number) or not slash))
 

@@ -19,7 +19,7 @@ _MOST_MOVES = 60
 
 
 @dataclass(frozen=True)
-class Travel:
+class PositionRange:
     """The range of positions that programs use, in inches from the start."""
 
     low: float = 0.0
@@ -34,12 +34,12 @@ class ProgramWriter:
     scaled by `agility` (0 to 1) for a motor that is weaker for its mass than the default one.
     """
 
-    travel: Travel = Travel()
+    travel: PositionRange = PositionRange()
     per_inch: int = THESIS.microsteps_per_inch
     agility: float = 1.0
 
     @classmethod
-    def of(cls, nominal: Nominal, travel: Travel) -> ProgramWriter:
+    def of(cls, nominal: Nominal, travel: PositionRange) -> ProgramWriter:
         """A writer for the machine `nominal`."""
         agility = nominal.agility / THESIS.agility
         return cls(travel, nominal.microsteps_per_inch, min(agility, 1.0))

@@ -198,7 +198,7 @@ def _slipped(
 
 
 def has_stalled(response: Floats, hidden: Hidden, pitch_m: float = THESIS.pitch_m) -> bool:
-    """Whether the axis has stalled; steps of the hidden effect `lost_steps` do not count."""
+    """True if the axis stalled; steps of the hidden effect `lost_steps` do not count."""
     lag = response[:, 3] - response[:, 0]
     steps = abs(_of(hidden, "lost_steps", "n")) * pitch_m
     return bool(np.abs(lag).max() > pitch_m * 0.3 + steps)
