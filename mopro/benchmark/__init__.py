@@ -1,1 +1,1 @@
-"""The hidden-effect proving ground: experiments whose answers are known and kept apart."""
+"""Benchmark of `mopro reconcile`: experiments with hidden effects, their answers kept apart."""

@@ -1,4 +1,4 @@
-"""One case: programs, sensors and what is hidden, drawn from the seed and its number."""
+"""Random draw of one case: programs, sensors, hidden effects and their sizes."""
 
 from __future__ import annotations
 
@@ -8,49 +8,56 @@ from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.grid import ENCODER, LASER, LVDT, THERMOCOUPLE, Spec
-from mopro.benchmark.hidden import ENTRIES, Parameters
-from mopro.benchmark.programs import Author, Range
-from mopro.benchmark.reference.experiment import Plant, Strange, Trial
+from mopro.benchmark.grid import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.hidden import HIDDEN_EFFECTS, Parameters
+from mopro.benchmark.programs import PositionRange, ProgramWriter
 from mopro.benchmark.reference.nominal import INCH_M, THESIS, Nominal
+from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
-from mopro.benchmark.sizes import CLASSES, Bench, class_of, strength_for
+from mopro.benchmark.sizes import SIZE_CLASSES, NoiselessRuns, class_of, strength_for
 
 _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
-_ROOMS = {LVDT: Range(-9.0, 9.0)}
-_COARSER = {LASER: ENCODER, ENCODER: LVDT}
+_TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}
+_NEXT_COARSER = {LASER: ENCODER, ENCODER: LVDT}
 _ATTEMPTS = 5
-_OFF_RMS = (0.3, 1.0, 2.0, 3.0)
+_DISTURBANCE_RMS = (0.3, 1.0, 2.0, 3.0)  # in σ of the sensor
 
 Generator = np.random.Generator
 
 
 @dataclass
 class Case:
-    """One case drawn: what is known, and what is hidden."""
+    """One case: programs and sensors, which are told, and effects, which are hidden.
+
+    `effects` maps each hidden effect to its parameters (SI), `sizes` to its total size (σ),
+    `alone` to the size (σ) of the part that the other effects cannot mimic. `offsets` are the
+    sensors' zeros in their units, `files` the SHA-256 of the experiment's files by name.
+    """
 
     number: str
-    spec: Spec
-    trials: list[Trial]
+    spec: CaseSpec
+    runs: list[ProgramRun]
     instruments: list[Instrument]
     nominal: Nominal
     effects: dict[str, Parameters] = field(default_factory=dict)
     sizes: dict[str, float] = field(default_factory=dict)
     alone: dict[str, float] = field(default_factory=dict)
-    strange: Strange | None = None
+    disturbance: Disturbance | None = None
     offsets: list[float] = field(default_factory=list)
     total_sigma: float = 0.0
     files: dict[str, str] = field(default_factory=dict)
 
     @property
-    def shows(self) -> bool:
-        """Whether each effect shows at least as large as was wanted, and no axis stalls."""
-        least = [CLASSES[size][0] if size in CLASSES else 0.0 for _, size in self.spec.effects]
+    def as_wanted(self) -> bool:
+        """Each effect is at least as large as its class demands, and no axis stalls."""
+        least = [
+            SIZE_CLASSES[size][0] if size in SIZE_CLASSES else 0.0 for _, size in self.spec.effects
+        ]
         seen = zip(self.sizes.values(), least, strict=True)
         return all(total >= low for total, low in seen) and math.isfinite(self.total_sigma)
 
     def answer(self) -> dict[str, Any]:
-        """What the sealed file says of it."""
+        """The case's entry in answers.json."""
         effects = [
             {"name": name, "parameters": values, "total_sigma": self.sizes[name],
                 "alone_sigma": self.alone[name],
@@ -64,58 +71,64 @@ class Case:
             "machine": asdict(self.nominal),
             "effects": effects,
             "total_sigma": self.total_sigma,
-            "strange": asdict(self.strange) if self.strange else None,
+            "strange": asdict(self.disturbance) if self.disturbance else None,
             "offsets": self.offsets,
             "instruments": [asdict(i) for i in self.instruments],
             "files": self.files,
         }
 
 
-def drawn(seed: int, number: str, spec: Spec, nominal: Nominal = THESIS) -> Case:
-    """The case in all its numbers, from the seed, its own number and the machine alone."""
+def draw_case(seed: int, number: str, spec: CaseSpec, nominal: Nominal = THESIS) -> Case:
+    """The case `number` of a grid; depends on no other case.
+
+    An effect too large for its class moves the case to a coarser sensor; one too small, or one
+    that makes an axis lose steps, is drawn again a few times.
+    """
     g = np.random.default_rng([seed, 2, int(number)])
     for _ in range(_ATTEMPTS):
         case = _attempt(g, number, spec, nominal)
-        if fitter := _fitter(case):
-            spec = fitter
-        elif case.shows:
+        if coarser := _with_coarser_sensor(case):
+            spec = coarser
+        elif case.as_wanted:
             break
-    if spec.strange:
+    if spec.disturbance:
         _disturb(g, case)
     case.offsets = _offsets(g, case)
     return case
 
 
-def _attempt(g: Generator, number: str, spec: Spec, nominal: Nominal) -> Case:
-    """One draw of programs and effects, each as large as wanted if that can be."""
-    trials = _trials(g, spec, nominal)
-    case = Case(number, spec, trials, instruments(spec.sensor, spec.style), nominal)
-    bench = Bench(case.trials, case.instruments, nominal)
+def _attempt(g: Generator, number: str, spec: CaseSpec, nominal: Nominal) -> Case:
+    """One draw of programs and effects, each as close to its wanted size as possible."""
+    runs = _runs(g, spec, nominal)
+    case = Case(number, spec, runs, case_instruments(spec.sensor, spec.style), nominal)
+    noiseless = NoiselessRuns(case.runs, case.instruments, nominal)
     for name, size in spec.effects:
-        drawn_effect = ENTRIES[name].draw(g, nominal)
+        drawn_effect = HIDDEN_EFFECTS[name].draw(g, nominal)
         target = _target(g, size)
-        strength, total = strength_for(bench, name, drawn_effect, target, ENTRIES[name].least)
+        strength, total = strength_for(
+            noiseless, name, drawn_effect, target, HIDDEN_EFFECTS[name].least
+        )
         case.effects[name] = drawn_effect(strength)
         case.sizes[name] = total
     if spec.effects:
-        case.total_sigma = bench.total_sigma(case.effects)
-        case.alone = bench.alone_sigma(case.effects)
+        case.total_sigma = noiseless.total_sigma(case.effects)
+        case.alone = noiseless.alone_sigma(case.effects)
     return case
 
 
-def _fitter(case: Case) -> Spec | None:
-    """The same with a coarser sensor, where a single small effect shows too large."""
+def _with_coarser_sensor(case: Case) -> CaseSpec | None:
+    """The specification with the next coarser sensor if a single effect is too large; else None."""
     spec = case.spec
-    if spec.group != "single" or spec.sensor not in _COARSER:
+    if spec.group != "single" or spec.sensor not in _NEXT_COARSER:
         return None
     (size,) = (size for _, size in spec.effects)
     (total,) = case.sizes.values()
-    above = size in CLASSES and total >= CLASSES[size][1]
-    return replace(spec, sensor=_COARSER[spec.sensor]) if above else None
+    above = size in SIZE_CLASSES and total >= SIZE_CLASSES[size][1]
+    return replace(spec, sensor=_NEXT_COARSER[spec.sensor]) if above else None
 
 
-def instruments(sensor: str, style: str) -> list[Instrument]:
-    """The sensors of a case: one, or with two axes one on each."""
+def case_instruments(sensor: str, style: str) -> list[Instrument]:
+    """The sensors of a case: one, or for the style "two axes" one on each axis."""
     if sensor == THERMOCOUPLE:
         return [Instrument(sensor, "temperature", 1, "temperature_C", 1.0, 1.0, 0.1, 0.09765625)]
     rate, noise, step = {
@@ -129,53 +142,57 @@ def instruments(sensor: str, style: str) -> list[Instrument]:
     ]
 
 
-def _trials(g: Generator, spec: Spec, nominal: Nominal) -> list[Trial]:
-    author = Author.of(nominal, _ROOMS.get(spec.sensor, Range()))
-    return [_trial(g, spec, author) for _ in range(spec.runs)]
+def _runs(g: Generator, spec: CaseSpec, nominal: Nominal) -> list[ProgramRun]:
+    writer = ProgramWriter.of(nominal, _TRAVEL.get(spec.sensor, PositionRange()))
+    return [_run(g, spec, writer) for _ in range(spec.runs)]
 
 
-def _trial(g: Generator, spec: Spec, author: Author) -> Trial:
+def _run(g: Generator, spec: CaseSpec, writer: ProgramWriter) -> ProgramRun:
     if spec.style == "cycles":
-        return Trial(author.cycles(g, bool(g.random() < 0.3)), 0.0, spec.run_s)
+        return ProgramRun(writer.cycles(g, bool(g.random() < 0.3)), 0.0, spec.run_s)
     if spec.style == "one speed":
-        return Trial(author.one_speed(g, spec.run_s))
+        return ProgramRun(writer.one_speed(g, spec.run_s))
     payload = float(g.choice(_PAYLOADS_KG))
     two_axes = spec.style == "two axes"
-    return Trial(author.strokes(g, spec.run_s, payload > 0, two_axes), payload)
+    return ProgramRun(writer.strokes(g, spec.run_s, payload > 0, two_axes), payload)
 
 
 def _target(g: Generator, size: str) -> float:
-    """A total size to aim at; either end of the plausible range for `ends`."""
+    """The total size (σ) to aim at; 0 or infinity for either end of the plausible range."""
     if size == "ends":
         return float(g.choice([0.0, math.inf]))
-    low, high = CLASSES[size]
+    low, high = SIZE_CLASSES[size]
     return float(np.exp(g.uniform(math.log(low * 1.05), math.log(high * 0.95))))
 
 
 def _disturb(g: Generator, case: Case) -> None:
-    """Draw a disturbance off the catalogue, its rms in the data some share of σ."""
+    """Put a disturbance into the case that is in no catalogue, scaled to a drawn rms."""
     instrument = case.instruments[0]
-    series = Bench(case.trials, case.instruments, case.nominal)
-    plain = series.clean(Plant({}, nominal=case.nominal))
+    series = NoiselessRuns(case.runs, case.instruments, case.nominal)
+    plain = series.clean(ReferencePlant({}, nominal=case.nominal))
     within = g.uniform(plain[0].min(), plain[0].max()) * instrument.unit
     numbers = {
         "local_bump": {"at": within, "width": g.uniform(0.1, 0.8) * INCH_M},
         "time_drift": {"tau": g.uniform(0.5, 5.0)},
         "frame_sway": {"f": g.uniform(2.0, 8.0), "zeta": g.uniform(0.03, 0.2)},
         "random_walk": {},
-    }[case.spec.strange]
+    }[case.spec.disturbance]
     numbers = {name: float(value) for name, value in numbers.items()}
-    rms_m = float(g.choice(_OFF_RMS)) * instrument.sigma * instrument.unit
-    shown = series.clean(Plant({}, Strange(case.spec.strange, numbers, 1.0), case.nominal))
+    rms_m = float(g.choice(_DISTURBANCE_RMS)) * instrument.sigma * instrument.unit
+    shown = series.clean(
+        ReferencePlant({}, Disturbance(case.spec.disturbance, numbers, 1.0), case.nominal)
+    )
     square = [float(np.var(a - b)) * instrument.unit**2 for a, b in zip(shown, plain, strict=True)]
     sign = float(g.choice([-1.0, 1.0]))
-    case.strange = Strange(case.spec.strange, numbers, sign * rms_m / math.sqrt(np.mean(square)))
+    case.disturbance = Disturbance(
+        case.spec.disturbance, numbers, sign * rms_m / math.sqrt(np.mean(square))
+    )
     samples = sum(len(a) for a in plain)
     case.total_sigma = rms_m / instrument.unit / instrument.sigma * math.sqrt(samples)
 
 
 def _offsets(g: Generator, case: Case) -> list[float]:
-    """Zeros of the sensors that nobody would call an effect; none where nothing is hidden."""
+    """Offsets of the sensors, in half of the cases with a hidden effect; else 0."""
     plain = not case.effects or "sensor_offset" in case.effects
     if plain or case.spec.sensor == THERMOCOUPLE or g.random() < 0.5:
         return [0.0 for _ in case.instruments]

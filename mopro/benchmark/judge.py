@@ -1,4 +1,4 @@
-"""One verdict against what was hidden: right, right family, wrong, missed."""
+"""Comparison of one verdict with the hidden truth: right, right family, wrong or missed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mopro.benchmark.reference.nominal import INCH_M
-from mopro.benchmark.sizes import BELOW
+from mopro.benchmark.sizes import RESOLUTION_SIGMA
 
 RIGHT, FAMILY, PARTLY, WRONG = "right", "family", "partly", "wrong"
 NONE, UNEXPLAINED, FAILED = "none", "unexplained", "failed"
@@ -17,10 +17,11 @@ _ANGLES = ("phi", "phi2", "phi3")
 
 
 @dataclass(frozen=True)
-class Covered:
-    """Whether a 95 % interval holds the truth; `main` is the effect's first parameter.
+class IntervalCheck:
+    """One 95 % interval: `inside` if it contains the true value.
 
-    A reply says its unit, a sensor's for its zero; the sealed answers are in metres.
+    `main` marks the effect's first parameter, its size. The true values are in SI; an
+    interval in inches (a sensor's zero) is converted.
     """
 
     effect: str
@@ -31,11 +32,13 @@ class Covered:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What became of one case.
+    """The judgement of one case.
 
-    `outcome`: right (every effect by its name), family (by a family it belongs to),
-    partly (some, no wrong one), wrong (a name that is not in the data), none,
-    unexplained or failed. `said` is what was named, families after a slash.
+    `outcome` is right (every effect by its name), family (by a family that holds it), partly
+    (some effects and no wrong one), wrong (a name that is not in the data), none, unexplained
+    or failed. `truth` are the hidden effects, `least_sigma` the total size of the smallest,
+    `said` the effects named, each with its family after slashes. `gap_before` and
+    `gap_after` are the rms residual over the noise, `seconds` the time that the case took.
     """
 
     number: str
@@ -47,7 +50,7 @@ class Judgement:
     said: tuple[str, ...]
     verdict: str
     described: bool
-    covered: tuple[Covered, ...]
+    covered: tuple[IntervalCheck, ...]
     gap_before: float | None
     gap_after: float | None
     seconds: float | None
@@ -55,12 +58,13 @@ class Judgement:
 
     @property
     def good(self) -> bool:
+        """Every visible effect has its right name or family."""
         return self.outcome in GOOD
 
 
 def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> Judgement:
-    """`answer` from the sealed file, `reply` from reconcile (`seconds` added)."""
-    named = [e for e in reply.get("effects") or [] if not _nuisance(e, answer)]
+    """The judgement of `reply` (from reconcile, with `seconds`) by `answer` (from answers.json)."""
+    named = [e for e in reply.get("effects") or [] if not _is_true_offset(e, answer)]
     sizes = [e["total_sigma"] for e in answer["effects"]]
     gap = reply.get("gap") or {}
     noise = gap.get("noise_rms")
@@ -86,8 +90,8 @@ def _family(effect: Mapping[str, Any]) -> list[str]:
     return list(effect.get("indistinguishable_from") or [])
 
 
-def _nuisance(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> bool:
-    """An offset that really is in the data, though nobody would call it an effect."""
+def _is_true_offset(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> bool:
+    """An offset of a sensor that is in the data but is not listed as a hidden effect."""
     hidden = {e["name"] for e in answer["effects"]}
     return effect["name"] == "sensor_offset" not in hidden and any(answer["offsets"])
 
@@ -101,7 +105,7 @@ def _outcome(
     if answer["strange"]:
         return WRONG if named else (RIGHT if verdict == UNEXPLAINED else str(verdict))
     truths = {e["name"] for e in answer["effects"]}
-    visible = {e["name"] for e in answer["effects"] if e["total_sigma"] >= BELOW}
+    visible = {e["name"] for e in answer["effects"] if e["total_sigma"] >= RESOLUTION_SIGMA}
     matched = _matched(truths, named)
     if len(matched) < len(named):
         return WRONG
@@ -115,7 +119,7 @@ def _outcome(
 
 
 def _matched(truths: set[str], named: list[Mapping[str, Any]]) -> dict[str, str]:
-    """Truth to the effect that was named for it, exact names first, each used once."""
+    """The effect named for each truth; exact names first, then families, each used once."""
     matched = {e["name"]: e["name"] for e in named if e["name"] in truths}
     for effect in named:
         if effect["name"] in matched:
@@ -126,7 +130,8 @@ def _matched(truths: set[str], named: list[Mapping[str, Any]]) -> dict[str, str]
     return matched
 
 
-def _coverage(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> list[Covered]:
+def _coverage(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> list[IntervalCheck]:
+    """Each 95 % interval of one named effect that is really hidden."""
     truths = {e["name"]: e["parameters"] for e in answer["effects"]}
     true = truths.get(effect["name"], {})
     first = next(iter(true), None)
@@ -136,7 +141,7 @@ def _coverage(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> list[Cove
         if name in true and interval and None not in interval:
             scale = INCH_M if said.get("unit") == "in" else 1.0
             inside = _inside(true[name], [scale * end for end in interval], name in _ANGLES)
-            found.append(Covered(effect["name"], name, inside, name == first))
+            found.append(IntervalCheck(effect["name"], name, inside, name == first))
     return found
 
 

@@ -1,4 +1,4 @@
-"""Draw the cases of a grid and write them as experiments, the answers sealed apart."""
+"""Writing of a grid's cases as experiments, with the answers in a file of their own."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.case import Case, Generator, drawn
-from mopro.benchmark.grid import Spec, specs
-from mopro.benchmark.made import ANSWERS, SUFFIXES, Made
-from mopro.benchmark.reference.experiment import Plant, Trial
+from mopro.benchmark.case import Case, Generator, draw_case
+from mopro.benchmark.grid import CaseSpec, case_specs
+from mopro.benchmark.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
+from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument, stored
 
 _MACHINE = "machine.toml"
@@ -28,10 +28,10 @@ Contents = dict[str, bytes]
 
 
 @dataclass(frozen=True)
-class Machine:
-    """The machine of all cases: its numbers, and its name as experiments state it.
+class BenchmarkMachine:
+    """The machine of all cases: its numbers, and the name that experiment files state.
 
-    `text` is its file, which goes with each experiment; None for a machine that is built in.
+    `text` is the content of its file, copied to each experiment; None for a built-in machine.
     """
 
     nominal: Nominal = THESIS
@@ -39,7 +39,8 @@ class Machine:
     text: bytes | None = None
 
     @classmethod
-    def of_file(cls, nominal: Nominal, text: bytes) -> Machine:
+    def of_file(cls, nominal: Nominal, text: bytes) -> BenchmarkMachine:
+        """A machine with a file of its own."""
         return cls(nominal, _MACHINE, text)
 
 
@@ -49,20 +50,19 @@ def make(
     out: Path,
     only: frozenset[str] = frozenset(),
     jobs: int = 1,
-    machine: Machine = Machine(),
+    machine: BenchmarkMachine = BenchmarkMachine(),
 ) -> Iterator[str]:
-    """Write the grid's cases under `out`; yields each case's number, last the seal's hash.
+    """Write the grid's cases under `out`; yields each case's number, last the answers' SHA-256.
 
-    `only` limits the work to cases of these numbers, which are the same as in the whole
-    grid. Raises DataError if an experiment's files of other origin are where these should be;
-    nothing has been written then.
+    `only` limits the work to the cases with these numbers, which do not depend on the others.
+    Raises DataError, before anything is written, if files of other origin are in the way.
     """
-    numbered = [(f"{i:03d}", spec) for i, spec in enumerate(specs(grid, seed), start=1)]
+    numbered = [(f"{i:03d}", spec) for i, spec in enumerate(case_specs(grid, seed), start=1)]
     chosen = [(number, spec) for number, spec in numbered if not only or number in only]
-    made = Made.read(out)
-    made.refuse_others([number for number, _ in chosen])
+    made = Manifest.read(out)
+    made.refuse_foreign([number for number, _ in chosen])
     answers: dict[str, Any] = {}
-    for number, answer, contents in _drawn(seed, chosen, jobs, machine):
+    for number, answer, contents in _draw_all(seed, chosen, jobs, machine):
         made.replace(number, contents)
         answers[number] = answer
         yield number
@@ -72,9 +72,10 @@ def make(
     yield hashlib.sha256(text).hexdigest()
 
 
-def _drawn(
-    seed: int, chosen: list[tuple[str, Spec]], jobs: int, machine: Machine
+def _draw_all(
+    seed: int, chosen: list[tuple[str, CaseSpec]], jobs: int, machine: BenchmarkMachine
 ) -> Iterable[tuple[str, dict[str, Any], Contents]]:
+    """Number, answer and files of each chosen case, from `jobs` processes."""
     tasks = [(seed, number, spec, machine) for number, spec in chosen]
     if jobs == 1:
         yield from map(_task, tasks)
@@ -83,50 +84,56 @@ def _drawn(
         yield from pool.map(_task, tasks)
 
 
-def _task(task: tuple[int, str, Spec, Machine]) -> tuple[str, dict[str, Any], Contents]:
+def _task(
+    task: tuple[int, str, CaseSpec, BenchmarkMachine],
+) -> tuple[str, dict[str, Any], Contents]:
     seed, number, spec, machine = task
-    case = drawn(seed, number, spec, machine.nominal)
+    case = draw_case(seed, number, spec, machine.nominal)
     contents = experiment(case, np.random.default_rng([seed, 3, int(number)]), machine)
     return number, case.answer(), contents
 
 
-def experiment(case: Case, generator: Generator, machine: Machine = Machine()) -> Contents:
-    """The experiment: its file, programs and data; nothing of what is hidden.
+def experiment(
+    case: Case, generator: Generator, machine: BenchmarkMachine = BenchmarkMachine()
+) -> Contents:
+    """The experiment's files: experiment.toml, programs and data, without the hidden truth.
 
-    Their digests are put into the case.
+    Their SHA-256 are put into the case.
     """
     contents = {} if machine.text is None else {machine.stated: machine.text}
-    plant = Plant(case.effects, case.strange, case.nominal)
-    for i, trial in enumerate(case.trials, start=1):
-        contents[f"run{i}.CMD"] = trial.text.encode("ascii")
-        data = measured(plant, trial, case.instruments, case.offsets, generator)
+    plant = ReferencePlant(case.effects, case.disturbance, case.nominal)
+    for i, run in enumerate(case.runs, start=1):
+        contents[f"run{i}.CMD"] = run.text.encode("ascii")
+        data = measured(plant, run, case.instruments, case.offsets, generator)
         name = data_name(f"run{i}", case.instruments)
         contents[name] = data_file(name, case.instruments, *data)
-    contents["experiment.toml"] = experiment_text(case, machine.stated).encode()
+    contents[EXPERIMENT] = experiment_text(case, machine.stated).encode()
     case.files = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
     return contents
 
 
-def write(case: Case, folder: Path, generator: Generator, machine: Machine = Machine()) -> None:
-    """The experiment as files of `folder`, in place of what was made there before."""
-    Made.read(folder).replace("", experiment(case, generator, machine))
+def write(
+    case: Case, folder: Path, generator: Generator, machine: BenchmarkMachine = BenchmarkMachine()
+) -> None:
+    """Write the experiment to `folder`, replacing an earlier one made there."""
+    Manifest.read(folder).replace("", experiment(case, generator, machine))
 
 
 def hashes(folder: Path) -> dict[str, str]:
-    """SHA-256 of the experiment's files by name."""
+    """SHA-256 of the experiment's files in `folder`, by name."""
     files = [p for p in sorted(folder.iterdir()) if p.suffix in SUFFIXES]
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
 def measured(
-    plant: Plant,
-    trial: Trial,
+    plant: ReferencePlant,
+    run: ProgramRun,
     sensors: list[Instrument],
     offsets: list[float],
     generator: Generator,
 ) -> tuple[Floats, list[Floats]]:
-    """Time stamps, and the stored readings of each sensor."""
-    stamps, clean = plant.readings(trial, sensors, generator)
+    """Time stamps (s, shape (n,)) and each sensor's readings (its unit, shape (n,)), with noise."""
+    stamps, clean = plant.readings(run, sensors, generator)
     readings = [
         stored(series + offset, sensor, generator)
         for series, sensor, offset in zip(clean, sensors, offsets, strict=True)
@@ -135,12 +142,12 @@ def measured(
 
 
 def data_name(run: str, sensors: list[Instrument]) -> str:
-    """The data file of a run: a thermocouple's is raw, as the laboratory stored it."""
+    """Name of a run's data file: .DAT (the laboratory's raw form) for a thermocouple, else .csv."""
     return f"{run}.{'DAT' if sensors[0].quantity == 'temperature' else 'csv'}"
 
 
 def data_file(name: str, sensors: list[Instrument], stamps: Floats, series: list[Floats]) -> bytes:
-    """A run's data: time and a column for each sensor; raw, temperature and time a line."""
+    """Content of a run's data file: .csv with time and each sensor, or raw .DAT, time last."""
     file = io.BytesIO()
     if name.endswith(".DAT"):
         raw = np.column_stack([*series, stamps])
@@ -154,10 +161,10 @@ def data_file(name: str, sensors: list[Instrument], stamps: Floats, series: list
 
 
 def experiment_text(case: Case, machine: str) -> str:
-    """experiment.toml."""
+    """Content of experiment.toml."""
     parts = [f'machine = "{machine}"\n', *map(_sensor_text, case.instruments)]
-    for i, trial in enumerate(case.trials, start=1):
-        parts.append(run_text(f"run{i}", trial.payload_kg, case.instruments))
+    for i, run in enumerate(case.runs, start=1):
+        parts.append(run_text(f"run{i}", run.payload_kg, case.instruments))
     return "\n".join(parts)
 
 
@@ -172,6 +179,6 @@ def _sensor_text(s: Instrument) -> str:
 
 
 def run_text(name: str, payload_kg: float, sensors: list[Instrument]) -> str:
-    """One run of experiment.toml."""
+    """The [[run]] table of experiment.toml."""
     data = data_name(name, sensors)
     return f'[[run]]\nprogram = "{name}.CMD"\ndata = "{data}"\npayload_kg = {payload_kg}\n'

@@ -1,27 +1,27 @@
-"""The score as a page: tables in Markdown, readable as text too."""
+"""Markdown report of a benchmark's score; its tables can be read as plain text, too."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
 from mopro.benchmark.judge import Judgement
-from mopro.benchmark.score import OUTCOMES, Followed, Score
+from mopro.benchmark.score import OUTCOMES, FollowUp, Score
 
 
 def page(score: Score) -> str:
-    """Targets and what was reached, confusions, wrong names, other misses."""
+    """The report: statistics and targets, outcomes, wrong names, missed effects, follow-ups."""
     parts = [
         _table(
             ("", "target", "cases", "reached", "met"),
-            ((x.what, x.target, str(x.count), x.reached, _mark(x.met)) for x in score.lines()),
+            ((x.what, x.target, str(x.count), x.reached, _mark(x.met)) for x in score.rows()),
         ),
-        "One effect or none: what was said.\n",
+        "Outcomes of cases with one effect or none:\n",
         _confusion(score),
     ]
     if wrong := score.wrong():
         parts += ["Wrong names:\n", _cases(wrong)]
     if missed := [j for j in score.cases if not j.good and j not in wrong]:
-        parts += ["Not named, or not all:\n", _cases(missed)]
+        parts += ["Effects missed:\n", _cases(missed)]
     if score.followed:
         parts += ["After the proposed experiment:\n", _followed(score.followed)]
     return "\n".join(parts)
@@ -41,7 +41,7 @@ def _confusion(score: Score) -> str:
             if cell.startswith("wrong: ")
         ]
         rows.append((truth, *counts, "; ".join(others)))
-    heads = ("truth", *(name for name in OUTCOMES if name != "wrong"), "wrong: named instead")
+    heads = ("truth", *(name for name in OUTCOMES if name != "wrong"), "wrong names")
     return _table(heads, rows)
 
 
@@ -53,19 +53,19 @@ def _cases(cases: Iterable[Judgement]) -> str:
         )
         for j in cases
     )  # fmt: skip
-    return _table(("case", "group", "sensor", "truth", "least σ", "verdict", "said"), rows)
+    return _table(("case", "group", "sensor", "truth", "least σ", "verdict", "named"), rows)
 
 
-def _followed(cases: Iterable[Followed]) -> str:
+def _followed(cases: Iterable[FollowUp]) -> str:
     rows = (
         (
             f.before.number, f.before.sensor, " + ".join(f.before.truth), ", ".join(f.before.said),
-            ", ".join(f"{rival.name} {rival.sigma:.2g}" for rival in f.rivals()) or "-",
+            ", ".join(f"{a.name} {a.sigma:.2g}" for a in f.alternatives()) or "-",
             ", ".join(f.after.said) or f.after.note or f.after.verdict,
         )
         for f in cases
     )  # fmt: skip
-    heads = ("case", "sensor", "truth", "said", "to be parted from it by σ", "then said")
+    heads = ("case", "sensor", "truth", "named", "predicted difference, σ", "named afterwards")
     return _table(heads, rows)
 
 

@@ -1,4 +1,4 @@
-"""All verdicts of a proving ground together: what was to be reached, and what was."""
+"""Statistics of all judgements of a benchmark, each with its target."""
 
 from __future__ import annotations
 
@@ -9,22 +9,31 @@ from statistics import median
 from typing import Any, TypeVar
 
 from mopro.benchmark.grid import LASER
-from mopro.benchmark.judge import FAILED, FAMILY, GOOD, NONE, PARTLY, RIGHT, UNEXPLAINED, WRONG
-from mopro.benchmark.judge import Judgement as J
-from mopro.benchmark.sizes import BELOW
+from mopro.benchmark.judge import (
+    FAILED,
+    FAMILY,
+    GOOD,
+    NONE,
+    PARTLY,
+    RIGHT,
+    UNEXPLAINED,
+    WRONG,
+    Judgement,
+)
+from mopro.benchmark.sizes import RESOLUTION_SIGMA
 
-_CLEAR = 20.0
 OUTCOMES = (RIGHT, FAMILY, PARTLY, WRONG, NONE, UNEXPLAINED, FAILED)
-_LIMIT = 1.1
-# What a proposed experiment promises to part by so many σ it should part.
-_PARTED = 6.0
+_CLEAR_SIGMA = 20.0
+_LARGEST_RESIDUAL = 1.1  # held-out rms over the noise, at most
+# A proposed experiment predicted to separate two effects by this much should distinguish them.
+_DISTINGUISHED_SIGMA = 6.0
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Line:
-    """One line of the table: of `count` cases, `reached`; `met` None without a case."""
+class TableRow:
+    """One statistic over `count` cases; `met` is None if there is no target or no case."""
 
     what: str
     target: str
@@ -34,8 +43,11 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Rival:
-    """An effect that cannot be told from what is hidden, and by how many σ it should be."""
+class Alternative:
+    """An effect `name` that the verdict cannot distinguish from the hidden effect `truth`.
+
+    `sigma` is the difference of the two that the proposed experiment is predicted to show.
+    """
 
     truth: str
     name: str
@@ -43,43 +55,44 @@ class Rival:
 
 
 @dataclass(frozen=True)
-class Followed:
-    """An ambiguous answer, and the one after the experiment that it proposed was run.
+class FollowUp:
+    """An ambiguous case, judged `before` and `after` its proposed experiment was run.
 
-    `promised` are the σ by which that was to part each two effects of a family (`pair`).
+    `promised` is the predicted difference (σ) of each two effects of a family, by `pair_key`.
     """
 
-    before: J
+    before: Judgement
     promised: Mapping[str, float]
-    after: J
+    after: Judgement
 
     @property
     def named(self) -> bool:
+        """Each hidden effect is named and no family is left."""
         return self.after.outcome == RIGHT and self.after.verdict == "named"
 
     @property
-    def within_reach(self) -> bool:
-        """Whether every rival was to be parted from what is hidden."""
-        rivals = self.rivals()
-        return bool(rivals) and all(rival.sigma >= _PARTED for rival in rivals)
+    def all_distinguishable(self) -> bool:
+        """The prediction for each alternative is at least 6 σ, and there is an alternative."""
+        alternatives = self.alternatives()
+        return bool(alternatives) and all(a.sigma >= _DISTINGUISHED_SIGMA for a in alternatives)
 
-    def gone(self) -> list[bool]:
-        """For each rival that was to be parted from what is hidden, whether it is.
+    def excluded(self) -> list[bool]:
+        """For each alternative predicted to differ by 6 σ: whether it is excluded afterwards.
 
-        None is if the answer is a wrong one.
+        A wrong verdict excludes none.
         """
-        left = [set(names.split("/")) for names in self.after.said]
+        families = [set(names.split("/")) for names in self.after.said]
         return [
-            self.after.good and not any({rival.truth, rival.name} <= family for family in left)
-            for rival in self.rivals()
-            if rival.sigma >= _PARTED
+            self.after.good and not any({a.truth, a.name} <= family for family in families)
+            for a in self.alternatives()
+            if a.sigma >= _DISTINGUISHED_SIGMA
         ]
 
-    def rivals(self) -> list[Rival]:
-        """What stands in one family with what is hidden."""
+    def alternatives(self) -> list[Alternative]:
+        """The other effects of each family that holds a hidden effect."""
         families = [set(names.split("/")) for names in self.before.said]
         return [
-            Rival(truth, name, self.promised.get(pair(truth, name), 0.0))
+            Alternative(truth, name, self.promised.get(pair_key(truth, name), 0.0))
             for truth in self.before.truth
             for family in families
             if truth in family
@@ -87,111 +100,115 @@ class Followed:
         ]
 
 
-def pair(one: str, other: str) -> str:
-    """Two effects in either order."""
+def pair_key(one: str, other: str) -> str:
+    """Key of two effects, the same in either order."""
     return " / ".join(sorted((one, other)))
 
 
 @dataclass(frozen=True)
 class Score:
-    """The judgements, what came of the experiments proposed, and the table."""
+    """All judgements and follow-ups of a benchmark."""
 
-    cases: tuple[J, ...]
-    followed: tuple[Followed, ...]
+    cases: tuple[Judgement, ...]
+    followed: tuple[FollowUp, ...]
 
-    def lines(self) -> list[Line]:
-        """The table of targets."""
-        return [*_names(self.cases), *_several(self.cases), *_figures(self), *_follow(self)]
+    def rows(self) -> list[TableRow]:
+        """The table of statistics."""
+        return [
+            *_single_effects(self.cases),
+            *_other_groups(self.cases),
+            *_intervals(self.cases),
+            *_residuals(self.cases),
+            _times(self.cases),
+            *_follow_ups(self.followed),
+        ]
 
-    def wrong(self) -> list[J]:
+    def wrong(self) -> list[Judgement]:
         """Every case with a name that is not in its data."""
         return [j for j in self.cases if j.outcome == WRONG or (j.group == "none" and j.said)]
 
     def confusion(self) -> dict[str, Counter[str]]:
-        """For each single effect (or none), how often each outcome came."""
+        """Counts of outcomes for each single effect, and for the groups without an effect."""
         table: dict[str, Counter[str]] = {}
         for j in self.cases:
             if len(j.truth) <= 1:
                 truth = j.truth[0] if j.truth else j.group
-                table.setdefault(truth, Counter())[_cell(j)] += 1
+                table.setdefault(truth, Counter())[_confusion_cell(j)] += 1
         return dict(sorted(table.items()))
 
     def as_json(self) -> dict[str, Any]:
+        """The score as `mopro blind score --json` prints it."""
         return {
-            "table": [asdict(line) for line in self.lines()],
+            "table": [asdict(row) for row in self.rows()],
             "confusion": {truth: dict(cells) for truth, cells in self.confusion().items()},
             "cases": [asdict(j) for j in self.cases],
             "followed": [asdict(f) for f in self.followed],
         }
 
 
-def _cell(j: J) -> str:
+def _confusion_cell(j: Judgement) -> str:
     return f"{WRONG}: {', '.join(j.said)}" if j.outcome == WRONG else j.outcome
 
 
-def _single(cases: Sequence[J], low: float, high: float = float("inf")) -> list[J]:
+def _single(cases: Sequence[Judgement], low: float, high: float = float("inf")) -> list[Judgement]:
+    """Cases with one hidden effect of a size in [low, high) σ."""
     return [j for j in cases if len(j.truth) == 1 and low <= j.least_sigma < high]
 
 
-def _names(cases: Sequence[J]) -> list[Line]:
-    clear, faint = _single(cases, _CLEAR), _single(cases, BELOW, _CLEAR)
-    below = _single(cases, 0.0, BELOW)
+def _single_effects(cases: Sequence[Judgement]) -> list[TableRow]:
+    clear = _single(cases, _CLEAR_SIGMA)
+    faint = _single(cases, RESOLUTION_SIGMA, _CLEAR_SIGMA)
+    below = _single(cases, 0.0, RESOLUTION_SIGMA)
     null = [j for j in cases if j.group == "none"]
     seen = [*clear, *faint]
     return [
         _share("one effect, 20 σ or more: right name or family", clear, 0.98, lambda j: j.good),
         _share("one effect, 8 to 20 σ: right name or family", faint, 0.85, lambda j: j.good),
-        _share("one effect, 8 σ or more: a wrong name", seen, 0.01, _is_wrong, most=True),
+        _share("one effect, 8 σ or more: a wrong name", seen, 0.01, _is_wrong, at_most=True),
         _share("one effect below 8 σ: no wrong name", below, 0.99, lambda j: not _is_wrong(j)),
         _share("nothing hidden: none", null, 0.99, lambda j: j.verdict == NONE),
     ]
 
 
-def _is_wrong(j: J) -> bool:
+def _is_wrong(j: Judgement) -> bool:
     return j.outcome == WRONG
 
 
-def _several(cases: Sequence[J]) -> list[Line]:
-    lines = []
+def _other_groups(cases: Sequence[Judgement]) -> Iterator[TableRow]:
     for count, name, target in ((2, "two effects", 0.92), (3, "three effects", 0.75)):
-        chosen = [j for j in cases if len(j.truth) == count and j.least_sigma >= _CLEAR]
-        lines.append(
-            _share(f"{name}, each 20 σ or more: all right", chosen, target, lambda j: j.good)
-        )
-    strange = [j for j in cases if j.group == "off catalogue"]
-    lines.append(
-        _share(
-            "off the catalogue: unexplained and described", strange, 0.90,
-            lambda j: j.verdict == UNEXPLAINED and j.described,
-        )
+        several = [j for j in cases if len(j.truth) == count and j.least_sigma >= _CLEAR_SIGMA]
+        what = f"{name}, each 20 σ or more: all right"
+        yield _share(what, several, target, lambda j: j.good)
+    unknown = [j for j in cases if j.group == "off catalogue"]
+    yield _share(
+        "off the catalogue: unexplained and described", unknown, 0.90,
+        lambda j: j.verdict == UNEXPLAINED and j.described,
     )  # fmt: skip
-    return lines
 
 
-def _figures(score: Score) -> list[Line]:
-    cases = score.cases
-    main = [c.inside for j in cases for c in j.covered if c.main]
+def _intervals(cases: Sequence[Judgement]) -> list[TableRow]:
+    sizes = [c.inside for j in cases for c in j.covered if c.main]
     every = [c.inside for j in cases for c in j.covered]
-    named = [j for j in cases if j.truth and j.outcome in GOOD and j.gap_after is not None]
-    timed = [j for j in cases if j.sensor == LASER and j.group != "alike"]
-    long = [j.seconds for j in timed if j.seconds is not None]
-    share = sum(main) / len(main) if main else 0.0
-    low = f"median {median(long):.1f} s, worst {max(long):.1f} s" if long else "-"
-    met = median(long) <= 20 and max(long) <= 90 if long else None
+    met = 0.90 <= sum(sizes) / len(sizes) <= 0.99 if sizes else None
     return [
-        Line("95 % intervals of the size hold the truth", "90 to 99 %", len(main),
-             _percent(sum(main), len(main)), 0.90 <= share <= 0.99 if main else None),
-        Line("95 % intervals of all parameters", "-", len(every),
-             _percent(sum(every), len(every)), None),
-        _share("held-out gap after, at most 1.1 × noise", named, 1.0,
-               lambda j: (j.gap_after or 0.0) <= _LIMIT),
-        Line("gap before → after, median (worst after), × noise", "-", len(named),
-             _gaps(named), None),
-        Line("time of a case with the laser", "median ≤ 20 s, worst ≤ 90 s", len(long), low, met),
+        TableRow("95 % intervals of the size that contain the true value", "90 to 99 %",
+                 len(sizes), _percent(sum(sizes), len(sizes)), met),
+        TableRow("95 % intervals of all parameters that contain it", "-",
+                 len(every), _percent(sum(every), len(every)), None),
     ]  # fmt: skip
 
 
-def _gaps(named: Sequence[J]) -> str:
+def _residuals(cases: Sequence[Judgement]) -> list[TableRow]:
+    named = [j for j in cases if j.truth and j.outcome in GOOD and j.gap_after is not None]
+    return [
+        _share("held-out residual after the fit, at most 1.1 × noise", named, 1.0,
+               lambda j: (j.gap_after or 0.0) <= _LARGEST_RESIDUAL),
+        TableRow("residual before → after, median (worst after), × noise", "-",
+                 len(named), _median_residuals(named), None),
+    ]  # fmt: skip
+
+
+def _median_residuals(named: Sequence[Judgement]) -> str:
     if not named:
         return "-"
     before = median(j.gap_before or 0.0 for j in named)
@@ -199,34 +216,45 @@ def _gaps(named: Sequence[J]) -> str:
     return f"{before:.2f} → {median(after):.3f} ({max(after):.3f})"
 
 
-def _follow(score: Score) -> Iterator[Line]:
-    """All ambiguous answers; those that a program could settle; and each rival by itself."""
-    followed = score.followed
-    reach = [f for f in followed if f.within_reach]
-    gone = [gone for f in followed for gone in f.gone()]
+def _times(cases: Sequence[Judgement]) -> TableRow:
+    timed = [j for j in cases if j.sensor == LASER and j.group != "alike"]
+    seconds = [j.seconds for j in timed if j.seconds is not None]
+    what, target = "time of a case with the laser", "median ≤ 20 s, worst ≤ 90 s"
+    if not seconds:
+        return TableRow(what, target, 0, "-", None)
+    reached = f"median {median(seconds):.1f} s, worst {max(seconds):.1f} s"
+    met = median(seconds) <= 20 and max(seconds) <= 90
+    return TableRow(what, target, len(seconds), reached, met)
+
+
+def _follow_ups(followed: Sequence[FollowUp]) -> Iterator[TableRow]:
+    """Rows on all follow-ups, on those whose alternatives are distinguishable, on alternatives."""
+    distinguishable = [f for f in followed if f.all_distinguishable]
+    excluded = [excluded for f in followed for excluded in f.excluded()]
     named = sum(f.named for f in followed)
-    yield Line(
-        "ambiguous, proposed experiment (if any) then run: named", "-", len(followed),
+    yield TableRow(
+        "ambiguous, named once the proposed experiment (if any) is run", "-", len(followed),
         _percent(named, len(followed)), None,
     )  # fmt: skip
     yield _share(
-        f"… of which every rival was to be parted from the truth by {_PARTED:g} σ: named",
-        reach, 0.90, lambda f: f.named,
+        f"the same, if each alternative was predicted to differ by {_DISTINGUISHED_SIGMA:g} σ",
+        distinguishable, 0.90, lambda f: f.named,
     )  # fmt: skip
     yield _share(
-        f"… rivals that were to be parted from the truth by {_PARTED:g} σ: gone",
-        gone, 0.90, lambda g: g,
+        f"alternatives predicted to differ by {_DISTINGUISHED_SIGMA:g} σ: excluded",
+        excluded, 0.90, lambda e: e,
     )  # fmt: skip
 
 
 def _share(
-    what: str, cases: Sequence[T], target: float, holds: Callable[[T], bool], most: bool = False
-) -> Line:
+    what: str, cases: Sequence[T], target: float, holds: Callable[[T], bool], at_most: bool = False
+) -> TableRow:
+    """The share of `cases` for which `holds`, against a target that is a least or a most."""
     count = sum(map(holds, cases))
     share = count / len(cases) if cases else 0.0
-    met = (share <= target if most else share >= target) if cases else None
-    sign = "≤" if most else "≥"
-    return Line(what, f"{sign} {target:.0%}", len(cases), _percent(count, len(cases)), met)
+    met = (share <= target if at_most else share >= target) if cases else None
+    sign = "≤" if at_most else "≥"
+    return TableRow(what, f"{sign} {target:.0%}", len(cases), _percent(count, len(cases)), met)
 
 
 def _percent(count: int, of: int) -> str:

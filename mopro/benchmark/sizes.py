@@ -1,4 +1,4 @@
-"""How large a hidden effect shows, and the strength at which it shows as large as wanted."""
+"""Total size of a hidden effect in the data, and the strength that gives a wanted size."""
 
 from __future__ import annotations
 
@@ -9,54 +9,58 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mopro.benchmark.hidden import Drawn
-from mopro.benchmark.reference.experiment import Plant, Trial
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
+from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
 
-BELOW = 8.0
-# name -> from, below (σ in total)
-CLASSES = {
-    "below": (0.0, BELOW), "faint": (BELOW, 20.0), "clear": (20.0, 60.0), "strong": (60.0, 1000.0),
+# Effects with a smaller total size count as below the resolution of the experiment.
+RESOLUTION_SIGMA = 8.0
+# Total size in σ: from, below.
+SIZE_CLASSES = {
+    "below": (0.0, RESOLUTION_SIGMA),
+    "faint": (RESOLUTION_SIGMA, 20.0),
+    "clear": (20.0, 60.0),
+    "strong": (60.0, 1000.0),
     "huge": (1000.0, math.inf),
-}  # fmt: skip
+}
 _TRIES = 9
-_NEAR = 0.08
+_CLOSE_ENOUGH = 0.08
 
 
 def class_of(total_sigma: float) -> str:
     """The class of a total size."""
-    return next(name for name, (_, high) in CLASSES.items() if total_sigma < high)
+    return next(name for name, (_, high) in SIZE_CLASSES.items() if total_sigma < high)
 
 
 @dataclass
-class Bench:
-    """Runs of a machine and their instruments, against which sizes are measured."""
+class NoiselessRuns:
+    """Noiseless readings of the runs of a case, from which sizes are computed."""
 
-    trials: Sequence[Trial]
+    runs: Sequence[ProgramRun]
     instruments: Sequence[Instrument]
     nominal: Nominal = THESIS
     _plain: list[Floats] | None = field(default=None, init=False)
 
-    def clean(self, plant: Plant) -> list[Floats]:
-        """What all instruments show in all runs, without noise, in their units."""
+    def clean(self, plant: ReferencePlant) -> list[Floats]:
+        """The readings of each run and instrument in turn, in the instrument's unit."""
         generator = np.random.default_rng(0)
         return [
             series
-            for trial in self.trials
-            for series in plant.readings(trial, self.instruments, generator)[1]
+            for run in self.runs
+            for series in plant.readings(run, self.instruments, generator)[1]
         ]
 
     def total_sigma(self, effects: dict[str, dict[str, float]]) -> float:
-        """sqrt(Σ (Δ - its mean in the series)² / σ²); infinite where an axis stalls.
+        """Total size √(Σ (Δ - mean of Δ in the series)² / σ²); infinite if an axis stalls.
 
-        A sensor's offset alone is measured whole: nothing of it would be left.
+        Δ is the change of the readings. The mean of a sensor's offset alone is not subtracted.
         """
         change = self._change(effects)
         return math.inf if change is None else float(np.linalg.norm(change))
 
     def alone_sigma(self, effects: dict[str, dict[str, float]]) -> dict[str, float]:
-        """The size of what each effect shows that the others together cannot mimic."""
+        """Size (σ) of the part of each effect's change that is orthogonal to the other effects."""
         shown = {name: self._change({name: values}) for name, values in effects.items()}
         found = {}
         for name, own in shown.items():
@@ -70,15 +74,15 @@ class Bench:
         return found
 
     def _change(self, effects: dict[str, dict[str, float]]) -> Floats | None:
-        """What the effects change, in σ, each series less its mean; None for a stall."""
+        """Change of all readings in σ, each series less its mean; None if an axis stalls."""
         if self._plain is None:
-            self._plain = self.clean(Plant({}, nominal=self.nominal))
-        plant = Plant(effects, nominal=self.nominal)
+            self._plain = self.clean(ReferencePlant({}, nominal=self.nominal))
+        plant = ReferencePlant(effects, nominal=self.nominal)
         shown = self.clean(plant)
         if plant.stalled:
             return None
         whole = set(effects) == {"sensor_offset"}
-        sigmas = [i.sigma for _ in self.trials for i in self.instruments]
+        sigmas = [i.sigma for _ in self.runs for i in self.instruments]
         changes = []
         for series, plain, sigma in zip(shown, self._plain, sigmas, strict=True):
             change = (series - plain) / sigma
@@ -87,23 +91,23 @@ class Bench:
 
 
 def strength_for(
-    bench: Bench, name: str, drawn: Drawn, target: float, least: float
+    noiseless: NoiselessRuns, name: str, drawn: Drawn, target: float, least: float
 ) -> tuple[float, float]:
-    """The strength in [least, 1] whose total is nearest to `target`, and that total.
+    """The strength in [least, 1] whose total size is closest to `target`, and that size.
 
-    A target of 0 or infinity stands for the near and the far end of the range; the far
-    one is drawn in where the axis would stall.
+    A target of 0 or infinity stands for the near or the far end of the range; the far end is
+    reduced until the axis does not stall.
     """
     if target in (0.0, math.inf):
-        return _end(bench, name, drawn, least if target == 0.0 else 1.0)
+        return _end_of_range(noiseless, name, drawn, least if target == 0.0 else 1.0)
     low, high = least, 1.0
     strength = min(max(0.2, least), 1.0)
     best = (least, math.inf)
     for _ in range(_TRIES):
-        total = bench.total_sigma({name: drawn(strength)})
-        if not math.isinf(total) and _off(total, target) <= _off(best[1], target):
+        total = noiseless.total_sigma({name: drawn(strength)})
+        if not math.isinf(total) and _log_error(total, target) <= _log_error(best[1], target):
             best = (strength, total)
-        if _off(total, target) < _NEAR:
+        if _log_error(total, target) < _CLOSE_ENOUGH:
             break
         if total > target:
             high = strength
@@ -116,9 +120,11 @@ def strength_for(
     return best
 
 
-def _end(bench: Bench, name: str, drawn: Drawn, strength: float) -> tuple[float, float]:
+def _end_of_range(
+    noiseless: NoiselessRuns, name: str, drawn: Drawn, strength: float
+) -> tuple[float, float]:
     for _ in range(_TRIES):
-        total = bench.total_sigma({name: drawn(strength)})
+        total = noiseless.total_sigma({name: drawn(strength)})
         if math.isfinite(total):
             break
         strength *= 0.7
@@ -126,7 +132,7 @@ def _end(bench: Bench, name: str, drawn: Drawn, strength: float) -> tuple[float,
 
 
 def _next(strength: float, total: float, target: float, low: float, high: float) -> float:
-    """In proportion where that stays between what is known, else the middle."""
+    """The next strength to try: in proportion if within (low, high), else bisection."""
     if total == 0.0:
         return high
     if math.isinf(total):
@@ -138,5 +144,5 @@ def _next(strength: float, total: float, target: float, low: float, high: float)
     return edge if strength != edge and edge in (1.0, low) else math.sqrt(low * high)
 
 
-def _off(total: float, target: float) -> float:
+def _log_error(total: float, target: float) -> float:
     return abs(math.log(max(total, 1e-9) / target)) if math.isfinite(total) else math.inf

@@ -1,4 +1,4 @@
-"""`mopro blind`: experiments with hidden effects, and how well they are named."""
+"""`mopro blind`: the benchmark of `mopro reconcile` on experiments with hidden effects."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ def command() -> None:
 
 
 @command.command()
-@click.option("--seed", type=click.IntRange(0, _MOST_SEED), required=True, help="Of all draws.")
+@click.option(
+    "--seed", type=click.IntRange(0, _MOST_SEED), required=True, help="Seed of all random draws."
+)
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True)
 @click.option("--grid", type=click.Choice(_GRIDS), default="small", show_default=True)
 @click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
@@ -39,20 +41,20 @@ def make(seed: int, out: Path, grid: str, cases: str | None, machine: str, jobs:
     """Write a grid of experiments under --out, and their answers apart.
 
     Each case is a folder with experiment.toml, programs and data. answers.json holds
-    what is hidden in them; its SHA-256 is printed, so that it can be told from another.
-    The numbers of --machine are what is known of it; effects are hidden on top of them.
+    what is hidden in them; its SHA-256 is printed, so that it can be published beforehand.
+    Effects are hidden in the machine that --machine states.
 
     Example: mopro blind make --seed 1 --grid small --out cases
     """
-    from mopro.benchmark.grid import specs
-    from mopro.benchmark.made import ANSWERS
+    from mopro.benchmark.grid import case_specs
+    from mopro.benchmark.machine import read_machine
     from mopro.benchmark.make import make as write_cases
-    from mopro.cli.blind_machine import numbers_of
+    from mopro.benchmark.manifest import ANSWERS
 
-    only, stated = _padded(cases), numbers_of(machine)
+    only, stated = _case_numbers(cases), read_machine(machine)
     if stated.text is not None and out.resolve() in Path(machine).resolve().parents:
         raise click.UsageError(f"--machine {machine} lies in the folder that --out would fill")
-    count = len(specs(grid, seed))
+    count = len(case_specs(grid, seed))
     if beyond := sorted(c for c in only if not 1 <= int(c) <= count):
         raise click.BadParameter(
             f"{beyond[0]}: the grid {grid} has cases 1 to {count}", param_hint="--cases"
@@ -64,14 +66,14 @@ def make(seed: int, out: Path, grid: str, cases: str | None, machine: str, jobs:
 
 
 def _shown(steps: Iterable[T], count: int, label: str) -> list[T]:
-    """All of `steps`, with a bar on a terminal."""
+    """`steps` as a list; on a terminal with a progress bar."""
     quiet = not sys.stderr.isatty()
     with click.progressbar(steps, count or None, label, file=sys.stderr, hidden=quiet) as bar:
         return list(bar)
 
 
-def _padded(cases: str | None) -> frozenset[str]:
-    """The numbers of `--cases` as the folders have them."""
+def _case_numbers(cases: str | None) -> frozenset[str]:
+    """The numbers of `--cases`, three digits each as in the names of the folders."""
     parts = [part.strip() for part in (cases or "").split(",") if part.strip()]
     if wrong := [part for part in parts if not part.isdecimal()]:
         raise click.BadParameter(f"'{wrong[0]}' is no case's number", param_hint="--cases")
@@ -82,7 +84,7 @@ def _padded(cases: str | None) -> frozenset[str]:
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
 @click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
-@click.option("--again", is_flag=True, help="Ask again where a verdict is kept already.")
+@click.option("--again", is_flag=True, help="Ask again even if a verdict is kept.")
 @click.option("--follow/--no-follow", default=True, help="Run the experiments proposed.")
 @click.option(
     "--patience",
@@ -108,24 +110,25 @@ def score(
     """Ask `mopro reconcile` about each case of FOLDER and compare with the answers.
 
     Verdicts are kept as verdict.json beside each experiment, so that an interrupted score
-    goes on where it was. An ambiguous answer is followed up: the experiment that reconcile
-    proposes is run on the hidden plant and the question is put again.
+    continues where it was. An ambiguous verdict is followed up: the experiment that it
+    proposes is run on the hidden plant and reconcile is asked again.
 
     Example: mopro blind score cases --report score.md
     """
     from mopro.benchmark.page import page
+    from mopro.benchmark.run import CaseFolder, VerdictSource, follow_up_cases, judge_cases
     from mopro.benchmark.score import Score
-    from mopro.cli.blind_score import Asker, Ground, followed, judged
 
-    ground = Ground.read(folder, _padded(cases))
-    keep_inputs([("--report", report)], [("FOLDER", file) for file in ground.files])
+    found = CaseFolder.read(folder, _case_numbers(cases))
+    keep_inputs([("--report", report)], [("FOLDER", file) for file in found.files])
     if follow:
-        ground.refuse_other_copies()
-    asker = Asker(again, patience, answers_from)
+        found.refuse_foreign_follow_ups()
+    source = VerdictSource(again, patience, answers_from)
     with claimed(report):
-        told = _shown(judged(ground, asker, jobs), len(ground.cases), "asking")
-        after = _shown(followed(ground, asker, told, jobs), 0, "following up") if follow else []
-    result = Score(tuple(told), tuple(after))
+        judged = _shown(judge_cases(found, source, jobs), len(found.cases), "asking")
+        follow_ups = follow_up_cases(found, source, judged, jobs) if follow else ()
+        followed = _shown(follow_ups, 0, "following up")
+    result = Score(tuple(judged), tuple(followed))
     all_drawn = drawn(report, lambda _: page_bytes(page(result)))
     click.echo(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)
     return 0 if all_drawn else EXIT_FAILED

@@ -1,6 +1,6 @@
-"""For tests, of mopro and of what is built on it: Hypothesis strategies and invariants.
+"""Hypothesis strategies and invariants for tests of mopro and of packages built on it.
 
-Needs Hypothesis, which `mopro[test]` brings.
+Needs Hypothesis, which `mopro[test]` installs.
 """
 
 from mopro.testing.invariants import check_profile

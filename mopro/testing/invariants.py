@@ -18,9 +18,9 @@ _TIME_ROUNDING = 4 * sys.float_info.epsilon
 def check_profile(profile: Profile, fractions: Iterable[float] = (0.1, 0.37, 0.5, 0.81)) -> None:
     """Raise AssertionError naming the invariant that `profile` breaks.
 
-    It ends exactly on its target and at rest, keeps to its velocity and acceleration, is
-    continuous where its segments join, has its peak where it says and is symmetric in
-    time about its middle. `fractions` are the times to look at, in durations.
+    A profile ends exactly on its target and at rest, exceeds neither its velocity nor its
+    acceleration nor its peak, is continuous where its segments join, and is symmetric in time.
+    `fractions` are the times at which this is checked, as parts of the duration.
     """
     end = profile.state(profile.duration_s)
     _hold(end.position == profile.distance, "does not end on its target")

@@ -22,7 +22,7 @@ _NOT_ZERO = (ast.Units, ast.Velocity, ast.Acceleration, ast.Seek)
 
 
 def profiles(parabolic: bool | None = None) -> st.SearchStrategy[Profile]:
-    """Profiles of any shape over nine decades, those just at a change of shape included."""
+    """Profiles of any shape, with sizes over nine decades, and those at a change of shape."""
     size = st.floats(1e-3, 1e6)
     kind = st.booleans() if parabolic is None else st.just(parabolic)
     free = st.builds(plan_profile, size, size, size, kind)
@@ -30,7 +30,7 @@ def profiles(parabolic: bool | None = None) -> st.SearchStrategy[Profile]:
 
 
 def _at_change_of_shape(velocity: float, acceleration: float, parabolic: bool) -> Profile:
-    """The move whose cruise is just empty."""
+    """The shortest move that reaches its velocity."""
     distance = (8 / 3 if parabolic else 1) * velocity**2 / acceleration
     return plan_profile(distance, velocity, acceleration, parabolic)
 

@@ -1,4 +1,4 @@
-"""Inputs that no person would write, and what the parser and the linter owe to them all."""
+"""Random and damaged programs for the parser and the linter, and the check that all must pass."""
 
 from __future__ import annotations
 

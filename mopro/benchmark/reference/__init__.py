@@ -1,1 +1,1 @@
-"""The plant written a second time, from its equations alone; shares no code with the emulator."""
+"""Reference plant: the motor written a second time from its equations, importing no mopro."""

@@ -1,11 +1,11 @@
-"""The forcer's temperature under a program, chapter 3.1 with its errata, by SciPy's LSODA.
+"""Temperature of the forcer under a program (chapter 3.1 with its errata), by SciPy's LSODA.
 
-    m c_p dT/dt = P - h A (T - T_air) + what is hidden
+    m c_p dT/dt = P - h A (T - T_air) + hidden effects
 
 P = 2 R I² for the two coil pairs of each axis and R I2² for each moving axis (eq. 3.12);
-h is that of a flat plate (eq. 3.16, 3.17), the Reynolds number's length the travelled
-one, at rest the forcer's side; the platen takes its share along the same path. A move
-counts at its peak speed (eq. 3.18). Payloads are taken to be insulated from the forcer.
+h is that of a flat plate (eq. 3.16, 3.17); the length in the Reynolds number is the length of
+the path, at rest the side of the forcer. Conduction to the platen depends on the same path.
+A move counts with its peak speed (eq. 3.18). Payloads are thermally insulated.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _APART_S = 1e-7
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A time of even heating, up to `until_s`."""
+class HeatInterval:
+    """An interval of constant heating that ends at `until_s`."""
 
     until_s: float
     coil_W: float
@@ -46,40 +46,40 @@ def temperature_C(
     hidden: Mapping[str, Mapping[str, float]],
     n: Nominal = THESIS,
 ) -> Floats:
-    """The forcer's temperature at ascending times; it starts as warm as the air."""
+    """Temperature of the forcer (°C) at ascending times (s); it starts at that of the air."""
     found, here_C, now_s, done = np.empty(len(times_s)), n.air_C, 0.0, 0
-    for piece in pieces(timeline, max(float(times_s[-1]), 0.0), hidden, n):
-        last = int(np.searchsorted(times_s, piece.until_s, side="right"))
+    for interval in heat_intervals(timeline, max(float(times_s[-1]), 0.0), hidden, n):
+        last = int(np.searchsorted(times_s, interval.until_s, side="right"))
         inside = np.maximum(times_s[done:last], now_s)
-        marks = np.concatenate(([now_s], inside, [piece.until_s]))
-        curve = _curve(here_C, marks, piece, hidden, n)
+        marks = np.concatenate(([now_s], inside, [interval.until_s]))
+        curve = _curve(here_C, marks, interval, hidden, n)
         found[done:last] = curve[1:-1]
-        here_C, now_s, done = float(curve[-1]), piece.until_s, last
+        here_C, now_s, done = float(curve[-1]), interval.until_s, last
     return found
 
 
 def _curve(
     start_C: float,
     marks: Floats,
-    piece: Piece,
+    interval: HeatInterval,
     hidden: Mapping[str, Mapping[str, float]],
     n: Nominal,
 ) -> Floats:
-    """The temperature at ascending marks; LSODA refuses those that all but coincide."""
+    """Temperature (°C) at ascending times; LSODA needs those that nearly coincide merged."""
     apart = np.concatenate(([True], np.diff(marks) > _APART_S))
     distinct = marks[apart]
     if len(distinct) == 1:
         return np.full(len(marks), start_C)
     copper = hidden.get("resistance_tempco", {})
     numbers = (
-        piece.coil_W,
+        interval.coil_W,
         copper.get("alpha", 0.0),
         copper.get("T0", n.air_C),
-        piece.core_W,
-        piece.loss_W_K,
+        interval.core_W,
+        interval.loss_W_K,
         hidden.get("ambient_drift", {}).get("r", 0.0),
-        piece.conduction_W_K,
-        piece.platen_C,
+        interval.conduction_W_K,
+        interval.platen_C,
         hidden.get("radiation", {}).get("eps", 0.0) * (n.side_area_m2 + n.top_area_m2),
         n.air_C,
         n.capacity_J_K,
@@ -102,13 +102,13 @@ def _slope(  # type: ignore[no-untyped-def]
     return flow / capacity_J_K
 
 
-def pieces(
+def heat_intervals(
     timeline: Timeline,
     until_s: float,
     hidden: Mapping[str, Mapping[str, float]],
     n: Nominal = THESIS,
-) -> list[Piece]:
-    """The times of even heating from the program's start to `until_s`."""
+) -> list[HeatInterval]:
+    """The intervals of constant heating from the start of the program to `until_s`."""
     until_s += 1e-6
     held = {axis: _held_times(timeline, axis, until_s, hidden) for axis in _AXES}
     marks = {until_s}
@@ -126,20 +126,20 @@ def pieces(
             at += 1
         moving = [s for s in moving if s.start_s + s.duration_s > middle]
         shares = [_share(held[axis], middle, hidden) for axis in _AXES]
-        found.append(_piece(end, moving, shares, hidden, n))
+        found.append(_interval(end, moving, shares, hidden, n))
         start_s = end
     return found
 
 
-def _piece(
+def _interval(
     until_s: float,
     moving: list[Stroke],
     shares: list[float],
     hidden: Mapping[str, Mapping[str, float]],
     n: Nominal,
-) -> Piece:
+) -> HeatInterval:
     speeds = [s.peak_m_s for s in moving]
-    ways = [abs(s.way_m) for s in moving]
+    paths_m = [abs(s.displacement_m) for s in moving]
     squares = [share**2 for share in shares]
     rest_W = 2 * n.coil_ohm * n.current_A**2 * sum(squares)
     moving_W = len(moving) * n.coil_ohm * n.moving_current_A**2 * max(squares)
@@ -147,18 +147,18 @@ def _piece(
     platen = hidden.get("platen_conduction", {})
     core = hidden.get("speed_dependent_heat", {})
     steps_Hz = [speed / n.pitch_m for speed in speeds]
-    return Piece(
+    return HeatInterval(
         until_s,
         rest_W + moving_W,
-        scale * convection_W_K(math.hypot(*speeds), math.hypot(*ways) or n.side_m, n),
-        platen.get("G", 0.0) + platen.get("g", 0.0) * math.hypot(*ways),
+        scale * convection_W_K(math.hypot(*speeds), math.hypot(*paths_m) or n.side_m, n),
+        platen.get("G", 0.0) + platen.get("g", 0.0) * math.hypot(*paths_m),
         platen.get("T_p", n.air_C),
         sum(core.get("kh", 0.0) * f + core.get("ke", 0.0) * f * f for f in steps_Hz),
     )
 
 
 def convection_W_K(speed_m_s: float, length_m: float, n: Nominal = THESIS) -> float:
-    """h A over the sides and, with the bearing's air, the top."""
+    """h A (W/K) of the sides and, with the flow of the air bearing, the top."""
     return (
         _film(speed_m_s, length_m, n) * n.side_area_m2
         + _film(speed_m_s + n.bearing_m_s, length_m, n) * n.top_area_m2
@@ -174,7 +174,7 @@ def _film(air_m_s: float, length_m: float, n: Nominal) -> float:
 def _held_times(
     timeline: Timeline, axis: int, until_s: float, hidden: Mapping[str, Mapping[str, float]]
 ) -> Floats:
-    """From when to when the current of an axis is reduced: a row a rest."""
+    """Start and end (s) of each time with reduced current of an axis, shape (rests, 2)."""
     if "hold_current_reduction" not in hidden:
         return np.empty((0, 2))
     after_s = hidden["hold_current_reduction"]["t_h"]
@@ -186,6 +186,7 @@ def _held_times(
 
 
 def _share(held: Floats, when_s: float, hidden: Mapping[str, Mapping[str, float]]) -> float:
+    """Share of the current of an axis at a time."""
     at = int(np.searchsorted(held[:, 0], when_s)) - 1
     if at < 0 or when_s > held[at, 1]:
         return 1.0

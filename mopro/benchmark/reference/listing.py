@@ -1,4 +1,4 @@
-"""Program texts to motion in time: the attested statements, read and timed anew.
+"""Reader of program texts: the strokes of each axis in time, independent of mopro's compiler.
 
 UU VEL ACC PARA MRI MR GO WX WT, labels and JUMP, comments; either letter case, the letter
 O for the axis digit 0.
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from mopro.benchmark.reference.nominal import THESIS
-from mopro.benchmark.reference.profiles import Leg, duration_s, legs
+from mopro.benchmark.reference.profiles import Segment, duration_s, profile_segments
 
 _AXES = (1, 2)
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
@@ -21,7 +21,7 @@ _STATEMENT = re.compile(
     | UU(?P<uu>[0-2O])(?P<steps>\d+)/(?P<per>\d+)
     | (?P<set>VEL|ACC)(?P<set_axis>[0-2O])\s*(?P<value>{_NUMBER})
     | PARA(?P<para>[0-2O])(?P<on>[+-])
-    | (?P<move>MRI|MR)(?P<move_axis>[0-2O])\s*(?P<way>{_NUMBER})
+    | (?P<move>MRI|MR)(?P<move_axis>[0-2O])\s*(?P<distance>{_NUMBER})
     | (?P<go>GO)
     | WX(?P<wait>[0-2O])
     | WT\s*(?P<ms>\d+)
@@ -33,7 +33,7 @@ _STATEMENT = re.compile(
 
 @dataclass(frozen=True)
 class Controller:
-    """How the controller departs from the program: factors, its clock, delays in s."""
+    """Deviations of the controller: factors of speed, acceleration and clock, and delays (s)."""
 
     speed: float = 1.0
     acceleration: float = 1.0
@@ -44,20 +44,20 @@ class Controller:
 
 @dataclass(frozen=True)
 class Stroke:
-    """One axis in one motion: from `start_m`, by `way_m`, along scaled `parts`."""
+    """One move of one axis, from `start_m` by `displacement_m` (signed), with segments in SI."""
 
     axis: int
     start_s: float
     duration_s: float
     start_m: float
-    way_m: float
+    displacement_m: float
     peak_m_s: float
-    parts: tuple[Leg, ...]
+    segments: tuple[Segment, ...]
 
 
 @dataclass(frozen=True)
 class Timeline:
-    """All strokes in order of start, and how long the program takes (s)."""
+    """All strokes in order of their start, and the duration of the program (s)."""
 
     strokes: tuple[Stroke, ...]
     duration_s: float
@@ -76,7 +76,7 @@ class _Axis:
 
 
 @dataclass
-class _Clockwork:
+class _Execution:
     controller: Controller
     until_s: float
     microstep_m: float
@@ -92,7 +92,7 @@ class _Clockwork:
         return [number] if number else list(_AXES)
 
     def step(self, s: dict[str, str | None]) -> None:
-        """Do one statement (all but labels and jumps)."""
+        """Execute one statement other than a label or a jump."""
         if s["uu"]:
             for axis in self.chosen(s["uu"]):
                 axis.per_unit = Fraction(int(s["steps"] or 0), int(s["per"] or 1))
@@ -102,7 +102,7 @@ class _Clockwork:
             for axis in self.chosen(s["para"]):
                 axis.parabolic = s["on"] == "+"
         elif s["move"]:
-            self._target(s["move"].upper(), s["move_axis"] or "0", Fraction(s["way"] or 0))
+            self._target(s["move"].upper(), s["move_axis"] or "0", Fraction(s["distance"] or 0))
         elif s["go"]:
             self._start([n for n in _AXES if self.axes[n].pending is not None])
         elif s["wait"]:
@@ -117,56 +117,60 @@ class _Clockwork:
             else:
                 axis.acceleration = value * 1000 * self.controller.acceleration
 
-    def _target(self, kind: str, digit: str, way: Fraction) -> None:
+    def _target(self, kind: str, digit: str, distance: Fraction) -> None:
         for number in self.numbers(digit):
-            self.axes[number].pending = way
+            self.axes[number].pending = distance
             if kind == "MRI":
                 self._start([number])
 
     def _start(self, numbers: list[int]) -> None:
-        """Start the pending moves of these axes together; the longest way governs."""
+        """Start the pending moves of these axes together; the longest one sets the profile."""
         self.now_s += self.controller.each_delay_s
-        ways: dict[int, int] = {}
+        distances: dict[int, int] = {}
         for number in numbers:
             axis = self.axes[number]
             if axis.busy_until_s > self.now_s + 1e-9:
                 raise ValueError(f"axis {number} is moved while it moves")
             axis.target += (axis.pending or 0) * axis.per_unit
             axis.pending = None
-            ways[number] = round(axis.target) - axis.at_u
-        if not any(ways.values()):
+            distances[number] = round(axis.target) - axis.at_u
+        if not any(distances.values()):
             return
-        major = max(ways, key=lambda n: abs(ways[n]))
-        parts = self._profile(self.axes[major], abs(ways[major]))
-        for number, way in ways.items():
-            self._stroke(number, way, abs(ways[major]), parts)
+        major = max(distances, key=lambda n: abs(distances[n]))
+        segments = self._profile(self.axes[major], abs(distances[major]))
+        for number, distance in distances.items():
+            self._stroke(number, distance, abs(distances[major]), segments)
 
-    def _profile(self, axis: _Axis, way_u: int) -> list[Leg]:
+    def _profile(self, axis: _Axis, displacement_u: int) -> list[Segment]:
         unit = float(axis.per_unit)
-        return legs(way_u, axis.speed * unit, axis.acceleration * unit, axis.parabolic)
+        return profile_segments(
+            displacement_u, axis.speed * unit, axis.acceleration * unit, axis.parabolic
+        )
 
-    def _stroke(self, number: int, way_u: int, major_u: int, parts: list[Leg]) -> None:
+    def _stroke(
+        self, number: int, displacement_u: int, major_u: int, segments: list[Segment]
+    ) -> None:
         axis, rate = self.axes[number], self.controller.clock
-        share = way_u / major_u * self.microstep_m
+        share = displacement_u / major_u * self.microstep_m
         scaled = tuple(
             (t / rate, v * share * rate, a * share * rate**2, j * share * rate**3)
-            for t, v, a, j in parts
+            for t, v, a, j in segments
         )
-        lasts = duration_s(parts)
-        peak = max(max(v, v + a * t / 2 + j * t * t / 8, v + a * t) for t, v, a, j in parts)
-        if way_u:
+        lasts = duration_s(segments)
+        peak = max(max(v, v + a * t / 2 + j * t * t / 8, v + a * t) for t, v, a, j in segments)
+        if displacement_u:
             self.strokes.append(
                 Stroke(
                     number, self.now_s / rate, lasts / rate, axis.at_u * self.microstep_m,
-                    way_u * self.microstep_m, abs(peak * share * rate), scaled,
+                    displacement_u * self.microstep_m, abs(peak * share * rate), scaled,
                 )
             )  # fmt: skip
-        axis.at_u += way_u
+        axis.at_u += displacement_u
         axis.busy_until_s = self.now_s + lasts
 
 
 def statements(text: str) -> list[dict[str, str | None]]:
-    """The statements of a program in order; ValueError for what is none."""
+    """The statements of a program in order; ValueError for text that is no statement."""
     found: list[dict[str, str | None]] = []
     for number, line in enumerate(text.split("\x1a")[0].splitlines(), start=1):
         code, at = line.split(";")[0].rstrip(), 0
@@ -185,15 +189,18 @@ def timeline(
     until_s: float = 1e4,
     microstep_m: float = THESIS.microstep_m,
 ) -> Timeline:
-    """When which axis moves; a program that loops is followed up to `until_s`."""
+    """The strokes of a program; an endless loop is followed up to `until_s`.
+
+    Raises ValueError for text that is no statement and for a move of a moving axis.
+    """
     listing = statements(text)
     labels = {(s["label"] or "").upper(): i for i, s in enumerate(listing) if s["label"]}
-    works = _Clockwork(controller or Controller(), until_s, microstep_m)
-    works.now_s = works.controller.delay_s
+    execution = _Execution(controller or Controller(), until_s, microstep_m)
+    execution.now_s = execution.controller.delay_s
     at = 0
-    while at < len(listing) and works.now_s < until_s:
+    while at < len(listing) and execution.now_s < until_s:
         jump = listing[at]["jump"]
-        works.step(listing[at])
+        execution.step(listing[at])
         at = labels[jump.upper()] if jump else at + 1
-    end = max([works.now_s, *(a.busy_until_s for a in works.axes.values())])
-    return Timeline(tuple(works.strokes), end / works.controller.clock)
+    end = max([execution.now_s, *(a.busy_until_s for a in execution.axes.values())])
+    return Timeline(tuple(execution.strokes), end / execution.controller.clock)

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 STATES = 5
 X, V, Z, IA, IB = range(STATES)
-# What one number of the equation is called and where it stands in its vector.
+# Names of the equation's numbers, and their indices in the vector p.
 NAMES = (
     "wave", "force", "mass", "damping", "viscous", "quadratic", "friction", "presliding",
     "spring", "spring_at", "constant", "detent", "detent_phase", "gain", "quadrature",
@@ -44,7 +44,7 @@ TOLERANCE = np.array([1e-12, 1e-9, 1e-7, 1e-8, 1e-8])
 
 @njit(cache=True)
 def setpoints(theta, share, p):  # type: ignore[no-untyped-def]
-    """The phase currents over I that the drive is asked for, and their angle's slope."""
+    """Setpoints of the phase currents over I, and their derivatives by the angle theta."""
     ia = share * ((1 + p[GAIN] / 2) * math.cos(theta) - p[THIRD] * math.cos(3 * theta))
     ib = share * (
         (1 - p[GAIN] / 2) * math.sin(theta + p[QUADRATURE]) + p[THIRD] * math.sin(3 * theta)
@@ -58,7 +58,7 @@ def setpoints(theta, share, p):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def loads(x, v, z, p):  # type: ignore[no-untyped-def]
-    """What else pulls at the forcer (N)."""
+    """Sum of the other forces on the forcer (N)."""
     return (
         p[CONSTANT]
         - p[VISCOUS] * v
@@ -71,7 +71,7 @@ def loads(x, v, z, p):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def slope(t, y, row, p, out):  # type: ignore[no-untyped-def]
-    """The state's rate of change into `out`, under the command of `row`."""
+    """Write the time derivative of the state `y` under the command of `row` to `out`."""
     tau = t - row[T0]
     xc = row[X0] + tau * (row[V0] + tau * (row[A0] / 2 + tau * row[J0] / 6))
     vc = row[V0] + tau * (row[A0] + tau * row[J0] / 2)
@@ -102,7 +102,7 @@ def slope(t, y, row, p, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _step(t, y, h, row, p, k, trial, tolerance):  # type: ignore[no-untyped-def]
-    """One trial step from k[0] = slope(t, y); the error over the tolerance (<= 1: good)."""
+    """One trial step from k[0] = slope(t, y); returns the error over the tolerance (≤ 1: good)."""
     for stage in range(1, _STAGES + 1):
         for n in range(STATES):
             total = 0.0
@@ -125,7 +125,7 @@ def _step(t, y, h, row, p, k, trial, tolerance):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _leap(start, end, y, row, p, h, tolerance):  # type: ignore[no-untyped-def]
-    """Take `y` from `start` to `end` in place; gives the last good step."""
+    """Integrate `y` from `start` to `end` in place; returns the last accepted step size."""
     k = np.empty((_STAGES + 1, STATES))
     trial = np.empty(STATES)
     t = start
@@ -147,9 +147,9 @@ def _leap(start, end, y, row, p, h, tolerance):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def response(times, rows, p, start, tolerance, out):  # type: ignore[no-untyped-def]
-    """x, v, acceleration and command at `times` (ascending) into `out` (len(times), 4).
+    """Write x, v, acceleration and command at ascending `times` to `out`, shape (len(times), 4).
 
-    Before the first row the axis stands as in `start`; the last row goes on for ever.
+    Before the first row the axis rests in the state `start`; the last row has no end.
     """
     y = start.copy()
     rate = np.empty(STATES)

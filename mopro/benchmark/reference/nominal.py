@@ -1,4 +1,4 @@
-"""A machine in numbers, as nominal as it can be stated: what is hidden comes on top."""
+"""Nominal numbers of a machine, to which hidden effects are added."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LVDT_HALF_M = 0.254
 
 @dataclass(frozen=True)
 class Nominal:
-    """Two like axes and their forcer, SI; by default the source's, from its tables."""
+    """Two equal axes and their forcer, in SI; the defaults are from the thesis' tables."""
 
     pitch_m: float = 1.016e-3
     microsteps_per_pitch: float = 500.0
@@ -46,12 +46,12 @@ class Nominal:
 
     @property
     def microsteps_per_inch(self) -> int:
-        """As a program states them, in a whole number."""
+        """Microsteps per inch as programs state them, rounded."""
         return round(INCH_M / self.microstep_m)
 
     @property
     def agility(self) -> float:
-        """How hard it could be pulled (m/s²)."""
+        """Largest acceleration (m/s²): force over mass."""
         return self.force_N / self.mass_kg
 
     @property

@@ -1,6 +1,7 @@
-"""One axis under a program with hidden effects: numbers of the equation, rows of the command.
+"""Motion of one axis under a program with hidden effects.
 
-`Hidden` names effects and their parameters in SI, as a machine file would.
+Hidden effects change the controller, the numbers of the equation of motion and the rows of
+the command. `Hidden` maps effects to their parameters in SI, as in a machine file.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ Temperature = Callable[[Floats], Floats]
 
 
 def controller(hidden: Hidden) -> Controller:
-    """What the hidden effects make of the controller."""
+    """The controller as the hidden effects change it."""
     late = hidden.get("start_delay", {})
     each = late.get("every_move", 0.0)
     return Controller(
@@ -34,7 +35,7 @@ def controller(hidden: Hidden) -> Controller:
 
 
 def numbers(hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS) -> Floats:
-    """The numbers of the equation of motion."""
+    """The numbers of the equation of motion in the order of `motion.NAMES`, SI."""
     stiffness = n.wave_1_m * n.force_N
     zeta = _of(hidden, "electrical_damping", "zeta", n.damping_ratio)
     values = dict.fromkeys(m.NAMES, 0.0) | {
@@ -74,7 +75,7 @@ def rows(
     temperature: Temperature | None = None,
     pitch_m: float = THESIS.pitch_m,
 ) -> Floats:
-    """The command of one axis as rows, in order of time, without gaps."""
+    """The command of one axis, shape (rows, motion.COLUMNS), ordered in time without gaps."""
     strokes = [s for s in timeline.strokes if s.axis == axis]
     until_s = timeline.duration_s + 1.0
     command = _command(strokes, until_s)
@@ -92,7 +93,7 @@ def rows(
 
 
 def equilibrium(row: Floats, p: Floats) -> Floats:
-    """The state at rest under the hidden loads, the friction not yet strained."""
+    """The state at rest under the hidden loads, with the friction's z = 0; shape (STATES,)."""
 
     def pull(x: float) -> float:
         strength = p[m.FORCE] * row[m.F_FROM]
@@ -108,7 +109,7 @@ def equilibrium(row: Floats, p: Floats) -> Floats:
 def axis_response(
     times_s: Floats, command: Floats, p: Floats, tolerance: Floats = m.TOLERANCE
 ) -> Floats:
-    """x, v, acceleration and command at ascending times: (len(times_s), 4)."""
+    """Position, speed, acceleration, command (SI) at ascending times; shape (len(times_s), 4)."""
     out = np.empty((len(times_s), 4))
     m.response(times_s, command, p, equilibrium(command[0], p), tolerance, out)
     return out
@@ -129,17 +130,17 @@ def _command(strokes: list[Stroke], until_s: float) -> Floats:
         if stroke.start_s > now_s:
             found.append(_row(now_s, stroke.start_s, x))
         at_s = stroke.start_s
-        for lasts, v, a, j in stroke.parts:
+        for lasts, v, a, j in stroke.segments:
             found.append(_row(at_s, at_s + lasts, x, v, a, j))
             x += lasts * (v + lasts * (a / 2 + lasts * j / 6))
             at_s += lasts
-        x, now_s = stroke.start_m + stroke.way_m, at_s
+        x, now_s = stroke.start_m + stroke.displacement_m, at_s
     found.append(_row(now_s, max(until_s, now_s + 1.0), x))
     return np.array(found)
 
 
 def position_m(command: Floats, time_s: Floats) -> Floats:
-    """The commanded position."""
+    """The commanded position (m) at each time."""
     at = np.clip(np.searchsorted(command[:, m.T0], time_s, side="right") - 1, 0, None)
     t0, x, v, a, j = (command[at, c] for c in (m.T0, m.X0, m.V0, m.A0, m.J0))
     tau = np.maximum(time_s - t0, 0.0)
@@ -148,7 +149,7 @@ def position_m(command: Floats, time_s: Floats) -> Floats:
 
 
 def _ticked(command: Floats, tick_s: float) -> Floats:
-    """Even motion within each tick, to where the profile was at its beginning."""
+    """The command updated once per tick: constant speed to the profile's position a tick before."""
     ticks = np.arange(math.ceil(command[-1, m.T1] / tick_s) + 2)
     here = position_m(command, ticks * tick_s)
     before = position_m(command, np.maximum(ticks - 1, 0) * tick_s)
@@ -163,7 +164,7 @@ def _ticked(command: Floats, tick_s: float) -> Floats:
 
 
 def _held(command: Floats, h: float, t_h: float) -> Floats:
-    """The share of current in each row, rests divided at t_h."""
+    """The command with the current reduced to the share `h` after `t_h` seconds of rest."""
     found: list[Floats] = []
     for row in command:
         rests = not row[m.V0 : m.J0 + 1].any()
@@ -180,7 +181,7 @@ def _held(command: Floats, h: float, t_h: float) -> Floats:
 def _slipped(
     command: Floats, strokes: list[Stroke], lost: Mapping[str, float], pitch_m: float
 ) -> Floats:
-    """The axis falls back by whole pitches within one of its strokes."""
+    """The command with whole pitches lost within one stroke."""
     index = int(lost["move"]) - 1
     if index >= len(strokes):
         return command
@@ -196,8 +197,8 @@ def _slipped(
     return np.concatenate([command[:at], [before, after], command[at + 1 :]])
 
 
-def lost_lock(response: Floats, hidden: Hidden, pitch_m: float = THESIS.pitch_m) -> bool:
-    """Whether the axis left its tooth by itself."""
+def has_stalled(response: Floats, hidden: Hidden, pitch_m: float = THESIS.pitch_m) -> bool:
+    """True if the axis stalled; steps of the hidden effect `lost_steps` do not count."""
     lag = response[:, 3] - response[:, 0]
     steps = abs(_of(hidden, "lost_steps", "n")) * pitch_m
     return bool(np.abs(lag).max() > pitch_m * 0.3 + steps)

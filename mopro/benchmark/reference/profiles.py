@@ -1,6 +1,6 @@
-"""Velocity profiles as legs, by integrating the acceleration by hand.
+"""Velocity profiles as segments of constant jerk, in closed form.
 
-A leg is (duration, v, a, j): over it the speed is v + a t + j t²/2. Lengths are in any one
+A segment is (duration, v, a, j) with the speed v + a t + j t²/2. Lengths are in any one
 unit. Limits and the parabola's shape are those of the errata: a smooth move needs
 8 V²/(3 a), a parabola lasts √(6 s/a).
 """
@@ -9,21 +9,24 @@ from __future__ import annotations
 
 import math
 
-Leg = tuple[float, float, float, float]
+Segment = tuple[float, float, float, float]
 
 
-def legs(distance: float, speed: float, acceleration: float, parabolic: bool) -> list[Leg]:
-    """The legs of a move from rest to rest; distance, speed and acceleration > 0."""
-    shape = _parabolic if parabolic else _even
-    return [leg for leg in shape(distance, speed, acceleration) if leg[0] > 0]
+def profile_segments(
+    distance: float, speed: float, acceleration: float, parabolic: bool
+) -> list[Segment]:
+    """The segments of a move from rest to rest; distance, speed and acceleration > 0."""
+    shape = _parabolic if parabolic else _trapezoidal
+    return [segment for segment in shape(distance, speed, acceleration) if segment[0] > 0]
 
 
-def duration_s(parts: list[Leg]) -> float:
+def duration_s(parts: list[Segment]) -> float:
+    """Duration of all segments together."""
     return sum(part[0] for part in parts)
 
 
-def _even(s: float, v: float, a: float) -> list[Leg]:
-    """Trapezoid, or a triangle where the speed cannot be reached."""
+def _trapezoidal(s: float, v: float, a: float) -> list[Segment]:
+    """Trapezoid, or a triangle if the speed cannot be reached."""
     peak = min(v, math.sqrt(s * a))
     ramp = peak / a
     cruise = max(0.0, s - peak * ramp) / peak
@@ -32,8 +35,8 @@ def _even(s: float, v: float, a: float) -> list[Leg]:
     return [(ramp, 0.0, a, 0.0), (cruise, peak, 0.0, 0.0), (ramp, peak, -a, 0.0)]
 
 
-def _parabolic(s: float, v: float, a: float) -> list[Leg]:
-    """Ramps whose acceleration falls evenly from a to 0, or a single parabola of speed."""
+def _parabolic(s: float, v: float, a: float) -> list[Segment]:
+    """Ramps with acceleration falling linearly from a to 0, or a single parabola of speed."""
     ramp = 2 * v / a
     ramps = 8 * v * v / (3 * a)
     if s < ramps:

@@ -1,4 +1,4 @@
-"""What a sensor shows: geometry, transducer, lag, clock, electronics, noise, converter."""
+"""Sensor models: geometry, transducer, lag, clock, mains hum, noise and converter."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Hidden = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Instrument:
-    """A sensor: `unit` is the SI size of its column's unit, noise and step are in it."""
+    """A sensor; `unit` is the SI value of its column's unit, in which noise and ADC step are."""
 
     name: str
     quantity: str
@@ -30,22 +30,22 @@ class Instrument:
 
     @property
     def sigma(self) -> float:
-        """Noise with the converter's rounding, in the column's unit."""
+        """Standard deviation of noise and rounding together, in the column's unit."""
         return math.hypot(self.noise_rms, self.adc_step / math.sqrt(12))
 
 
 def sampled_at(stamps_s: Floats, hidden: Hidden) -> Floats:
-    """When the samples with these stamps are really taken."""
+    """True times (s) of the samples with these time stamps."""
     late = hidden.get("trigger_delay", {}).get("t_d", 0.0)
     return stamps_s * (1 + hidden.get("sample_clock", {}).get("e", 0.0)) - late
 
 
-def transduced(x: Floats, other: Floats, warmth_K: Floats | float, hidden: Hidden) -> Floats:
-    """The reading (m) of a target at `x` with the other axis at `other`; all dense in time."""
+def transduced(x: Floats, other: Floats, rise_K: Floats | float, hidden: Hidden) -> Floats:
+    """Reading (m) of a target at `x` (m) with the other axis at `other` (m); dense in time."""
     seen = x * (1 + hidden.get("pitch_scale", {}).get("e", 0.0))
     if "platen_expansion" in hidden:
         grown = hidden["platen_expansion"]
-        seen = seen * (1 + grown["alpha"] * (grown["dT"] + grown["share"] * warmth_K))
+        seen = seen * (1 + grown["alpha"] * (grown["dT"] + grown["share"] * rise_K))
     if "backlash" in hidden:
         seen = play(seen, hidden["backlash"]["B"])
     if "periodic_error" in hidden:
@@ -64,7 +64,7 @@ def transduced(x: Floats, other: Floats, warmth_K: Floats | float, hidden: Hidde
 
 @njit(cache=True)
 def play(x, width):  # type: ignore[no-untyped-def]
-    """A follower with `width` of play, centred at the start."""
+    """Output of a play operator (backlash) of the given width (m), centred at the start."""
     seen = np.empty_like(x)
     at = x[0]
     for i in range(len(x)):
@@ -77,8 +77,8 @@ def play(x, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def lagging(x, step_s, lag_s):  # type: ignore[no-untyped-def]
-    """y + lag dy/dt = x, exact for what is even between samples `step_s` apart."""
+def low_pass(x, step_s, lag_s):  # type: ignore[no-untyped-def]
+    """First-order lag y + lag dy/dt = x, exact for x linear between samples `step_s` apart."""
     decay = math.exp(-step_s / lag_s)
     seen = np.empty_like(x)
     y = x[0]
@@ -91,7 +91,7 @@ def lagging(x, step_s, lag_s):  # type: ignore[no-untyped-def]
 
 
 def lag_s(quantity: str, hidden: Hidden) -> float:
-    """The time constant of the sensor's lag; 0 for none."""
+    """Time constant (s) of the sensor's first-order lag; 0 for none."""
     if quantity == "temperature":
         return hidden.get("thermocouple_lag", {}).get("tau", 0.0)
     corner = hidden.get("sensor_bandwidth", {}).get("f_c", 0.0)
@@ -99,13 +99,16 @@ def lag_s(quantity: str, hidden: Hidden) -> float:
 
 
 def resampled(step_s: float, values: Floats, at_s: Floats) -> Floats:
-    """Dense values (from time 0) at other times; before the start, as at the start."""
+    """Values sampled every `step_s` from time 0, interpolated by a cubic spline at other times.
+
+    Before the start they are as at the start.
+    """
     spline = CubicSpline(np.arange(len(values)) * step_s, values)
     return np.asarray(spline(np.clip(at_s, 0.0, (len(values) - 1) * step_s)), dtype=np.float64)
 
 
-def electronics(seen: Floats, taken_s: Floats, hidden: Hidden) -> Floats:
-    """With what the mains add."""
+def with_hum(seen: Floats, taken_s: Floats, hidden: Hidden) -> Floats:
+    """The reading with mains hum and its second and third harmonic."""
     if "hum" not in hidden:
         return seen
     hum = hidden["hum"]
@@ -117,7 +120,7 @@ def electronics(seen: Floats, taken_s: Floats, hidden: Hidden) -> Floats:
 
 
 def stored(reading: Floats, instrument: Instrument, generator: np.random.Generator) -> Floats:
-    """Noise added, then in whole steps of the converter; in the column's unit."""
+    """The reading with noise added, rounded to steps of the converter; in the column's unit."""
     noisy = reading + generator.normal(0.0, instrument.noise_rms, len(reading))
     if instrument.adc_step:
         noisy = np.rint(noisy / instrument.adc_step) * instrument.adc_step

@@ -9,10 +9,10 @@ import pytest
 from click.testing import CliRunner
 from paths import ROOT
 
-from mopro.benchmark.made import MADE, Made
 from mopro.benchmark.make import make
+from mopro.benchmark.manifest import MADE, Manifest
+from mopro.benchmark.run import CaseFolder, VerdictSource
 from mopro.cli.blind import command
-from mopro.cli.blind_score import Asker, Ground
 from mopro.errors import DataError
 
 
@@ -47,25 +47,25 @@ def test_answers_of_other_origin_are_refused(tmp_path):
 @pytest.fixture
 def ground(tmp_path):
     """A case with one run, made here."""
-    Made(tmp_path, {}).replace("003", {"run1.CMD": b"WT1\n", "run2.CMD": b"WT2\n"})
+    Manifest(tmp_path, {}).replace("003", {"run1.CMD": b"WT1\n", "run2.CMD": b"WT2\n"})
     return tmp_path
 
 
 def test_what_was_made_is_replaced_and_what_lies_beside_it_stays(ground):
     (ground / "003" / "notes.txt").write_text("mine")
-    made = Made.read(ground)
-    made.refuse_others(["003", "004"])
+    made = Manifest.read(ground)
+    made.refuse_foreign(["003", "004"])
     made.replace("003", {"run1.CMD": b"WT3\n"})
     assert tree(ground).keys() == {MADE, "003/notes.txt", "003/run1.CMD"}
     assert (ground / "003" / "run1.CMD").read_bytes() == b"WT3\n"
-    Made.read(ground).refuse_others(["003"])
+    Manifest.read(ground).refuse_foreign(["003"])
 
 
 def test_what_the_user_has_changed_since_is_refused(ground):
     (ground / "003" / "run2.CMD").write_text("changed")
     before = tree(ground)
     with pytest.raises(DataError, match=r"run2.CMD: not as"):
-        Made.read(ground).replace("003", {"run1.CMD": b"WT3\n"})
+        Manifest.read(ground).replace("003", {"run1.CMD": b"WT3\n"})
     assert tree(ground) == before
 
 
@@ -75,7 +75,7 @@ def test_a_link_in_place_of_a_file_is_refused(ground, tmp_path_factory):
     (ground / "003" / "run1.CMD").unlink()
     (ground / "003" / "run1.CMD").symlink_to(precious)
     with pytest.raises(DataError, match=r"run1.CMD: not as"):
-        Made.read(ground).replace("003", {"run1.CMD": b"WT3\n"})
+        Manifest.read(ground).replace("003", {"run1.CMD": b"WT3\n"})
     assert precious.read_bytes() == b"WT1\n"
 
 
@@ -83,20 +83,22 @@ def test_a_link_in_place_of_a_file_is_refused(ground, tmp_path_factory):
 def test_a_kill_at_any_step_can_be_made_good(ground, moment):
     """Killed at the n-th rename or removal, the next make finds nothing foreign."""
     code = (
-        "import os, signal, sys\nfrom pathlib import Path\nfrom mopro.benchmark.made import Made\n"
+        "import os, signal, sys\nfrom pathlib import Path\n"
+        "from mopro.benchmark.manifest import Manifest\n"
         f"real, left = Path.{moment}, [int(sys.argv[2])]\n"
         "def counted(self, *a, **k):\n"
         "    left[0] -= 1\n"
         "    if left[0] < 0: os.kill(os.getpid(), signal.SIGKILL)\n"
         "    return real(self, *a, **k)\n"
         f"Path.{moment} = counted\n"
-        "Made.read(Path(sys.argv[1])).replace('003', {f'run{i}.CMD': b'WT9' for i in range(3)})\n"
+        "runs = {f'run{i}.CMD': b'WT9' for i in range(3)}\n"
+        "Manifest.read(Path(sys.argv[1])).replace('003', runs)\n"
     )
     for count in range(5):
         words = [sys.executable, "-c", code, str(ground), str(count)]
         subprocess.run(words, check=False, capture_output=True)
-        Made.read(ground).refuse_others(["003"])
-    Made.read(ground).replace("003", {"run1.CMD": b"WT1\n"})
+        Manifest.read(ground).refuse_foreign(["003"])
+    Manifest.read(ground).replace("003", {"run1.CMD": b"WT1\n"})
     assert tree(ground).keys() == {MADE, "003/run1.CMD"}
 
 
@@ -109,14 +111,14 @@ def test_a_list_that_leads_elsewhere_is_not_believed(ground, path):
     files[path] = "0" * 64
     (ground / MADE).write_text(json.dumps(document))
     with pytest.raises(DataError, match="not the list that `mopro blind` writes"):
-        Made.read(ground)
+        Manifest.read(ground)
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "{}", "[" * 100_000, "\udcff"])
 def test_a_list_of_other_origin_is_not_believed(ground, content):
     (ground / MADE).write_text(content, errors="surrogateescape")
     with pytest.raises(DataError, match="not the list that `mopro blind` writes"):
-        Made.read(ground)
+        Manifest.read(ground)
 
 
 def test_a_machine_within_the_folder_to_be_filled_is_refused(tmp_path):
@@ -175,7 +177,7 @@ def test_answers_that_lack_something_are_refused(made, answers, missing):
     del document["cases"]["003"][missing]
     rewritten(document)
     with pytest.raises(DataError, match="not what `mopro blind make` writes"):
-        Ground.read(made)
+        CaseFolder.read(made)
 
 
 @pytest.mark.parametrize(
@@ -186,15 +188,13 @@ def test_answers_that_lack_something_are_refused(made, answers, missing):
 def test_a_verdict_that_cannot_be_read_is_asked_again(made, monkeypatch, content):
     said = {"verdict": "none", "effects": [], "seconds": 1.0, "exit_code": 0, "stderr": ""}
     asked = []
-    monkeypatch.setattr(
-        "mopro.cli.blind_score._reconcile", lambda *a: asked.append(a) or dict(said)
-    )
+    monkeypatch.setattr("mopro.benchmark.run._reconcile", lambda *a: asked.append(a) or dict(said))
     kept = made / "003" / "verdict.json"
     kept.write_bytes(content)
     experiment = made / "003" / "experiment.toml"
-    assert Asker().ask("003", experiment)["verdict"] == "none"
+    assert VerdictSource().ask("003", experiment)["verdict"] == "none"
     assert len(asked) == 1
-    assert Asker().ask("003", experiment)["verdict"] == "none"
+    assert VerdictSource().ask("003", experiment)["verdict"] == "none"
     assert len(asked) == 1, "the new one is kept"
     kept.unlink()
 

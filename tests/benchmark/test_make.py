@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from mopro.benchmark import hidden
-from mopro.benchmark.case import drawn, instruments
-from mopro.benchmark.grid import LASER, Spec, specs
+from mopro.benchmark.case import case_instruments, draw_case
+from mopro.benchmark.grid import LASER, CaseSpec, case_specs
 from mopro.benchmark.make import make, write
 from mopro.benchmark.reference.listing import timeline
 from mopro.benchmark.reference.nominal import THESIS
-from mopro.benchmark.sizes import Bench, class_of
+from mopro.benchmark.sizes import NoiselessRuns, class_of
 from mopro.instruments import read_thermocouple
 
-ONE = Spec("single", LASER, (("viscous_drag", "clear"),), runs=1, run_s=1.0)
+ONE = CaseSpec("single", LASER, (("viscous_drag", "clear"),), runs=1, run_s=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def chosen():
     """One of each kind that is quickly made."""
     wanted = {"none": 1, "pair": 1, "off catalogue": 1, "single": 1}
     found = []
-    for i, spec in enumerate(specs("smoke", 3), start=1):
+    for i, spec in enumerate(case_specs("smoke", 3), start=1):
         if wanted.get(spec.group) and spec.style == "strokes":
             wanted[spec.group] -= 1
             found.append(f"{i:03d}")
@@ -61,7 +61,15 @@ def test_nothing_in_a_case_tells_what_is_hidden(ground):
         assert names == set(answers[number]["files"])
         texts = [p.read_text() for p in (folder / number).iterdir() if p.suffix != ".csv"]
         told = "\n".join(texts)
-        for name in (*hidden.ENTRIES, "single", "pair", "off catalogue", "seed", "bump", "walk"):
+        for name in (
+            *hidden.HIDDEN_EFFECTS,
+            "single",
+            "pair",
+            "off catalogue",
+            "seed",
+            "bump",
+            "walk",
+        ):
             assert name not in told
         values = [v for e in answers[number]["effects"] for v in e["parameters"].values()]
         for value in values:
@@ -69,23 +77,23 @@ def test_nothing_in_a_case_tells_what_is_hidden(ground):
                 assert not re.search(rf"(?<![\d.]){re.escape(f'{value:.6g}')}(?!\d)", told)
 
 
-def test_the_numbers_of_cases_tell_nothing_of_their_kind():
-    first, second = specs("full", 1), specs("full", 2)
+def test_the_read_machine_cases_tell_nothing_of_their_kind():
+    first, second = case_specs("full", 1), case_specs("full", 2)
     assert sorted(map(str, {s.group for s in first})) == sorted({s.group for s in second})
     assert [s.group for s in first] != [s.group for s in second]
 
 
 def test_the_full_grid_has_what_the_issue_asks_for():
-    grid = specs("full", 1)
+    grid = case_specs("full", 1)
     groups = [s.group for s in grid]
     assert len(grid) >= 200
     assert groups.count("none") >= 60
     assert groups.count("pair") >= 30
     assert groups.count("triple") >= 12
     assert groups.count("off catalogue") >= 16
-    assert {name for s in grid for name, _ in s.effects} == set(hidden.ENTRIES)
+    assert {name for s in grid for name, _ in s.effects} == set(hidden.HIDDEN_EFFECTS)
     for spec in grid:
-        families = [hidden.ENTRIES[name].family for name, _ in spec.effects]
+        families = [hidden.HIDDEN_EFFECTS[name].family for name, _ in spec.effects]
         assert len(set(families)) == len(families)
 
 
@@ -93,18 +101,18 @@ def test_the_grid_s_effects_are_the_catalogue_s():
     from mopro.effects import catalogue
 
     parameters = {name: {p.name for p in e.parameters} for name, e in catalogue().items()}
-    assert set(hidden.ENTRIES) <= set(parameters)
-    for entry in hidden.ENTRIES.values():
+    assert set(hidden.HIDDEN_EFFECTS) <= set(parameters)
+    for entry in hidden.HIDDEN_EFFECTS.values():
         values = entry.draw(np.random.default_rng(1), THESIS)(0.5)
         assert set(values) <= parameters[entry.name], entry.name
 
 
-@pytest.mark.parametrize("name", [n for n in hidden.ENTRIES if n != "lost_steps"])
+@pytest.mark.parametrize("name", [n for n in hidden.HIDDEN_EFFECTS if n != "lost_steps"])
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_all_strengths_lie_in_the_plausible_range(name, seed):
     from mopro.effects import catalogue
 
-    entry = hidden.ENTRIES[name]
+    entry = hidden.HIDDEN_EFFECTS[name]
     drawn_effect = entry.draw(np.random.default_rng(seed), THESIS)
     for strength in (entry.least, 0.5, 1.0):
         for parameter in catalogue()[name].parameters:
@@ -115,29 +123,31 @@ def test_all_strengths_lie_in_the_plausible_range(name, seed):
 
 
 def test_a_size_is_the_root_of_the_summed_squares():
-    case = drawn(1, "001", ONE)
+    case = draw_case(1, "001", ONE)
     size = case.sizes["viscous_drag"]
     b = case.effects["viscous_drag"]["b"]
-    bench = Bench(case.trials, case.instruments)
-    assert bench.total_sigma({"viscous_drag": {"b": b}}) == pytest.approx(size)
-    assert bench.total_sigma({"viscous_drag": {"b": 2 * b}}) == pytest.approx(2 * size, rel=0.03)
+    noiseless = NoiselessRuns(case.runs, case.instruments)
+    assert noiseless.total_sigma({"viscous_drag": {"b": b}}) == pytest.approx(size)
+    assert noiseless.total_sigma({"viscous_drag": {"b": 2 * b}}) == pytest.approx(
+        2 * size, rel=0.03
+    )
     assert class_of(size) in ("clear", "strong")
     quieter = [replace(i, noise_rms=i.noise_rms / 2) for i in case.instruments]
-    half = Bench(case.trials, quieter).total_sigma(case.effects)
+    half = NoiselessRuns(case.runs, quieter).total_sigma(case.effects)
     assert half == pytest.approx(2 * size)
 
 
 def test_an_offset_adds_nothing_to_a_size_but_its_own():
-    case = drawn(1, "001", ONE)
-    bench = Bench(case.trials, case.instruments)
+    case = draw_case(1, "001", ONE)
+    noiseless = NoiselessRuns(case.runs, case.instruments)
     offset = {"sensor_offset": {"o": 1e-4}}
-    both = bench.total_sigma(case.effects | offset)
-    assert both == pytest.approx(bench.total_sigma(case.effects), rel=1e-6)
-    assert bench.total_sigma(offset) > 100
+    both = noiseless.total_sigma(case.effects | offset)
+    assert both == pytest.approx(noiseless.total_sigma(case.effects), rel=1e-6)
+    assert noiseless.total_sigma(offset) > 100
 
 
 def test_data_last_as_long_as_the_program(tmp_path):
-    case = drawn(2, "001", replace(ONE, group="none", effects=()))
+    case = draw_case(2, "001", replace(ONE, group="none", effects=()))
     write(case, tmp_path, np.random.default_rng(1))
     data = np.genfromtxt(tmp_path / "run1.csv", delimiter=",", names=True)
     lasts = timeline((tmp_path / "run1.CMD").read_text()).duration_s
@@ -147,8 +157,8 @@ def test_data_last_as_long_as_the_program(tmp_path):
 
 
 def test_a_thermocouple_s_data_are_a_raw_file_of_the_laboratory(tmp_path):
-    warm = Spec("none", "thermocouple", style="cycles", runs=1, run_s=700.0)
-    case = drawn(1, "001", warm)
+    warm = CaseSpec("none", "thermocouple", style="cycles", runs=1, run_s=700.0)
+    case = draw_case(1, "001", warm)
     write(case, tmp_path, np.random.default_rng(1))
     temperature, time_s = read_thermocouple(tmp_path / "run1.DAT")
     assert time_s.tolist() == [*range(601), *range(615, 701, 15)]
@@ -158,6 +168,6 @@ def test_a_thermocouple_s_data_are_a_raw_file_of_the_laboratory(tmp_path):
 
 
 def test_noise_and_converter_are_the_stated_ones():
-    laser, coarse = instruments(LASER, "strokes")[0], instruments("lvdt", "strokes")[0]
+    laser, coarse = case_instruments(LASER, "strokes")[0], case_instruments("lvdt", "strokes")[0]
     assert laser.sigma == laser.noise_rms
     assert coarse.sigma == pytest.approx(np.hypot(0.025, 0.004883 / np.sqrt(12)))

@@ -8,10 +8,10 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from mopro.benchmark.reference import heat, motion, plant
-from mopro.benchmark.reference.experiment import Plant, Trial
 from mopro.benchmark.reference.listing import timeline
 from mopro.benchmark.reference.nominal import INCH_M
 from mopro.benchmark.reference.nominal import THESIS as n
+from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
 
 LASER = Instrument("laser", "position", 1, "position_1_in", INCH_M, 2000.0, 2e-5, 0.0)
@@ -164,18 +164,18 @@ def test_a_warming_at_rest_is_an_exponential():
 
 def test_samples_are_taken_late_by_the_trigger_s_delay():
     generator = np.random.default_rng(0)
-    _, (usual,) = Plant({}).readings(Trial(MOVE), [LASER], generator)
-    late = Plant({"trigger_delay": {"t_d": 2e-3}})
-    _, (shifted,) = late.readings(Trial(MOVE), [LASER], generator)
+    _, (usual,) = ReferencePlant({}).readings(ProgramRun(MOVE), [LASER], generator)
+    late = ReferencePlant({"trigger_delay": {"t_d": 2e-3}})
+    _, (shifted,) = late.readings(ProgramRun(MOVE), [LASER], generator)
     assert shifted[4:] == pytest.approx(usual[:-4], abs=1e-9)
     assert shifted[:4] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_play_is_crossed_at_a_reversal():
-    backlash = Plant({"backlash": {"B": 1e-4}})
+    backlash = ReferencePlant({"backlash": {"B": 1e-4}})
     generator = np.random.default_rng(0)
-    _, (usual,) = Plant({}).readings(Trial(MOVE), [LASER], generator)
-    _, (seen,) = backlash.readings(Trial(MOVE), [LASER], generator)
+    _, (usual,) = ReferencePlant({}).readings(ProgramRun(MOVE), [LASER], generator)
+    _, (seen,) = backlash.readings(ProgramRun(MOVE), [LASER], generator)
     play_m = (usual - seen) * INCH_M
     forth, back = 2000 * 14 // 100, 2000 * 72 // 100
     assert play_m[forth] == pytest.approx(5e-5, abs=1e-9)
@@ -183,9 +183,9 @@ def test_play_is_crossed_at_a_reversal():
 
 
 def test_a_lost_step_is_a_whole_pitch():
-    lost = Plant({"lost_steps": {"n": 1.0, "move": 1.0, "at": 0.5}})
+    lost = ReferencePlant({"lost_steps": {"n": 1.0, "move": 1.0, "at": 0.5}})
     generator = np.random.default_rng(0)
-    _, (usual,) = Plant({}).readings(Trial(MOVE), [LASER], generator)
-    _, (seen,) = lost.readings(Trial(MOVE), [LASER], generator)
+    _, (usual,) = ReferencePlant({}).readings(ProgramRun(MOVE), [LASER], generator)
+    _, (seen,) = lost.readings(ProgramRun(MOVE), [LASER], generator)
     assert not lost.stalled
     assert (usual - seen)[-1] == pytest.approx(0.040, abs=1e-6)

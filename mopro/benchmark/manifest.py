@@ -1,4 +1,4 @@
-"""The list of what `mopro blind` has made in a folder: nothing else is removed or replaced."""
+"""Manifest of the files that `mopro blind` made in a folder; only those are ever replaced."""
 
 from __future__ import annotations
 
@@ -15,37 +15,38 @@ from mopro.files import make_folder, write
 MADE = "made.json"
 ANSWERS = "answers.json"
 EXPERIMENT = "experiment.toml"
-# What an experiment consists of; other files beside it (notes, verdicts) are left alone.
+# Suffixes of an experiment's files; other files beside them (notes, verdicts) are left alone.
 SUFFIXES = (".toml", ".CMD", ".csv", ".DAT")
-# No name leads out of the folder of its case.
+# Names that cannot lead out of the folder of their case.
 _NUMBER = re.compile(r"[0-9]{3,6}")
 _NAME = re.compile(r"[A-Za-z0-9_]{1,64}\.(?:toml|CMD|csv|DAT)")
 _FORM = "files that mopro blind made, with their SHA-256"
 
 
-def is_case(number: object) -> bool:
+def is_case_number(number: object) -> bool:
+    """True for the number of a case: three to six digits."""
     return isinstance(number, str) and _NUMBER.fullmatch(number) is not None
 
 
-def is_name(name: object) -> bool:
-    """Whether `name` is one that a file of an experiment may have."""
+def is_file_name(name: object) -> bool:
+    """True for a valid name of an experiment's file, without a folder."""
     return isinstance(name, str) and _NAME.fullmatch(name) is not None
 
 
 @dataclass
-class Made:
-    """Files by their path in `folder`, with the SHA-256 that they were made with.
+class Manifest:
+    """SHA-256 of each file made in `folder`, by its path there.
 
-    Its own file is written before those that it lists, so that a process that ends between
-    leaves none that is not listed.
+    made.json is written before the files that it lists, so that a process that is killed in
+    between leaves no file unlisted.
     """
 
     folder: Path
     files: dict[str, str]
 
     @classmethod
-    def read(cls, folder: Path) -> Made:
-        """The list of `folder`; an empty one where there is none. DataError if it is damaged."""
+    def read(cls, folder: Path) -> Manifest:
+        """The manifest of `folder`, empty if there is none; DataError if it is damaged."""
         path = folder / MADE
         try:
             document = json.loads(path.read_bytes())
@@ -54,30 +55,30 @@ class Made:
         except OSError as error:
             raise DataError(f"{path}: cannot be read: {error.strerror}", "unreadable") from error
         except (ValueError, RecursionError) as error:
-            raise _foreign_list(path) from error
+            raise _bad_manifest(path) from error
         files = document.get(_FORM) if isinstance(document, dict) else None
         if not isinstance(files, dict) or not all(map(_is_path, files)):
-            raise _foreign_list(path)
+            raise _bad_manifest(path)
         return cls(folder, files)
 
-    def refuse_others(self, numbers: Iterable[str]) -> None:
-        """DataError for the first file where cases (and answers) should be that is not as made."""
+    def refuse_foreign(self, numbers: Iterable[str]) -> None:
+        """Raise DataError for the first file of these cases or answers.json that is not as made."""
         for number in numbers:
             folder = self.folder / number
             found = sorted(folder.iterdir()) if folder.is_dir() else []
             for path in found:
                 if path.suffix in SUFFIXES:
-                    self._check(_place(number, path.name))
+                    self._check(_path_of(number, path.name))
         self._check(ANSWERS)
 
     def replace(self, number: str, contents: Mapping[str, bytes]) -> None:
-        """Put `contents` by name in place of what was made for the case `number` before.
+        """Replace the files made for the case `number` by `contents`, given by name.
 
-        "" stands for the folder itself. Raises DataError if that is not as it was made.
+        "" stands for the folder itself. Raises DataError if a file is not as it was made.
         """
         old = [path for path in self.files if path.rpartition("/")[0] == number]
         new = {
-            _place(number, name): hashlib.sha256(contents[name]).hexdigest() for name in contents
+            _path_of(number, name): hashlib.sha256(contents[name]).hexdigest() for name in contents
         }
         for path in {*old, *new}:
             self._check(path)
@@ -85,12 +86,12 @@ class Made:
             (self.folder / path).unlink(missing_ok=True)
             del self.files[path]
         self.files |= new
-        self._keep(self.folder / number)
+        self._save(self.folder / number)
         for name, data in contents.items():
             write(self.folder / number / name, data)
 
     def _check(self, path: str) -> None:
-        """DataError if there is a file at `path` that is not the one that was made."""
+        """Raise DataError if the file at `path` is not the one that was made."""
         file = self.folder / path
         try:
             as_made = not file.is_symlink() and _sha256(file.read_bytes()) == self.files.get(path)
@@ -102,7 +103,7 @@ class Made:
             message = f"{file}: not as `mopro blind` made it, so it is not replaced"
             raise DataError(f"{message}; move it away or name another folder", "not-made-here")
 
-    def _keep(self, folder: Path) -> None:
+    def _save(self, folder: Path) -> None:
         try:
             make_folder(folder)
         except OSError as error:
@@ -116,16 +117,16 @@ def _sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _place(number: str, name: str) -> str:
+def _path_of(number: str, name: str) -> str:
     return f"{number}/{name}" if number else name
 
 
 def _is_path(path: str) -> bool:
-    """Whether a list may name it: of the folder itself or of one of its cases."""
+    """True for a path that a manifest may list: answers.json, or a file of the folder or a case."""
     number, slash, name = path.rpartition("/")
-    return path == ANSWERS or (is_name(name) and (is_case(number) or not slash))
+    return path == ANSWERS or (is_file_name(name) and (is_case_number(number) or not slash))
 
 
-def _foreign_list(path: Path) -> DataError:
+def _bad_manifest(path: Path) -> DataError:
     message = f"{path}: not the list that `mopro blind` writes; name another folder"
     return DataError(message, "not-made-here")

@@ -1,4 +1,4 @@
-"""Disturbances that no catalogue has, added to a reading; each scaled by its rms."""
+"""Disturbances of a reading that no catalogue of effects has."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def disturbance(
     acceleration: Floats,
     generator: np.random.Generator,
 ) -> Floats:
-    """The disturbance `name` over one series, in metres for a unit of its size.
+    """The disturbance `name` over one series, shape (n,), dimensionless.
 
     local_bump: `at`, `width` (m); time_drift: `tau` (s); frame_sway: `f` (Hz), `zeta`;
     random_walk: none.
@@ -36,7 +36,7 @@ def disturbance(
 
 
 def _sway(step_s: float, acceleration: Floats, f_hz: float, zeta: float) -> Floats:
-    """How a base of that frequency gives way to the motor's reaction (per unit mass ratio)."""
+    """Displacement of an elastic frame under the motor's reaction force, per unit mass ratio."""
     w = 2 * math.pi * f_hz
     numerator, denominator, _ = cont2discrete(
         ([1.0], [1.0, 2 * zeta * w, w * w]), step_s, method="foh"

@@ -1,4 +1,4 @@
-"""The scorer on fabricated replies."""
+"""Scores of fabricated replies."""
 
 import json
 import math
@@ -8,11 +8,11 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from mopro.benchmark.follow import proposed
+from mopro.benchmark.follow import add_proposed_run
 from mopro.benchmark.judge import judge
 from mopro.benchmark.make import make
 from mopro.benchmark.page import page
-from mopro.benchmark.score import Followed, Score, pair
+from mopro.benchmark.score import FollowUp, Score, pair_key
 from mopro.cli.blind import command
 
 HIDDEN = {"name": "viscous_drag", "parameters": {"b": 5.0}, "total_sigma": 50.0}
@@ -125,14 +125,14 @@ def test_the_table_counts():
     cases.append(judge("049", answer(HIDDEN), reply("named", "hum", seconds=100.0)))
     cases.append(judge("050", answer(group="none"), reply("none")))
     score = Score(tuple(cases), ())
-    lines = {line.what: line for line in score.lines()}
-    clear = lines["one effect, 20 σ or more: right name or family"]
+    rows = {row.what: row for row in score.rows()}
+    clear = rows["one effect, 20 σ or more: right name or family"]
     assert (clear.count, clear.reached, clear.met) == (50, "98.0% (49 of 50)", True)
-    assert lines["one effect, 8 σ or more: a wrong name"].met is False
-    assert lines["nothing hidden: none"].met is True
-    assert lines["two effects, each 20 σ or more: all right"].met is None
-    assert "worst 100.0 s" in lines["time of a case with the laser"].reached
-    assert lines["time of a case with the laser"].met is False
+    assert rows["one effect, 8 σ or more: a wrong name"].met is False
+    assert rows["nothing hidden: none"].met is True
+    assert rows["two effects, each 20 σ or more: all right"].met is None
+    assert "worst 100.0 s" in rows["time of a case with the laser"].reached
+    assert rows["time of a case with the laser"].met is False
     assert [j.number for j in score.wrong()] == ["049"]
     assert score.confusion()["viscous_drag"] == {"right": 49, "wrong: hum": 1}
     text = page(score)
@@ -143,33 +143,37 @@ def test_the_table_counts():
 def after(first, promised, second):
     """What is hidden is a viscous drag."""
     truth = answer(HIDDEN)
-    sigmas = {pair("viscous_drag", rival): sigma for rival, sigma in promised.items()}
-    others = {pair("start_delay", "trigger_delay"): 0.1}
-    return Followed(judge("1", truth, first), sigmas | others, judge("1", truth, second))
+    sigmas = {pair_key("viscous_drag", rival): sigma for rival, sigma in promised.items()}
+    others = {pair_key("start_delay", "trigger_delay"): 0.1}
+    return FollowUp(judge("1", truth, first), sigmas | others, judge("1", truth, second))
 
 
-def test_what_an_experiment_was_to_part_is_counted_rival_by_rival():
-    """Rivals of what is hidden count, whichever of the family was named first."""
+def test_alternatives_predicted_to_be_distinguishable_are_counted_one_by_one():
+    """Alternatives to the hidden effect count, whichever of the family was named first."""
     family = reply("ambiguous", "trigger_delay", family=["viscous_drag", "start_delay"])
     promised = {"trigger_delay": 8.0, "start_delay": 8.0}
     settled = after(family, promised, reply("named", "viscous_drag"))
-    assert (settled.named, settled.within_reach, settled.gone()) == (True, True, [True, True])
+    assert (settled.named, settled.all_distinguishable, settled.excluded()) == (
+        True,
+        True,
+        [True, True],
+    )
     halved = reply("ambiguous", "viscous_drag", family=["trigger_delay"])
-    assert after(family, promised, halved).gone() == [True, False]
+    assert after(family, promised, halved).excluded() == [True, False]
     half = {"trigger_delay": 0.3, "start_delay": 8.0}
     twins = after(family, half, halved)
-    assert (twins.named, twins.within_reach, twins.gone()) == (False, False, [True])
+    assert (twins.named, twins.all_distinguishable, twins.excluded()) == (False, False, [True])
     wrong = after(family, promised, reply("named", "hum"))
-    assert (wrong.named, wrong.gone()) == (False, [False, False])
+    assert (wrong.named, wrong.excluded()) == (False, [False, False])
     nothing = after(family, {}, {"verdict": "failed"})
-    assert (nothing.within_reach, nothing.gone()) == (False, [])
+    assert (nothing.all_distinguishable, nothing.excluded()) == (False, [])
     score = Score((), (settled, twins, nothing))
-    lines = {line.what: line for line in score.lines()}
-    every = lines["ambiguous, proposed experiment (if any) then run: named"]
+    rows = {row.what: row for row in score.rows()}
+    every = rows["ambiguous, named once the proposed experiment (if any) is run"]
     assert (every.count, every.reached) == (3, "33.3% (1 of 3)")
-    reach = lines["… of which every rival was to be parted from the truth by 6 σ: named"]
+    reach = rows["the same, if each alternative was predicted to differ by 6 σ"]
     assert (reach.count, reach.met) == (1, True)
-    gone = lines["… rivals that were to be parted from the truth by 6 σ: gone"]
+    gone = rows["alternatives predicted to differ by 6 σ: excluded"]
     assert (gone.count, gone.met) == (3, True)
     shown = page(Score((), (settled,)))
     assert "| 1 | laser | viscous_drag | trigger_delay/viscous_drag/start_delay |" in shown
@@ -217,14 +221,14 @@ def test_a_proposed_experiment_becomes_one_more_run(ground, tmp_path):
     document = answers_of(ground)
     number, case = next((n, c) for n, c in document["cases"].items() if c["effects"])
     text = "UU012500/1\nVEL1 10.0\nACC1 0.1\nMRI1 3.0\nWX1\nWT100\n"
-    file = proposed(1, number, case, text, ground / number, tmp_path)
+    file = add_proposed_run(1, number, case, text, ground / number, tmp_path)
     assert file.read_text().count("[[run]]") == 3
     assert (tmp_path / "proposed.CMD").read_text() == text
     rows = (tmp_path / "proposed.csv").read_text().splitlines()
     assert rows[0] == "time_s,position_1_in"
     assert float(rows[-1].split(",")[1]) == pytest.approx(3.0, abs=0.01)
     with pytest.raises(ValueError, match="no statement"):
-        proposed(1, number, case, "SEEK1+\n", ground / number, tmp_path)
+        add_proposed_run(1, number, case, "SEEK1+\n", ground / number, tmp_path)
 
 
 def run(*args):

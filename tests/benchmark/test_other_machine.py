@@ -11,13 +11,13 @@ import pytest
 
 import mopro
 from mopro.benchmark import hidden
-from mopro.benchmark.case import drawn
+from mopro.benchmark.case import draw_case
 from mopro.benchmark.follow import hidden_plant
-from mopro.benchmark.grid import LASER, THERMOCOUPLE, Spec
-from mopro.benchmark.make import Machine, write
-from mopro.benchmark.reference.experiment import Plant
+from mopro.benchmark.grid import LASER, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.machine import read_machine
+from mopro.benchmark.make import BenchmarkMachine, write
 from mopro.benchmark.reference.nominal import THESIS
-from mopro.cli.blind_machine import numbers_of
+from mopro.benchmark.reference.readings import ReferencePlant
 from mopro.experiment.check.load import load_experiment
 from mopro.experiment.diagnose.diagnosis import Model
 from mopro.machine import load_machine
@@ -46,11 +46,11 @@ def other(tmp_path_factory):
     """Heavier, weaker and better damped, of another pitch and in warmer air."""
     file = tmp_path_factory.mktemp("machine") / "other.toml"
     file.write_text(stated(**OTHERWISE))
-    return numbers_of(str(file))
+    return read_machine(str(file))
 
 
 def experiment_of(spec, machine, folder):
-    case = drawn(4, "001", spec, machine.nominal)
+    case = draw_case(4, "001", spec, machine.nominal)
     write(case, folder, np.random.default_rng(1), machine)
     return load_experiment(folder / "experiment.toml"), case
 
@@ -68,8 +68,8 @@ def gap(experiment):
 @pytest.mark.parametrize(
     "spec",
     [
-        Spec("none", LASER, runs=2, run_s=2.0),
-        Spec("none", THERMOCOUPLE, style="cycles", runs=1, run_s=1200.0),
+        CaseSpec("none", LASER, runs=2, run_s=2.0),
+        CaseSpec("none", THERMOCOUPLE, style="cycles", runs=1, run_s=1200.0),
     ],
     ids=lambda spec: spec.sensor,
 )
@@ -84,12 +84,12 @@ def test_two_plants_that_share_no_code_agree_on_it(spec, other, tmp_path):
 
 
 def test_answers_without_a_machine_are_of_the_source_s():
-    assert hidden_plant({"effects": [], "strange": None}) == Plant({}, nominal=THESIS)
+    assert hidden_plant({"effects": [], "strange": None}) == ReferencePlant({}, nominal=THESIS)
 
 
 def test_an_effect_has_a_size_that_suits_the_machine(other):
     def parameters(name, strength):
-        return hidden.ENTRIES[name].draw(np.random.default_rng(1), other.nominal)(strength)
+        return hidden.HIDDEN_EFFECTS[name].draw(np.random.default_rng(1), other.nominal)(strength)
 
     assert parameters("electrical_damping", 0.0) == {"zeta": 0.08}
     assert parameters("detent_force", 1.0)["Fd"] == pytest.approx(6.0)
@@ -97,8 +97,8 @@ def test_an_effect_has_a_size_that_suits_the_machine(other):
 
 
 def test_the_built_in_machine_is_the_reference_s_own():
-    known = numbers_of("chow1992")
-    assert known.stated == Machine().stated
+    known = read_machine("chow1992")
+    assert known.stated == BenchmarkMachine().stated
     for field, value in vars(known.nominal).items():
         assert value == pytest.approx(getattr(THESIS, field), rel=1e-9), field
 

@@ -5,11 +5,11 @@ import pytest
 
 import mopro
 from mopro.benchmark import hidden
-from mopro.benchmark.case import instruments
+from mopro.benchmark.case import case_instruments
 from mopro.benchmark.grid import THERMOCOUPLE
-from mopro.benchmark.programs import Author
-from mopro.benchmark.reference.experiment import Plant, Trial
+from mopro.benchmark.programs import ProgramWriter
 from mopro.benchmark.reference.nominal import THESIS
+from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.experiment.model import Experiment, Reading
 from mopro.experiment.model import Trial as Measured
 from mopro.experiment.predict.forward_model import ForwardModel
@@ -25,11 +25,15 @@ SEEN = Sensor("thermocouple", "temperature", "temperature_C", 1.0, 1, 0.1)
 def test_they_warm_alike(name, two_axes):
     """Within a hundredth of a degree over ten minutes; the effect does twice that and more."""
     draw = np.random.default_rng(6)
-    text = Author().cycles(draw, two_axes)
-    effects = {name: hidden.ENTRIES[name].draw(draw, THESIS)(1.0)}
-    (thermocouple,) = instruments(THERMOCOUPLE, "cycles")
-    times, (usual,) = Plant({}).readings(Trial(text, 0.0, 600.0), [thermocouple], draw)
-    _, (warm,) = Plant(effects).readings(Trial(text, 0.0, 600.0), [thermocouple], draw)
+    text = ProgramWriter().cycles(draw, two_axes)
+    effects = {name: hidden.HIDDEN_EFFECTS[name].draw(draw, THESIS)(1.0)}
+    (thermocouple,) = case_instruments(THERMOCOUPLE, "cycles")
+    times, (usual,) = ReferencePlant({}).readings(
+        ProgramRun(text, 0.0, 600.0), [thermocouple], draw
+    )
+    _, (warm,) = ReferencePlant(effects).readings(
+        ProgramRun(text, 0.0, 600.0), [thermocouple], draw
+    )
     reading = Reading(SEEN, times, np.zeros(len(times)))
     run = Measured("run.DAT", mopro.compile(text), None, 0.0, (reading,))
     motor = ForwardModel(
