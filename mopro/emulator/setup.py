@@ -7,19 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.emulator import kernel
-from mopro.emulator.assembly import Layout
 from mopro.emulator.axis import EmulatedAxis
 from mopro.emulator.command import CommandTable, Floats
 from mopro.emulator.effects import Active, Stage, on_axis
-from mopro.emulator.engine import (
-    AssembledEngine,
-    Engine,
-    Integrate,
-    NominalEngine,
-    Stepping,
-    Strength,
-)
+from mopro.emulator.engine import Engine, Stepping, Strength, is_nominal
 from mopro.emulator.heat import HeatHistory, HeatPieces
 from mopro.emulator.plant import PlantNumbers
 from mopro.emulator.stepped_heat import SteppedHeat
@@ -35,12 +26,13 @@ from mopro.emulator.trips import (
 )
 from mopro.machine import Machine
 from mopro.motion import Schedule, plan
+from mopro.plant.kernel.terms import TermSet
 from mopro.program import AXES, Program
 
-# From this many integration steps on, importing a compiler pays; an assembled kernel is
+# From this many integration steps on, importing a compiler pays; with effects the kernel is
 # slower as plain Python, and takes longer to compile.
 COMPILE_FROM_STEPS = 400_000
-COMPILE_ASSEMBLED_FROM_STEPS = 250_000
+COMPILE_WITH_EFFECTS_FROM_STEPS = 250_000
 _RINGING_S = 0.7
 _TRIP_STEP_S = 1.0
 _STRENGTH_STEP_S = 5.0
@@ -193,17 +185,17 @@ def _axis(
     command = _command(schedule, number, active)
     strength = _weakened(strength, heat, schedule.duration_s, active)
     moves = [m for m in schedule.moves if number in m.axes]
-    layout = Layout.of(active)
+    terms = TermSet.of(active)
     return EmulatedAxis(
         number,
         plant,
         command,
-        _engine(settings, schedule, plant, command, active, layout, strength),
+        _engine(settings, schedule, plant, command, active, terms, strength),
         schedule.moves,
         settings.resolved,
         strength.times_s.tolist(),
         [jump for a in active for jump in a.effect.jumps(moves, *a.values)],
-        layout.voltage is not None,
+        terms.voltage is not None,
     )
 
 
@@ -237,37 +229,26 @@ def _engine(
     plant: PlantNumbers,
     command: CommandTable,
     active: Sequence[Active],
-    layout: Layout,
+    terms: TermSet,
     strength: Strength,
 ) -> Engine:
     """Plain for short work, compiled for long: the same kernel, the same bits."""
-    assembled = bool(layout.effects) or not strength.always_full
+    nominal = is_nominal(terms, strength)
     compiled = settings.compiled
     if compiled is None:
         # Under a strength that changes an axis is never quite at rest.
-        restless = assembled and len(strength.times_s) > _FEW_CHANGES
+        restless = not nominal and len(strength.times_s) > _FEW_CHANGES
         steps = schedule.duration_s / settings.stepping.max_s
-        compiled = (restless and steps >= COMPILE_ASSEMBLED_FROM_STEPS) or compiling_pays(
-            schedule, settings.stepping.max_s, assembled
+        compiled = (restless and steps >= COMPILE_WITH_EFFECTS_FROM_STEPS) or compiling_pays(
+            schedule, settings.stepping.max_s, not nominal
         )
-    how = (plant, command, settings.resolved, settings.stepping)
-    if assembled:
-        return AssembledEngine(*how, active, strength, compiled)
-    return NominalEngine(*how, nominal_kernel(compiled), compiled)
+    return Engine(plant, command, settings.resolved, settings.stepping, active, strength, compiled)
 
 
-def compiling_pays(schedule: Schedule, max_step_s: float, assembled: bool = False) -> bool:
-    """Whether importing a compiler, and running it for an assembled kernel, saves time."""
+def compiling_pays(schedule: Schedule, max_step_s: float, with_effects: bool = False) -> bool:
+    """Whether importing a compiler, and running it for a set of effects, saves time."""
     active_s = sum(
         (move.profile.duration_s + _RINGING_S) * len(move.strokes) for move in schedule.moves
     )
     steps = min(active_s, schedule.duration_s * len(AXES)) / max_step_s
-    return steps >= (COMPILE_ASSEMBLED_FROM_STEPS if assembled else COMPILE_FROM_STEPS)
-
-
-def nominal_kernel(compiled: bool) -> Integrate:
-    if not compiled:
-        return kernel.integrate
-    from mopro.emulator import compiled as with_numba
-
-    return with_numba.integrate
+    return steps >= (COMPILE_WITH_EFFECTS_FROM_STEPS if with_effects else COMPILE_FROM_STEPS)
