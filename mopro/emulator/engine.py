@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mopro.emulator.command import CommandTable, Floats
 from mopro.emulator.effects import Active
 from mopro.emulator.plant import PlantNumbers
 from mopro.plant.kernel.build import as_it_stands, kernel
 from mopro.plant.kernel.drive import CURRENT_LOOP_S
-from mopro.plant.kernel.motion import Plant, State, parts_of, rates_of, start_of, strengths_at
+from mopro.plant.kernel.integrate import Plant, rates_of, strengths_at
+from mopro.plant.kernel.motion import State, parts_of, start_of
 from mopro.plant.kernel.terms import TermSet
 
 # An axis this close to its tooth, and as slow, is taken to rest where it is. What it would
@@ -53,8 +55,12 @@ class Strength:
         return cls(np.zeros(1), np.ones(1), np.ones(1))
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats]:
-        row = np.searchsorted(self.times_s, time_s, side="right") - 1
+        row = self.rows_at(time_s)
         return self.gain[row], self.constant[row]
+
+    def rows_at(self, time_s: Floats) -> NDArray[np.intp]:
+        """The place of the factors that hold at each time, and just after it."""
+        return np.searchsorted(self.times_s, time_s, side="right") - 1
 
     @property
     def always_full(self) -> bool:
@@ -123,7 +129,8 @@ class Engine:
             knots,
             self._command.rows_at(knots[:-1]),
             self._command.coefficients,
-            np.array(self._strength.at(knots[:-1])),
+            self._strength.rows_at(knots[:-1]),
+            np.array([self._strength.gain, self._strength.constant]),
         ]
         motion = np.zeros((4, len(knots)))
         electrical = np.zeros((5, 0 if self._nominal else len(knots)))
@@ -157,11 +164,11 @@ class Engine:
         axis, drive = strengths_at(_plant(plant), *factors, parts.direct)
         for _ in range(_MOST_RELAXATIONS):
             a, of_lag, of_coil = rates(0.0, 0.0, state, axis, drive, self._numbers)
-            x, v, z, lagged, coil = state
+            x, v, z, (lagged, coil) = state
             step = a * plant.mass_kg / stiffness
             lagged = tuple(i + d * lag_s for i, d in zip(lagged, of_lag, strict=False))
             coil = tuple(i + d * CURRENT_LOOP_S for i, d in zip(coil, of_coil, strict=False))
-            state = (x + step, v, z, lagged, coil)
+            state = (x + step, v, z, (lagged, coil))
             if abs(step) < REST_M * REST_M or not math.isfinite(x + step):
                 break
         return state

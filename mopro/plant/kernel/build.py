@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 import functools
-from mopro.plant.kernel.motion import integrate_of, parts_of, rates_of
+from mopro.plant.kernel.integrate import integrate_of
+from mopro.plant.kernel.motion import parts_of
 from mopro.plant.kernel.terms import TermSet
 
 

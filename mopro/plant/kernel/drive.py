@@ -24,13 +24,16 @@ from mopro.plant.kernel.terms import Numbers, Pair, Prepare, Setpoints, TermSet,
 CURRENT_LOOP_S = 5e-5
 LOOP_STEP_S = 1e-5
 
-# The states of a lag or a loop: the currents of the two phases over I, or none.
+# The currents (ia, ib) over I of a lag or a loop, or nothing.
 Currents = tuple[float, ...]
+# The lagged currents and those of the coils.
+Electric = tuple[Currents, Currents]
 # Gain on the currents, k (1/m), Kf = F0/I (N/A), I (A), R (ohm), L (H).
 DriveNumbers = tuple[float, float, float, float, float, float]
-# What the loops are told at the start, the middle and the end of a step, and the lagged
-# currents at its end.
-Told = tuple[Pair, Pair, Pair, Currents]
+# What the loops are told at the start, the middle and the end of a step.
+Told = tuple[Pair, Pair, Pair]
+# Command (m), gain, k (1/m) and the effects' parameters to a pair for the two phases.
+Phasewise = Callable[[Currents, float, float, float, Numbers], Pair]
 
 
 @dataclass(frozen=True)
@@ -39,41 +42,50 @@ class Drive:
 
     now(lagged, c, gain, k, numbers): what the loops are told;
     lag_rates(lagged, c, gain, k, numbers): the rates of the lagged currents in 1/s;
-    told(lagged, c0, c_mid, c1, h, gain, k, numbers): the same through a step of h s;
-    known(coil, told0, told_mid, told1, c0, c_mid, c1, shift_m, h, gain, k): the currents in
-    the middle and at the end of a step while the supply suffices;
-    suffices(lagged, coil, c, fastest, drive, numbers): whether it does at up to `fastest` m/s;
-    phases(told, c, w, x, v, coil, drive, numbers): voltages (V) and the rates of the
-    currents in 1/s.
+    through(electric, c0, c_mid, c1, shift, h, free, drive, numbers): what the loops are told
+    in a step of h s, the currents at its start, middle and end, and the states after it,
+    where no loop is short of voltage;
+    phases(told, c, w, x, v, currents, drive, numbers): voltages (V) and the rates of the
+    currents in 1/s;
+    charged(coil, dt, told, c, w, x, v, currents, drive, numbers): the coils' currents after
+    dt s at the rates that hold for `currents`;
+    suffices(electric, c, fastest, drive, numbers): whether the supply does up to `fastest` m/s.
     """
 
-    now: Callable[[Currents, float, float, float, Numbers], Pair]
-    lag_rates: Callable[[Currents, float, float, float, Numbers], Pair]
-    told: Callable[..., Told]
-    known: Callable[..., tuple[Pair, Pair]]
-    suffices: Callable[[Currents, Currents, float, float, DriveNumbers, Numbers], bool]
+    now: Phasewise
+    lag_rates: Phasewise
+    through: Callable[..., tuple[Told, Pair, Pair, Pair, Electric]]
     phases: Callable[..., tuple[Pair, Pair]]
+    charged: Callable[..., Pair]
+    suffices: Callable[[Electric, float, float, DriveNumbers, Numbers], bool]
 
 
 def drive_of(terms: TermSet, prepare: Prepare[Any]) -> Drive:
     """The drive of a set of effects, of functions that `prepare` has made ready."""
     aims = setpoints(terms, prepare)
-    limit_at = -1 if terms.voltage is None else terms.voltage
+    supply = -1 if terms.voltage is None else terms.voltage
     followed = prepare(follow)
     if terms.lag is None:
-        now, rates = prepare(_now(aims)), prepare(_no_rates)
+        now, rates = prepare(_now(aims)), prepare(no_rates)
         told = prepare(_told_at_once(aims))
         known = prepare(_known_of_smooth(followed))
-        change = prepare(_change_of_smooth)
-        off = prepare(_off(now))
+        change = prepare(change_of_smooth)
+        off = prepare(_off(aims))
     else:
         now, rates = prepare(_now_lagged(aims, terms.lag)), prepare(_lag_rates(aims, terms.lag))
         told = prepare(_told_behind(aims, followed, terms.lag))
-        known = prepare(_known_of_lagged)
-        change = prepare(_change_of_lagged(rates, prepare(_change_of_smooth), terms.lag))
+        known = prepare(known_of_lagged)
+        change = prepare(_change_of_lagged(rates, prepare(change_of_smooth), terms.lag))
         off = prepare(_off_lagged(aims, terms.lag))
-    phases = _phases(change, prepare(one_phase), limit_at)
-    return Drive(now, rates, told, known, prepare(_suffices(off, limit_at)), prepare(phases))
+    phases = prepare(_phases(change, prepare(one_phase), supply))
+    return Drive(
+        now,
+        rates,
+        prepare(_through(told, known, terms.voltage is not None)),
+        phases,
+        prepare(_charged(phases)),
+        prepare(_suffices(off, supply)),
+    )
 
 
 def follow(
@@ -93,7 +105,7 @@ def follow(
 # -- what the loops are told ------------------------------------------------------
 
 
-def _now(aims: Setpoints) -> Callable[[Currents, float, float, float, Numbers], Pair]:
+def _now(aims: Setpoints) -> Phasewise:
     def now(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
         """The setpoints themselves."""
         return aims(c, gain, k, numbers)
@@ -101,9 +113,7 @@ def _now(aims: Setpoints) -> Callable[[Currents, float, float, float, Numbers], 
     return now
 
 
-def _now_lagged(
-    aims: Setpoints, place: int
-) -> Callable[[Currents, float, float, float, Numbers], Pair]:
+def _now_lagged(aims: Setpoints, place: int) -> Phasewise:
     def now(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
         """The lagged setpoints; a lag of no length is none."""
         if numbers[place][0] > 0.0:
@@ -113,13 +123,11 @@ def _now_lagged(
     return now
 
 
-def _no_rates(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
+def no_rates(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
     return 0.0, 0.0
 
 
-def _lag_rates(
-    aims: Setpoints, place: int
-) -> Callable[[Currents, float, float, float, Numbers], Pair]:
+def _lag_rates(aims: Setpoints, place: int) -> Phasewise:
     def rates(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
         """di/dt = (i_set - i) / tau, in 1/s."""
         tau = numbers[place][0]
@@ -131,32 +139,32 @@ def _lag_rates(
     return rates
 
 
-def _told_at_once(aims: Setpoints) -> Callable[..., Told]:
+def _told_at_once(aims: Setpoints) -> Callable[..., tuple[Told, Currents]]:
     def told(
         lagged: Currents, c0: float, c_mid: float, c1: float,
         h: float, gain: float, k: float, numbers: Numbers,
-    ) -> Told:  # fmt: skip
+    ) -> tuple[Told, Currents]:  # fmt: skip
         """The setpoints at the start, the middle and the end of a step."""
         start, middle = aims(c0, gain, k, numbers), aims(c_mid, gain, k, numbers)
-        return start, middle, aims(c1, gain, k, numbers), lagged
+        return (start, middle, aims(c1, gain, k, numbers)), lagged
 
     return told
 
 
 def _told_behind(
     aims: Setpoints, followed: Callable[..., float], place: int
-) -> Callable[..., Told]:
+) -> Callable[..., tuple[Told, Currents]]:
     def told(
         lagged: Currents, c0: float, c_mid: float, c1: float,
         h: float, gain: float, k: float, numbers: Numbers,
-    ) -> Told:  # fmt: skip
+    ) -> tuple[Told, Currents]:  # fmt: skip
         """The lagged setpoints, exact for setpoints that are parabolas over the step."""
         a0, b0 = aims(c0, gain, k, numbers)
         a_mid, b_mid = aims(c_mid, gain, k, numbers)
         a1, b1 = aims(c1, gain, k, numbers)
         tau = numbers[place][0]
         if tau <= 0.0:
-            return (a0, b0), (a_mid, b_mid), (a1, b1), lagged
+            return ((a0, b0), (a_mid, b_mid), (a1, b1)), lagged
         la, lb = lagged
         half = h / 2
         middle = (
@@ -164,9 +172,35 @@ def _told_behind(
             followed(lb, b0, b_mid, b1, half, h, tau),
         )
         end = followed(la, a0, a_mid, a1, h, h, tau), followed(lb, b0, b_mid, b1, h, h, tau)
-        return (la, lb), middle, end, end
+        return ((la, lb), middle, end), end
 
     return told
+
+
+def _through(
+    told_through: Callable[..., tuple[Told, Currents]],
+    known: Callable[..., tuple[Pair, Pair]],
+    has_loop: bool,
+) -> Callable[..., tuple[Told, Pair, Pair, Pair, Electric]]:
+    def through(
+        electric: Electric, c0: float, c_mid: float, c1: float, shift: float,
+        h: float, free: bool, drive: DriveNumbers, numbers: Numbers,
+    ) -> tuple[Told, Pair, Pair, Pair, Electric]:  # fmt: skip
+        """What the loops are told, the currents through the step, and the states after it.
+
+        Loops that are not `free` have only their currents at the start right.
+        """
+        lagged, coil = electric
+        told, lagged = told_through(lagged, c0, c_mid, c1, h, drive[0], drive[1], numbers)
+        start, middle, end = told
+        if has_loop:
+            start = coil[0], coil[1]
+            if free:
+                middle, end = known(coil, told, c0, c_mid, c1, shift, h, drive)
+            coil = end
+        return told, start, middle, end, (lagged, coil)
+
+    return through
 
 
 # -- loops with a supply of limited voltage ---------------------------------------
@@ -174,19 +208,20 @@ def _told_behind(
 
 def _known_of_smooth(followed: Callable[..., float]) -> Callable[..., tuple[Pair, Pair]]:
     def known(
-        coil: Currents, told0: Pair, told_mid: Pair, told1: Pair, c0: float, c_mid: float,
-        c1: float, shift_m: float, h: float, gain: float, k: float,
+        coil: Currents, told: Told, c0: float, c_mid: float, c1: float,
+        shift: float, h: float, drive: DriveNumbers,
     ) -> tuple[Pair, Pair]:  # fmt: skip
         """The loop knows how ideal setpoints change, and is behind with the rest by its time.
 
-        Ideal are those of the smooth command, c less the `shift_m` of the staircase.
+        Ideal are those of the smooth command, c less the staircase's `shift` (m).
         """
-        t0, t_mid, t1 = k * (c0 - shift_m), k * (c_mid - shift_m), k * (c1 - shift_m)
+        gain, k = drive[0], drive[1]
+        t0, t_mid, t1 = k * (c0 - shift), k * (c_mid - shift), k * (c1 - shift)
         qa0, qa_mid, qa1 = gain * cos(t0), gain * cos(t_mid), gain * cos(t1)
         qb0, qb_mid, qb1 = gain * sin(t0), gain * sin(t_mid), gain * sin(t1)
         da, db = coil[0] - qa0, coil[1] - qb0
-        ra0, ra_mid, ra1 = told0[0] - qa0, told_mid[0] - qa_mid, told1[0] - qa1
-        rb0, rb_mid, rb1 = told0[1] - qb0, told_mid[1] - qb_mid, told1[1] - qb1
+        ra0, ra_mid, ra1 = told[0][0] - qa0, told[1][0] - qa_mid, told[2][0] - qa1
+        rb0, rb_mid, rb1 = told[0][1] - qb0, told[1][1] - qb_mid, told[2][1] - qb1
         half = h / 2
         a_mid = qa_mid + followed(da, ra0, ra_mid, ra1, half, h, CURRENT_LOOP_S)
         b_mid = qb_mid + followed(db, rb0, rb_mid, rb1, half, h, CURRENT_LOOP_S)
@@ -197,18 +232,18 @@ def _known_of_smooth(followed: Callable[..., float]) -> Callable[..., tuple[Pair
     return known
 
 
-def _known_of_lagged(
-    coil: Currents, told0: Pair, told_mid: Pair, told1: Pair, c0: float, c_mid: float,
-    c1: float, shift_m: float, h: float, gain: float, k: float,
+def known_of_lagged(
+    coil: Currents, told: Told, c0: float, c_mid: float, c1: float,
+    shift: float, h: float, drive: DriveNumbers,
 ) -> tuple[Pair, Pair]:  # fmt: skip
     """The loop knows how lagged setpoints change; its deviation decays with its time."""
-    da, db = coil[0] - told0[0], coil[1] - told0[1]
+    da, db = coil[0] - told[0][0], coil[1] - told[0][1]
     mid, end = exp(-(h / 2) / CURRENT_LOOP_S), exp(-h / CURRENT_LOOP_S)
-    middle = told_mid[0] + da * mid, told_mid[1] + db * mid
-    return middle, (told1[0] + da * end, told1[1] + db * end)
+    middle = told[1][0] + da * mid, told[1][1] + db * mid
+    return middle, (told[2][0] + da * end, told[2][1] + db * end)
 
 
-def _change_of_smooth(
+def change_of_smooth(
     told: Pair, c: float, w: float, gain: float, k: float, numbers: Numbers
 ) -> Pair:
     """How fast ideal setpoints change (1/s) at the command's speed w (m/s)."""
@@ -259,12 +294,36 @@ def _phases(
     return phases
 
 
-def _off(now: Callable[..., Pair]) -> Callable[..., tuple[bool, float]]:
+def _charged(phases: Callable[..., tuple[Pair, Pair]]) -> Callable[..., Pair]:
+    def charged(
+        coil: Pair, dt: float, told: Pair, c: float, w: float, x: float, v: float,
+        currents: Pair, drive: DriveNumbers, numbers: Numbers,
+    ) -> Pair:  # fmt: skip
+        """The currents `coil` after dt s at the rates that hold for `currents` at x and v."""
+        da, db = phases(told, c, w, x, v, currents, drive, numbers)[1]
+        return coil[0] + dt * da, coil[1] + dt * db
+
+    return charged
+
+
+def charge_end(coil: Pair, second: Pair, third: Pair, fourth: Pair, fifth: Pair) -> Pair:
+    """The currents after a Runge-Kutta step from those that its four rates lead to.
+
+    second and third lie half a step behind `coil`, fourth and fifth a whole one.
+    """
+    return (
+        (2 * second[0] + 4 * third[0] + 2 * fourth[0] + fifth[0] - 3 * coil[0]) / 6,
+        (2 * second[1] + 4 * third[1] + 2 * fourth[1] + fifth[1] - 3 * coil[1]) / 6,
+    )
+
+
+def _off(aims: Setpoints) -> Callable[..., tuple[bool, float]]:
     def off(
-        lagged: Currents, coil: Currents, c: float, gain: float, k: float, numbers: Numbers
+        electric: Electric, c: float, gain: float, k: float, numbers: Numbers
     ) -> tuple[bool, float]:
         """How fast the currents are to change for being off their setpoints, in 1/s."""
-        ia, ib = now(lagged, c, gain, k, numbers)
+        ia, ib = aims(c, gain, k, numbers)
+        coil = electric[1]
         return True, max(abs(ia - coil[0]), abs(ib - coil[1])) / CURRENT_LOOP_S
 
     return off
@@ -272,11 +331,11 @@ def _off(now: Callable[..., Pair]) -> Callable[..., tuple[bool, float]]:
 
 def _off_lagged(aims: Setpoints, place: int) -> Callable[..., tuple[bool, float]]:
     def off(
-        lagged: Currents, coil: Currents, c: float, gain: float, k: float, numbers: Numbers
+        electric: Electric, c: float, gain: float, k: float, numbers: Numbers
     ) -> tuple[bool, float]:
         """The same behind a lag; one of no length follows nothing: its loop is integrated."""
         tau = numbers[place][0]
-        la, lb = lagged
+        (la, lb), coil = electric
         of_loop = max(abs(la - coil[0]), abs(lb - coil[1])) / CURRENT_LOOP_S
         if tau <= 0.0:
             return False, of_loop
@@ -288,17 +347,16 @@ def _off_lagged(aims: Setpoints, place: int) -> Callable[..., tuple[bool, float]
 
 def _suffices(
     off: Callable[..., tuple[bool, float]], place: int
-) -> Callable[[Currents, Currents, float, float, DriveNumbers, Numbers], bool]:
+) -> Callable[[Electric, float, float, DriveNumbers, Numbers], bool]:
     def suffices(
-        lagged: Currents, coil: Currents, c: float, fastest: float,
-        drive: DriveNumbers, numbers: Numbers,
-    ) -> bool:  # fmt: skip
+        electric: Electric, c: float, fastest: float, drive: DriveNumbers, numbers: Numbers
+    ) -> bool:
         """Whether the supply has all the voltage that the loops can ask for.
 
         R I gain + L I off + (Kf + L I k gain) v_max < Vb, in V.
         """
         gain, k, kf, amps, ohms, henries = drive
-        known, rate = off(lagged, coil, c, gain, k, numbers)
+        known, rate = off(electric, c, gain, k, numbers)
         asked = amps * (ohms * gain + henries * rate)
         asked += (kf + henries * amps * k * gain) * fastest
         return known and asked < numbers[place][0]

@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from mopro.emulator.effects.base import Active, Effect, Term
+if TYPE_CHECKING:
+    from mopro.emulator.effects.base import Active, Effect, Term
 
 Numbers = tuple[tuple[float, ...], ...]
 Pair = tuple[float, float]
