@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from mopro.emulator.command import CommandTable, Floats
 from mopro.emulator.effects import Active
 from mopro.emulator.plant import PlantNumbers
-from mopro.plant.kernel.build import as_it_stands, kernel
+from mopro.plant.kernel.build import kernel, rates
 from mopro.plant.kernel.drive import CURRENT_LOOP_S
-from mopro.plant.kernel.integrate import Plant, rates_of, strengths_at
-from mopro.plant.kernel.motion import State, parts_of, start_of
+from mopro.plant.kernel.integrate import Plant, strengths_at
+from mopro.plant.kernel.motion import State, start_of
 from mopro.plant.kernel.terms import TermSet
 
 # An axis this close to its tooth, and as slow, is taken to rest where it is. What it would
@@ -158,12 +158,11 @@ class Engine:
             return state
         plant = self._plant
         stiffness = plant.wave_number_1_m * plant.pull_out_force_N
-        parts = parts_of(terms, False, as_it_stands)
-        rates = rates_of(parts)
+        rates_now = rates(terms)
         factors = float(self._strength.gain[0]), float(self._strength.constant[0])
-        axis, drive = strengths_at(_plant(plant), *factors, parts.direct)
+        axis, drive = strengths_at(_plant(plant), *factors, terms.direct)
         for _ in range(_MOST_RELAXATIONS):
-            a, of_lag, of_coil = rates(0.0, 0.0, state, axis, drive, self._numbers)
+            a, of_lag, of_coil = rates_now(0.0, 0.0, state, axis, drive, self._numbers)
             x, v, z, (lagged, coil) = state
             step = a * plant.mass_kg / stiffness
             lagged = tuple(i + d * lag_s for i, d in zip(lagged, of_lag, strict=False))

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, exp, sin
-from typing import Any
 
 from mopro.plant.kernel.terms import Numbers, Pair, Prepare, Setpoints, TermSet, setpoints
 
@@ -60,11 +59,13 @@ class Drive:
     suffices: Callable[[Electric, float, float, DriveNumbers, Numbers], bool]
 
 
-def drive_of(terms: TermSet, prepare: Prepare[Any]) -> Drive:
+def drive_of(terms: TermSet, prepare: Prepare) -> Drive:
     """The drive of a set of effects, of functions that `prepare` has made ready."""
     aims = setpoints(terms, prepare)
     supply = -1 if terms.voltage is None else terms.voltage
     followed = prepare(follow)
+    now: Phasewise
+    rates: Phasewise
     if terms.lag is None:
         now, rates = prepare(_now(aims)), prepare(no_rates)
         told = prepare(_told_at_once(aims))

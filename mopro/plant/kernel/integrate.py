@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, MutableSequence, Sequence
 from math import ceil, cos, floor, sin, sqrt
-from typing import Any
 
 from mopro.plant.kernel.drive import LOOP_STEP_S, DriveNumbers
 from mopro.plant.kernel.motion import (
@@ -118,7 +117,7 @@ def rests_of(parts: Parts, rates: Rates) -> Callable[..., bool]:
     return rests
 
 
-def record_of(parts: Parts, prepare: Prepare[Any]) -> Callable[..., None]:
+def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
     """What is recorded of the drive."""
     now, phases, pull = parts.drive.now, parts.drive.phases, prepare(pull_of_currents)
     saturable = parts.saturable
@@ -169,7 +168,7 @@ def pace_of(parts: Parts, command: Callable[..., Pair]) -> Callable[..., tuple[i
     return pace
 
 
-def integrate_of(parts: Parts, prepare: Prepare[Any]) -> Integrate:
+def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
     """The way through time, composed of functions that `prepare` has made ready."""
     interval = prepare(interval_of(prepare(step_of(parts, prepare))))
     rests = prepare(rests_of(parts, prepare(rates_of(parts))))
@@ -193,6 +192,7 @@ def integrate_of(parts: Parts, prepare: Prepare[Any]) -> Integrate:
         """
         microstep, natural = plant[4], sqrt(plant[0] * plant[1] / plant[3])
         position, velocity, lows, highs = motion[0], motion[1], motion[2], motion[3]
+        position[0], velocity[0] = state[0], state[1]
         steps = 0
         row = factor = -1
         for i in range(len(knots) - 1):

@@ -71,17 +71,15 @@ class Parts:
     nominal: bool
 
 
-def parts_of(terms: TermSet, nominal: bool, prepare: Prepare[Any]) -> Parts:
+def parts_of(terms: TermSet, nominal: bool, prepare: Prepare) -> Parts:
     """The functions of a set of effects, each made ready by `prepare`."""
-    saturable = terms.voltage is not None
-    direct = not (saturable or terms.has_setpoints or terms.lag is not None)
     pull, others = prepare(pull_of_currents), forces(terms, prepare)
     return Parts(
-        prepare(acceleration_of(pull, direct, others, terms.has_forces)),
+        prepare(acceleration_of(pull, terms.direct, others, terms.has_forces)),
         drive_of(terms, prepare),
         slides(terms, prepare),
-        direct,
-        saturable,
+        terms.direct,
+        terms.voltage is not None,
         bool(terms.on_path),
         nominal,
     )
@@ -120,7 +118,7 @@ def acceleration_of(
     return acceleration
 
 
-def step_of(parts: Parts, prepare: Prepare[Any]) -> Callable[..., State]:
+def step_of(parts: Parts, prepare: Prepare) -> Callable[..., State]:
     """One step of the classical Runge-Kutta method (RK4)."""
     acceleration, slid = parts.acceleration, parts.slid
     through, charged = parts.drive.through, parts.drive.charged
@@ -134,8 +132,12 @@ def step_of(parts: Parts, prepare: Prepare[Any]) -> Callable[..., State]:
     ) -> State:  # fmt: skip
         """The state h (s) later, the command going from c0 over c_mid to c1 (m).
 
-        w0, w_mid, w1: its speeds (m/s); shift: how much of it is the staircase's (m); free: whether the loops have all the voltage that they can ask for.
+        w0, w_mid, w1: its speeds (m/s); shift: how much of it is the staircase's (m);
+        free: whether the loops have all the voltage that they can ask for.
         """
+        f1: Field
+        f2: Field
+        f4: Field
         half = h / 2
         if direct:
             f1, f2, f4 = c0, c_mid, c1
@@ -175,7 +177,8 @@ def interval_of(step: Callable[..., State]) -> Callable[..., Interval]:
 
     def interval(
         state: State, t: float, h: float, count: int, segment: Segment, u0: float, w0: float,
-        microstep: float, stairs: bool, free: bool, axis: AxisNumbers, drive: DriveNumbers, numbers: Numbers,
+        microstep: float, stairs: bool, free: bool,
+        axis: AxisNumbers, drive: DriveNumbers, numbers: Numbers,
     ) -> Interval:  # fmt: skip
         """From t (s) on, where the command is at u0 (microsteps) and w0 (m/s), `count` steps of h.
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 if TYPE_CHECKING:
-    from mopro.emulator.effects.base import Active, Effect, Term
+    from mopro.emulator.effects.base import Active, Effect
 
 Numbers = tuple[tuple[float, ...], ...]
 Pair = tuple[float, float]
@@ -26,8 +26,12 @@ Slides = Callable[[Path, float, Numbers], Path]
 Setpoints = Callable[[float, float, float, Numbers], Pair]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
-# What makes a function ready to be called: nothing in plain Python, else a compiler's wrapper.
-Prepare = Callable[[_F], _F]
+
+
+class Prepare(Protocol):
+    """Makes a function ready to be called: as it stands in plain Python, else compiled."""
+
+    def __call__(self, function: _F, /) -> _F: ...
 
 
 @dataclass(frozen=True)
@@ -65,8 +69,9 @@ class TermSet:
         return any(effect.force or effect.reaction for effect in self.effects)
 
     @property
-    def has_setpoints(self) -> bool:
-        return any(effect.setpoint for effect in self.effects)
+    def direct(self) -> bool:
+        """Whether the motor's force comes straight from the command, as an ideal drive's does."""
+        return not any(effect.setpoint or effect.current_loop for effect in self.effects)
 
     def numbers(self, active: Sequence[Active]) -> Numbers:
         """The values of those of `active` that have terms, as the kernel takes them."""
@@ -79,7 +84,7 @@ def has_term(effect: Effect) -> bool:
     return any(term is not None for term in terms)
 
 
-def forces(terms: TermSet, prepare: Prepare[Any]) -> Forces:
+def forces(terms: TermSet, prepare: Prepare) -> Forces:
     """The sum of all further forces, each state taken where the way dx has brought it."""
     states = {i: j for j, i in enumerate(terms.on_path)}
     parts: list[Forces] = []
@@ -101,7 +106,13 @@ def _no_force(motor_N: float, x: float, v: float, z: Path, dx: float, numbers: N
     return 0.0
 
 
-def _force(term: Term, of_motor: bool, i: int, j: int | None, slide: Term | None) -> Forces:
+def _force(
+    term: Callable[..., float],
+    of_motor: bool,
+    i: int,
+    j: int | None,
+    slide: Callable[..., float] | None,
+) -> Forces:
     """The term of effect `i`; with a state it is the state number `j`.
 
     `of_motor` tells whether the term wants the motor's force.
@@ -118,7 +129,7 @@ def _force(term: Term, of_motor: bool, i: int, j: int | None, slide: Term | None
     return reaction if of_motor else force
 
 
-def _stateless(term: Term, of_motor: bool, i: int) -> Forces:
+def _stateless(term: Callable[..., float], of_motor: bool, i: int) -> Forces:
     def force(motor_N: float, x: float, v: float, z: Path, dx: float, numbers: Numbers) -> float:
         return term(x, v, *numbers[i])
 
@@ -135,11 +146,13 @@ def _sum(one: Forces, other: Forces) -> Forces:
     return total
 
 
-def slides(terms: TermSet, prepare: Prepare[Any]) -> Slides:
+def slides(terms: TermSet, prepare: Prepare) -> Slides:
     """All states that follow the path after a further way of dx (m)."""
     advanced: Slides = prepare(_no_states)
     for j, i in enumerate(terms.on_path):
-        slide = prepare(terms.effects[i].slide)
+        term = terms.effects[i].slide
+        assert term is not None, "its place is one of those with such a state"
+        slide = prepare(term)
         advanced = prepare(_first_state(slide, i) if j == 0 else _next_state(advanced, slide, i, j))
     return advanced
 
@@ -148,21 +161,21 @@ def _no_states(z: Path, dx: float, numbers: Numbers) -> Path:
     return z
 
 
-def _first_state(slide: Term, i: int) -> Slides:
+def _first_state(slide: Callable[..., float], i: int) -> Slides:
     def advanced(z: Path, dx: float, numbers: Numbers) -> Path:
         return (slide(z[0], dx, *numbers[i]),)
 
     return advanced
 
 
-def _next_state(before: Slides, slide: Term, i: int, j: int) -> Slides:
+def _next_state(before: Slides, slide: Callable[..., float], i: int, j: int) -> Slides:
     def advanced(z: Path, dx: float, numbers: Numbers) -> Path:
         return (*before(z, dx, numbers), slide(z[j], dx, *numbers[i]))
 
     return advanced
 
 
-def setpoints(terms: TermSet, prepare: Prepare[Any]) -> Setpoints:
+def setpoints(terms: TermSet, prepare: Prepare) -> Setpoints:
     """i_a = cos θ, i_b = sin θ with θ = k x_c, through each effect's `setpoint`, times gain."""
     shaped: Callable[[float, float, float, Numbers], Pair] | None = None
     for i, effect in enumerate(terms.effects):
@@ -172,7 +185,9 @@ def setpoints(terms: TermSet, prepare: Prepare[Any]) -> Setpoints:
     return prepare(_plain_setpoints if shaped is None else _shaped_setpoints(shaped))
 
 
-def _shaped(setpoint: Term, i: int) -> Callable[[float, float, float, Numbers], Pair]:
+def _shaped(
+    setpoint: Callable[..., Pair], i: int
+) -> Callable[[float, float, float, Numbers], Pair]:
     def shaped(theta: float, ia: float, ib: float, numbers: Numbers) -> Pair:
         return setpoint(theta, ia, ib, *numbers[i])
 
@@ -180,7 +195,7 @@ def _shaped(setpoint: Term, i: int) -> Callable[[float, float, float, Numbers], 
 
 
 def _reshaped(
-    before: Callable[[float, float, float, Numbers], Pair], setpoint: Term, i: int
+    before: Setpoints, setpoint: Callable[..., Pair], i: int
 ) -> Callable[[float, float, float, Numbers], Pair]:
     def shaped(theta: float, ia: float, ib: float, numbers: Numbers) -> Pair:
         ia, ib = before(theta, ia, ib, numbers)

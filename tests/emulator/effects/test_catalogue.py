@@ -11,15 +11,9 @@ import pytest
 from paths import PROGRAMS
 
 import mopro
-from mopro.emulator.assembly import Layout, assemble
-from mopro.emulator.command import CommandTable
-from mopro.emulator.effects import Active, Effect, Parameter, Stage, catalogue
+from mopro.emulator.effects import Active, catalogue
 from mopro.emulator.effects.document import markdown
-from mopro.emulator.engine import AssembledEngine, Stepping, Strength
-from mopro.emulator.plant import PlantNumbers
 from mopro.errors import ModelError
-from mopro.machine import load_machine
-from mopro.motion.track import Track
 
 NAMES = [
     "payload_mass",
@@ -95,13 +89,6 @@ def of(*names):
     ]
 
 
-def test_two_sets_have_two_kernels_and_one_set_has_one():
-    drag, friction = Layout.of(of("viscous_drag")), Layout.of(of("quadratic_drag"))
-    assert assemble(drag, False) is assemble(Layout.of(of("viscous_drag")), False)
-    assert assemble(drag, False) is not assemble(friction, False)
-    assert assemble(drag, False).integrate is not assemble(friction, False).integrate
-
-
 def test_compiled_and_plain_kernels_give_the_same_bits():
     effects = {
         "coulomb_friction": {},
@@ -172,39 +159,6 @@ def test_an_installed_package_adds_an_effect(tmp_path):
     assert [float(line) for line in done.stdout.split()] == pytest.approx([0, 0], abs=0.01)
 
 
-class Creep(Effect):
-    """A force that grows: F = A z, dz/dt = (1 - z)/tau; A in N, tau in s. Source: test."""
-
-    name = "creep"
-    stage = Stage.DYNAMICS
-    parameters = (
-        Parameter("A", "N", "force", 5.0, (1, 10), 0, 50, "force"),
-        Parameter("tau", "s", "time", 0.3, (0.1, 1), 1e-3, 10, "time"),
-    )
-
-    @staticmethod
-    def rate(z, x, v, a, tau):
-        return (1.0 - z) / tau
-
-    @staticmethod
-    def force(x, v, z, a, tau):
-        return a * z
-
-
-@pytest.mark.parametrize("compiled", [False, True])
-def test_an_effect_may_have_a_state_in_time(compiled):
-    machine = load_machine("chow1992")
-    plant, command = PlantNumbers.of(machine, 0.0), CommandTable(Track())
-    active = [Active(Creep(), (5.0, 0.3), (1, 2))]
-    engine = AssembledEngine(
-        plant, command, True, Stepping(5e-5), active, Strength.full(), compiled
-    )
-    times = np.linspace(0.0, 1.0, 101)
-    x = engine.through(times).position
-    expected = 5.0 * (1 - np.exp(-times / 0.3)) / machine.axis.stiffness_N_m
-    assert x == pytest.approx(expected, abs=1.2e-7)
-
-
 def test_effects_asked_for_in_python_are_checked_too():
     program = mopro.compile(BODY)
     with pytest.raises(ModelError, match="did you mean `viscous_drag`"):
@@ -216,7 +170,7 @@ def test_effects_asked_for_in_python_are_checked_too():
 def test_terms_are_scalar_functions_without_hidden_state():
     """What a kernel holds must not change behind its back."""
     for effect in catalogue().values():
-        for kind in ("force", "slide", "rate", "setpoint"):
+        for kind in ("force", "reaction", "slide", "setpoint"):
             term = getattr(effect, kind)
             if term is not None:
                 closed = inspect.getclosurevars(term)
