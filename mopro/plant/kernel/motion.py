@@ -190,34 +190,31 @@ def interval_of(step: Callable[..., State]) -> Callable[..., Interval]:
         """
         x, v, z, electric = state
         begin, p0, p1, p2, p3, q0, q1, q2 = segment
-        begun, half, half_microstep = t - begin, h / 2, microstep / 2
         r0 = u0 - floor(u0 + 0.5)
-        m0 = u0 * microstep
-        low = high = m0 - x
-        shift = 0.0
-        n_mid = 0.5
+        low = high = u0 * microstep - x
+        shift, n = 0.0, 0.0
         for _ in range(count):
-            tau = begun + n_mid * h
-            n_mid += 1.0
+            tau = t + (n + 0.5) * h - begin
             u_mid = p0 + tau * (p1 + tau * (p2 + tau * p3))
             w_mid = q0 + tau * (q1 + tau * q2)
-            tau += half
+            n += 1.0
+            tau = t + n * h - begin
             u1 = p0 + tau * (p1 + tau * (p2 + tau * p3))
             w1 = q0 + tau * (q1 + tau * q2)
-            m1 = u1 * microstep
             if stairs:
                 du, r1 = u1 - u0, u1 - floor(u1 + 0.5)
                 if du > FLAT_U or du < -FLAT_U:
-                    shift = (r0 - r1) * (r0 + r1) / du * half_microstep
+                    shift = (r0 * r0 - r1 * r1) / (2.0 * du)
                 else:
-                    shift = (floor(u_mid + 0.5) - u_mid) * microstep
+                    shift = floor(u_mid + 0.5) - u_mid
                 r0 = r1
             x, v, z, electric = step(
-                x, v, z, electric, m0 + shift, u_mid * microstep + shift, m1 + shift,
-                w0, w_mid, w1, shift, h, free, axis, drive, numbers,
+                x, v, z, electric,
+                (u0 + shift) * microstep, (u_mid + shift) * microstep, (u1 + shift) * microstep,
+                w0, w_mid, w1, shift * microstep, h, free, axis, drive, numbers,
             )  # fmt: skip
-            u0, w0, m0 = u1, w1, m1
-            lag = m1 - x
+            u0, w0 = u1, w1
+            lag = u1 * microstep - x
             if lag < low:
                 low = lag
             if lag > high:
