@@ -41,9 +41,13 @@ def compiled(terms: TermSet, nominal: bool, plain: Integrate) -> Integrate:
         if is_jitted(function) or not isinstance(function, FunctionType):
             return function
         # No `fastmath`, so that the bits are those of plain Python.
-        return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, nogil=True)(_renamed(function, name))
+        return numba.njit(
+            no_cpython_wrapper=True, no_cfunc_wrapper=True, nogil=True, forceinline=True
+        )(_renamed(function, name))
 
-    integrate = numba.njit(nogil=True)(_renamed(integrate_of(parts_of(terms, nominal, prepare), prepare), name))
+    integrate = numba.njit(nogil=True)(
+        _renamed(integrate_of(parts_of(terms, nominal, prepare), prepare), name)
+    )
     folder = cache_folder()
     if key and folder:
         integrate._cache = KernelCache(folder / "kernels" / f"{name}.kernel", key)
