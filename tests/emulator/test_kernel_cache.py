@@ -170,7 +170,8 @@ def test_what_cannot_be_told_has_no_fingerprint():
 def test_every_kernel_of_the_catalogue_has_a_fingerprint_of_its_own():
     sets = [TermSet.of([Active(effect, (), (1,))]) for effect in catalogue().values()]
     sets = [terms for terms in sets if terms.effects]
-    assert len({fingerprint(kernel(terms, False, False)) for terms in sets}) == len(sets) == 11
+    assert len(sets) > 10
+    assert len({fingerprint(kernel(terms, False, False)) for terms in sets}) == len(sets)
 
 
 class Unknown(Effect):

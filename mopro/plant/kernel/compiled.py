@@ -21,6 +21,10 @@ from mopro.plant.kernel.terms import TermSet
 
 _ARRAY, _TABLE = numba.float64[::1], numba.float64[:, ::1]
 _INDICES = numba.intp[::1]
+# No `fastmath`, so that the bits are those of plain Python. What only compiled code calls needs
+# no wrappers, which take longer to compile than the function. Untyped in numba.
+_INNER = {"nogil": True, "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_njit: Callable[..., Any] = numba.njit
 _type_of: Callable[[object], Any] = numba.typeof
 
 
@@ -40,12 +44,9 @@ def compiled(terms: TermSet, nominal: bool, plain: Integrate) -> Integrate:
     def prepare(function: Callable[..., Any]) -> Any:
         if is_jitted(function) or not isinstance(function, FunctionType):
             return function
-        # No `fastmath`, so that the bits are those of plain Python.
-        return numba.njit(
-            no_cpython_wrapper=True, no_cfunc_wrapper=True, nogil=True, forceinline=True
-        )(_renamed(function, name))
+        return _njit(**_INNER)(_renamed(function, name))
 
-    integrate = numba.njit(nogil=True)(
+    integrate = _njit(nogil=True)(
         _renamed(integrate_of(parts_of(terms, nominal, prepare), prepare), name)
     )
     folder = cache_folder()
@@ -56,7 +57,7 @@ def compiled(terms: TermSet, nominal: bool, plain: Integrate) -> Integrate:
     return made
 
 
-def _renamed(function: FunctionType, name: str) -> FunctionType:
+def _renamed(function: Any, name: str) -> FunctionType:
     """A copy whose compiled symbols are of this kernel alone.
 
     numba numbers symbols anew in each process, so those of two cached kernels could meet.
