@@ -11,6 +11,7 @@ from mopro.errors import DataError, MoproError
 from mopro.experiment import load_experiment
 from mopro.experiment.read.data import read_data
 from mopro.experiment.read.readings import reading
+from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 
 RUN = 'program = "fast.CMD"\ndata = "fast.csv"'
@@ -301,7 +302,7 @@ def test_a_program_with_an_error_says_so_itself(fast):
 def test_whatever_stands_in_a_file_it_is_read_or_refused(tmp_path, text):
     path = tmp_path / "any.csv"
     path.write_text(text, encoding="utf-8", errors="replace", newline="")
-    sensor = Sensor("laser", "position", "position_1_in", 2000.0, 1, 2e-5)
+    sensor = Sensor("laser", POSITION, "position_1_in", 2000.0, 1, 2e-5)
     found, words = None, ""
     try:
         found, _ = reading(read_data(path, "any.csv", {"time_s", "position_1_in"}), sensor)
