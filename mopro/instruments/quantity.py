@@ -77,6 +77,18 @@ POSITION = Quantity(
     regular=True,
     under_load=_deflection_m,
 )
+# Of the motor on the forcer: with friction or drag it is not what accelerates the mass.
+FORCE = Quantity(
+    name="force",
+    plural="forces",
+    dimension="force",
+    suffixes=("N", "lbf"),
+    recorded="force_{axis}_N",
+    follows_motion=True,
+    sees_place=False,
+    regular=True,
+    under_load=_holding_force_N,
+)
 TEMPERATURE = Quantity(
     name="temperature",
     plural="temperatures",
@@ -89,4 +101,4 @@ TEMPERATURE = Quantity(
 )
 
 # By name, as an experiment file has it. A proposed experiment is for the first that it can be.
-QUANTITIES = {quantity.name: quantity for quantity in (POSITION, TEMPERATURE)}
+QUANTITIES = {quantity.name: quantity for quantity in (POSITION, FORCE, TEMPERATURE)}
