@@ -1,5 +1,7 @@
 """A force sensor: a quantity that stands in one place is read, compared and reconciled."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,6 +91,20 @@ def test_a_drag_that_the_model_lacks_is_named(lab):
     assert drag.name == "viscous_drag"
     assert low < 8.0 < high
     assert drag.parameters["b"].value == pytest.approx(8.0, rel=0.05)
+
+
+def test_an_offset_of_all_runs_is_the_sensor_s_or_a_constant_force(lab):
+    experiment = measured(lab)
+    trials = tuple(
+        replace(trial, readings=tuple(replace(r, values=r.values + 2.0) for r in trial.readings))
+        for trial in experiment.trials
+    )
+    verdict = diagnose(replace(experiment, trials=trials)).verdict
+    (offset,) = verdict.effects
+    (size,) = offset.parameters.values()
+    assert (verdict.verdict, offset.form, size.unit) == ("ambiguous", "gauge", "N")
+    assert size.value == pytest.approx(2.0, abs=0.1)
+    assert "constant_force" in offset.rivals
 
 
 def test_what_acts_on_places_does_not_act_on_forces():
