@@ -20,6 +20,7 @@ from mopro.diagnosis.model import Candidate, Role, Settings
 from mopro.diagnosis.model import Parameter as Fitted
 
 if TYPE_CHECKING:
+    from mopro.instruments.quantity import Quantity
     from mopro.instruments.sensor import Sensor
     from mopro.machine import Machine
     from mopro.machine.constants import PlantConstants
@@ -187,7 +188,7 @@ class View(Protocol):
         ...
 
     def positions(self) -> Mapping[int, tuple[int, ViewedReading]]:
-        """Of each series of positions: the number of its run, and its reading."""
+        """Of each series whose sensor sees the place: the number of its run, and its reading."""
         ...
 
     def schedule(self, index: int, /) -> Schedule:
@@ -389,13 +390,18 @@ class Effect:
         """What the transducer makes of its target at `x` (m)."""
         return x
 
-    def bandwidth_s(self, quantity: str, *p: float) -> float:
+    def bandwidth_s(self, quantity: Quantity, *p: float) -> float:
         """The time constant of a first-order lag of a sensor of `quantity`."""
         return 0.0
 
     def electronics(self, x: Floats, time_s: Floats, *p: float) -> Floats:
         """What is added after the transducer, at the times of sampling."""
         return x
+
+    @property
+    def retimes(self) -> bool:
+        """Whether it changes when samples are taken, whatever their sensor measures."""
+        return type(self).sampled_at is not Effect.sampled_at
 
     @property
     def distorts(self) -> bool:

@@ -26,7 +26,8 @@ from mopro.experiment.design.test_motions import (
 )
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.forward_model import ForwardModel
-from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
+from mopro.instruments.quantity import QUANTITIES
+from mopro.instruments.sensor import Sensor
 from mopro.machine.constants import PlantConstants
 from mopro.motion import plan
 from mopro.program.compile import compile as compile_text
@@ -83,7 +84,7 @@ def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
     contests = [c for effect in verdict.effects for c in _contests(verdict, effect)]
     named = frozenset(effect.name for effect in verdict.effects)
     sensors = [r.sensor for t in experiment.trials for r in t.readings]
-    for quantity in (POSITION, TEMPERATURE):
+    for quantity in QUANTITIES.values():
         sensor = next((s for s in sensors if s.quantity == quantity), None)
         if sensor is not None and contests:
             proposal = _Planner(experiment, sensor, contests, named).proposal()
@@ -135,7 +136,7 @@ class _Planner:
     def proposal(self) -> Proposal | None:
         """The best program, or None if it would tell no rival from what was named."""
         bounds = self._bounds()
-        if self._sensor.quantity == TEMPERATURE:
+        if self._sensor.quantity.slow:
             chosen = self._best_warming(warming_pieces(bounds))
         else:
             chosen = self._put_together(moving_pieces(bounds))

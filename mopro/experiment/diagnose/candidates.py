@@ -14,7 +14,7 @@ from mopro.effects import Domain, Effect, catalogue
 from mopro.effects.base import AXIS, WIDER
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.predict.forward_model import ForwardModel
-from mopro.instruments.sensor import POSITION, TEMPERATURE
+from mopro.instruments.quantity import Quantity
 from mopro.machine import Machine
 
 # What a machine has already is tried this share of the range away from it.
@@ -26,26 +26,36 @@ def candidates(motor: ForwardModel) -> list[Candidate]:
     experiment = motor.experiment
     quantities = {r.sensor.quantity for t in experiment.trials for r in t.readings}
     found: list[Candidate] = []
-    if POSITION in quantities:
-        found += _of_position(motor)
-    if TEMPERATURE in quantities or experiment.tables:
+    slow = any(quantity.slow for quantity in quantities)
+    if any(quantity.follows_motion for quantity in quantities):
+        found += _of_motion(motor)
+    if slow or experiment.tables:
         found += _of_heat(motor, lasting=True)
-    if TEMPERATURE in quantities:
+    if slow:
         found += _of_heat(motor, lasting=False)
     return [_on_the_machine(candidate, motor) for candidate in found]
 
 
-def _of_position(motor: ForwardModel) -> Iterator[Candidate]:
+def _of_motion(motor: ForwardModel) -> Iterator[Candidate]:
     """A program's statements are needed by effects that change them."""
     programmed = all(trial.program is not None for trial in motor.experiment.trials)
-    seen = {reading.sensor.axis for _, reading in motor.positions().values()}
+    sensors = [reading.sensor for _, reading in motor.readings()]
     for effect in catalogue().values():
         if effect.domain is Domain.HEAT or (effect.changes_program and not programmed):
+            continue
+        seen = {s.axis for s in sensors if _shows(effect, s.quantity)}
+        if not seen:
             continue
         for candidate in effect.forms(motor):
             yield candidate
             if effect.domain is Domain.MEASUREMENT and len(seen) > 1:
                 yield from (_on_one(candidate, axis) for axis in sorted(seen))
+
+
+def _shows(effect: Effect, quantity: Quantity) -> bool:
+    """Whether a sensor of `quantity` follows the motion and could show what is no heat."""
+    reaches = effect.domain is not Domain.MEASUREMENT or effect.retimes or quantity.sees_place
+    return quantity.follows_motion and reaches
 
 
 def _of_heat(motor: ForwardModel, lasting: bool) -> Iterator[Candidate]:
