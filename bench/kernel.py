@@ -1,12 +1,11 @@
-"""How long one integration step takes, plain and compiled, and a whole run against `import numpy`.
+"""How long one integration step takes, plain and compiled, nominal and with ten sets of effects.
 
     python bench/kernel.py
 
-Medians of several runs in one process (the machine's speed drifts: compare only within
-one printout).
+Then a whole run against `import numpy`. Medians of several runs in one process, in CPU time
+(the machine's speed drifts: compare only within one printout).
 """
 
-import math
 import statistics
 import subprocess
 import sys
@@ -16,39 +15,55 @@ from pathlib import Path
 
 import numpy as np
 
+import mopro
+from mopro.effects import catalogue
+from mopro.effects.resolve import active_effects
 from mopro.machine import load_machine
-from mopro.plant import compiled, kernel
+from mopro.motion import plan
+from mopro.plant import Stepping, simulate
+from mopro.plant.engine import Engine
 
 ROOT = Path(__file__).resolve().parents[1]
-STEPS = 200_000
-REPEATS = 7
+STEP_S, KNOT_S, REPEATS = 25e-6, 5e-4, 7
+PROGRAM = mopro.compile("UU012500/1\nVEL1 10.0\nACC1 20.0\nMRI1 8\nWX1\n")
+SETPOINTS = (
+    "phase_gain_imbalance", "quadrature_error", "phase_current_offset", "current_third_harmonic",
+)  # fmt: skip
+SETS = (
+    (),
+    ("viscous_drag",),
+    ("quadratic_drag",),
+    ("coulomb_friction",),
+    ("umbilical_spring", "constant_force"),
+    ("detent_force",),
+    ("phase_gain_imbalance",),
+    SETPOINTS,
+    ("current_loop_lag",),
+    ("voltage_saturation",),
+    ("viscous_drag", "coulomb_friction", "detent_force", "current_loop_lag", "voltage_saturation"),
+)
 
 
-def arguments(steps: int, as_lists: bool) -> tuple:
-    """An axis that accelerates evenly for `steps` steps of 25 µs."""
-    axis = load_machine("chow1992").axis
-    knots = np.linspace(0.0, steps * 25e-6, steps // 20 + 1)
-    rows = np.zeros(len(knots) - 1, dtype=np.int64)
-    segment = [np.array([value]) for value in (0.0, 0.0, 0.0, 1000.0, 0.0)]
-    outputs = [np.zeros(len(knots)) for _ in range(4)]
-    arrays = [knots, rows, *segment]
-    if as_lists:
-        arrays, outputs = [a.tolist() for a in arrays], [o.tolist() for o in outputs]
-    damping = axis.drive_damping_N_s_m / axis.moving_mass_kg
-    pull_out = axis.pull_out_force_N / axis.moving_mass_kg
-    constants = (axis.wave_number_1_m, pull_out, damping, 2.032e-6, True, 25e-6, math.inf, 0.0)
-    return *arrays, *constants, *outputs
+def engine(names: tuple[str, ...], compiled: bool) -> Engine:
+    """What moves the axis of PROGRAM with these effects at their defaults."""
+    machine = load_machine("chow1992")
+    active = active_effects(machine.with_effects({name: {} for name in names}), catalogue())
+    run = simulate(plan(PROGRAM), machine, active, Stepping(STEP_S), compiled=compiled)
+    return run._axes[1]._engine
 
 
-def nanoseconds_per_step(integrate, steps: int, as_lists: bool) -> float:
-    integrate(*arguments(20, as_lists))
+def nanoseconds_per_step(names: tuple[str, ...], compiled: bool) -> float:
+    """The median time of a step of STEP_S, from rest into even acceleration and on."""
+    lasting_s = 0.8 if compiled else 0.05
+    knots = np.arange(0.0, lasting_s, KNOT_S)
+    engine(names, compiled).through(knots[:3])
     times = []
     for _ in range(REPEATS):
-        inputs = arguments(steps, as_lists)
-        start = time.perf_counter()
-        taken = integrate(*inputs)
-        times.append((time.perf_counter() - start) / taken)
-    return statistics.median(times) * 1e9
+        moving = engine(names, compiled)
+        start = time.process_time()
+        moving.through(knots)
+        times.append(time.process_time() - start)
+    return statistics.median(times) / lasting_s * STEP_S * 1e9
 
 
 def seconds(*command: str) -> float:
@@ -59,11 +74,10 @@ def seconds(*command: str) -> float:
 
 
 def main() -> None:
-    plain = nanoseconds_per_step(kernel.integrate, STEPS // 20, True)
-    fast = nanoseconds_per_step(compiled.integrate, STEPS, False)
-    print(
-        f"one step of one axis: plain {plain:.0f} ns, compiled {fast:.0f} ns, {plain / fast:.0f}:1"
-    )
+    print("plain and compiled, ns for one step of one axis:")
+    for names in SETS:
+        plain, fast = (nanoseconds_per_step(names, compiled) for compiled in (False, True))
+        print(f"{plain:8.0f} {fast:6.0f}  {' + '.join(names) or 'nominal'}")
     run = (sys.executable, "-m", "mopro", "run", str(ROOT / "programs" / "LVDT3.CMD"), "--emulate")
     ratios = [
         seconds(*run) / seconds(sys.executable, "-c", "import numpy") for _ in range(REPEATS + 1)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 # A term of the equation of motion: scalars in, scalars out, in the Python numba compiles.
-Term = Callable[..., object]
+Term = Callable[..., Any]
 
 # What a setting may add to an effect's own parameters: the axis on which alone it acts (0 for
 # all), and the run in which alone it happened (-1 for all).
@@ -224,14 +224,15 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]]
     # Effects of one family look alike to many sensors.
     families: ClassVar[tuple[str, ...]] = ()
-    # Terms of the equation of motion, compiled into the kernel (see assembly.py):
-    #   force(x, v, [z,] *parameters) -> N          a force on the forcer
-    #   slide(z, dx, *parameters) -> z              a state that follows the path
-    #   rate(z, x, v, *parameters) -> 1/s           a state that follows time
+    # Terms of the equation of motion, composed into the kernel (see plant/kernel/terms.py);
+    # z is the effect's own state if it has a `slide`:
+    #   force(x, v, [z,] *parameters) -> N              a force on the forcer
+    #   reaction(x, v, [z,] motor_N, *parameters) -> N  one that depends on the motor's own
+    #   slide(z, dx, *parameters) -> z                  a state that follows the path
     #   setpoint(theta, ia, ib, *parameters) -> (ia, ib)   phase currents over I
     force: ClassVar[Term | None] = None
+    reaction: ClassVar[Term | None] = None
     slide: ClassVar[Term | None] = None
-    rate: ClassVar[Term | None] = None
     setpoint: ClassVar[Term | None] = None
     # Blocks that the drive itself knows: "lag" or "voltage".
     current_loop: ClassVar[str | None] = None

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mopro.effects import Active
 from mopro.motion import Schedule
@@ -30,8 +31,13 @@ class DriveScaling:
         return cls(np.zeros(1), np.ones(1), np.ones(1))
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats]:
-        row = np.searchsorted(self.times_s, time_s, side="right") - 1
+        """The two factors at each time (s)."""
+        row = self.rows_at(time_s)
         return self.gain[row], self.constant[row]
+
+    def rows_at(self, time_s: Floats) -> NDArray[np.intp]:
+        """The row of the factors that hold at each time (s), and just after it."""
+        return np.searchsorted(self.times_s, time_s, side="right") - 1
 
     @property
     def always_full(self) -> bool:

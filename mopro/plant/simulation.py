@@ -17,14 +17,13 @@ from mopro.effects.resolve import active_effects
 from mopro.machine import Machine
 from mopro.machine.constants import PlantConstants
 from mopro.motion import PlannedMove, Schedule, Stopping
-from mopro.plant import kernel
-from mopro.plant.assembly import Layout
 from mopro.plant.axis import EmulatedAxis
 from mopro.plant.columns import columns_of
 from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.drive_scaling import DriveScaling, hold_scaling, with_heat
-from mopro.plant.engine import AssembledEngine, Engine, Integrate, NominalEngine, Stepping
+from mopro.plant.engine import Engine, Stepping, is_nominal
 from mopro.plant.heat import HeatHistory, HeatIntervals
+from mopro.plant.kernel.terms import TermSet
 from mopro.plant.stepped_heat import SteppedHeat
 from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, platen_edges, switches_u
 from mopro.program import AXES
@@ -34,10 +33,10 @@ from mopro.recording.record import Columns
 # RK4 at this step is within 0.03 nm of the exact response to LVDT3.
 MAX_STEP_S = 50e-6
 STEPPING = Stepping(MAX_STEP_S)
-# From this many integration steps on, importing a compiler pays; an assembled kernel is
+# From this many integration steps on, importing a compiler pays; with effects the kernel is
 # slower as plain Python, and takes longer to compile.
 COMPILE_FROM_STEPS = 400_000
-COMPILE_ASSEMBLED_FROM_STEPS = 250_000
+COMPILE_WITH_EFFECTS_FROM_STEPS = 250_000
 _RINGING_S = 0.7
 _TRIP_STEP_S = 1.0
 _SHOWN_AFTER_S = 0.5
@@ -259,17 +258,17 @@ def _axis(
     command = _command(schedule, number, active)
     scaling = with_heat(run.scalings[number], run.heat.temperature_C, schedule.duration_s, active)
     moves = [m for m in schedule.moves if number in m.axes]
-    layout = Layout.of(active)
+    terms = TermSet.of(active)
     return EmulatedAxis(
         number,
         plant,
         command,
-        _engine(settings, schedule, plant, command, active, layout, scaling),
+        _engine(settings, schedule, plant, command, active, terms, scaling),
         schedule.moves,
         settings.resolved,
         scaling.times_s.tolist(),
         [jump for a in active for jump in a.effect.jumps(moves, *a.values)],
-        layout.voltage is not None,
+        terms.voltage is not None,
     )
 
 
@@ -288,37 +287,26 @@ def _engine(
     plant: PlantConstants,
     command: CommandTable,
     active: Sequence[Active],
-    layout: Layout,
+    terms: TermSet,
     scaling: DriveScaling,
 ) -> Engine:
     """Plain for short work, compiled for long: the same kernel, the same bits."""
-    assembled = bool(layout.effects) or not scaling.always_full
+    nominal = is_nominal(terms, scaling)
     compiled = settings.compiled
     if compiled is None:
         # Under a scaling that changes an axis is never quite at rest.
-        restless = assembled and len(scaling.times_s) > _FEW_CHANGES
+        restless = not nominal and len(scaling.times_s) > _FEW_CHANGES
         steps = schedule.duration_s / settings.stepping.max_s
-        compiled = (restless and steps >= COMPILE_ASSEMBLED_FROM_STEPS) or compiling_pays(
-            schedule, settings.stepping.max_s, assembled
+        compiled = (restless and steps >= COMPILE_WITH_EFFECTS_FROM_STEPS) or compiling_pays(
+            schedule, settings.stepping.max_s, not nominal
         )
-    how = (plant, command, settings.resolved, settings.stepping)
-    if assembled:
-        return AssembledEngine(*how, active, scaling, compiled)
-    return NominalEngine(*how, nominal_kernel(compiled), compiled)
+    return Engine(plant, command, settings.resolved, settings.stepping, active, scaling, compiled)
 
 
-def compiling_pays(schedule: Schedule, max_step_s: float, assembled: bool = False) -> bool:
-    """Whether importing a compiler, and running it for an assembled kernel, saves time."""
+def compiling_pays(schedule: Schedule, max_step_s: float, with_effects: bool = False) -> bool:
+    """Whether importing a compiler, and running it for a set of effects, saves time."""
     active_s = sum(
         (move.profile.duration_s + _RINGING_S) * len(move.strokes) for move in schedule.moves
     )
     steps = min(active_s, schedule.duration_s * len(AXES)) / max_step_s
-    return steps >= (COMPILE_ASSEMBLED_FROM_STEPS if assembled else COMPILE_FROM_STEPS)
-
-
-def nominal_kernel(compiled: bool) -> Integrate:
-    if not compiled:
-        return kernel.integrate
-    from mopro.plant import compiled as with_numba
-
-    return with_numba.integrate
+    return steps >= (COMPILE_WITH_EFFECTS_FROM_STEPS if with_effects else COMPILE_FROM_STEPS)

@@ -14,18 +14,11 @@ from paths import PROGRAMS
 
 import mopro
 from mopro import effects
-from mopro.effects import Active, Domain, Effect, Parameter, catalogue
+from mopro.effects import catalogue
 from mopro.effects.document import markdown
 from mopro.effects.registry import OWN, in_order, own_effects
 from mopro.effects.resolve import with_values
 from mopro.errors import ModelError
-from mopro.machine import load_machine
-from mopro.machine.constants import PlantConstants
-from mopro.motion.track import Track
-from mopro.plant.assembly import Layout, assemble
-from mopro.plant.command_table import CommandTable
-from mopro.plant.drive_scaling import DriveScaling
-from mopro.plant.engine import AssembledEngine, Stepping
 
 BODY = "UU012500/1\nVEL1 15.0\nACC1 0.1\nMRI1 1.0\nWX1\nWT100\n"
 
@@ -77,13 +70,6 @@ def test_the_page_is_what_the_command_prints():
 
 def of(*names):
     return [with_values(catalogue()[name], {}) for name in names]
-
-
-def test_two_sets_have_two_kernels_and_one_set_has_one():
-    drag, friction = Layout.of(of("viscous_drag")), Layout.of(of("quadratic_drag"))
-    assert assemble(drag, False) is assemble(Layout.of(of("viscous_drag")), False)
-    assert assemble(drag, False) is not assemble(friction, False)
-    assert assemble(drag, False).integrate is not assemble(friction, False).integrate
 
 
 def test_compiled_and_plain_kernels_give_the_same_bits():
@@ -167,39 +153,6 @@ def test_an_installed_package_adds_an_effect_that_is_run_and_fitted(tmp_path):
     assert candidate == "A{'L': 0.01}"
 
 
-class Creep(Effect):
-    """A force that grows: F = A z, dz/dt = (1 - z)/tau; A in N, tau in s. Source: test."""
-
-    name = "creep"
-    domain = Domain.DYNAMICS
-    parameters = (
-        Parameter("A", "N", "force", 5.0, (1, 10), 0, 50, "force"),
-        Parameter("tau", "s", "time", 0.3, (0.1, 1), 1e-3, 10, "time"),
-    )
-
-    @staticmethod
-    def rate(z, x, v, a, tau):
-        return (1.0 - z) / tau
-
-    @staticmethod
-    def force(x, v, z, a, tau):
-        return a * z
-
-
-@pytest.mark.parametrize("compiled", [False, True])
-def test_an_effect_may_have_a_state_in_time(compiled):
-    machine = load_machine("chow1992")
-    plant, command = PlantConstants.of(machine, 0.0), CommandTable(Track())
-    active = [Active(Creep(), (5.0, 0.3), (1, 2))]
-    engine = AssembledEngine(
-        plant, command, True, Stepping(5e-5), active, DriveScaling.full(), compiled
-    )
-    times = np.linspace(0.0, 1.0, 101)
-    x = engine.through(times).position
-    expected = 5.0 * (1 - np.exp(-times / 0.3)) / machine.axis.stiffness_N_m
-    assert x == pytest.approx(expected, abs=1.2e-7)
-
-
 def test_effects_asked_for_in_python_are_checked_too():
     program = mopro.compile(BODY)
     with pytest.raises(ModelError, match="did you mean `viscous_drag`"):
@@ -211,7 +164,7 @@ def test_effects_asked_for_in_python_are_checked_too():
 def test_terms_are_scalar_functions_without_hidden_state():
     """What a kernel holds must not change behind its back."""
     for effect in catalogue().values():
-        for kind in ("force", "slide", "rate", "setpoint"):
+        for kind in ("force", "reaction", "slide", "setpoint"):
             term = getattr(effect, kind)
             if term is not None:
                 closed = inspect.getclosurevars(term)

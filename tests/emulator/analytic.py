@@ -13,12 +13,31 @@ import numpy as np
 
 import mopro
 from mopro.machine import load_machine
-from mopro.plant import kernel
+from mopro.plant.kernel.build import kernel
+from mopro.plant.kernel.motion import start_of
+from mopro.plant.kernel.terms import TermSet
 
 MACHINE = load_machine("chow1992")
 AXIS = MACHINE.axis
 K, F0, M = AXIS.wave_number_1_m, AXIS.pull_out_force_N, AXIS.moving_mass_kg
 PITCH, IN, LBF, POUND = AXIS.pitch_m, 0.0254, 4.4482216152605, 0.45359237
+
+
+def integrated(times, x0, v0, *, acceleration=0.0, damping=0.0, f0=F0, mass=M, h=20e-6, rest_m=0.0):
+    """The nominal kernel: steps taken, positions and velocities at `times`.
+
+    `acceleration` is the smooth command's in m/s², `damping` in N s/m.
+    """
+    microstep, intervals = PITCH / 500, len(times) - 1
+    rows = [[0.0], [0.0], [0.0], [acceleration / microstep], [0.0]]
+    motion = np.zeros((4, len(times))).tolist()
+    terms = TermSet(())
+    steps, _ = kernel(terms, True, False)(
+        times.tolist(), [0] * intervals, rows, [0] * intervals, [[1.0], [1.0]],
+        (K, f0, damping, mass, microstep, 1.0, 1.0, 1.0), (h, math.inf, rest_m), False,
+        (), (x0, v0, *start_of(terms)[2:]), motion, [],
+    )  # fmt: skip
+    return steps, np.array(motion[0]), np.array(motion[1])
 
 
 def swing(x0, v0=0.0, *, acceleration=0.0, zeta=0.0, f0=F0, mass=M, until=0.2, knots=4001, h=20e-6):
@@ -27,17 +46,9 @@ def swing(x0, v0=0.0, *, acceleration=0.0, zeta=0.0, f0=F0, mass=M, until=0.2, k
     In the command's own frame even acceleration is a static load of mass x acceleration.
     """
     times = np.linspace(0.0, until, knots)
-    microstep = PITCH / 500
-    damping = 2 * zeta * math.sqrt(K * f0 * M) / mass
-    segment = [0.0], [0.0], [0.0], [acceleration / microstep], [0.0]
-    x, v = np.zeros(knots), np.zeros(knots)
-    x[0], v[0] = x0, v0
-    rows, low, high = [0] * (knots - 1), np.zeros(knots), np.zeros(knots)
-    kernel.integrate(
-        times.tolist(), rows, *segment, K, f0 / mass, damping, microstep, False, h,
-        math.inf, 0.0,
-        x, v, low, high,
-    )  # fmt: skip
+    damping = 2 * zeta * math.sqrt(K * f0 * M)
+    how = {"acceleration": acceleration, "damping": damping, "f0": f0, "mass": mass, "h": h}
+    _, x, v = integrated(times, x0, v0, **how)
     return times, acceleration * times**2 / 2 - x, acceleration * times - v
 
 

@@ -1,22 +1,15 @@
 """The plant against closed forms: the check cases, and what they do not cover."""
 
-import math
-
 import numpy as np
 import pytest
 from analytic import (
     AXIS,
     CASES,
-    F0,
-    PITCH,
-    K,
-    M,
+    integrated,
     pendulum_frequency,
     ring_down_zeta,
     swing_frequency,
 )
-
-from mopro.plant import kernel
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -36,15 +29,8 @@ def test_ring_down_has_the_set_damping_ratio(zeta):
 
 def test_rest_is_declared_within_a_nanometre_and_only_then():
     times = np.linspace(0, 2.0, 2001)
-    x, v, low, high = (np.zeros(2001) for _ in range(4))
-    x[0] = 50e-6
-    damping = AXIS.drive_damping_N_s_m / M
-    hold = [0.0], [0.0], [0.0], [0.0], [0.0]
-    steps = kernel.integrate(
-        times.tolist(), [0] * 2000, *hold, K, F0 / M, damping, PITCH / 500, True, 50e-6,
-        math.inf, 1e-9,
-        x, v, low, high,
-    )  # fmt: skip
+    damping = AXIS.drive_damping_N_s_m
+    steps, x, v = integrated(times, 50e-6, 0.0, damping=damping, h=50e-6, rest_m=1e-9)
     resting = np.flatnonzero(v[1:] == 0) + 1
     assert abs(x[-1]) < 1e-9
     assert 0.5 < times[resting[0]] < 0.9

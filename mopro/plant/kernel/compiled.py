@@ -1,0 +1,88 @@
+"""Kernels compiled by numba; importing this costs what numba costs."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Callable
+from importlib.metadata import version
+from types import FunctionType
+from typing import Any
+
+import numba
+from numba.core.registry import cpu_target
+from numba.extending import is_jitted
+
+from mopro.cachefolder import cache_folder
+from mopro.plant.kernel.cache import KernelCache, UnknownCodeError, fingerprint
+from mopro.plant.kernel.integrate import Integrate, integrate_of
+from mopro.plant.kernel.motion import parts_of, start_of
+from mopro.plant.kernel.terms import TermSet
+
+_ARRAY, _TABLE = numba.float64[::1], numba.float64[:, ::1]
+_INDICES = numba.intp[::1]
+# No `fastmath`, so that the bits are those of plain Python. What only compiled code calls needs
+# no wrappers, which take longer to compile than the function. Untyped in numba.
+_INNER = {"nogil": True, "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_njit: Callable[..., Any] = numba.njit
+_type_of: Callable[[object], Any] = numba.typeof
+
+
+def compiled(terms: TermSet, nominal: bool, plain: Integrate) -> Integrate:
+    """`integrate` of a set of effects, for the types that the engine passes.
+
+    Taken from the user's cache or left there, unless the code of a term refers to something
+    whose content cannot be told, or there is no cache. `plain` is the same function in Python.
+    """
+    signature = _signature(terms)
+    try:
+        key = repr((*_surroundings(), str(signature), fingerprint(plain)))
+    except UnknownCodeError:
+        key = None
+    name = hashlib.sha256(key.encode()).hexdigest()[:24] if key else "uncached"
+
+    def prepare(function: Callable[..., Any]) -> Any:
+        if is_jitted(function) or not isinstance(function, FunctionType):
+            return function
+        return _njit(**_INNER)(_renamed(function, name))
+
+    integrate = _njit(nogil=True)(
+        _renamed(integrate_of(parts_of(terms, nominal, prepare), prepare), name)
+    )
+    folder = cache_folder()
+    if key and folder:
+        integrate._cache = KernelCache(folder / "kernels" / f"{name}.kernel", key)
+    integrate.compile(signature)
+    made: Integrate = integrate
+    return made
+
+
+def _renamed(function: Any, name: str) -> FunctionType:
+    """A copy whose compiled symbols are of this kernel alone.
+
+    numba numbers symbols anew in each process, so those of two cached kernels could meet.
+    """
+    copy = FunctionType(
+        function.__code__,
+        function.__globals__,
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    copy.__qualname__ = f"{function.__name__}_{name}"
+    return copy
+
+
+def _signature(terms: TermSet) -> Any:
+    """The types of the arguments of `integrate`, in their order."""
+    numbers = tuple((0.0,) * len(effect.parameters) for effect in terms.effects)
+    plant, limits, state = (0.0,) * 8, (0.0,) * 3, start_of(terms)
+    types = [_type_of(value) for value in (plant, limits, True, numbers, state)]
+    return (_ARRAY, _INDICES, _TABLE, _INDICES, _TABLE, *types, _TABLE, _TABLE)
+
+
+def _surroundings() -> tuple[object, ...]:
+    """What compiled code depends on besides its source."""
+    processor = cpu_target.target_context.codegen().magic_tuple()
+    versions = [version(name) for name in ("mopro", "numba", "llvmlite", "numpy")]
+    return platform.python_version(), *versions, *processor

@@ -1,0 +1,227 @@
+"""One axis through time: `integrate`, the outermost function of the kernel.
+
+Between knots the motion goes in equal steps. No step straddles a corner of the command, and
+an axis that has come to rest under a command at rest stays where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, MutableSequence, Sequence
+from math import ceil, cos, floor, sin, sqrt
+
+from mopro.plant.kernel.drive import LOOP_STEP_S, DriveNumbers
+from mopro.plant.kernel.motion import (
+    AxisNumbers,
+    Parts,
+    Segment,
+    State,
+    interval_of,
+    pull_of_currents,
+    step_of,
+)
+from mopro.plant.kernel.terms import Numbers, Pair, Prepare
+
+# k (1/m), F0 (N), c_s (N s/m), mass (kg), microstep (m), I (A), R (ohm), L (H).
+Plant = tuple[float, float, float, float, float, float, float, float]
+# The longest step (s), the farthest that axis or command may go in one (m), and how far from
+# where it stays an axis is taken to rest (m).
+Limits = tuple[float, float, float]
+# Rows of numbers: lists in plain Python, an array for compiled code.
+Table = Sequence[Sequence[float]]
+Results = Sequence[MutableSequence[float]]
+Rates = Callable[
+    [float, float, State, AxisNumbers, DriveNumbers, Numbers], tuple[float, Pair, Pair]
+]
+Integrate = Callable[..., tuple[int, State]]
+
+
+def segment_at(rows: Table, row: int, microstep: float) -> Segment:
+    """The command's segment from its start (s), position, velocity, acceleration and jerk.
+
+    rows: these five in microsteps and s, one column for each segment; microstep: in m.
+    """
+    v, a, j = rows[2][row], rows[3][row], rows[4][row]
+    return (
+        rows[0][row], rows[1][row], v, a / 2, j / 6, v * microstep, a * microstep,
+        j / 2 * microstep,
+    )  # fmt: skip
+
+
+def command_at(segment: Segment, t: float) -> Pair:
+    """The command's position (microsteps) and speed (m/s) at t (s)."""
+    begin, p0, p1, p2, p3, q0, q1, q2 = segment
+    tau = t - begin
+    return p0 + tau * (p1 + tau * (p2 + tau * p3)), q0 + tau * (q1 + tau * q2)
+
+
+def strengths_at(
+    plant: Plant, gain: float, constant: float, direct: bool
+) -> tuple[AxisNumbers, DriveNumbers]:
+    """The numbers of axis and drive with these factors on the current and on F0.
+
+    direct: whether the gain is in the motor's force rather than in the currents.
+    """
+    k, f0, damping, mass, microstep, amps, ohms, henries = plant
+    strength = f0 * constant
+    drive = (gain, k, strength / amps, amps, ohms, henries, microstep)
+    damped = damping if gain > 0.0 else 0.0
+    return (k, (strength * gain if direct else strength) / mass, damped / mass, mass), drive
+
+
+def rates_of(parts: Parts) -> Rates:
+    """How a state changes."""
+    acceleration = parts.acceleration
+    now, lag_rates, phases = parts.drive.now, parts.drive.lag_rates, parts.drive.phases
+    direct, saturable = parts.direct, parts.saturable
+
+    def rates(
+        c: float, w: float, state: State, axis: AxisNumbers, drive: DriveNumbers, numbers: Numbers
+    ) -> tuple[float, Pair, Pair]:
+        """ẍ (m/s²) and the rates (1/s) of the lagged currents and of those of the coils."""
+        x, v, z, (lagged, coil) = state
+        gain, k = drive[0], drive[1]
+        if direct:
+            return acceleration(c, w, x, v, z, 0.0, axis, numbers), (0.0, 0.0), (0.0, 0.0)
+        field = now(lagged, c, gain, k, numbers)
+        of_lag, of_coil = lag_rates(lagged, c, gain, k, numbers), (0.0, 0.0)
+        if saturable:
+            of_coil = phases(field, c, w, x, v, coil, drive, numbers)[1]
+            field = (coil[0], coil[1])
+        return acceleration(field, w, x, v, z, 0.0, axis, numbers), of_lag, of_coil
+
+    return rates
+
+
+def rests_of(parts: Parts, rates: Rates) -> Callable[..., bool]:
+    """Whether nothing moves and nothing is about to, under a command at rest."""
+    nominal = parts.nominal
+
+    def rests(
+        c: float, state: State, rest: float, natural: float,
+        axis: AxisNumbers, drive: DriveNumbers, numbers: Numbers,
+    ) -> bool:  # fmt: skip
+        """Whether the axis is within `rest` (m) of where it stays, and as slow.
+
+        natural: its natural frequency √(k F0 / m) in 1/s.
+        """
+        k = axis[0]
+        if abs(state[1]) >= rest * natural:
+            return False
+        if nominal:
+            angle = k * (c - state[0])
+            return abs(sin(angle)) < rest * k and cos(angle) > 0.0
+        a, of_lag, of_coil = rates(c, 0.0, state, axis, drive, numbers)
+        fastest = max(abs(of_lag[0]), abs(of_lag[1]), abs(of_coil[0]), abs(of_coil[1]))
+        return abs(a) < rest * natural * natural and fastest < rest * k * natural
+
+    return rests
+
+
+def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
+    """What is recorded of the drive."""
+    now, phases, pull = parts.drive.now, parts.drive.phases, prepare(pull_of_currents)
+    saturable = parts.saturable
+
+    def record(
+        electrical: Results, at: int, u: float, w: float, resolved: bool,
+        state: State, plant: Plant, axis: AxisNumbers, drive: DriveNumbers, numbers: Numbers,
+    ) -> None:  # fmt: skip
+        """Currents over I, voltages (V; 0 of an ideal drive) and motor force (N) at a knot."""
+        c = (floor(u + 0.5) if resolved else u) * plant[4]
+        x, v, _, (lagged, coil) = state
+        currents, volts = now(lagged, c, drive[0], drive[1], numbers), (0.0, 0.0)
+        if saturable:
+            volts = phases(currents, c, w, x, v, coil, drive, numbers)[0]
+            currents = (coil[0], coil[1])
+        electrical[0][at] = currents[0]
+        electrical[1][at] = currents[1]
+        electrical[2][at] = volts[0]
+        electrical[3][at] = volts[1]
+        electrical[4][at] = pull(currents, x, drive[1], drive[2] * drive[3])
+
+    return record
+
+
+def pace_of(parts: Parts, command: Callable[..., Pair]) -> Callable[..., tuple[int, bool]]:
+    """How an interval is divided into steps."""
+    suffices, saturable = parts.drive.suffices, parts.saturable
+
+    def pace(
+        t: float, length: float, u: float, w: float, segment: Segment, state: State,
+        limits: Limits, plant: Plant, drive: DriveNumbers, numbers: Numbers,
+    ) -> tuple[int, bool]:  # fmt: skip
+        """The number of steps in `length` s, and whether the loops have voltage enough in all.
+
+        An axis gains no more speed than twice the motor's greatest force gives it.
+        """
+        longest = limits[0]
+        speed = max(abs(state[1]), abs(w))
+        free = True
+        if saturable:
+            w_end = command(segment, t + length)[1]
+            fastest = max(speed, abs(w_end)) + 2.0 * plant[1] / plant[3] * length
+            free = suffices(state[3], u * plant[4], fastest, drive, numbers)
+            if not free:
+                longest = min(longest, LOOP_STEP_S)
+        return max(1, ceil(max(length / longest, speed * length / limits[1]) - 1e-9)), free
+
+    return pace
+
+
+def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
+    """The way through time, composed of functions that `prepare` has made ready."""
+    interval = prepare(interval_of(prepare(step_of(parts, prepare))))
+    rests = prepare(rests_of(parts, prepare(rates_of(parts))))
+    command, strengths = prepare(command_at), prepare(strengths_at)
+    segment_of = prepare(segment_at)
+    record, pace = prepare(record_of(parts, prepare)), prepare(pace_of(parts, command))
+    direct, nominal = parts.direct, parts.nominal
+
+    def integrate(
+        knots: Sequence[float], row_of: Sequence[int], rows: Table,
+        factor_of: Sequence[int], factors: Table, plant: Plant, limits: Limits, resolved: bool,
+        numbers: Numbers, state: State, motion: Results, electrical: Results,
+    ) -> tuple[int, State]:  # fmt: skip
+        """Fill in the motion at each knot; gives the steps taken and the last state.
+
+        knots: n times (s); row_of, factor_of: for each of the n - 1 intervals the columns of
+        its segment in `rows` (see Segment), and of its factors on current and force constant;
+        resolved: whether the drive's angle moves in whole microsteps; state: at the first
+        knot. motion: position (m) and velocity (m/s) at the knots, least and greatest lag
+        x_c - x (m) of the intervals; electrical, unless nominal: see `record`.
+        """
+        microstep, natural = plant[4], sqrt(plant[0] * plant[1] / plant[3])
+        position, velocity, lows, highs = motion[0], motion[1], motion[2], motion[3]
+        position[0], velocity[0] = state[0], state[1]
+        steps = 0
+        row = factor = -1
+        for i in range(len(knots) - 1):
+            t, length = knots[i], knots[i + 1] - knots[i]
+            if factor_of[i] != factor:
+                factor = factor_of[i]
+                axis, drive = strengths(plant, factors[0][factor], factors[1][factor], direct)
+            if row_of[i] != row:
+                row = row_of[i]
+                segment = segment_of(rows, row, microstep)
+                holding = segment[2] == 0.0 and segment[3] == 0.0 and segment[4] == 0.0
+                u, w = command(segment, t)
+            if i == 0 and not nominal:
+                record(electrical, 0, u, w, resolved, state, plant, axis, drive, numbers)
+            if holding and rests(u * microstep, state, limits[2], natural, axis, drive, numbers):
+                state = (state[0], 0.0, state[2], state[3])
+                low = high = u * microstep - state[0]
+            else:
+                count, free = pace(t, length, u, w, segment, state, limits, plant, drive, numbers)
+                steps += count
+                state, low, high, u, w = interval(
+                    state, t, length / count, count, segment, u, w, microstep,
+                    resolved and not holding, free, axis, drive, numbers,
+                )  # fmt: skip
+            position[i + 1], velocity[i + 1] = state[0], state[1]
+            lows[i], highs[i] = low, high
+            if not nominal:
+                u, w = command(segment, knots[i + 1])
+                record(electrical, i + 1, u, w, resolved, state, plant, axis, drive, numbers)
+        return steps, state
+
+    return integrate
