@@ -1,4 +1,4 @@
-"""The teeth's own pull."""
+"""Detent force of the teeth."""
 
 from __future__ import annotations
 
