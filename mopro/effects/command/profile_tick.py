@@ -14,8 +14,8 @@ from mopro.effects.search import Values, delay_s
 
 # Least delay that may be a tick, in its standard errors.
 _DELAY_SIGMAS = 5.0
-# Size of the grid's sags in σ from which the tick is refined: only close values then keep
-# the phase of the grid over the whole run.
+# Size of the grid's sags in σ from which the tick is refined: only close values then keep the
+# phase of the grid over the whole run.
 _GRID_SIGMAS = 2.0
 _TICKS_TRIED = 21
 _SHORTEST_S, _LONGEST_S = 1e-4, 0.015
