@@ -14,8 +14,8 @@ from mopro.effects.search import Values, delay_s
 
 # Least delay that may be a tick, in its standard errors.
 _DELAY_SIGMAS = 5.0
-# Size of the grid's sags in σ from which the tick is refined: only close values then keep the
-# phase of the grid over the whole run.
+# Size of the grid's sags in σ from which the tick is refined: only close values then keep
+# the phase of the grid over the whole run.
 _GRID_SIGMAS = 2.0
 _TICKS_TRIED = 21
 _SHORTEST_S, _LONGEST_S = 1e-4, 0.015
@@ -27,10 +27,11 @@ _TICK = Fitted(
 class ProfileTick(Effect):
     """The controller computes the profile only every T seconds.
 
-    With `interpolate` = 1 the drive moves at constant speed, during each tick, to the position
-    of the profile at the tick's beginning: x_c'(nT + τ) = x_c((n-1)T) + (x_c(nT) - x_c((n-1)T)) τ/T,
-    which is late by T. With 0 it holds: x_c'(t) = x_c(T floor(t/T)), late by T/2 on
-    average, in steps of v T. Source: assumed.
+    With `interpolate` = 1 the drive moves at constant speed, during each tick, to the
+    position of the profile at the tick's beginning:
+    x_c'(nT + τ) = x_c((n-1)T) + (x_c(nT) - x_c((n-1)T)) τ/T, which is late by T. With 0 it
+    holds: x_c'(t) = x_c(T floor(t/T)), late by T/2 on average, in steps of v T.
+    Source: assumed.
     """
 
     name = "profile_tick"
