@@ -20,6 +20,8 @@ OWN = (
     "forces.viscous_drag:ViscousDrag",
     "forces.quadratic_drag:QuadraticDrag",
     "forces.coulomb_friction:CoulombFriction",
+    "forces.stribeck_friction:StribeckFriction",
+    "forces.load_dependent_friction:LoadDependentFriction",
     "forces.umbilical_spring:UmbilicalSpring",
     "forces.constant_force:ConstantForce",
     "forces.electrical_damping:ElectricalDamping",

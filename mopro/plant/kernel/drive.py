@@ -273,7 +273,11 @@ def one_phase(
     told, change: what the loop is told, and its rate (1/s); emf, limit: in V.
     """
     wanted = henries * amps * (change + (told - i) / CURRENT_LOOP_S)
-    voltage = min(max(ohms * amps * i + emf + wanted, -limit), limit)
+    voltage = ohms * amps * i + emf + wanted
+    if voltage > limit:
+        voltage = limit
+    elif voltage < -limit:
+        voltage = -limit
     return voltage, (voltage - ohms * amps * i - emf) / (henries * amps)
 
 
@@ -326,7 +330,8 @@ def _off(aims: Setpoints) -> Callable[..., tuple[bool, float]]:
         """How fast the currents are to change for being off their setpoints, in 1/s."""
         ia, ib = aims(c, gain, k, numbers)
         coil = electric[1]
-        return True, max(abs(ia - coil[0]), abs(ib - coil[1])) / CURRENT_LOOP_S
+        off_a, off_b = abs(ia - coil[0]), abs(ib - coil[1])
+        return True, (off_a if off_a > off_b else off_b) / CURRENT_LOOP_S
 
     return off
 
@@ -338,11 +343,13 @@ def _off_lagged(aims: Setpoints, place: int) -> Callable[..., tuple[bool, float]
         """The same behind a lag; one of no length follows nothing: its loop is integrated."""
         tau = numbers[place][0]
         (la, lb), coil = electric
-        of_loop = max(abs(la - coil[0]), abs(lb - coil[1])) / CURRENT_LOOP_S
+        off_a, off_b = abs(la - coil[0]), abs(lb - coil[1])
+        of_loop = (off_a if off_a > off_b else off_b) / CURRENT_LOOP_S
         if tau <= 0.0:
             return False, of_loop
         ia, ib = aims(c, gain, k, numbers)
-        return True, of_loop + max(abs(ia - la), abs(ib - lb)) / tau
+        off_a, off_b = abs(ia - la), abs(ib - lb)
+        return True, of_loop + (off_a if off_a > off_b else off_b) / tau
 
     return off
 
