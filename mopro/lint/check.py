@@ -24,11 +24,11 @@ def lint(source: Source, settings: Settings | None = None) -> list[Finding]:
     """The findings about `source` in order of place; ModelError for an unusable machine."""
     settings = settings or Settings()
     tree, faults = _read(source, settings.grammar)
-    ops, found = examine(tree)
-    compiles = not faults and all(d.severity is not Severity.ERROR for d in found)
+    ops, refusals = examine(tree)
+    compiles = not faults and all(d.severity is not Severity.ERROR for d in refusals)
     subject = Subject(tree, Program(ops, source), settings) if compiles else None
     asked = asked_rules(settings)
-    findings = [_with_fix(d, subject) for d in _first_causes(faults, found)]
+    findings = [_with_fix(d, subject) for d in _first_causes(faults, refusals)]
     if subject is not None:
         findings += _found_by_rules(subject, asked)
     findings = [f for f in findings if f.rule in asked or f.rule not in RULES]

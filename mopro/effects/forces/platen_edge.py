@@ -29,5 +29,5 @@ class PlatenEdge(Effect):
         return -2.0e6 * (x - edge) - 2.0e3 * v
 
 
-# One object for all runs, as kernels are kept by the effects that they hold.
+# One object for all runs, as kernels are cached by their effects.
 PLATEN_EDGE = PlatenEdge()

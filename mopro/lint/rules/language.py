@@ -119,7 +119,7 @@ RULES = (
         "controller may refuse it.",
         bad="VELO 15.0\n",
         good="VEL0 15.0\n",
-        fix=lambda subject, found: "0",
+        fix=lambda subject, finding: "0",
         fix_check=same_program,
     ),
 )

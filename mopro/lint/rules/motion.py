@@ -35,13 +35,13 @@ def _statement_text(subject: Subject, span: Span) -> str:
     return subject.program.source.line(span.line)[span.column - 1 : span.end_column - 1]
 
 
-def _wait_before(subject: Subject | None, found: Diagnostic) -> str | None:
+def _wait_before(subject: Subject | None, finding: Diagnostic) -> str | None:
     """The statement with a wait for its axes in front."""
     if subject is None:
         return None
-    op = next(op for op in subject.program.ops if op.span == found.span)
+    op = next(op for op in subject.program.ops if op.span == finding.span)
     axis = op.axes[0] if isinstance(op, ir.AxisOp) and len(op.axes) == 1 else 0
-    return f"WX{axis}\n{_statement_text(subject, found.span)}"
+    return f"WX{axis}\n{_statement_text(subject, finding.span)}"
 
 
 def _end_without_wait(rule: Rule, subject: Subject) -> Iterator[Finding]:

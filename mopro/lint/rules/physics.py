@@ -29,14 +29,14 @@ def _acceleration(subject: Subject, move: PlannedMove) -> tuple[float, str]:
 
 def _stall(rule: Rule, subject: Subject) -> Iterator[Finding]:
     told: set[Span] = set()
-    for found in subject.stall_margins.each:
-        span = found.move.span
-        if not found.slips or span in told:
+    for checked in subject.stall_margins.each:
+        span = checked.move.span
+        if not checked.slips or span in told:
             continue
         told.add(span)
-        value, unit = _acceleration(subject, found.move)
-        message = f"axis {found.axis} stalls in this move at {value:.4g} {unit}: margin 0 %"
-        hint = _what_works(subject, found, value, unit) if len(told) <= _MOST_PROPOSALS else None
+        value, unit = _acceleration(subject, checked.move)
+        message = f"axis {checked.axis} stalls in this move at {value:.4g} {unit}: margin 0 %"
+        hint = _what_works(subject, checked, value, unit) if len(told) <= _MOST_PROPOSALS else None
         yield rule.at(span, message, hint)
     unchecked = sorted({move.span for move in subject.stall_margins.unchecked})
     if unchecked:
@@ -63,15 +63,15 @@ def _what_works(subject: Subject, stalled: Any, value: float, unit: str) -> str:
 
 def _low_margin(rule: Rule, subject: Subject) -> Iterator[Finding]:
     least: dict[Span, Any] = {}
-    stalled = {found.move.span for found in subject.stall_margins.each if found.slips}
-    for found in subject.stall_margins.each:
-        span = found.move.span
-        if found.margin < subject.settings.low_margin and span not in stalled:
-            least[span] = min(least.get(span, found), found, key=lambda s: s.margin)
-    for span, found in least.items():
+    stalled = {checked.move.span for checked in subject.stall_margins.each if checked.slips}
+    for checked in subject.stall_margins.each:
+        span = checked.move.span
+        if checked.margin < subject.settings.low_margin and span not in stalled:
+            least[span] = min(least.get(span, checked), checked, key=lambda s: s.margin)
+    for span, checked in least.items():
         yield rule.at(
             span,
-            f"axis {found.axis} has a margin of {found.margin:.0%} against stall in this move: "
+            f"axis {checked.axis} has a margin of {checked.margin:.0%} against stall in this move: "
             f"less than {subject.settings.low_margin:.0%}",
             "lower the acceleration or the payload",
         )
