@@ -1,4 +1,4 @@
-"""What a sensor shows of a run: the recording is the truth, this is the measurement.
+"""Readings of a sensor for a run: the recording is the true motion, this is the measurement.
 
 Effects of the measurement act here, in the order of the chain: where the target really
 is (geometry), what the transducer makes of it (reading), how slowly it follows
@@ -103,7 +103,7 @@ def interpolated(time_s: Floats, values: Floats, at_s: Floats) -> Floats:
 
 
 def _converted(reading: Floats, sensor: Sensor, generator: np.random.Generator | None) -> Floats:
-    """With noise, in whole steps of the converter."""
+    """`values` with noise, rounded to whole steps of the converter."""
     if sensor.noise_rms and generator is not None:
         reading = reading + generator.normal(0.0, sensor.noise_rms, len(reading))
     if sensor.adc_step:

@@ -1,4 +1,4 @@
-"""A thermocouple that follows slowly."""
+"""Lag of a thermocouple."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a run can be simulated: its length, its limits, and that its motor keeps up."""
+"""Checks that a run can be simulated: its length, its limit switches, and no stall."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from mopro.recording.run import stalls
 
 # What follows the motion is simulated sample by sample; what is slow may last for days.
 LONGEST_S = 1800.0
+# Relative: a logger's clock may run fast by this much.
 _CLOCK_TOLERANCE = 0.01
 _STALL_RATE_HZ = 100.0
 
 
 @dataclass(frozen=True)
 class Suspect:
-    """A run and what commands its motion."""
+    """A run and the schedule of its commanded motion."""
 
     trial: Trial
     schedule: Schedule
@@ -67,7 +68,7 @@ def too_short(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnos
 
 
 def _shortest_s(trial: Trial, machine: Machine) -> float:
-    """How long the program takes at least, on a machine that is faster than told."""
+    """Least duration (s) of the program, with every effect that makes it faster at its bound."""
     assert trial.program is not None, "a logged command has no program"
     effects = catalogue().values()
     faster = (Active(e, values, AXES) for e in effects if (values := e.fastest()) is not None)
@@ -90,18 +91,18 @@ def check_motion(suspect: Suspect, machine: Machine, compiled: bool) -> None:
         )
     if not trial.follows_motion:
         return
-    hint = f"{trial.name} cannot be compared: what a motor does that slips is chance"
+    hint = f"{trial.name} cannot be compared: the motion of a stalled motor is not predictable"
     run = _simulated(trial, schedule, machine, compiled)
-    found = [
+    stalled = [
         Diagnostic("stall", f"when simulated, {message}", span, hint=hint)
         for span, message in stalls(run, trial.program)
     ]
-    if found:
-        raise MotionError(trial.program.source, found)
+    if stalled:
+        raise MotionError(trial.program.source, stalled)
 
 
 def _simulated(trial: Trial, schedule: Schedule, machine: Machine, compiled: bool) -> Run:
-    """The moves of the run on the machine as its file has it, as far as the data go."""
+    """Simulate the run on the machine of its file up to the end of its data; report each move."""
     simulation = simulate(schedule, machine, payload_kg=trial.payload_kg, compiled=compiled)
     end_s = min(schedule.duration_s, trial.duration_s)
     simulation.follow(_STALL_RATE_HZ, end_s)

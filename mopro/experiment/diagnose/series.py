@@ -8,18 +8,18 @@ from mopro.experiment.model import Reading
 from mopro.experiment.predict.forward_model import ForwardModel
 
 
-def series_of(motor: ForwardModel) -> list[Series]:
-    """Every reading of the runs, in order, with the parts that can be held out."""
+def series_of(model: ForwardModel) -> list[Series]:
+    """A Series for each reading of the runs, in order, with the folds to hold out."""
     return [
-        _series(motor, index, reading)
-        for index, trial in enumerate(motor.experiment.trials)
+        _series(model, index, reading)
+        for index, trial in enumerate(model.experiment.trials)
         for reading in trial.readings
     ]
 
 
-def _series(motor: ForwardModel, index: int, reading: Reading) -> Series:
-    experiment, sensor = motor.experiment, reading.sensor
-    labels = labels_of(reading, motor.schedule(index), experiment.machine.microstep_m)
+def _series(model: ForwardModel, index: int, reading: Reading) -> Series:
+    experiment, sensor = model.experiment, reading.sensor
+    labels = labels_of(reading, model.schedule(index), experiment.machine.microstep_m)
     quantity = sensor.quantity
     # Places are told in the unit of a sensor that sees them, else in metres.
     unit = "m" if quantity.follows_motion and not quantity.sees_place else sensor.unit

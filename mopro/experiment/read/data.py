@@ -1,4 +1,4 @@
-"""Data files: columns of numbers, each fault told at its file, line and column.
+"""Reads data files: columns of numbers; a fault is reported at its file, line and column.
 
 CSV with a header (lines that begin with # before it are skipped), or a recording of mopro.
 An empty cell, or `nan`, is a sample that the file lacks. A cell in quotes may have commas
@@ -26,7 +26,7 @@ from mopro.source import Source, Span
 TIME = "time_s"
 MOST_CHARACTERS = 10_000
 MOST_ROWS = 20_000_000
-_MOST_FOUND = 50
+_MOST_FAULTS = 50
 _DOS_END_OF_FILE = "\x1a"
 _FILE = Span(1, 1, 1)
 _RECORDINGS = (".parquet", ".npz")
@@ -34,7 +34,7 @@ _RECORDINGS = (".parquet", ".npz")
 
 @dataclass(frozen=True)
 class FileSource(Source):
-    """A file too long to be kept as a text; a message reads the line that it shows."""
+    """A file whose text is not held in memory; `line` reads the line that a message shows."""
 
     path: Path = field(default=Path())
 
@@ -50,7 +50,7 @@ class FileSource(Source):
 
 @dataclass(frozen=True)
 class DataFile:
-    """Columns of equal length with the line that each row stands in.
+    """Columns of equal length, and the line number of each row.
 
     `names` are all columns of the file, `columns` those that were asked for and are there.
     """
@@ -62,7 +62,7 @@ class DataFile:
     lines: NDArray[np.int64]
 
     def place(self, row: int, column: str) -> Span:
-        """Where the cell of `column` stands in data row `row`."""
+        """Span of the cell of `column` in data row `row`."""
         line = int(self.lines[row])
         return cell_span(self.source.line(line), line, self.names.index(column))
 
@@ -168,7 +168,7 @@ def _opened(path: Path) -> TextIO:
 
 
 def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
-    """Numbered lines, each read no further than a line may be long, to DOS's end of file."""
+    """Numbered lines up to DOS's end of file, each cut at MOST_CHARACTERS."""
     number = 0
     while text := file.readline(MOST_CHARACTERS):
         number += 1
@@ -179,12 +179,12 @@ def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
 
 
 class _Rows:
-    """Takes a CSV file apart, and gathers what is wrong with it."""
+    """Parses a CSV file and collects its faults."""
 
     def __init__(self, source: FileSource, wanted: Collection[str]) -> None:
         self._source = source
         self._wanted = wanted
-        self._found: list[Diagnostic] = []
+        self._faults: list[Diagnostic] = []
         self._line, self._text = 1, ""
         self._complete = True
 
@@ -204,9 +204,9 @@ class _Rows:
             numbers.append(self._line)
             if len(numbers) > MOST_ROWS:
                 raise refused(self._source, "too-long", f"more than {MOST_ROWS} rows")
-            for kept, (i, _) in zip(values, used, strict=True):
-                kept.append(self._number(cells[i], i))
-        if not numbers and not self._found:
+            for column, (i, _) in zip(values, used, strict=True):
+                column.append(self._number(cells[i], i))
+        if not numbers and not self._faults:
             self._report("empty-file", "there are no data below the header", header_line, header, 0)
         self._check()
         columns = {name: np.array(v) for v, (_, name) in zip(values, used, strict=True)}
@@ -224,7 +224,7 @@ class _Rows:
                 self._check()
 
     def _significant(self, file: TextIO) -> Iterator[tuple[int, str]]:
-        """Lines that say something, without their ends; comments only stand at the top."""
+        """Numbered lines that are not blank, without line ends; comments are skipped at the top."""
         at_top = True
         for number, text in _lines(file):
             comment = at_top and text.startswith("#")
@@ -268,13 +268,13 @@ class _Rows:
     def _report(
         self, rule: str, message: str, line: int, text: str, nth: int, hint: str | None = None
     ) -> None:
-        self._found.append(Diagnostic(rule, message, cell_span(text, line, nth), hint=hint))
-        if len(self._found) >= _MOST_FOUND:
+        self._faults.append(Diagnostic(rule, message, cell_span(text, line, nth), hint=hint))
+        if len(self._faults) >= _MOST_FAULTS:
             self._check()
 
     def _check(self) -> None:
-        if self._found:
-            raise DataFileError(self._source, self._found)
+        if self._faults:
+            raise DataFileError(self._source, self._faults)
 
 
 def _as_number(word: str) -> float | None:

@@ -1,4 +1,4 @@
-"""experiment.toml: a machine, sensors and runs, with all the data that it names."""
+"""Reads experiment.toml: machine, sensors, and runs with the names of their data."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class SensorEntry:
 
     @property
     def regular(self) -> bool:
-        """Whether it samples at one rate, and not now and then."""
+        """True if it samples at a fixed rate; a thermometer need not."""
         return self.sensor.quantity.regular
 
 
@@ -75,7 +75,7 @@ class RunEntry:
 
 @dataclass(frozen=True)
 class Entries:
-    """What experiment.toml says, before any of its data are read."""
+    """Contents of experiment.toml, before any of its data are read."""
 
     source: Source
     machine: Machine
@@ -97,7 +97,7 @@ class Entries:
 
 
 def read_entries(path: str | Path) -> Entries:
-    """What the file says; ModelError with all findings."""
+    """Read the file's entries; raises ModelError with all findings."""
     document = Document(read_source(path))
     return document.read(_Reader(document.source).entries)
 
@@ -137,7 +137,7 @@ class _Reader:
         return load_machine(str(self._machine_file))
 
     def _file(self, value: Value) -> Path:
-        """The path of a file that is there, as seen from the experiment file."""
+        """Path of an existing file, relative to the folder of the experiment file."""
         name = text(message=f"expected the name of a file for {value.key}")(value)
         path = Path(self._source.name).parent / name
         if os.path.isfile(path):  # Path.is_file raises for a name that is too long
@@ -155,14 +155,14 @@ class _Reader:
 
     def _sensors(self, root: Value) -> dict[str, SensorEntry]:
         """The sensors that can be used, by name."""
-        found: dict[str, SensorEntry] = {}
+        sensors: dict[str, SensorEntry] = {}
         for entry in self._sections(root, "sensor"):
             if made := _sensor(entry):
                 name = made.sensor.name
-                if name in found:
+                if name in sensors:
                     entry.report(f"two sensors are called {shown(name)}", "double-name", at="name")
-                found[name] = made
-        return found
+                sensors[name] = made
+        return sensors
 
     # -- runs ------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
-"""The thesis' own data files as sensors: what stands in them, and with what noise.
+"""Readers and default sensors for the data files of the thesis' instruments.
 
-An LVDT's volts are inches about its own middle, which is an unknown offset; the
-thermocouple's file has degrees and seconds.
+An LVDT's file has volts, proportional to the position about its centre, whose offset is
+unknown; a thermocouple's file has °C and seconds.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ RAW_SUFFIX = ".dat"
 
 @dataclass(frozen=True)
 class Kind:
-    """An instrument: what it measures, a sensor's numbers unless stated, its file's reader."""
+    """An instrument: its quantity, the defaults of its sensor and the reader of its file."""
 
     quantity: Quantity
     defaults: Callable[[int, Mapping[str, Any]], dict[str, Any]]
@@ -55,7 +55,7 @@ def _read_lvdt(path: Path, sensor: Sensor) -> Reading:
 
 
 def _thermocouple_defaults(axis: int, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """The converter's step is all that the source knows of its noise."""
+    """The converter's step; the source states no other noise."""
     return {
         "name": "thermocouple",
         "quantity": TEMPERATURE.name,

@@ -87,25 +87,25 @@ class _Runs:
         wanted = [entry.sensor.column for entry in self._entries.sensors]
         file = read_data(path, str(path), {TIME, *wanted})
         clock(file)
-        found = []
+        readings = []
         for entry in self._entries.sensors:
             if self._there(file, entry.sensor):
                 of_sensor, notes = reading(file, entry.sensor, entry.regular)
-                found.append(of_sensor)
+                readings.append(of_sensor)
                 self.notes += notes
-        if not found:
+        if not readings:
             message = "the file has no column of any sensor"
             hint = f"expected {', '.join(wanted)}; the file has {', '.join(file.names)}"
             file.refuse_header("missing-column", message, hint)
-        return tuple(found)
+        return tuple(readings)
 
     def _there(self, file: DataFile, sensor: Sensor) -> bool:
-        """Whether the run has this sensor; what looks like a slip of the pen is refused."""
+        """True if the file has the sensor's column; raises for a misspelling or other unit."""
         if sensor.column in file.columns:
             return True
         known = {entry.sensor.column for entry in self._entries.sensors}
-        strange = [name for name in file.names if name not in known and not _usual(name)]
-        near = get_close_matches(sensor.column, strange, n=1, cutoff=_NAME_CUTOFF)
+        unknown = [name for name in file.names if name not in known and not _usual(name)]
+        near = get_close_matches(sensor.column, unknown, n=1, cutoff=_NAME_CUTOFF)
         if near or other_unit(sensor.column, file.names) not in (None, *known):
             file.require(sensor.column)
         where = file.source.name
@@ -171,5 +171,5 @@ def _lengths() -> list[str]:
 
 
 def _usual(name: str) -> bool:
-    """Whether a column is one that a file may have besides."""
+    """True for a column name that files may have beside those of sensors."""
     return _OTHERS.fullmatch(name) is not None

@@ -97,7 +97,7 @@ def _signature(terms: TermSet) -> Any:
 
 @functools.cache
 def _surroundings() -> tuple[object, ...]:
-    """What compiled code depends on besides its source."""
+    """Versions and processor that compiled code depends on beside its source."""
     processor = cpu_target.target_context.codegen().magic_tuple()
     versions = [version(name) for name in ("mopro", "numba", "llvmlite", "numpy")]
     return platform.python_version(), *versions, *processor

@@ -71,7 +71,7 @@ def strengths_at(
 
 
 def rates_of(parts: Parts) -> Rates:
-    """How a state changes."""
+    """The function for the rates of change of a state."""
     acceleration = parts.acceleration
     now, lag_rates, phases = parts.drive.now, parts.drive.lag_rates, parts.drive.phases
     direct, saturable = parts.direct, parts.saturable
@@ -95,14 +95,14 @@ def rates_of(parts: Parts) -> Rates:
 
 
 def rests_of(parts: Parts, rates: Rates) -> Callable[..., bool]:
-    """Whether nothing moves and nothing is about to, under a command at rest."""
+    """The test for an axis at rest under a command at rest."""
     nominal = parts.nominal
 
     def rests(
         c: float, state: State, rest: float, natural: float,
         axis: AxisNumbers, drive: DriveNumbers, numbers: Numbers,
     ) -> bool:  # fmt: skip
-        """Whether the axis is within `rest` (m) of where it stays, and as slow.
+        """True if the axis is within `rest` (m) of its equilibrium, and as slow.
 
         natural: its natural frequency √(k F0 / m) in 1/s.
         """
@@ -124,7 +124,7 @@ def rests_of(parts: Parts, rates: Rates) -> Callable[..., bool]:
 
 
 def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
-    """What is recorded of the drive."""
+    """The function that records the drive's quantities."""
     now, phases, pull = parts.drive.now, parts.drive.phases, prepare(pull_of_currents)
     saturable = parts.saturable
 
@@ -149,7 +149,7 @@ def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
 
 
 def pace_of(parts: Parts, command: Callable[..., Pair]) -> Callable[..., tuple[int, bool]]:
-    """How an interval is divided into steps."""
+    """The function that divides an interval into steps."""
     suffices, saturable = parts.drive.suffices, parts.saturable
 
     def pace(
