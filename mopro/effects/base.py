@@ -20,6 +20,7 @@ from mopro.diagnosis.model import Candidate, Role, Settings
 from mopro.diagnosis.model import Parameter as Fitted
 
 if TYPE_CHECKING:
+    from mopro.instruments.quantity import Quantity
     from mopro.instruments.sensor import Sensor
     from mopro.machine import Machine
     from mopro.machine.constants import PlantConstants
@@ -187,7 +188,7 @@ class View(Protocol):
         ...
 
     def positions(self) -> Mapping[int, tuple[int, ViewedReading]]:
-        """Number of the run, and reading, of each series of positions."""
+        """Run number and reading of each series whose sensor measures position."""
         ...
 
     def schedule(self, index: int, /) -> Schedule:
@@ -389,13 +390,18 @@ class Effect:
         """Output of the transducer (m) for its target at `x` (m)."""
         return x
 
-    def bandwidth_s(self, quantity: str, *p: float) -> float:
+    def bandwidth_s(self, quantity: Quantity, *p: float) -> float:
         """The time constant of a first-order lag of a sensor of `quantity`."""
         return 0.0
 
     def electronics(self, x: Floats, time_s: Floats, *p: float) -> Floats:
         """Output of the electronics after the transducer, at the sample times."""
         return x
+
+    @property
+    def retimes(self) -> bool:
+        """True if it changes the sample times, for any quantity."""
+        return type(self).sampled_at is not Effect.sampled_at
 
     @property
     def distorts(self) -> bool:

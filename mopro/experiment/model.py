@@ -54,6 +54,11 @@ class Trial:
     partial: bool = False
 
     @property
+    def follows_motion(self) -> bool:
+        """Whether any of its sensors follows the motion, which must then be simulated."""
+        return any(reading.sensor.quantity.follows_motion for reading in self.readings)
+
+    @property
     def duration_s(self) -> float:
         """Time of the last sample of any reading (s)."""
         return max(float(reading.time_s[-1]) for reading in self.readings)

@@ -18,6 +18,7 @@ from mopro.experiment.design.test_motions import (
     text_of,
 )
 from mopro.experiment.model import Experiment, Reading, Trial
+from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
@@ -26,8 +27,8 @@ from mopro.recording import MemorySink
 from mopro.source import Source
 
 MACHINE = load_machine("chow1992")
-LASER = Sensor("laser", "position", "position_1_in", 1000.0, 1, 2e-5)
-THERMOCOUPLE = Sensor("thermocouple", "temperature", "temperature_C", 0.1, 1, 0.5)
+LASER = Sensor("laser", POSITION, "position_1_in", 1000.0, 1, 2e-5)
+THERMOCOUPLE = Sensor("thermocouple", TEMPERATURE, "temperature_C", 0.1, 1, 0.5)
 PROGRAM = mopro.compile("UU012500/1\nVEL1 5.0\nACC1 0.1\nMRI1 1.0\nWX1\n")
 BARE = Bounds.of(MACHINE, MACHINE.axis.moving_mass_kg)
 
@@ -176,7 +177,7 @@ def test_no_motion_stalls_even_with_a_fifth_less_force(payload_kg):
 def test_no_rival_loses_its_tooth_in_what_is_proposed():
     """A controller that moves on every ten milliseconds pulls in jerks, the harder the faster."""
     tick = {"profile_tick": {"T": 0.01, "interpolate": 1.0}}
-    lvdt = Sensor("lvdt", "position", "position_1_in", 800.0, 1, 0.025)
+    lvdt = Sensor("lvdt", POSITION, "position_1_in", 800.0, 1, 0.025)
     proposal = propose(experiment(lvdt), ambiguous({"trigger_delay": {"t_d": 0.01}}, [tick]))
     assert proposal.separations["profile_tick"] > 6.0
     _, run = seen(mopro.compile(proposal.text), tick, lvdt)

@@ -158,7 +158,7 @@ def _scale_of(reading: Reading, command_m: Floats) -> float | None:
 
 
 def _scale_finding(suspect: Suspect, sensor: Sensor, scale: float) -> Iterator[Diagnostic]:
-    unit = sensor.column.rsplit("_", 1)[-1]
+    unit = sensor.unit
     here = f"{suspect.trial.name}: {sensor.column}"
     what = f"goes {abs(scale):.4g} times as far as {suspect.commanded_by} commands"
     if abs(scale + 1) < _UNIT_TOLERANCE:

@@ -9,7 +9,6 @@ from mopro.effects import Active, catalogue
 from mopro.effects.resolve import active_effects
 from mopro.errors import Diagnostic, MotionError
 from mopro.experiment.model import Reading, Trial
-from mopro.instruments.sensor import POSITION
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import limit_trip, plan_with_effects, simulate, switches_u
@@ -17,7 +16,7 @@ from mopro.program import AXES
 from mopro.recording import MoveReport, Run
 from mopro.recording.run import stalls
 
-# Positions are simulated sample by sample; temperatures may last for days.
+# What follows the motion is simulated sample by sample; what is slow may last for days.
 LONGEST_S = 1800.0
 # Relative: a logger's clock may run fast by this much.
 _CLOCK_TOLERANCE = 0.01
@@ -32,7 +31,7 @@ class Suspect:
     schedule: Schedule
 
     def positions(self) -> Iterator[Reading]:
-        return (r for r in self.trial.readings if r.sensor.quantity == POSITION)
+        return (r for r in self.trial.readings if r.sensor.quantity.sees_place)
 
     @property
     def commanded_by(self) -> str:
@@ -43,9 +42,10 @@ class Suspect:
 def too_long(trials: Sequence[Trial]) -> Iterator[Diagnostic]:
     """Runs that would take too long to simulate."""
     for trial in trials:
-        moving = any(r.sensor.quantity == POSITION for r in trial.readings)
-        if moving and trial.duration_s > LONGEST_S:
-            message = f"{trial.name} has {trial.duration_s:.6g} s of positions"
+        if trial.follows_motion and trial.duration_s > LONGEST_S:
+            quantities = {r.sensor.quantity for r in trial.readings}
+            moving = " and ".join(sorted(q.plural for q in quantities if q.follows_motion))
+            message = f"{trial.name} has {trial.duration_s:.6g} s of {moving}"
             hint = f"expected at most {LONGEST_S:g} s: cut them, and say partial = true"
             yield Diagnostic("data-too-long", message, trial.span, hint=hint)
 
@@ -89,7 +89,7 @@ def check_motion(suspect: Suspect, machine: Machine, compiled: bool) -> None:
         raise MotionError(
             trial.program.source, [Diagnostic("limit-switch", message, span, hint=hint)]
         )
-    if not any(suspect.positions()):
+    if not trial.follows_motion:
         return
     hint = f"{trial.name} cannot be compared: the motion of a stalled motor is not predictable"
     run = _simulated(trial, schedule, machine, compiled)

@@ -18,7 +18,6 @@ from mopro.experiment.compare.noise_tests import (
 from mopro.experiment.model import Experiment, Floats, Reading, SteadyTable
 from mopro.experiment.predict.alignment import aligned
 from mopro.experiment.predict.nominal import planned, predict, predict_table
-from mopro.instruments.sensor import POSITION
 
 # Chance of any false alarm in one comparison, over all its tests together (Bonferroni).
 FALSE_ALARMS = 1e-3
@@ -159,10 +158,10 @@ def _place(r: _Residual, rows: np.ndarray[Any, np.dtype[np.intp]], level: float)
         run=r.run,
         line=int(r.labels.line[first]),
         phase=str(r.labels.phase[first]),
-        axis=sensor.axis if sensor.quantity == POSITION else None,
+        axis=sensor.axis if sensor.quantity.of_axis else None,
         direction=int(r.labels.direction[first]),
         sensor=sensor.name,
-        unit=unit_of(r.reading),
+        unit=r.reading.sensor.unit,
         count=len(rows),
         mean=float(values.mean()),
         rms=rms,
@@ -179,7 +178,7 @@ def _series(r: _Residual, level: float) -> SeriesTest:
     return SeriesTest(
         run=r.run,
         sensor=sensor.name,
-        unit=unit_of(r.reading),
+        unit=r.reading.sensor.unit,
         count=len(r.z),
         rms=rms,
         noise_rms=sensor.sigma,
@@ -229,11 +228,6 @@ def _table(table: SteadyTable, predicted: Floats, level: float) -> tuple[list[Pl
         white=None if size_p is None else size_p >= level,
     )
     return places, whole
-
-
-def unit_of(reading: Reading) -> str:
-    """Unit in the suffix of the sensor's column."""
-    return reading.sensor.column.rsplit("_", 1)[-1]
 
 
 def _rms(values: Floats) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.experiment.model import Floats, Reading
-from mopro.instruments.sensor import TEMPERATURE
 from mopro.motion import Schedule, Segment
 from mopro.plant import CommandTable
 from mopro.program import AXES
@@ -49,7 +48,7 @@ class Labels:
 def labels_of(reading: Reading, schedule: Schedule, microstep_m: float) -> Labels:
     """The labels of a reading's samples; for a temperature those of the axis that moves most."""
     axis = reading.sensor.axis
-    if reading.sensor.quantity == TEMPERATURE:
+    if not reading.sensor.quantity.of_axis:
         axis = max(AXES, key=lambda n: sum(n in move.axes for move in schedule.moves))
     return labels(schedule, axis, reading.time_s, microstep_m)
 

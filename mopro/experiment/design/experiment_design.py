@@ -26,7 +26,8 @@ from mopro.experiment.design.test_motions import (
 )
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.forward_model import ForwardModel
-from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
+from mopro.instruments.quantity import QUANTITIES
+from mopro.instruments.sensor import Sensor
 from mopro.machine.constants import PlantConstants
 from mopro.motion import plan
 from mopro.program.compile import compile as compile_text
@@ -85,7 +86,7 @@ def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
     pairs = [pair for effect in verdict.effects for pair in _pairs(verdict, effect)]
     named = frozenset(effect.name for effect in verdict.effects)
     sensors = [r.sensor for t in experiment.trials for r in t.readings]
-    for quantity in (POSITION, TEMPERATURE):
+    for quantity in QUANTITIES.values():
         sensor = next((s for s in sensors if s.quantity == quantity), None)
         if sensor is not None and pairs:
             proposal = _ProgramDesigner(experiment, sensor, pairs, named).proposal()
@@ -140,7 +141,7 @@ class _ProgramDesigner:
     def proposal(self) -> Proposal | None:
         """The best program, or None if it separates no alternative from the named effect."""
         bounds = self._bounds()
-        if self._sensor.quantity == TEMPERATURE:
+        if self._sensor.quantity.slow:
             chosen = self._best_heating(heating_excitations(bounds))
         else:
             chosen = self._combined(moving_excitations(bounds))

@@ -15,7 +15,7 @@ from mopro.effects import Domain, Effect, catalogue
 from mopro.effects.base import AXIS, WIDER
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.predict.forward_model import ForwardModel
-from mopro.instruments.sensor import POSITION, TEMPERATURE
+from mopro.instruments.quantity import Quantity
 from mopro.machine import Machine
 
 # Distance of a start from the machine's own value, as a share of the parameter's range.
@@ -27,26 +27,36 @@ def candidates(model: ForwardModel) -> list[Candidate]:
     experiment = model.experiment
     quantities = {r.sensor.quantity for t in experiment.trials for r in t.readings}
     selected: list[Candidate] = []
-    if POSITION in quantities:
-        selected += _of_position(model)
-    if TEMPERATURE in quantities or experiment.tables:
+    slow = any(quantity.slow for quantity in quantities)
+    if any(quantity.follows_motion for quantity in quantities):
+        selected += _of_motion(model)
+    if slow or experiment.tables:
         selected += _of_heat(model, lasting=True)
-    if TEMPERATURE in quantities:
+    if slow:
         selected += _of_heat(model, lasting=False)
     return [_on_the_machine(candidate, model) for candidate in selected]
 
 
-def _of_position(model: ForwardModel) -> Iterator[Candidate]:
-    """Candidates for position sensors; those that change statements only if all runs have any."""
+def _of_motion(model: ForwardModel) -> Iterator[Candidate]:
+    """Candidates for sensors of the motion; effects on statements only if all runs have any."""
     programmed = all(trial.program is not None for trial in model.experiment.trials)
-    seen = {reading.sensor.axis for _, reading in model.positions().values()}
+    sensors = [reading.sensor for _, reading in model.readings()]
     for effect in catalogue().values():
         if effect.domain is Domain.HEAT or (effect.changes_program and not programmed):
+            continue
+        seen = {s.axis for s in sensors if _shows(effect, s.quantity)}
+        if not seen:
             continue
         for candidate in effect.forms(model):
             yield candidate
             if effect.domain is Domain.MEASUREMENT and len(seen) > 1:
                 yield from (_on_one(candidate, axis) for axis in sorted(seen))
+
+
+def _shows(effect: Effect, quantity: Quantity) -> bool:
+    """True if a sensor of `quantity` follows the motion and can show `effect`."""
+    reaches = effect.domain is not Domain.MEASUREMENT or effect.retimes or quantity.sees_place
+    return quantity.follows_motion and reaches
 
 
 def _of_heat(model: ForwardModel, lasting: bool) -> Iterator[Candidate]:

@@ -19,7 +19,7 @@ from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.model import Experiment, Floats
 from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
 from mopro.experiment.predict.steady import rises
-from mopro.instruments.sensor import POSITION
+from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.plant import Stepping
 
@@ -76,7 +76,7 @@ def diagnose(
     """
     experiment = thinned(experiment)
     smooth = _judged(Model(experiment), jobs, progress)
-    if not any(r.sensor.quantity == POSITION for t in experiment.trials for r in t.readings):
+    if not any(trial.follows_motion for trial in experiment.trials):
         return smooth
     stepped, chi2 = Model(experiment, resolved=True), _chi2(smooth, Model(experiment))
     mean_square = max(chi2 / sum(map(len, smooth.series)), 1.0)
@@ -114,13 +114,12 @@ def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verd
     if offset_in is None:
         return verdict
     offsets, predicted = [], model(verdict.settings)
-    readings = [r for t in model.experiment.trials for r in t.readings]
-    units_m = {r.sensor.name: r.sensor.unit_si for r in readings if r.sensor.quantity == POSITION}
+    sensors = {r.sensor.name: r.sensor for t in model.experiment.trials for r in t.readings}
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
         offset = _common_offset(*offset_in, [data[i] for i in rows], [predicted[i] for i in rows])
         if offset:
-            rivals = _deflections(offset, units_m.get(sensor), model.experiment.machine)
+            rivals = _deflections(offset, sensors.get(sensor), model.experiment.machine)
             offsets.append(
                 replace(offset, form=sensor, rivals=rivals, indistinguishable_from=[*rivals])
             )
@@ -130,18 +129,20 @@ def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verd
     return replace(verdict, verdict=word, effects=tuple(offsets))
 
 
-def _deflections(offset: Named, unit_m: float | None, machine: Machine) -> dict[str, float]:
-    """The effects that displace the forcer as far at rest by a plausible force; ΔEBIC is zero.
+def _deflections(offset: Named, sensor: Sensor | None, machine: Machine) -> dict[str, float]:
+    """The effects that shift all readings as far by a plausible force, each with ΔEBIC zero.
 
-    `unit_m` is the offset's unit in m, None where it is no position.
+    Empty for a table, which has no sensor, and for a quantity that a force does not change.
     """
-    if unit_m is None:
+    under_load = None if sensor is None else sensor.quantity.under_load
+    if sensor is None or under_load is None:
         return {}
-    nearest_m = min(abs(end) for e in offset.parameters.values() for end in e.ci95) * unit_m
+    nearest = min(abs(end) for e in offset.parameters.values() for end in e.ci95) * sensor.unit_si
+    stiffness_N_m = machine.axis.stiffness_N_m
     return {
         effect.name: 0.0
         for effect in catalogue().values()
-        if nearest_m <= effect.static_deflection_m(machine)
+        if nearest <= under_load(effect.static_deflection_m(machine), stiffness_N_m)
     }
 
 

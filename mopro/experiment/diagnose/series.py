@@ -6,7 +6,6 @@ from mopro.diagnosis import Series
 from mopro.experiment.compare.labels import labels_of
 from mopro.experiment.model import Reading
 from mopro.experiment.predict.forward_model import ForwardModel
-from mopro.instruments.sensor import TEMPERATURE
 
 
 def series_of(model: ForwardModel) -> list[Series]:
@@ -21,8 +20,10 @@ def series_of(model: ForwardModel) -> list[Series]:
 def _series(model: ForwardModel, index: int, reading: Reading) -> Series:
     experiment, sensor = model.experiment, reading.sensor
     labels = labels_of(reading, model.schedule(index), experiment.machine.microstep_m)
-    unit = sensor.column.rsplit("_", 1)[-1]
-    scale = 1 / sensor.unit_si
+    quantity = sensor.quantity
+    # Positions are in the unit of a sensor that measures them, else in metres.
+    unit = "m" if quantity.follows_motion and not quantity.sees_place else sensor.unit
+    scale = 1 / sensor.unit_si if quantity.sees_place else 1.0
     motion = {
         "position": labels.command_m * scale,
         "velocity": labels.velocity_m_s * scale,
@@ -31,12 +32,12 @@ def _series(model: ForwardModel, index: int, reading: Reading) -> Series:
     return Series(
         run=experiment.trials[index].name,
         sensor=sensor.name,
-        unit=unit,
+        unit=sensor.unit,
         values=reading.values,
         sigma=sensor.sigma or None,
         time_s=reading.time_s,
         folds=labels.move,
-        # A temperature is not described by the place and speed of the axis.
-        labels={"line": labels.line, **({} if sensor.quantity == TEMPERATURE else motion)},
+        # What heat alone makes is not described by the place and speed of the axis.
+        labels={"line": labels.line, **(motion if quantity.follows_motion else {})},
         position_unit=unit,
     )

@@ -7,7 +7,7 @@ computed anew for each call, as it takes little time.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from operator import attrgetter
 from threading import Lock
@@ -22,7 +22,6 @@ from mopro.effects.registry import in_order
 from mopro.effects.resolve import active_effects, with_values
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
-from mopro.instruments.sensor import POSITION, TEMPERATURE
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import (
@@ -99,11 +98,11 @@ class ForwardModel:
         return [(run, reading) for run, trial in trials for reading in trial.readings]
 
     def positions(self) -> dict[int, tuple[int, Reading]]:
-        """The position readings with their runs, by their index among all readings."""
+        """Readings that measure position, with their runs, by their index among all readings."""
         return {
             row: (run, reading)
             for row, (run, reading) in enumerate(self.readings())
-            if reading.sensor.quantity == POSITION
+            if reading.sensor.quantity.sees_place
         }
 
     def targets(self, settings: Settings) -> list[Floats]:
@@ -155,7 +154,7 @@ class ForwardModel:
         active, machine = self.active(index, settings), self.experiment.machine
         if not distorted:
             active = tuple(a for a in active if not a.effect.distorts)
-        if reading.sensor.quantity == TEMPERATURE:
+        if reading.sensor.quantity.slow:
             columns = self._temperature(index, float(reading.time_s[-1]), active)
         else:
             columns = self._motion(index, _of_the_motion(active))
@@ -181,15 +180,16 @@ class ForwardModel:
         """The true motion of run `index`: columns as a recording has them."""
         trial = self.experiment.trials[index]
         simulation = self._simulation(index, _padded(active))
-        seen = {r.sensor.axis for r in trial.readings if r.sensor.quantity != TEMPERATURE}
-        end_s = trial.duration_s * _CLOCK_REACH if seen else 0.0
+        sensors = [r.sensor for r in trial.readings if r.sensor.quantity.follows_motion]
+        end_s = trial.duration_s * _CLOCK_REACH if sensors else 0.0
         times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
         columns: Columns = {"time_s": times}
-        for axis, track in simulation.schedule.tracks.items() if seen else ():
-            # An axis without a sensor and without a move stays where it is.
-            moving = axis in seen or track.segments
-            place = simulation.positions_m(axis, times, float(times[-1])) if moving else 0.0 * times
-            columns[f"position_{axis}_m"] = place
+        if all(sensor.quantity.sees_place for sensor in sensors):
+            columns |= _places(simulation, times, {sensor.axis for sensor in sensors})
+        else:
+            wanted = {s.recorded_column for s in sensors} | {f"position_{axis}_m" for axis in AXES}
+            of_all = simulation.advance(times, float(times[-1]))
+            columns |= {name: of_all[name] for name in sorted(wanted)}
         grid = _every_second(float(times[-1]))
         columns["temperature_C"] = np.interp(times, grid, simulation.temperature_C(grid))
         return columns
@@ -239,6 +239,17 @@ def _every_second(end_s: float) -> Floats:
 def _commanding(active: Iterable[Active]) -> tuple[Active, ...]:
     """The effects of the command domain."""
     return tuple(a for a in active if a.effect.domain is Domain.COMMAND)
+
+
+def _places(simulation: Simulation, times: Floats, seen: Collection[int]) -> Columns:
+    """Positions (m) of all axes if any is in `seen`; faster than all columns."""
+    columns: Columns = {}
+    for axis, track in simulation.schedule.tracks.items() if seen else ():
+        # An axis without a sensor and without a move stays where it is.
+        moving = axis in seen or track.segments
+        place = simulation.positions_m(axis, times, float(times[-1])) if moving else 0.0 * times
+        columns[f"position_{axis}_m"] = place
+    return columns
 
 
 def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:

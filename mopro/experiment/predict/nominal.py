@@ -11,7 +11,6 @@ from mopro.experiment.predict.alignment import aligned
 from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.experiment.predict.logged import schedule_of
 from mopro.experiment.predict.steady import rises
-from mopro.instruments.sensor import POSITION
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import COMPILE_FROM_STEPS, MAX_STEP_S, Stepping, plan_with_effects
@@ -47,11 +46,7 @@ def planned(trial: Trial, machine: Machine) -> Schedule:
 
 def compiling_pays(experiment: Experiment) -> bool:
     """True if compiling the kernel takes less time than it saves over all runs."""
-    moved_s = sum(
-        trial.duration_s
-        for trial in experiment.trials
-        if any(r.sensor.quantity == POSITION for r in trial.readings)
-    )
+    moved_s = sum(trial.duration_s for trial in experiment.trials if trial.follows_motion)
     return moved_s * len(AXES) / MAX_STEP_S >= COMPILE_FROM_STEPS
 
 

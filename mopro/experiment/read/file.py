@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from mopro.errors import DataError
 from mopro.experiment.read.raw import KINDS
-from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
+from mopro.instruments.quantity import QUANTITIES
+from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine, builtin_machines, load_machine
 from mopro.program import AXES
 from mopro.source import Source, Span
 from mopro.tomlfile import Document, Refused, Value, read_source, shown
 from mopro.tomlfile.schema import Reader, flag, number, one_of, quantity, text
 
+
+def _any_of(words: Collection[str]) -> str:
+    """`a, b or c`."""
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last
+
+
 _SENSOR_KEYS: dict[str, Reader[Any]] = {
     "name": text(),
-    "quantity": one_of(
-        POSITION, TEMPERATURE, message=f"expected quantity to be {POSITION} or {TEMPERATURE}"
-    ),
+    "quantity": one_of(*QUANTITIES, message=f"expected quantity to be {_any_of(QUANTITIES)}"),
     "axis": one_of(*AXES, message="expected axis: 1 or 2"),
     "column": text(),
     "rate_hz": number(0.0, above=True),
@@ -47,7 +53,7 @@ class SensorEntry:
     @property
     def regular(self) -> bool:
         """True if it samples at a fixed rate; a thermometer need not."""
-        return self.sensor.quantity == POSITION
+        return self.sensor.quantity.regular
 
 
 @dataclass(frozen=True)
@@ -237,7 +243,8 @@ def _sensor(entry: Value) -> SensorEntry | None:
                 entry.report(f"the sensor has no {key}", "missing-key", at=key)
     if entry.faults > before:
         return None
-    sensor = Sensor(**(stated | {"axis": axis}))
+    named = {"axis": axis, "quantity": QUANTITIES[stated["quantity"]]}
+    sensor = Sensor(**(stated | named))
     _check_sensor(entry, sensor, kind)
     return SensorEntry(sensor, kind)
 
@@ -265,7 +272,7 @@ def _check_sensor(entry: Value, sensor: Sensor, kind: str | None) -> None:
     try:
         _ = sensor.unit_si
     except DataError as error:
-        units = "_in, _mm, _um or _m" if sensor.quantity == POSITION else "_C"
+        units = _any_of([f"_{unit}" for unit in sensor.quantity.suffixes])
         entry.report(shown(error, 200), error.rule, f"expected {units}", at="column")
     if not sensor.noise_rms and not sensor.adc_step:
         hint = "without it nothing can be called a disagreement"

@@ -21,7 +21,7 @@ from mopro.experiment.read.data import TIME, DataFile, other_unit, read_data, re
 from mopro.experiment.read.file import Entries, RunEntry, SensorEntry, read_entries
 from mopro.experiment.read.raw import KINDS, RAW_SUFFIX
 from mopro.experiment.read.readings import clock, reading
-from mopro.instruments.sensor import TEMPERATURE, Sensor
+from mopro.instruments.sensor import Sensor
 from mopro.program import AXES, Program
 from mopro.program.compile import compile_file
 from mopro.units import INCH_M, UNITS
@@ -138,7 +138,7 @@ class _Runs:
             wrong = np.flatnonzero(~(values >= 0))
             if len(wrong):
                 file.refuse("bad-value", f"expected {name}: at least 0", int(wrong[0]), name)
-        warm = [e.sensor for e in self._entries.sensors if e.sensor.quantity == TEMPERATURE]
+        warm = [e.sensor for e in self._entries.sensors if e.sensor.quantity.slow]
         noise = warm[0].sigma * warm[0].unit_si if warm else None
         velocity, acceleration, x, y, rise = columns.values()
         return SteadyTable(run.motion, velocity, acceleration, x, y, rise, noise)
