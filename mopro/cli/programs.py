@@ -1,4 +1,4 @@
-"""A program file for a command, its warnings told."""
+"""Reads a program file for a command, and prints its warnings."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def command(
     program = compiled_program(file, grammar)
     pictures = _Pictures(plot, report)
     backend: Emulator | SerialBackend
-    with ExitStack() as told, ExitStack() as files:
+    with ExitStack() as outer, ExitStack() as files:
         files.enter_context(claimed(plot, report))
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
@@ -134,7 +134,7 @@ def command(
                 program = _from_line(program, from_line, yes)
             refuse_unrunnable(program, machine, for_s)
             begun_s = time.monotonic()
-            signals = told.enter_context(Signals())
+            signals = outer.enter_context(Signals())
             session = files.enter_context(connected_session(port, dialect, baud, trace))
             backend = SerialBackend(
                 session,

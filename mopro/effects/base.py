@@ -188,7 +188,7 @@ class View(Protocol):
         ...
 
     def positions(self) -> Mapping[int, tuple[int, ViewedReading]]:
-        """Number of the run, and reading, of each series whose sensor sees the place."""
+        """Run number and reading of each series whose sensor measures position."""
         ...
 
     def schedule(self, index: int, /) -> Schedule:
@@ -400,7 +400,7 @@ class Effect:
 
     @property
     def retimes(self) -> bool:
-        """Whether it changes when samples are taken, whatever their sensor measures."""
+        """True if it changes the sample times, for any quantity."""
         return type(self).sampled_at is not Effect.sampled_at
 
     @property

@@ -55,7 +55,7 @@ class Trial:
 
     @property
     def follows_motion(self) -> bool:
-        """Whether any of its sensors follows the motion, which must then be simulated."""
+        """True if a sensor's quantity follows the motion, which must then be simulated."""
         return any(reading.sensor.quantity.follows_motion for reading in self.readings)
 
     @property

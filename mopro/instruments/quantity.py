@@ -1,7 +1,6 @@
-"""What a sensor may measure: each quantity is one object that tells all that code asks of it.
+"""Measurable quantities of a run: one object for each, with all properties that code needs.
 
-A further quantity is one object here and its place in QUANTITIES, if a recording has its
-column already.
+To add a quantity that a recording has as a column, add its object here and to QUANTITIES.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ class Quantity:
     suggest. `recorded` is the column of a recording that carries it, in SI (`{axis}` stands
     for the number of an axis).
 
-    One that `follows_motion` is simulated sample by sample, so its run may not be too long
-    and its samples are labelled by the moves; any other is slow, made by heat alone. A
-    sensor that `sees_place` looks at the place of the forcer: data can be held against the
-    command, and geometry, transducer and electronics act on its readings. `regular` samples
-    come at one rate, others now and then.
+    A quantity that `follows_motion` is simulated sample by sample, which limits the duration of
+    its run, and its samples are labelled by the moves; any other is slow and depends on heat
+    only. A sensor that `sees_place` measures the position of the forcer: its data can be
+    compared with the command, and geometry, transducer and electronics act on its readings.
+    `regular` samples have a fixed rate.
 
-    `under_load(x, k)` is how far off, in SI, it is where a steady force deflects an axis of
-    stiffness k (N/m) by x (m); None if it does not change.
+    `under_load(x, k)` is its change, in SI, for a steady force that deflects an axis of
+    stiffness k (N/m) by x (m); None if there is none.
     """
 
     name: str
@@ -45,12 +44,12 @@ class Quantity:
 
     @property
     def of_axis(self) -> bool:
-        """Whether each axis has one of its own."""
+        """True if each axis has its own column."""
         return _AXIS in self.recorded
 
     @property
     def slow(self) -> bool:
-        """Whether heat alone makes it."""
+        """True if it depends on heat only."""
         return not self.follows_motion
 
     def recorded_column(self, axis: int) -> str:
@@ -77,7 +76,7 @@ POSITION = Quantity(
     regular=True,
     under_load=_deflection_m,
 )
-# Of the motor on the forcer: with friction or drag it is not what accelerates the mass.
+# The force of the motor on the forcer, before friction and drag.
 FORCE = Quantity(
     name="force",
     plural="forces",
@@ -100,5 +99,5 @@ TEMPERATURE = Quantity(
     regular=False,
 )
 
-# By name, as an experiment file has it. A proposed experiment is for the first that it can be.
+# By name in an experiment file, in the order in which an experiment is designed for them.
 QUANTITIES = {quantity.name: quantity for quantity in (POSITION, FORCE, TEMPERATURE)}

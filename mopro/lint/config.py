@@ -60,7 +60,7 @@ def _as_setting(finding: Diagnostic) -> Diagnostic:
 
 
 def check_rule_names(names: Collection[str]) -> frozenset[str]:
-    """`names`, all of them rules; ValueError tells the first that is none."""
+    """`names`, all of them rules; ValueError names the first that is not."""
     from mopro.lint.rules import RULES
 
     for name in names:

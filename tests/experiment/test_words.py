@@ -80,9 +80,9 @@ def test_what_is_calibrated_is_told_as_such():
     assert effect_words(weaker, verdict("named", weaker)) == "force_constant"
 
 
-def test_rivals_are_told_with_what_they_cost():
+def test_alternatives_are_listed_with_their_ebic():
     assert list(undecided_words(verdict("ambiguous", STEPS, EITHER))) == [
-        "These data cannot tell viscous_drag from current_loop_lag (ΔEBIC +0.25), "
+        "These data cannot distinguish viscous_drag from current_loop_lag (ΔEBIC +0.25), "
         "trigger_delay (ΔEBIC +4)."
     ]
 

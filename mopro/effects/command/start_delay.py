@@ -14,7 +14,7 @@ _MS_PER_S = 1000
 
 
 class StartDelay(Effect):
-    """Motion starts later than it is told to.
+    """Motion starts later than commanded.
 
     x_c'(t) = x_c(t - d), d in s, once at the start of the program; with `every_move` = 1
     each move is late by d, which adds up where the program waits for motions to end.

@@ -87,7 +87,7 @@ def held_out_words(effect: Named, verdict: Verdict) -> str:
     return "gains" if effect.held_out else "no gain"
 
 
-def rivals_words(effect: Named) -> str:
+def alternatives_words(effect: Named) -> str:
     """The indistinguishable alternatives, each with its EBIC minus that of `effect`."""
     return ", ".join(f"{name} (ΔEBIC {delta:+.2g})" for name, delta in effect.rivals.items())
 
@@ -116,7 +116,7 @@ def undecided_words(verdict: Verdict) -> Iterator[str]:
     """A line for each effect that the data cannot distinguish from others."""
     for effect in verdict.fitted:
         if effect.rivals:
-            yield f"These data cannot tell {effect.name} from {rivals_words(effect)}."
+            yield f"These data cannot distinguish {effect.name} from {alternatives_words(effect)}."
 
 
 def reservation(effect: Named, verdict: Verdict, runs: tuple[str, ...]) -> str | None:

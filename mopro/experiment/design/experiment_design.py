@@ -89,7 +89,7 @@ def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
     for quantity in QUANTITIES.values():
         sensor = next((s for s in sensors if s.quantity == quantity), None)
         if sensor is not None and pairs:
-            proposal = _Planner(experiment, sensor, pairs, named).proposal()
+            proposal = _ProgramDesigner(experiment, sensor, pairs, named).proposal()
             if proposal is not None:
                 return proposal
     return None
@@ -122,7 +122,7 @@ def _shifted(verdict: Verdict, effect: Named) -> Iterator[Settings]:
                 yield {**fit, other.name: moved}
 
 
-class _Planner:
+class _ProgramDesigner:
     """Composes a program for one sensor."""
 
     def __init__(

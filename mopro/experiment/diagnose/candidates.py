@@ -57,7 +57,7 @@ def _of_motion(model: ForwardModel) -> Iterator[Candidate]:
 
 
 def _shows(effect: Effect, quantity: Quantity) -> bool:
-    """Whether a sensor of `quantity` follows the motion and could show what is no heat."""
+    """True if a sensor of `quantity` follows the motion and can show `effect`."""
     reaches = effect.domain is not Domain.MEASUREMENT or effect.retimes or quantity.sees_place
     return quantity.follows_motion and reaches
 

@@ -130,9 +130,9 @@ def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verd
 
 
 def _deflections(offset: Named, sensor: Sensor | None, machine: Machine) -> dict[str, float]:
-    """The effects that displace the readings as far at rest by a plausible force; ΔEBIC is zero.
+    """The effects that shift all readings as far by a plausible force, each with ΔEBIC zero.
 
-    None for a table, which has no sensor, and for a quantity that a force does not change.
+    Empty for a table, which has no sensor, and for a quantity that a force does not change.
     """
     under_load = None if sensor is None else sensor.quantity.under_load
     if sensor is None or under_load is None:

@@ -21,7 +21,7 @@ def _series(model: ForwardModel, index: int, reading: Reading) -> Series:
     experiment, sensor = model.experiment, reading.sensor
     labels = labels_of(reading, model.schedule(index), experiment.machine.microstep_m)
     quantity = sensor.quantity
-    # Places are told in the unit of a sensor that sees them, else in metres.
+    # Positions are in the unit of a sensor that measures them, else in metres.
     unit = "m" if quantity.follows_motion and not quantity.sees_place else sensor.unit
     scale = 1 / sensor.unit_si if quantity.sees_place else 1.0
     motion = {

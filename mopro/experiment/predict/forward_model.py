@@ -98,7 +98,7 @@ class ForwardModel:
         return [(run, reading) for run, trial in trials for reading in trial.readings]
 
     def positions(self) -> dict[int, tuple[int, Reading]]:
-        """The readings of sensors that see the place with their runs, by their index among all."""
+        """Readings that measure position, with their runs, by their index among all readings."""
         return {
             row: (run, reading)
             for row, (run, reading) in enumerate(self.readings())
@@ -242,10 +242,10 @@ def _commanding(active: Iterable[Active]) -> tuple[Active, ...]:
 
 
 def _places(simulation: Simulation, times: Floats, seen: Collection[int]) -> Columns:
-    """The positions alone, of all axes if any is seen: quicker than all columns."""
+    """Positions (m) of all axes if any is in `seen`; faster than all columns."""
     columns: Columns = {}
     for axis, track in simulation.schedule.tracks.items() if seen else ():
-        # One that is parked and not looked at stays where it is.
+        # An axis without a sensor and without a move stays where it is.
         moving = axis in seen or track.segments
         place = simulation.positions_m(axis, times, float(times[-1])) if moving else 0.0 * times
         columns[f"position_{axis}_m"] = place

@@ -29,14 +29,14 @@ _RESOLUTION_K = 1e-9
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _SteadyMotion:
     """One row: the speeds (m/s) and strokes (m) of the axes that move."""
 
     speeds_m_s: tuple[float, ...]
     lengths_m: tuple[float, ...]
 
     @classmethod
-    def of(cls, table: SteadyTable, row: int) -> _Motion:
+    def of(cls, table: SteadyTable, row: int) -> _SteadyMotion:
         """Motion of a row: the longer stroke has the set speed if it reaches it."""
         velocity, acceleration = table.velocity_m_s[row], table.acceleration_m_s2[row]
         strokes = (abs(float(table.x_m[row])), abs(float(table.y_m[row])))
@@ -58,7 +58,7 @@ def rises(
     steady state, have no influence. A row without a steady state comes to HOTTEST_RISE_K.
     """
     active = _active(machine, effects)
-    motions = [_Motion.of(table, row) for row in range(len(table.rise_K))]
+    motions = [_SteadyMotion.of(table, row) for row in range(len(table.rise_K))]
     return np.array([_rise(machine, motion, active) for motion in motions])
 
 
@@ -69,7 +69,7 @@ def _active(machine: Machine, effects: Mapping[str, Mapping[str, float]]) -> lis
     return [a for a in chosen.values() if a.effect.domain is Domain.HEAT]
 
 
-def _rise(machine: Machine, motion: _Motion, active: Sequence[Active]) -> float:
+def _rise(machine: Machine, motion: _SteadyMotion, active: Sequence[Active]) -> float:
     balance = heat_balance(
         machine, len(motion.lengths_m), math.hypot(*motion.speeds_m_s),
         math.hypot(*motion.lengths_m),

@@ -28,15 +28,17 @@ def _acceleration(subject: Subject, move: PlannedMove) -> tuple[float, str]:
 
 
 def _stall(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    told: set[Span] = set()
+    reported: set[Span] = set()
     for checked in subject.stall_margins.each:
         span = checked.move.span
-        if not checked.slips or span in told:
+        if not checked.slips or span in reported:
             continue
-        told.add(span)
+        reported.add(span)
         value, unit = _acceleration(subject, checked.move)
         message = f"axis {checked.axis} stalls in this move at {value:.4g} {unit}: margin 0 %"
-        hint = _what_works(subject, checked, value, unit) if len(told) <= _MOST_PROPOSALS else None
+        hint = (
+            _what_works(subject, checked, value, unit) if len(reported) <= _MOST_PROPOSALS else None
+        )
         yield rule.at(span, message, hint)
     unchecked = sorted({move.span for move in subject.stall_margins.unchecked})
     if unchecked:

@@ -22,12 +22,12 @@ def _unused_label(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 def _unreachable(rule: Rule, subject: Subject) -> Iterator[Finding]:
     """One finding for each block of statements that no run reaches."""
-    told = False
+    reported = False
     for index, op in enumerate(subject.program.ops):
         if index in subject.reached:
-            told = False
-        elif not told and not isinstance(op, ir.Label):
-            told = True
+            reported = False
+        elif not reported and not isinstance(op, ir.Label):
+            reported = True
             yield rule.at(op.span, "no run comes to this line", "jump to it, or remove it")
 
 
