@@ -7,8 +7,8 @@ import sys
 
 import pytest
 from click.testing import CliRunner
-from paths import ROOT
 
+from helpers.paths import ROOT
 from mopro.benchmark.make import make
 from mopro.benchmark.manifest import MADE, Manifest
 from mopro.benchmark.run import CaseFolder, VerdictSource

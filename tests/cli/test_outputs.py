@@ -11,8 +11,8 @@ import sys
 import threading
 
 import pytest
-from paths import ROOT
 
+from helpers.paths import ROOT
 from mopro.recording import read
 
 MOVE = "UU012500/1\nVEL0 40.0\nACC0 0.25\nMRI1 1.0\nWX1\n"

@@ -16,9 +16,10 @@ from html.parser import HTMLParser
 import jsonschema
 import numpy as np
 import pytest
-from laboratory import Lab
-from paths import PROGRAMS, ROOT
 
+from helpers.commands import run_here
+from helpers.laboratory import Lab
+from helpers.paths import PROGRAMS, ROOT
 from mopro.instruments.sensor import Sensor
 
 TABLE_3_2 = PROGRAMS / "thermal" / "experiment.toml"
@@ -94,17 +95,9 @@ ANSWER = record(
 )
 
 
-def mopro(folder, *args):
-    return subprocess.run(
-        [sys.executable, "-m", "mopro", *map(str, args)], cwd=folder,
-        env={**os.environ, "NO_COLOR": "1"}, capture_output=True, text=True, timeout=300,
-        check=False,
-    )  # fmt: skip
-
-
 def reconciled(folder, *args, experiment="experiment.toml"):
     """The answer of `mopro reconcile --json`, its exit code with it."""
-    done = mopro(folder, "reconcile", experiment, "--json", *args)
+    done = run_here(folder, "reconcile", experiment, "--json", *args)
     assert done.stdout, done.stderr
     answer = json.loads(done.stdout, parse_constant=pytest.fail)
     jsonschema.validate(answer, ANSWER)
@@ -199,13 +192,13 @@ class TestADrag:
 
     def test_is_in_the_machine_file_which_then_agrees(self, drag):
         folder, _ = drag
-        assert mopro(folder, "machine", "check", "machine.toml").returncode == 0
+        assert run_here(folder, "machine", "check", "machine.toml").returncode == 0
         text = (folder / "machine.toml").read_text()
         assert 'origin = "measured", place = "experiment.toml, 95 %: ' in text
         assert str(folder) not in text
         again = (folder / "experiment.toml").read_text().replace("chow1992", "machine.toml")
         (folder / "again.toml").write_text(again)
-        after = mopro(folder, "compare", "again.toml")
+        after = run_here(folder, "compare", "again.toml")
         assert (after.returncode, after.stderr) == (0, "")
         assert after.stdout.splitlines()[-1] == "no disagreement"
 
@@ -233,7 +226,7 @@ class TestADrag:
 
 def test_nothing_hidden_is_none_and_exits_with_0(tmp_path):
     laboratory(tmp_path, {})
-    done = mopro(tmp_path, "reconcile", "experiment.toml", "--out", "machine.toml")
+    done = run_here(tmp_path, "reconcile", "experiment.toml", "--out", "machine.toml")
     assert (done.returncode, done.stderr) == (0, "")
     assert "None: simulation and data agree within the sensors' noise." in done.stdout
     assert "[effects" not in (tmp_path / "machine.toml").read_text()
@@ -256,7 +249,7 @@ def test_what_a_coarse_sensor_cannot_tell_is_a_family_with_a_program_to_run(tmp_
     assert (answer["verdict"], answer["exit"]) == ("ambiguous", 0)
     assert "viscous_drag" in {effect["name"], *effect["indistinguishable_from"]}
     (tmp_path / "NEXT.CMD").write_text(answer["next_experiment"])
-    run = mopro(tmp_path, "run", "NEXT.CMD", "--emulate", "--out", "next.csv")
+    run = run_here(tmp_path, "run", "NEXT.CMD", "--emulate", "--out", "next.csv")
     assert (run.returncode, run.stderr) == (0, "")
     assert "The next experiment" in Page((tmp_path / "why.html").read_text()).headings
 
@@ -289,7 +282,7 @@ def test_an_effect_that_the_machine_has_is_replaced_wherever_it_stands(tmp_path)
     answer = reconciled(tmp_path, "--out", "machine.toml", experiment=name)
     assert [effect["name"] for effect in answer["effects"]] == ["viscous_drag"]
     assert answer["effects"][0]["parameters"]["b"]["value"] == pytest.approx(9.0, rel=0.05)
-    assert mopro(tmp_path, "machine", "check", "machine.toml").returncode == 0
+    assert run_here(tmp_path, "machine", "check", "machine.toml").returncode == 0
     text = (tmp_path / "machine.toml").read_text()
     assert text.count("viscous_drag") == 1
     assert text.count("constant_force") == 1
@@ -319,7 +312,7 @@ class TestTheSourcesTable:
 
     def test_prints_what_the_docs_show(self):
         docs = (ROOT / "docs" / "reconcile.md").read_text()
-        printed = mopro(ROOT, "reconcile", TABLE_3_2.relative_to(ROOT)).stdout
+        printed = run_here(ROOT, "reconcile", TABLE_3_2.relative_to(ROOT)).stdout
         assert words_of(printed) == words_of(docs.split("```text\n")[1].split("```")[0])
 
     def test_writes_the_machine_file_that_the_docs_show(self, source):
@@ -366,7 +359,7 @@ def shown_in(columns):
 class TestRefused:
     def refused(self, folder, *args):
         before = {path.name: path.read_bytes() for path in folder.iterdir()}
-        done = mopro(folder, "reconcile", *args)
+        done = run_here(folder, "reconcile", *args)
         assert (done.returncode, done.stdout) == (2, "")
         assert "Traceback" not in done.stderr
         assert {path.name: path.read_bytes() for path in folder.iterdir()} == before

@@ -8,16 +8,16 @@ import subprocess
 import sys
 
 import pytest
-from paths import ROOT
 
+from helpers.paths import ROOT
 from mopro.recording import read
 
 SETUP = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
 LVDT3 = ROOT / "programs" / "LVDT3.CMD"
 
 
-def test_lvdt3_prints_its_moves_and_leaves_a_recording(mopro, files, tmp_path):
-    done = mopro("run", LVDT3, "--emulate")
+def test_lvdt3_prints_its_moves_and_leaves_a_recording(mopro_process, files, tmp_path):
+    done = mopro_process("run", LVDT3, "--emulate")
     assert (done.returncode, done.stderr) == (0, "")
     rows = [line.split() for line in done.stdout.splitlines() if "smooth" in line]
     assert [row[:5] for row in rows] == [

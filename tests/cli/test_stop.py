@@ -168,9 +168,11 @@ def test_a_trace_that_outgrows_its_disk_stops_the_motor(controller, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["run", "flash", "link-test"])
-def test_a_trace_that_takes_nothing_is_told_before_anything_is_sent(controller, mopro, command):
+def test_a_trace_that_takes_nothing_is_told_before_anything_is_sent(
+    controller, mopro_process, command
+):
     args = [*(["P.CMD"] if command != "link-test" else []), "--baud", BAUD]
-    done = mopro(
+    done = mopro_process(
         command, *args, "--port", controller.end.address, "--trace", "/dev/full", text=TEXT
     )
     assert done.returncode == 2

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from signals import candidates, diagnosed, measured, names, of_size, sizes, times
 
 import mopro
+from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.fit_cache import FitCache
 from mopro.diagnosis.residual import Residuals

@@ -1,0 +1,62 @@
+"""Run `mopro ARGS` as a process, or quicker within this one; both give the same answer."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import patch
+
+from click.testing import CliRunner
+
+from mopro.cli import main
+
+SETTINGS = {"COLUMNS": "160", "NO_COLOR": "1"}
+
+
+def run_process(folder, *args, text=None, timeout=120, words=True):
+    """The finished process of `mopro ARGS` in `folder`.
+
+    `text` becomes the file P.CMD first. Where `words` is false stdout and stderr are bytes.
+    """
+    _write_program(folder, text)
+    return subprocess.run(
+        [sys.executable, "-m", "mopro", *map(str, args)], cwd=folder, env=os.environ | SETTINGS,
+        capture_output=True, text=words, timeout=timeout, check=False,
+    )  # fmt: skip
+
+
+def run_here(folder, *args, text=None, stdin=b""):
+    """As `run_process`, in this process: `returncode`, `stdout` and `stderr` of `mopro ARGS`.
+
+    An exception that the command does not catch reaches the test.
+    """
+    _write_program(folder, text)
+    heeded = signal.getsignal(signal.SIGTERM)
+    arguments = ["mopro", *map(str, args)]
+    code = None
+    try:
+        with (
+            CliRunner(env=SETTINGS).isolation(input=stdin) as (out, errors, _),
+            contextlib.chdir(folder),
+            patch.object(sys, "argv", arguments),
+        ):
+            try:
+                main()
+            except SystemExit as end:
+                code = end.code
+            sys.stdout.flush()
+            sys.stderr.flush()
+    finally:
+        signal.signal(signal.SIGTERM, heeded)
+    return SimpleNamespace(
+        returncode=code, stdout=out.getvalue().decode(), stderr=errors.getvalue().decode()
+    )
+
+
+def _write_program(folder, text):
+    if text is not None:
+        data = text if isinstance(text, bytes) else text.encode()
+        (Path(folder) / "P.CMD").write_bytes(data)
