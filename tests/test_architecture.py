@@ -62,8 +62,9 @@ def test_any_import_of_mopro_in_the_reference_plant_is_found(graph, imported):
 
 # -- the tests themselves -------------------------------------------------------
 
-# What `pythonpath` makes importable besides the helpers: every folder and test of tests/.
+# Names of modules: those that `pythonpath` makes importable besides the helpers, and all tests.
 OTHER_TESTS = {path.stem for path in TESTS.iterdir()} - {"helpers"}
+OTHER_TESTS |= {path.stem for path in TESTS.rglob("test_*.py")}
 
 
 def imports_of_tests(text):
@@ -94,6 +95,7 @@ def test_no_test_imports_another():
         "import cli.test_run",
         "from cli.test_run import SETUP",
         "from test_files import x",
+        "from test_consistency import x",
         "from conftest import x",
         "from . import test_run",
         "from .test_run import SETUP",

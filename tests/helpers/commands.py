@@ -28,7 +28,7 @@ def run_process(folder, *args, text=None, timeout=120, words=True):
     )  # fmt: skip
 
 
-def run_here(folder, *args, text=None, stdin=b""):
+def run_here(folder, *args, text=None, stdin=b"", words=True):
     """As `run_process`, in this process: `returncode`, `stdout` and `stderr` of `mopro ARGS`.
 
     An exception that the command does not catch reaches the test.
@@ -51,9 +51,8 @@ def run_here(folder, *args, text=None, stdin=b""):
             sys.stderr.flush()
     finally:
         signal.signal(signal.SIGTERM, heeded)
-    return SimpleNamespace(
-        returncode=code, stdout=out.getvalue().decode(), stderr=errors.getvalue().decode()
-    )
+    said = [stream.getvalue().decode() if words else stream.getvalue() for stream in (out, errors)]
+    return SimpleNamespace(returncode=code, stdout=said[0], stderr=said[1])
 
 
 def _write_program(folder, text):
