@@ -11,6 +11,7 @@ import sys
 
 import pytest
 
+from helpers.commands import LIMIT_S, wait_for
 from helpers.paths import PROGRAMS
 
 ENDS = ("pty", "socket://127.0.0.1:0")
@@ -93,10 +94,9 @@ def test_interrupting_a_run_stops_the_motor(serve, tmp_path):
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     trace = tmp_path / "t.log"
-    while not (trace.exists() and ":MV 1" in trace.read_text()) and run.poll() is None:
-        os.sched_yield()
+    wait_for(lambda: trace.exists() and ":MV 1" in trace.read_text(), run)
     run.send_signal(signal.SIGINT)
-    _, said = run.communicate(timeout=30)
+    _, said = run.communicate(timeout=LIMIT_S)
     assert run.returncode == 1
     assert "interrupted from the keyboard" in said
     assert "both axes rest" in said

@@ -17,7 +17,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from helpers.commands import run_here
+from helpers.commands import LIMIT_S, run_here, wait_for
 from helpers.laboratory import Lab
 from helpers.paths import PROGRAMS, ROOT
 from mopro.instruments.sensor import Sensor
@@ -397,10 +397,9 @@ def test_a_signal_leaves_no_half_written_file(tmp_path):
     with subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        while not list(tmp_path.glob(".why.html.*")):
-            assert process.poll() is None
+        wait_for(lambda: list(tmp_path.glob(".why.html.*")), process)
         process.send_signal(signal.SIGTERM)
-        output, errors = process.communicate(timeout=60)
+        output, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130
     assert (output, errors.strip()) == ("", "mopro: interrupted")
     assert sorted(path.name for path in tmp_path.iterdir()) == before

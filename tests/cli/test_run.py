@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from helpers.commands import LIMIT_S, wait_for
 from helpers.paths import ROOT
 from mopro.recording import read
 
@@ -202,10 +203,9 @@ def test_a_signal_leaves_no_half_written_file(tmp_path, number):
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed
     ) as process:
-        while not any(p.stat().st_size for p in tmp_path.glob(".old.csv.*")):
-            assert process.poll() is None
+        wait_for(lambda: any(p.stat().st_size for p in tmp_path.glob(".old.csv.*")), process)
         process.send_signal(number)
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert [p.name for p in tmp_path.iterdir()] == ["old.csv"]

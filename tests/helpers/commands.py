@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import patch
@@ -14,9 +15,13 @@ from click.testing import CliRunner
 from mopro.cli import main
 
 SETTINGS = {"COLUMNS": "160", "NO_COLOR": "1"}
+# What takes longer than this hangs, however busy the computer is.
+LIMIT_S = 300.0
+# How often a process is looked at that announces itself by what it writes.
+_LOOK_S = 0.02
 
 
-def run_process(folder, *args, text=None, timeout=120, words=True):
+def run_process(folder, *args, text=None, words=True):
     """The finished process of `mopro ARGS` in `folder`.
 
     `text` becomes the file P.CMD first. Where `words` is false stdout and stderr are bytes.
@@ -24,7 +29,7 @@ def run_process(folder, *args, text=None, timeout=120, words=True):
     _write_program(folder, text)
     return subprocess.run(
         [sys.executable, "-m", "mopro", *map(str, args)], cwd=folder, env=os.environ | SETTINGS,
-        capture_output=True, text=words, timeout=timeout, check=False,
+        capture_output=True, text=words, timeout=LIMIT_S, check=False,
     )  # fmt: skip
 
 
@@ -53,6 +58,20 @@ def run_here(folder, *args, text=None, stdin=b"", words=True):
         signal.signal(signal.SIGTERM, heeded)
     said = [stream.getvalue().decode() if words else stream.getvalue() for stream in (out, errors)]
     return SimpleNamespace(returncode=code, stdout=said[0], stderr=said[1])
+
+
+def wait_for(event, process):
+    """Return as soon as `event()` is true, while `process` is under way.
+
+    AssertionError if the process ends before, or if LIMIT_S go by.
+    """
+    end_s = time.monotonic() + LIMIT_S
+    while not event():
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(_LOOK_S)
+            assert event(), f"the process ended with {process.returncode} before"
+            return
+        assert time.monotonic() < end_s, f"nothing came about in {LIMIT_S} s"
 
 
 def _write_program(folder, text):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import mopro
+from helpers.commands import LIMIT_S
 from mopro.effects import Active, Domain, Effect, Parameter, catalogue
 from mopro.plant.kernel.build import kernel
 from mopro.plant.kernel.cache import UnknownCodeError, fingerprint
@@ -43,7 +44,7 @@ def start(home, *names):
 
 def answers(process):
     """For each set: kernels found in the cache, kernels compiled, a hash of the motion's bits."""
-    out, err = process.communicate(timeout=300)
+    out, err = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 0, err
     lines = [line.split() for line in out.splitlines()]
     return [(int(hits), int(misses), bits) for hits, misses, bits in lines]
