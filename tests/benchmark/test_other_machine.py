@@ -108,10 +108,11 @@ def test_the_built_in_machine_is_the_reference_s_own():
     [
         (stated() + "\n[effects.viscous_drag]\nb = 2.0\n", "it has viscous_drag already"),
         (stated() + "\n[forcers]\n", "no [forcers]"),
+        (stated().replace("[drive]\n", '[drive]\nmodel = "full"\n'), "its drive is full"),
         (stated(width='30.0, unit = "in"'), "it has 11.5 in"),
         (stated(moving_mass='-1.0, unit = "kg"'), "moving_mass"),
     ],
-    ids=["effects", "forcers", "platen", "mass"],
+    ids=["effects", "forcers", "drive", "platen", "mass"],
 )
 def test_a_machine_that_the_reference_cannot_be_is_refused(text, message, tmp_path):
     file = tmp_path / "mine.toml"

@@ -27,8 +27,8 @@ LOOP_STEP_S = 1e-5
 Currents = tuple[float, ...]
 # The lagged currents and those of the coils.
 Electric = tuple[Currents, Currents]
-# Gain on the currents, k (1/m), Kf = F0/I (N/A), I (A), R (ohm), L (H).
-DriveNumbers = tuple[float, float, float, float, float, float]
+# Gain on the currents, k (1/m), Kf = F0/I (N/A), I (A), R (ohm), L (H), microstep (m).
+DriveNumbers = tuple[float, float, float, float, float, float, float]
 # What the loops are told at the start, the middle and the end of a step.
 Told = tuple[Pair, Pair, Pair]
 # Command (m), gain, k (1/m) and the effects' parameters to a pair for the two phases.
@@ -41,8 +41,8 @@ class Drive:
 
     now(lagged, c, gain, k, numbers): what the loops are told;
     lag_rates(lagged, c, gain, k, numbers): the rates of the lagged currents in 1/s;
-    through(electric, c0, c_mid, c1, shift, h, free, drive, numbers): what the loops are told
-    in a step of h s, the currents at its start, middle and end, and the states after it,
+    through(electric, c0, c_mid, c1, u0, u_mid, u1, h, free, drive, numbers): what the loops are
+    told in a step of h s, the currents at its start, middle and end, and the states after it,
     where no loop is short of voltage;
     phases(told, c, w, x, v, currents, drive, numbers): voltages (V) and the rates of the
     currents in 1/s;
@@ -184,8 +184,9 @@ def _through(
     has_loop: bool,
 ) -> Callable[..., tuple[Told, Pair, Pair, Pair, Electric]]:
     def through(
-        electric: Electric, c0: float, c_mid: float, c1: float, shift: float,
-        h: float, free: bool, drive: DriveNumbers, numbers: Numbers,
+        electric: Electric, c0: float, c_mid: float, c1: float,
+        u0: float, u_mid: float, u1: float, h: float, free: bool,
+        drive: DriveNumbers, numbers: Numbers,
     ) -> tuple[Told, Pair, Pair, Pair, Electric]:  # fmt: skip
         """What the loops are told, the currents through the step, and the states after it.
 
@@ -197,7 +198,7 @@ def _through(
         if has_loop:
             start = coil[0], coil[1]
             if free:
-                middle, end = known(coil, told, c0, c_mid, c1, shift, h, drive)
+                middle, end = known(coil, told, u0, u_mid, u1, h, drive)
             coil = end
         return told, start, middle, end, (lagged, coil)
 
@@ -209,15 +210,15 @@ def _through(
 
 def _known_of_smooth(followed: Callable[..., float]) -> Callable[..., tuple[Pair, Pair]]:
     def known(
-        coil: Currents, told: Told, c0: float, c_mid: float, c1: float,
-        shift: float, h: float, drive: DriveNumbers,
+        coil: Currents, told: Told, u0: float, u_mid: float, u1: float,
+        h: float, drive: DriveNumbers,
     ) -> tuple[Pair, Pair]:  # fmt: skip
         """The loop knows how ideal setpoints change, and is behind with the rest by its time.
 
-        Ideal are those of the smooth command, c less the staircase's `shift` (m).
+        Ideal are those of the smooth command, from u0 over u_mid to u1 (microsteps).
         """
-        gain, k = drive[0], drive[1]
-        t0, t_mid, t1 = k * (c0 - shift), k * (c_mid - shift), k * (c1 - shift)
+        gain, k, microstep = drive[0], drive[1], drive[6]
+        t0, t_mid, t1 = k * u0 * microstep, k * u_mid * microstep, k * u1 * microstep
         qa0, qa_mid, qa1 = gain * cos(t0), gain * cos(t_mid), gain * cos(t1)
         qb0, qb_mid, qb1 = gain * sin(t0), gain * sin(t_mid), gain * sin(t1)
         da, db = coil[0] - qa0, coil[1] - qb0
@@ -234,8 +235,8 @@ def _known_of_smooth(followed: Callable[..., float]) -> Callable[..., tuple[Pair
 
 
 def known_of_lagged(
-    coil: Currents, told: Told, c0: float, c_mid: float, c1: float,
-    shift: float, h: float, drive: DriveNumbers,
+    coil: Currents, told: Told, u0: float, u_mid: float, u1: float,
+    h: float, drive: DriveNumbers,
 ) -> tuple[Pair, Pair]:  # fmt: skip
     """The loop knows how lagged setpoints change; its deviation decays with its time."""
     da, db = coil[0] - told[0][0], coil[1] - told[0][1]
@@ -284,7 +285,7 @@ def _phases(
         coil: Currents, drive: DriveNumbers, numbers: Numbers,
     ) -> tuple[Pair, Pair]:  # fmt: skip
         """Both phases' voltages (V) and rates (1/s) at position x (m) and speed v (m/s)."""
-        gain, k, kf, amps, ohms, henries = drive
+        gain, k, kf, amps, ohms, henries, _ = drive
         limit = numbers[place][0]
         da, db = change(told, c, w, gain, k, numbers)
         emf_a, emf_b = -kf * v * sin(k * x), kf * v * cos(k * x)
@@ -356,7 +357,7 @@ def _suffices(
 
         R I gain + L I off + (Kf + L I k gain) v_max < Vb, in V.
         """
-        gain, k, kf, amps, ohms, henries = drive
+        gain, k, kf, amps, ohms, henries, _ = drive
         known, rate = off(electric, c, gain, k, numbers)
         asked = amps * (ohms * gain + henries * rate)
         asked += (kf + henries * amps * k * gain) * fastest

@@ -61,9 +61,9 @@ def strengths_at(
 
     direct: whether the gain is in the motor's force rather than in the currents.
     """
-    k, f0, damping, mass, _, amps, ohms, henries = plant
+    k, f0, damping, mass, microstep, amps, ohms, henries = plant
     strength = f0 * constant
-    drive = (gain, k, strength / amps, amps, ohms, henries)
+    drive = (gain, k, strength / amps, amps, ohms, henries, microstep)
     damped = damping if gain > 0.0 else 0.0
     return (k, (strength * gain if direct else strength) / mass, damped / mass, mass), drive
 

@@ -127,12 +127,13 @@ def step_of(parts: Parts, prepare: Prepare) -> Callable[..., State]:
 
     def step(
         x: float, v: float, z: Path, electric: Electric,
-        c0: float, c_mid: float, c1: float, w0: float, w_mid: float, w1: float, shift: float,
+        c0: float, c_mid: float, c1: float, w0: float, w_mid: float, w1: float,
+        u0: float, u_mid: float, u1: float,
         h: float, free: bool, axis: AxisNumbers, drive: DriveNumbers, numbers: Numbers,
     ) -> State:  # fmt: skip
         """The state h (s) later, the command going from c0 over c_mid to c1 (m).
 
-        w0, w_mid, w1: its speeds (m/s); shift: how much of it is the staircase's (m);
+        w0, w_mid, w1: its speeds (m/s); u0, u_mid, u1: the smooth command (microsteps);
         free: whether the loops have all the voltage that they can ask for.
         """
         f1: Field
@@ -143,7 +144,7 @@ def step_of(parts: Parts, prepare: Prepare) -> Callable[..., State]:
             f1, f2, f4 = c0, c_mid, c1
         else:
             told, f1, f2, f4, electric = through(
-                electric, c0, c_mid, c1, shift, h, free, drive, numbers
+                electric, c0, c_mid, c1, u0, u_mid, u1, h, free, drive, numbers
             )
         f3 = f2
         a1 = acceleration(f1, w0, x, v, z, 0.0, axis, numbers)
@@ -211,7 +212,7 @@ def interval_of(step: Callable[..., State]) -> Callable[..., Interval]:
             x, v, z, electric = step(
                 x, v, z, electric,
                 (u0 + shift) * microstep, (u_mid + shift) * microstep, (u1 + shift) * microstep,
-                w0, w_mid, w1, shift * microstep, h, free, axis, drive, numbers,
+                w0, w_mid, w1, u0, u_mid, u1, h, free, axis, drive, numbers,
             )  # fmt: skip
             u0, w0 = u1, w1
             lag = u1 * microstep - x
