@@ -240,9 +240,8 @@ def test_bad_input_is_named(mopro, ground, tmp_path):
     assert (shelf.returncode, "Traceback" in shelf.stderr) == (2, False)
     assert "missing" in shelf.stderr
     assert not list(ground.glob("*/verdict.json")), "nothing was asked"
-    beyond = mopro(
-        "blind", "make", "--seed", "1", "--grid", "smoke", "--cases", "99", "--out", str(tmp_path)
-    )
+    options = ("--seed", 1, "--grid", "smoke", "--cases", 99, "--out", tmp_path)
+    beyond = mopro("blind", "make", *options)
     assert beyond.returncode == 2
     assert "cases 1 to 12" in beyond.stderr
 
