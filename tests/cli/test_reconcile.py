@@ -275,7 +275,7 @@ def test_a_step_in_one_run_is_no_property_of_the_machine_whatever_names_are_like
 def test_an_effect_that_the_machine_has_is_replaced_wherever_it_stands(tmp_path):
     """Also from an experiment whose name would end a text in TOML."""
     shown = (ROOT / "mopro/machine/machines/chow1992.toml").read_text()
-    own = "\n[effects]\nviscous_drag = { b = 4.0 }\nconstant_force = { F_b = 0.0 }\n"
+    own = "\n[effects]\nviscous_drag = { b = 4.0 }\nsensor_gain = { g = 0.0 }\n"
     (tmp_path / "own.toml").write_text(shown + own)
     name = 'my "own".toml'
     laboratory(tmp_path, DRAG, machine="own.toml").rename(tmp_path / name)
@@ -285,7 +285,7 @@ def test_an_effect_that_the_machine_has_is_replaced_wherever_it_stands(tmp_path)
     assert run_here(tmp_path, "machine", "check", "machine.toml").returncode == 0
     text = (tmp_path / "machine.toml").read_text()
     assert text.count("viscous_drag") == 1
-    assert text.count("constant_force") == 1
+    assert text.count("sensor_gain") == 1
 
 
 @pytest.fixture(scope="module")
