@@ -1,7 +1,7 @@
-"""Where to keep what takes long to make and can be made again.
+"""The cache folder, for data that take long to compute.
 
-What is read from there is trusted as the program itself is, so that the folder must be the
-user's alone: else nothing is kept.
+Its files are trusted like the program itself, so the folder is used only if it is the
+user's alone.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def cache_folder(*parts: str) -> Path | None:
 
 
 def read_kept(path: Path) -> bytes | None:
-    """What `with_digest` made, from a file of this user; None if it is not that, or damaged."""
+    """Content that `with_digest` wrote, from a file of this user; None if it is damaged."""
     try:
         with open(path, "rb") as file:
             if not _is_mine(os.fstat(file.fileno())):
@@ -55,7 +55,7 @@ def with_digest(data: bytes) -> bytes:
 
 
 def _is_mine(found: os.stat_result) -> bool:
-    """Whether it belongs to this user and nobody else may write to it."""
+    """True if it belongs to this user and nobody else may write to it."""
     if sys.platform == "win32":
         return True  # the profile's folder is the user's by its access list
     others = stat.S_IWGRP | stat.S_IWOTH

@@ -115,6 +115,6 @@ class PortError(LinkError):
 
 
 class VerifyError(LinkError):
-    """What the controller has is not what it was given."""
+    """The program read back from the controller differs from the one sent."""
 
     rule = "read-back-differs"

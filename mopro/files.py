@@ -109,7 +109,7 @@ def make_folder(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class _Target:
-    """Where the bytes go: `path` has no link to follow, `before` is what is there."""
+    """Target of an output: `path` with all links resolved, `before` the file that is there."""
 
     path: Path
     before: os.stat_result | None
@@ -196,7 +196,7 @@ def _claimed(folder: Path, name: str, mode: int) -> Iterator[tuple[Path, BinaryI
 
 
 def _locked(claim: BinaryIO) -> bool:
-    """Whether the draft is this process's; True too where there are no locks to be had."""
+    """True if the draft is locked by this process, or locks are not available."""
     if sys.platform != "win32":
         try:
             fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -219,7 +219,7 @@ def _check_digits(token: str) -> str:
 
 
 def _is_draft_name(name: str) -> bool:
-    """Whether mopro made up the name: nobody else's has the right digits."""
+    """True if mopro created the name, by its check digits."""
     match = _DRAFT.fullmatch(name)
     return match is not None and _check_digits(match[1]) == match[2]
 

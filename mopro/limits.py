@@ -1,7 +1,7 @@
-"""The largest acceleration that a machine follows, against speed, found by search.
+"""Search for the largest acceleration that a machine follows, against speed.
 
 For each peak velocity, a move of two ramps and a short cruise is emulated with more and
-less acceleration until the step between what is followed and what stalls is small.
+less acceleration until the bracket between following and stalling is narrow.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _WATCHED_HZ = 200.0
 
 @dataclass(frozen=True)
 class Limit:
-    """`acceleration` (in/s²) is the largest that is followed up to `velocity` (in/s).
+    """Largest `acceleration` (in/s²) that is followed up to `velocity` (in/s).
 
-    `peak_force_N` is what it takes of the motor with its load; `duration_s` how long the
-    given move lasts then. Both are None where even the least acceleration stalls.
+    `peak_force_N` is the force that it needs with the load, `duration_s` the duration of the
+    given move with it. Both are None where even the least acceleration stalls.
     """
 
     profile: str
@@ -79,7 +79,7 @@ def _limit(
 def follows(
     machine: Machine, payload_kg: float, profile: str, velocity: float, acceleration: float
 ) -> bool:
-    """Whether the motor reaches `velocity` at `acceleration`, and stops, without a slip."""
+    """True if the motor reaches `velocity` at `acceleration`, and stops, without a slip."""
     ramps = (8 / 3 if profile == PARABOLA else 1.0) * velocity**2 / acceleration
     distance = ramps + velocity * _CRUISE_S
     text = (

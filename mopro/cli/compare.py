@@ -13,21 +13,37 @@ if TYPE_CHECKING:
     from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
 
 _MOST_ROWS = 40
-_PLACES = ("run", "line", "phase", "axis", "way", "sensor", "samples", "mean", "rms", "sigma", "")
-_SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "size p", "memory p", "noise only")
+_PLACES = (
+    "run",
+    "line",
+    "phase",
+    "axis",
+    "direction",
+    "sensor",
+    "samples",
+    "mean",
+    "rms",
+    "sigma",
+    "",
+)
+_SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "whiteness p", "only noise")
 
 
 @click.command()
 @click.argument("experiment", type=click.Path())
 @click.option(
-    "--seed", type=click.IntRange(0), default=0, show_default=True, help="For ties of a coarse ADC."
+    "--seed",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Of the random values for a coarse ADC's rounding.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(experiment: str, seed: int, as_json: bool) -> int:
     """Show where simulation and data disagree: by run, line, phase, direction and axis.
 
-    Residuals are measured less simulated, each sensor's offset taken out. Exits with 1 if
-    they are more than the sensors' noise.
+    A residual is measured minus simulated, without each sensor's offset. Exits with 1 if the
+    residuals exceed the sensors' noise.
 
     Example: mopro compare experiment.toml
     """
@@ -39,32 +55,32 @@ def command(experiment: str, seed: int, as_json: bool) -> int:
     loaded = load_experiment(experiment)
     for note in loaded.notes:
         click.echo(note, err=True)
-    found = compare(loaded, np.random.default_rng(seed))
+    comparison = compare(loaded, np.random.default_rng(seed))
     if as_json:
-        answer = {"experiment": experiment, "machine": loaded.machine.name, **found.as_json()}
+        answer = {"experiment": experiment, "machine": loaded.machine.name, **comparison.as_json()}
         click.echo(json.dumps(answer, indent=1))
     else:
-        _print(found)
-    return EXIT_FAILED if found.verdict == DISAGREEMENT else 0
+        _print(comparison)
+    return EXIT_FAILED if comparison.verdict == DISAGREEMENT else 0
 
 
-def _print(found: Comparison) -> None:
+def _print(comparison: Comparison) -> None:
     from mopro.cli.table import print_table
 
-    print_table(_SERIES, map(_series_cells, found.series), _MOST_ROWS)
-    print_table(_PLACES, map(_place_cells, found.where), _MOST_ROWS)
-    click.echo(f"{found.verdict}{_because(found)}")
+    print_table(_SERIES, map(_series_cells, comparison.series), _MOST_ROWS)
+    print_table(_PLACES, map(_place_cells, comparison.where), _MOST_ROWS)
+    click.echo(f"{comparison.verdict}{_reason(comparison)}")
 
 
-def _because(found: Comparison) -> str:
-    """What a verdict without figures of its own needs to be understood."""
-    places = sum(place.significant for place in found.where)
+def _reason(comparison: Comparison) -> str:
+    """Reason for the verdict, to be appended to it."""
+    places = sum(place.significant for place in comparison.where)
     if places:
-        return f" in {places} of {len(found.where)} places"
-    if any(series.white is False for series in found.series):
-        return ": what is left has memory, or is too large, over a whole run"
-    if any(series.white is None for series in found.series):
-        return ": the noise of a table is unknown; a [[sensor]] of a temperature would state it"
+        return f" in {places} of {len(comparison.where)} places"
+    if any(series.white is False for series in comparison.series):
+        return ": the residual of a whole run is too large, or not white"
+    if any(series.white is None for series in comparison.series):
+        return ": the noise of a table is unknown; state it in a [[sensor]] of a temperature"
     return ""
 
 

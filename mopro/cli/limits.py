@@ -99,11 +99,11 @@ def command(
     print_table(_COLUMNS, map(_cells, limits), 1000)
     click.echo(f"{loaded.name}, payload {payload:g} kg; the timed move is {distance:g} in.")
     for profile in PROFILES:
-        found = [
+        moves = [
             (e.duration_s, e.velocity) for e in limits if e.profile == profile and e.duration_s
         ]
-        if found:
-            click.echo(f"Soonest with {profile}: {min(found)[0]:.4f} s at {min(found)[1]:g} in/s.")
+        if moves:
+            click.echo(f"Soonest with {profile}: {min(moves)[0]:.4f} s at {min(moves)[1]:g} in/s.")
     return code
 
 

@@ -89,12 +89,13 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
     import numpy as np
 
     from mopro.instruments import Lvdt, write_lvdt
+    from mopro.instruments.quantity import POSITION
     from mopro.instruments.sensor import Sensor
     from mopro.plant import measure
 
     command_m = recording[f"command_{axis}_m"]
     lvdt = Lvdt(middle_m=float(command_m.max() + command_m.min()) / 2)
-    sensor = Sensor("lvdt", "position", f"position_{axis}_m", lvdt.rate_hz, axis)
+    sensor = Sensor("lvdt", POSITION, f"position_{axis}_m", lvdt.rate_hz, axis)
     _, seen = measure(recording, sensor, emulator.machine, emulator.active)
     stood = np.full(max(0, lvdt.samples - len(seen)), seen[-1])
     seen = np.concatenate((seen, stood))[: lvdt.samples]
@@ -111,11 +112,12 @@ def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None,
 
 def _thermocouple(recording: Recording, emulator: Emulator, out: Path) -> int:
     from mopro.instruments import Thermocouple, write_thermocouple
+    from mopro.instruments.quantity import TEMPERATURE
     from mopro.instruments.sensor import Sensor
     from mopro.plant import interpolated, measure
 
     chain = Thermocouple()
-    sensor = Sensor("thermocouple", "temperature", "temperature_C", recording.header.rate_hz)
+    sensor = Sensor("thermocouple", TEMPERATURE, "temperature_C", recording.header.rate_hz)
     stamps, seen = measure(recording, sensor, emulator.machine, emulator.active)
     times = chain.times_s(float(stamps[-1]))
     stored = chain.stored_C(interpolated(stamps, seen, times))

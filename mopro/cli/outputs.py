@@ -1,4 +1,4 @@
-"""What a command writes: never over what it reads, and a drawing never at the cost of the rest."""
+"""Outputs of a command: inputs are not overwritten, and a failed drawing is only a warning."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _DRAWING_ERRORS = (
 def keep_inputs(outputs: Iterable[Named], inputs: Iterable[Named]) -> None:
     """Refuse a command that would write over a file it reads, or two outputs over each other.
 
-    Whatever the names, links included, the files are compared. Options without a file are
-    None; names of what is built in are files only if such a file is there. Raises UsageError.
+    Files are compared, not names, so links are followed. Options without a file are None.
+    Raises UsageError.
     """
     written = [(option, Path(file)) for option, file in outputs if file is not None]
     read = [(option, Path(file)) for option, file in inputs if file is not None]
@@ -50,7 +50,7 @@ def machine_file(name: str | None) -> str | None:
 
 
 def _same(one: Path, other: Path) -> bool:
-    """Whether both are one file, which need not be there yet; pipes and devices never are."""
+    """True if both are the same regular file, existing or not; never for pipes and devices."""
     try:
         return stat.S_ISREG(one.stat().st_mode) and os.path.samefile(one, other)
     except FileNotFoundError:
@@ -72,8 +72,7 @@ def claimed(*paths: Path | None) -> Iterator[None]:
 def drawn(path: Path | None, draw: Callable[[str], bytes]) -> bool:
     """Write the figure or page that `draw` makes for a format, such as png; False if that fails.
 
-    The person is warned then, and all else that the command does stays as it is. True without
-    a `path` to write.
+    A failure is a warning on stderr; other outputs are not affected. True without a `path`.
     """
     if path is None:
         return True

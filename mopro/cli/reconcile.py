@@ -30,15 +30,15 @@ _GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise"
 @click.command()
 @click.argument("experiment", type=click.Path())
 @click.option("--out", type=OutputFile(".toml"), help="The machine file with the effects added.")
-@click.option("--report", type=OutputFile(".html"), help="A page that shows the evidence.")
+@click.option("--report", type=OutputFile(".html"), help="An HTML page with the evidence.")
 @click.option("--jobs", type=click.IntRange(1, 64), help="Simulations at once (as many as cores).")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
     experiment: str, out: Path | None, report: Path | None, jobs: int | None, as_json: bool
 ) -> int:
-    """Name what the machine's model lacks, add it, and show the gap shrink.
+    """Find the effects that the machine's model lacks, add them, and show the gap shrink.
 
-    Exits with 1 if something is left that no effect of the catalogue accounts for.
+    Exits with 1 if a significant residual remains that no effect of the catalogue explains.
 
     Example: mopro reconcile experiment.toml --out machine.toml --report why.html
     """
@@ -53,25 +53,25 @@ def command(
     for note in loaded.notes:
         click.echo(note, err=True)
     with claimed(out, report), _progress() as progress:
-        found = conclude(loaded, jobs or os.cpu_count() or 1, progress)
-    code = _written(found, out, report)
+        conclusion = conclude(loaded, jobs or os.cpu_count() or 1, progress)
+    code = _written(conclusion, out, report)
     if as_json:
-        answer = {"experiment": experiment, "machine": loaded.machine.name, **found.as_json()}
+        answer = {"experiment": experiment, "machine": loaded.machine.name, **conclusion.as_json()}
         click.echo(json.dumps(answer, indent=1, default=float, allow_nan=False))
     else:
-        _tell(found)
-    return max(code, EXIT_FAILED if found.verdict.verdict == "unexplained" else 0)
+        _tell(conclusion)
+    return max(code, EXIT_FAILED if conclusion.verdict.verdict == "unexplained" else 0)
 
 
-def _written(found: Conclusion, out: Path | None, report: Path | None) -> int:
+def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> int:
     """Write the machine file, then draw the page; the exit code if one of them fails.
 
-    A disk that has filled up must not cost the person the verdict, which is printed next.
+    The verdict is printed afterwards even if the disk is full.
     """
     code = 0
     if out:
         try:
-            write(out, found.machine_text.encode("utf-8"))
+            write(out, conclusion.machine_text.encode("utf-8"))
         except DataError as error:
             click.echo(error.render(), err=True)
             code = EXIT_BAD_INPUT
@@ -79,14 +79,14 @@ def _written(found: Conclusion, out: Path | None, report: Path | None) -> int:
     def page(form: str) -> bytes:
         from mopro.plot.diagnosis import diagnosis_page
 
-        return page_bytes(diagnosis_page(found))
+        return page_bytes(diagnosis_page(conclusion))
 
     return code if drawn(report, page) else max(code, EXIT_FAILED)
 
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str], None]]:
-    """What is being done, on a terminal; nowhere else."""
+    """Show the current step on a terminal; yields the function that sets it."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -97,7 +97,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
         yield status.update
 
 
-def _tell(found: Conclusion) -> None:
+def _tell(conclusion: Conclusion) -> None:
     from mopro.cli.table import print_table
     from mopro.experiment.conclude.wording import (
         NO_PROPOSAL,
@@ -109,29 +109,29 @@ def _tell(found: Conclusion) -> None:
         undecided_words,
     )
 
-    verdict = found.verdict
+    verdict = conclusion.verdict
     if verdict.fitted:
         rows = [row for effect in verdict.fitted for row in _effect_rows(effect, verdict)]
         print_table(_EFFECTS, rows, _MOST_ROWS)
-    print_table(_GAPS, _gap_rows(found), _MOST_ROWS)
+    print_table(_GAPS, _gap_rows(conclusion), _MOST_ROWS)
     click.echo(sentence(verdict))
-    if found.where:
-        worst = found.where[0]
+    if conclusion.where:
+        worst = conclusion.where[0]
         size = f"{worst.rms:.3g} {worst.unit}" + (f", {worst.sigma:.3g} σ" if worst.sigma else "")
-        click.echo(f"They disagreed most in {worst.run}, {place_words(worst)}: {size}.")
+        click.echo(f"Largest disagreement: {worst.run}, {place_words(worst)}: {size}.")
     for note in (
         *calibration_words(verdict),
         *undecided_words(verdict),
-        *reservations(verdict, found.runs),
+        *reservations(verdict, conclusion.runs),
     ):
         click.echo(note)
     if verdict.below_resolution:
-        click.echo("Below what the sensors resolve, so neither present nor absent:")
+        click.echo("Below the resolution of these data, so neither confirmed nor excluded:")
         for faint in faint_words(verdict):
             click.echo(f"  {faint}")
-    if found.next_experiment:
-        click.echo(f"This program would tell them apart ({found.next_experiment.summary}):\n")
-        click.echo(found.next_experiment.text)
+    if conclusion.next_experiment:
+        click.echo(f"This program would distinguish them ({conclusion.next_experiment.summary}):\n")
+        click.echo(conclusion.next_experiment.text)
     elif verdict.verdict == "ambiguous":
         click.echo(NO_PROPOSAL)
 
@@ -162,7 +162,7 @@ def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:
         evidence = ["", "", ""]
 
 
-def _gap_rows(found: Conclusion) -> Iterator[list[str]]:
-    for run, rerun in zip(found.verdict.gap.runs, found.rerun_rms, strict=True):
+def _gap_rows(conclusion: Conclusion) -> Iterator[list[str]]:
+    for run, rerun in zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, strict=True):
         figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
         yield [run.run, run.sensor, *("-" if f is None else f"{f:.3g} {run.unit}" for f in figures)]

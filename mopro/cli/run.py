@@ -48,7 +48,7 @@ _MOST_ROWS = 40
     type=Quantity("mass", "kg"),
     default=0.0,
     metavar="MASS",
-    help="What rides on the motor (5lb, 2kg).",
+    help="Mass carried by the motor (5lb, 2kg).",
 )
 @click.option(
     "--rate",
@@ -58,7 +58,7 @@ _MOST_ROWS = 40
     metavar="HZ",
     help="Samples per second of the recording.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="For what is random.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
 @click.option(
     "--out",
     type=OutputFile(".parquet", ".csv", ".npz"),
@@ -101,10 +101,10 @@ def command(
     grammar: str,
     as_json: bool,
 ) -> int:
-    """Run a program and record what the machine does.
+    """Run a program and record the motion of the machine.
 
     Exits with 1 if the motor stalls, runs into a limit switch or becomes too hot, or if a
-    controller's run does not go its way.
+    run on a controller fails.
 
     Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
     """
@@ -160,7 +160,7 @@ def _recorded(
 ) -> Run:
     """The run of `program` on either back end, its recording in `out`.
 
-    What a controller did is told even where the recording of it cannot be written.
+    A controller's run is reported even if its recording cannot be written.
     """
     from dataclasses import replace
 
@@ -181,7 +181,7 @@ def _recorded(
 
 
 def _only_with(other: str, *names: str) -> None:
-    """Refuse options that would be ignored."""
+    """Refuse options that only apply with `other`."""
     context = click.get_current_context()
     for name in names:
         if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
@@ -189,14 +189,14 @@ def _only_with(other: str, *names: str) -> None:
 
 
 def _from_line(program: Program, line: int, yes: bool) -> Program:
-    """The program from `line` on, its settings shown and agreed to."""
+    """The program from `line` on, after its settings are shown and confirmed."""
     from mopro.program.resume import resume
 
     resumed = resume(program, line)
     click.echo(f"Begin at line {resumed.line}; in force there, without any motion:", err=True)
     for text in resumed.settings:
         click.echo(f"  {text}", err=True)
-    click.echo("The motor is taken to stand where the program expects it to.", err=True)
+    click.echo("The motor is assumed to stand where the program expects it to.", err=True)
     if not yes:
         click.confirm("Start?", abort=True, err=True)
     return resumed.program
@@ -216,7 +216,7 @@ class _Pictures:
         return _Tee(sink, self._memory) if self._plot or self._report else sink
 
     def draw(self, header: Header, run: Run) -> bool:
-        """Whether all that was asked for could be drawn."""
+        """Draw the outputs that were asked for; False if one of them fails."""
 
         def figure(form: str) -> bytes:
             from mopro.plot import figure_bytes
@@ -228,7 +228,7 @@ class _Pictures:
 
             return page_bytes(report_page(self._memory.recording(header, run), run))
 
-        # Both are tried, though the first may fail.
+        # A list, so that both are drawn even if the first fails.
         return all([drawn(self._plot, figure), drawn(self._report, page)])
 
 
@@ -243,7 +243,7 @@ class _Tee:
 
 
 def _tell(run: Run, program: Program, out: Path, as_json: bool) -> None:
-    """The summary on stdout, and on stderr what the person should know about it."""
+    """Print the summary to stdout, and warnings and findings to stderr."""
     from mopro.cli.table import print_table
     from mopro.errors import Diagnostic, Severity
     from mopro.recording.moves import MOVE_COLUMNS, move_cells

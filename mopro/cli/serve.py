@@ -14,7 +14,7 @@ from mopro.cli.outputs import keep_inputs, machine_file
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
 
-# Up to this speed the plain kernel keeps up, and the server starts at once.
+# Largest factor of time at which the kernel is fast enough in plain Python, which starts sooner.
 _PLAIN_SPEED = 1.0
 
 
@@ -28,21 +28,25 @@ _PLAIN_SPEED = 1.0
 @dialect_option()
 @baud_option()
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
-@click.option("--payload", type=Quantity("mass", "kg"), default=0.0, help="On the motor (5lb).")
+@click.option(
+    "--payload", type=Quantity("mass", "kg"), default=0.0, help="Mass carried by the motor (5lb)."
+)
 @click.option(
     "--speed",
     type=click.FloatRange(0, 1000, min_open=True),
     default=1.0,
     show_default=True,
-    help="How much faster than the clock all of it goes, the line too.",
+    help="Factor of time for controller, motor and serial line.",
 )
 @click.option(
     "--store",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Keep stored programs in this folder; without it they end with the process.",
+    help="Keep stored programs in this folder; otherwise they are lost at the end.",
 )
-@click.option("--faults", type=click.Path(dir_okay=False), help="What goes wrong: a scenario file.")
-@click.option("--seed", type=int, help="Another seed than the scenario's.")
+@click.option(
+    "--faults", type=click.Path(dir_okay=False), help="A scenario file with faults to simulate."
+)
+@click.option("--seed", type=int, help="Replaces the scenario's seed.")
 @grammar_option()
 def command(
     listen: str,
@@ -56,10 +60,10 @@ def command(
     seed: int | None,
     grammar: str,
 ) -> None:
-    """Be a controller: a virtual one, over the emulated machine.
+    """Run a virtual controller on the emulated machine.
 
-    The first line printed is the address to give to --port of the other commands.
-    Ends with Ctrl-C.
+    The first line printed is the address for --port of the other commands. Stop it with
+    Ctrl-C.
 
     Example: mopro serve --listen socket://127.0.0.1:0 --store programs.d
     """
@@ -72,9 +76,9 @@ def command(
     from mopro.link import load_dialect
     from mopro.machine import load_machine
 
-    kept = [("--store", file) for file in store.glob("*.CMD")] if store else []
+    stored = [("--store", file) for file in store.glob("*.CMD")] if store else []
     keep_inputs(
-        kept, [("--faults", faults), ("--dialect", dialect), ("--machine", machine_file(machine))]
+        stored, [("--faults", faults), ("--dialect", dialect), ("--machine", machine_file(machine))]
     )
     scenario = load_scenario(faults) if faults else Scenario()
     if seed is not None:
@@ -101,7 +105,7 @@ def command(
 
 
 def _warm(emulator: Emulator) -> None:
-    """Load the compiled kernel by a first use: no client should have to wait for that."""
+    """Load the compiled kernel by a first use, so that no client waits for it."""
     from mopro.controller.motion import Motion
     from mopro.program.compile import compile as compile_text
 

@@ -1,6 +1,6 @@
-"""Effects: everything that a model can lack, each one object of a file of its own.
+"""Effects that the nominal model leaves out, one class in each file.
 
-An effect from outside joins through the entry-point group `mopro.effects`, whose targets
+A package adds effects through the entry-point group `mopro.effects`, whose targets
 are `Effect` subclasses.
 """
 

@@ -1,7 +1,7 @@
-"""An effect: one object that the emulator runs, a machine file switches on and the diagnosis fits.
+"""Base of effects: objects that the emulator runs, a machine file switches on, a diagnosis fits.
 
-An effect overrides the hooks of its domain and leaves the others alone. Parameters reach
-every hook in their order, in the unit that they state (SI throughout).
+An effect overrides the hooks of its domain only. Parameters are passed to every hook in
+their order, in the unit that they state (SI throughout).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from mopro.diagnosis.model import Candidate, Role, Settings
 from mopro.diagnosis.model import Parameter as Fitted
 
 if TYPE_CHECKING:
+    from mopro.instruments.quantity import Quantity
     from mopro.instruments.sensor import Sensor
     from mopro.machine import Machine
     from mopro.machine.constants import PlantConstants
@@ -34,12 +35,12 @@ Term = Callable[..., Any]
 # all), and the run in which alone it happened (-1 for all).
 AXIS, RUN = "axis", "run"
 
-# A range is fitted this many times as far as is plausible, so that its ends can be told.
+# The fitted range as a multiple of the plausible one, so that a value beyond it can be seen.
 WIDER = 1.5
 
 
 class Domain(StrEnum):
-    """Where an effect acts: on the command, the dynamics, the measurement, the heat."""
+    """Part of the machine that an effect acts on: command, dynamics, measurement or heat."""
 
     COMMAND = "C"
     DYNAMICS = "D"
@@ -48,7 +49,7 @@ class Domain(StrEnum):
 
 
 def angle_in(run: int, angle: str) -> str:
-    """The name under which `angle`, a parameter that is `per_run`, is fitted in run `run`."""
+    """Name under which the `per_run` parameter `angle` is fitted in run `run` (from 0)."""
     return f"{angle}_{run + 1}"
 
 
@@ -56,10 +57,10 @@ def angle_in(run: int, angle: str) -> str:
 class Parameter:
     """One number of an effect.
 
-    `low` and `high` are the bounds of what makes sense at all, `plausible` the range to
-    expect, `null` the value at which the effect vanishes, `default` one to try.
-    `dimension` is the units.py dimension that a machine file may convert from. An angle that
-    is `per_run` is another one in each run. `role` is how the response follows it; unless
+    `low` and `high` are the physical bounds, `plausible` the range to expect, `null` the value
+    at which the effect vanishes, `default` the value of an effect that states none.
+    `dimension` is the units.py dimension that a machine file may convert from. A `per_run`
+    angle has a value of its own in each run. `role` is how the response depends on it; unless
     given, one whose null is its default and not 0 is a shape, any other an amplitude.
     """
 
@@ -77,7 +78,7 @@ class Parameter:
     role: Role | None = None
 
     def fault(self, value: float) -> str | None:
-        """What is wrong with `value`, if anything."""
+        """Error message for `value`; None if it is valid."""
         if not math.isfinite(value) or not self.low <= value <= self.high:
             bounds = f"{self.low:g} to {self.high:g} {self.unit}"
             return f"{self.name} = {value:g} is out of bounds: expected {bounds}"
@@ -87,12 +88,12 @@ class Parameter:
 
     @property
     def response(self) -> Role:
-        """The role that is stated, or else follows from the null."""
+        """The stated role, else the one implied by the null."""
         implied = Role.SHAPE if self.null == self.default != 0 else Role.AMPLITUDE
         return self.role or implied
 
     def fitted(self, *starts: float) -> Fitted:
-        """An amplitude to fit, from `starts`, in a range somewhat wider than the plausible one."""
+        """An amplitude to fit from `starts`, within WIDER times the plausible range."""
         low, high = self.plausible
         low = low if low < 0 else 0.0
         return Fitted(
@@ -101,7 +102,7 @@ class Parameter:
         )  # fmt: skip
 
     def tried(self) -> Fitted:
-        """One of an effect that declares no forms: fitted as far again beyond what is plausible."""
+        """The fitted parameter of an effect without forms: twice the plausible reach as range."""
         if self.response is Role.PHASE:
             return phase(self.name)
         low, high = self.plausible
@@ -113,17 +114,17 @@ class Parameter:
 
 
 def phase(name: str, *starts: float) -> Fitted:
-    """An angle to fit."""
+    """An angle (rad) to fit from `starts`."""
     return Fitted(name, "rad", -math.pi, math.pi, starts, Role.PHASE)
 
 
 @dataclass
 class Surroundings:
-    """The forcer's heat balance at one moment; effects of the heat domain change it.
+    """The forcer's heat balance at one time; effects of the heat domain change it in place.
 
-    `coil_W` is put into the coils, `conductance_W_K` leads to air of `air_C`,
-    `speeds_m_s` are the axes' speeds, `lengths_m` their strokes, `extra_W` whatever
-    else comes in.
+    `coil_W` is the power of the coils, `conductance_W_K` the conductance to air at `air_C`,
+    `speeds_m_s` and `lengths_m` the speeds and strokes of the axes, `extra_W` any other power
+    into the forcer.
     """
 
     time_s: float
@@ -138,14 +139,14 @@ class Surroundings:
 
     @property
     def flow_W(self) -> float:
-        """The net heat flow into the forcer."""
+        """Net heat flow into the forcer (W)."""
         loss = self.conductance_W_K * (self.temperature_C - self.air_C)
         return self.coil_W + self.extra_W - loss
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What surrounds a measurement: samples of the true run on one axis and its other."""
+    """Conditions of a measurement, one value a sample: time, the other axis, temperatures."""
 
     time_s: Floats
     other_m: Floats
@@ -161,7 +162,7 @@ class ViewedRun(Protocol):
 
 
 class ViewedReading(Protocol):
-    """What one sensor showed in one run: its samples' times (s)."""
+    """Samples of one sensor in one run: the sensor and the sample times (s)."""
 
     @property
     def sensor(self) -> Sensor: ...
@@ -171,7 +172,7 @@ class ViewedReading(Protocol):
 
 
 class View(Protocol):
-    """The experiment that an effect is to be fitted to, as the machine's model predicts it.
+    """The experiment that an effect is fitted to, and the predictions of the machine's model.
 
     Series are numbered in the order of the runs' readings, steady tables last.
     """
@@ -183,23 +184,23 @@ class View(Protocol):
     def runs(self) -> Sequence[ViewedRun]: ...
 
     def own(self, name: str) -> Mapping[str, float]:
-        """The numbers of the effect `name` that the machine has already; none if it has not."""
+        """Parameters of the effect `name` in the machine file; empty if it has no such effect."""
         ...
 
     def positions(self) -> Mapping[int, tuple[int, ViewedReading]]:
-        """Of each series of positions: the number of its run, and its reading."""
+        """Number of the run, and reading, of each series whose sensor sees the place."""
         ...
 
     def schedule(self, index: int, /) -> Schedule:
-        """What run number `index` commands."""
+        """Schedule of run `index`."""
         ...
 
     def targets(self, settings: Settings, /) -> Sequence[Floats]:
-        """Each series, in its unit, of a sensor that errs in time only."""
+        """Each series, in its unit, from a sensor without distortion; errors in time remain."""
         ...
 
     def travel_m(self) -> tuple[float, float]:
-        """The least and the greatest position that any sensor was to see."""
+        """Least and greatest position (m) at any position sensor."""
         ...
 
 
@@ -207,8 +208,8 @@ class View(Protocol):
 class Toleranced:
     """The number of a machine file that an effect's parameter corrects.
 
-    `key` is the file's `section.key`. The parameter is `middle` where the file is right, and
-    moves by `scale` times the share by which it is wrong.
+    `key` is the file's `section.key`. The parameter is `middle` where the file's number is
+    right, and differs by `scale` times the number's relative error.
     """
 
     key: str
@@ -236,12 +237,12 @@ class Effect:
     setpoint: ClassVar[Term | None] = None
     # Blocks that the drive itself knows: "lag" or "voltage".
     current_loop: ClassVar[str | None] = None
-    # Effects of one group cost little: whoever simulates many sets of them gives each set the
-    # whole group, at neutral values, and compiles one kernel for all.
+    # Effects of one group take little time: a simulation of many sets of them gives each set
+    # the whole group, at neutral values, and compiles one kernel for all.
     kernel_group: ClassVar[str | None] = None
-    # Acts on what all others of its hook have made; else they act in the catalogue's order.
+    # Acts after all others of its hook; else effects act in the catalogue's order.
     acts_last: ClassVar[bool] = False
-    # Why it is no property of the machine, in words that follow "not in the machine file: ".
+    # Reason why it is no property of the machine; follows "not in the machine file: ".
     reservation: ClassVar[str | None] = None
     # Its parameter that is a constant added to all readings of one sensor.
     constant_offset: ClassVar[str | None] = None
@@ -258,49 +259,49 @@ class Effect:
         return {p.name: p for p in self.parameters}[name]
 
     def equation(self) -> str:
-        """The docstring: what the effect is, its equation, units and source."""
+        """The docstring: description, equation, units and source."""
         return inspect.getdoc(type(self)) or ""
 
     def neutral(self, machine: Machine) -> dict[str, float]:
         """The values at which the effect vanishes on `machine`."""
         return {p.name: p.null for p in self.parameters}
 
-    # -- what a machine, a person and a diagnosis are told ------------------------
+    # -- facts for a machine file and a diagnosis ---------------------------------
 
     def stated_by(self, machine: Machine) -> tuple[float, ...] | None:
-        """Its values on a machine that has it by what it states elsewhere than as an effect."""
+        """Values on a machine that states the effect outside of `[effects]`, else None."""
         return None
 
     def toleranced(self, machine: Machine) -> Toleranced | None:
-        """The number of the machine file that it corrects."""
+        """The number of the machine file that the effect corrects, if any."""
         return None
 
     def fastest(self) -> tuple[float, ...] | None:
-        """Plausible values at which a program is over soonest; None if it takes its time."""
+        """Plausible values at which a program takes least time; None if it gets no faster."""
         return None
 
     def static_deflection_m(self, machine: Machine) -> float:
-        """How far, plausibly, it holds a resting axis off its command, the same everywhere."""
+        """Largest plausible deflection (m) of an axis at rest that is the same everywhere."""
         return 0.0
 
     @property
     def needs_temperature(self) -> bool:
-        """Whether motion or position depend on the temperature through it."""
+        """True if it makes force or position depend on the temperature."""
         return type(self).force_factor is not Effect.force_factor
 
     @property
     def changes_program(self) -> bool:
-        """Whether it acts on a program's statements, which a logged command has not."""
+        """True if it changes a program's statements, so that a logged command cannot show it."""
         return type(self).program is not Effect.program
 
-    # -- what is fitted of it -------------------------------------------------------
+    # -- forms for the fit ----------------------------------------------------------
 
     def forms(self, view: View) -> Iterator[Candidate]:
         """The forms in which it is fitted to the experiment of `view`.
 
-        Unless an effect says otherwise: each of its amplitudes alone, and with all of them
-        where that one has been found. What is not fitted is as the machine has it, else off;
-        temperatures of reference are those of the air.
+        Unless overridden: each amplitude alone, and, extending that form, all amplitudes. The
+        others are fixed at the machine's values, else at their nulls; reference temperatures
+        are that of the air.
         """
         own, air_C = view.own(self.name), view.machine.heat.ambient_C
         amplitudes, angles, fixed = [], [], {}
@@ -320,9 +321,9 @@ class Effect:
             others = [other for other in amplitudes if other is not p]
             without = fixed | {other.name: own.get(other.name, other.null) for other in others}
             yield self.form(p.tried(), *angles, form=p.name, fixed=without)
-            words = " and ".join(each.name for each in (p, *others))
+            names = " and ".join(each.name for each in (p, *others))
             every = (each.tried() for each in (p, *others))
-            yield self.form(*every, *angles, form=words, fixed=fixed, extends=p.name)
+            yield self.form(*every, *angles, form=names, fixed=fixed, extends=p.name)
 
     def form(
         self,
@@ -335,17 +336,17 @@ class Effect:
         return Candidate(self.name, parameters, form, fixed or {}, **more)
 
     def fitted(self, name: str, *starts: float) -> Fitted:
-        """Its amplitude `name` as it is fitted, from `starts`; see Parameter.fitted."""
+        """The amplitude `name` to fit from `starts`; see Parameter.fitted."""
         return self.parameter(name).fitted(*starts)
 
     # -- hooks: command ---------------------------------------------------------
 
     def program(self, program: Program, *p: float) -> Program:
-        """The program as the controller takes it."""
+        """The program as the controller executes it."""
         return program
 
     def schedule(self, schedule: Schedule, *p: float) -> Schedule:
-        """The schedule as the controller keeps it."""
+        """The schedule as the controller executes it."""
         return schedule
 
     def tick_s(self, *p: float) -> tuple[float, bool]:
@@ -367,7 +368,7 @@ class Effect:
         return None
 
     def jumps(self, moves: list[PlannedMove], *p: float) -> list[tuple[float, float]]:
-        """(time, pitches) at which the axis falls behind at once, for the axis' moves."""
+        """(time in s, pitches) of each step by which the axis falls behind, for its `moves`."""
         return []
 
     # -- hooks: heat ------------------------------------------------------------
@@ -378,35 +379,40 @@ class Effect:
     # -- hooks: measurement -----------------------------------------------------
 
     def sampled_at(self, time_s: Floats, *p: float) -> Floats:
-        """When the sample labelled `time_s` is really taken."""
+        """True times (s) of the samples labelled `time_s`."""
         return time_s
 
     def geometry(self, x: Floats, scene: Scene, *p: float) -> Floats:
-        """Where the sensor's target is when the axis is at `x` (m)."""
+        """Position of the sensor's target (m) for the axis at `x` (m)."""
         return x
 
     def reading(self, x: Floats, scene: Scene, *p: float) -> Floats:
-        """What the transducer makes of its target at `x` (m)."""
+        """Output of the transducer (m) for its target at `x` (m)."""
         return x
 
-    def bandwidth_s(self, quantity: str, *p: float) -> float:
+    def bandwidth_s(self, quantity: Quantity, *p: float) -> float:
         """The time constant of a first-order lag of a sensor of `quantity`."""
         return 0.0
 
     def electronics(self, x: Floats, time_s: Floats, *p: float) -> Floats:
-        """What is added after the transducer, at the times of sampling."""
+        """Output of the electronics after the transducer, at the sample times."""
         return x
 
     @property
+    def retimes(self) -> bool:
+        """Whether it changes when samples are taken, whatever their sensor measures."""
+        return type(self).sampled_at is not Effect.sampled_at
+
+    @property
     def distorts(self) -> bool:
-        """Whether it changes what is read of the target, and not only when."""
+        """True if it changes the values read of the target, and not only their times."""
         own = type(self)
         return own.reading is not Effect.reading or own.electronics is not Effect.electronics
 
 
 @dataclass(frozen=True)
 class Active:
-    """An effect switched on with these values, on these axes."""
+    """An effect switched on: its parameters' values (SI) and the axes it acts on."""
 
     effect: Effect
     values: tuple[float, ...]
@@ -422,5 +428,5 @@ class Active:
 
 
 def on_axis(active: tuple[Active, ...], axis: int) -> tuple[Active, ...]:
-    """Those of `active` that act on `axis`."""
+    """The effects of `active` that act on `axis`."""
     return tuple(a for a in active if axis in a.axes)

@@ -1,4 +1,4 @@
-"""The catalogue as a page for people."""
+"""Writes the page docs/effects.md from the catalogue."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from mopro.program import Program
 from mopro.source import Source
 
 _DOMAINS = {
-    "C": "Command: what the controller does before the drive sees it",
+    "C": "Command: the controller, before the drive",
     "D": "Dynamics: forces, phase currents, the drive",
-    "M": "Measurement: between the true position and what an instrument shows",
-    "T": "Heat: what the heat balance leaves out",
+    "M": "Measurement: between the true position and the reading of an instrument",
+    "T": "Heat: terms beyond the nominal heat balance",
 }
 _EXAMPLE_MACHINE = "chow1992"
 _EXAMPLE_TRAVEL_M = (0.0, 0.3)
@@ -26,8 +26,8 @@ _EXAMPLE_TRAVEL_M = (0.0, 0.3)
 _HEAD = f"""\
 # Effects
 
-Everything that a machine can do which the nominal model leaves out. A machine file
-switches one on, with numbers in the unit given here or with another unit:
+Physical effects that the nominal model leaves out. A machine file switches one on, with
+numbers in the unit given here or with a unit stated:
 
 ```toml
 [effects.viscous_drag]
@@ -38,18 +38,19 @@ tau = {{ value = 120, unit = "us", origin = "measured", place = "bench" }}
 axes = [1]
 ```
 
-In Python: `mopro.emulate(program, effects={{"viscous_drag": {{"b": 9.0}}}})`. What is not
-stated has its default. A drive with `model = "full"` has voltage_saturation at its supply.
-A package adds effects through the entry-point group `mopro.effects`, each a subclass of
-`mopro.effects.Effect`; they are run, switched on and fitted as those listed here. One that
-declares no `forms` has each of its amplitudes fitted alone and with the others; a parameter
-whose `null` is its default, and not 0, is a shape and is left there.
+In Python: `mopro.emulate(program, effects={{"viscous_drag": {{"b": 9.0}}}})`. Parameters that
+are not stated have their defaults. A drive with `model = "full"` has voltage_saturation with
+the voltage of its supply. A package adds effects through the entry-point group
+`mopro.effects`, each a subclass of `mopro.effects.Effect`; they are simulated, switched on and
+fitted like those listed here. If an effect declares no `forms`, each of its amplitudes is
+fitted alone and with the others; a parameter whose `null` is its default, and not 0, is a
+shape and stays fixed.
 
-An effect is fitted in one form or several: the parameters named are fitted, within the range
+An effect is fitted in one form or several. The parameters named are fitted within the range
 given, here for one run on {_EXAMPLE_MACHINE}; the others are fixed. A form that extends another
-is tried once that one has been found, unless it may come first. A free form can mimic much
-else, and is believed only if it leaves nothing unexplained. Where sensors on both axes were
-read, effects of the measurement are fitted on each axis alone as well.
+is tried after that one has been found, unless it may come first. A free form can imitate many
+other effects, and is accepted only if it leaves nothing unexplained. Where there are sensors
+on both axes, effects of the measurement are also fitted on each axis alone.
 
 This page is printed by `mopro machine effects`.
 """
@@ -62,7 +63,7 @@ class _ProgrammedRun:
 
 @dataclass(frozen=True)
 class _ExampleView:
-    """One run of a program that nothing was read of, on a machine without effects."""
+    """A run without readings on a machine without effects, for listing the forms."""
 
     machine: Machine
     runs: Sequence[ViewedRun] = field(default=(_ProgrammedRun(Program((), Source("", ""))),))
@@ -110,7 +111,7 @@ def _row(p: Parameter) -> str:
     return f"| `{p.name}` | {p.unit} | {p.default:g} | {plausible} | {bounds} | {meaning} |\n"
 
 
-# -- how it is fitted --------------------------------------------------------------
+# -- forms --------------------------------------------------------------------------
 
 
 def _forms(effect: Effect, view: _ExampleView) -> Iterator[str]:
@@ -125,14 +126,14 @@ def _forms(effect: Effect, view: _ExampleView) -> Iterator[str]:
 
 
 def _form(form: Candidate) -> str:
-    searched = " as a search finds them" if form.find_starts else ""
-    words = [", ".join(_fitted(p) for p in form.parameters) + searched]
+    searched = " found by a search" if form.find_starts else ""
+    parts = [", ".join(_fitted(p) for p in form.parameters) + searched]
     if form.extends is not None:
         extended = f"extends {form.extends or 'plain'}"
-        words.append(f"{extended}, or comes first" if form.can_enter_first else extended)
+        parts.append(f"{extended}, or comes first" if form.can_enter_first else extended)
     if form.flexible:
-        words.append("a free form")
-    return "; ".join(words)
+        parts.append("a free form")
+    return "; ".join(parts)
 
 
 def _fitted(p: Fitted) -> str:
@@ -142,13 +143,13 @@ def _fitted(p: Fitted) -> str:
     return f"`{p.name}` ({p.low:.3g} to {p.high:.3g}{unit})"
 
 
-# -- what else there is to know ----------------------------------------------------
+# -- notes --------------------------------------------------------------------------
 
 
 def _notes(effect: Effect, effects: Sequence[Effect], machine: Machine) -> Iterator[str]:
     number = effect.toleranced(machine)
     if number is not None:
-        yield f"Within a tolerance that the machine file states of {number.key}, a calibration."
+        yield f"A calibration, if within the machine file's tolerance of {number.key}."
     if effect.reservation is not None:
         yield f"Not in the machine file that a diagnosis writes: {effect.reservation}."
     for family in effect.families:
@@ -156,4 +157,4 @@ def _notes(effect: Effect, effects: Sequence[Effect], machine: Machine) -> Itera
         yield f"Easily confused ({family}) with {', '.join(alike)}."
     if effect.constant_offset is not None:
         alike = [e.name for e in effects if e.static_deflection_m(machine)]
-        yield f"Where all runs share it, easily confused with {', '.join(alike)}."
+        yield f"If the same in all runs, easily confused with {', '.join(alike)}."

@@ -1,7 +1,7 @@
-"""The catalogue: one line an effect, mopro's own before those of installed packages.
+"""The catalogue of effects: one line for each, mopro's own before those of installed packages.
 
-Each is named as an entry point names its target, `module:class`. Effects are tried, shown
-and applied in this order, but for those that act last.
+Entries are `module:class`, as the target of an entry point. Effects are tried, listed and
+applied in this order, except those that act last.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ OWN = (
     "forces.viscous_drag:ViscousDrag",
     "forces.quadratic_drag:QuadraticDrag",
     "forces.coulomb_friction:CoulombFriction",
+    "forces.stribeck_friction:StribeckFriction",
+    "forces.load_dependent_friction:LoadDependentFriction",
     "forces.umbilical_spring:UmbilicalSpring",
     "forces.constant_force:ConstantForce",
     "forces.electrical_damping:ElectricalDamping",
@@ -78,7 +80,7 @@ def catalogue() -> dict[str, Effect]:
 
 
 def own_effects() -> dict[str, Effect]:
-    """Those of mopro itself by name."""
+    """Effects of mopro itself, by name."""
     points = (EntryPoint("", f"mopro.effects.{target}", ENTRY_POINTS) for target in OWN)
     return {effect.name: effect for effect in map(_effect, points)}
 

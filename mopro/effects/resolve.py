@@ -1,4 +1,4 @@
-"""From what a machine states to the effects that run, with every fault at its line."""
+"""Resolves the effects that a machine file states; every fault is reported at its line."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from mopro.units import to_si
 def active_effects(machine: Machine, catalogue: dict[str, Effect]) -> tuple[Active, ...]:
     """The effects that `machine` switches on, in the order in which they act.
 
-    Some follow from what it states elsewhere, unless it states them, too. Raises ModelError
-    with all findings.
+    An effect that the file states outside of `[effects]` is added unless it is listed there as
+    well. Raises ModelError with all findings.
     """
     resolver = _Resolver(catalogue)
     active = [a for stated in machine.effects if (a := resolver.resolve(stated))]
-    if resolver.found:
-        raise ModelError(machine.source or Source(machine.name, ""), resolver.found)
+    if resolver.faults:
+        raise ModelError(machine.source or Source(machine.name, ""), resolver.faults)
     names = {a.name for a in active}
     for effect in catalogue.values():
         values = effect.stated_by(machine)
@@ -42,7 +42,7 @@ def with_values(
 
 class _Resolver:
     def __init__(self, catalogue: dict[str, Effect]) -> None:
-        self.found: list[Diagnostic] = []
+        self.faults: list[Diagnostic] = []
         self._catalogue = catalogue
 
     def resolve(self, stated: StatedEffect) -> Active | None:
@@ -77,15 +77,15 @@ class _Resolver:
         return value
 
     def _near(self, name: str, known: Iterable[str]) -> str | None:
-        """A suggestion, as long as a report shows it: to compare names takes long."""
-        return _near(name, known) if len(self.found) < MOST_SHOWN else None
+        """A suggestion, only while a report would show it, as comparing names takes long."""
+        return _near(name, known) if len(self.faults) < MOST_SHOWN else None
 
     def _report(self, rule: str, message: str, span: Span, hint: str | None = None) -> None:
-        self.found.append(Diagnostic(rule, message, span, hint=hint))
+        self.faults.append(Diagnostic(rule, message, span, hint=hint))
 
 
 def _near(name: str, known: Iterable[str]) -> str:
-    """A suggestion; a wrong letter case is the nearest of all."""
+    """A suggestion for `name`, compared without regard to case."""
     by_lower = {each.lower(): each for each in known}
     near = get_close_matches(name.lower(), by_lower, n=1)
     if near:

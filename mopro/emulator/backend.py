@@ -138,7 +138,7 @@ class Emulator:
         )
 
     def plan(self, program: Program, for_s: float | None = None) -> Schedule:
-        """What `program` commands on this machine; raises MotionError, as `plan` does."""
+        """Schedule of `program` on this machine; raises MotionError, as `plan` does."""
         return plan_with_effects(program, self.machine, self.active, for_s)
 
     def begin(self, schedule: Schedule) -> Simulation:

@@ -1,4 +1,4 @@
-"""What an experiment is: a machine, its runs, and what each sensor showed in them."""
+"""Data types of an experiment: a machine, its runs and the readings of their sensors."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reading:
-    """What one sensor showed in one run.
+    """Samples of one sensor in one run.
 
-    `time_s` ascends from the first statement on; `values` have its length and the unit of
-    the sensor's column. Both leave out the samples that the data file lacks.
+    `time_s` (n,) ascends, with zero at the first statement; `values` (n,) are in the unit of
+    the sensor's column. Samples that the data file lacks are left out of both.
     """
 
     sensor: Sensor
@@ -31,7 +31,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class LoggedCommand:
-    """Where a controller told each axis to be: the positions (m) of each at `time_s`."""
+    """Commanded positions (m) of each axis at `time_s`, as a controller logged them."""
 
     time_s: Floats
     position_m: Mapping[int, Floats]
@@ -54,14 +54,19 @@ class Trial:
     partial: bool = False
 
     @property
+    def follows_motion(self) -> bool:
+        """Whether any of its sensors follows the motion, which must then be simulated."""
+        return any(reading.sensor.quantity.follows_motion for reading in self.readings)
+
+    @property
     def duration_s(self) -> float:
-        """How far its data go."""
+        """Time of the last sample of any reading (s)."""
         return max(float(reading.time_s[-1]) for reading in self.readings)
 
 
 @dataclass(frozen=True)
 class SteadyTable:
-    """Final temperatures of steady motion back and forth, as Tables 3.1 and 3.2 have them.
+    """Final temperatures of steady motion back and forth, as in Tables 3.1 and 3.2.
 
     One element a row: the set velocity (m/s) and acceleration (m/s²) of each axis, the
     strokes along x and y (m) and the rise above the air (K). `noise_K` is the standard
@@ -79,9 +84,9 @@ class SteadyTable:
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment file with all that it names read.
+    """An experiment file and the data that it names.
 
-    `notes` are what a person should know of the data though nothing is wrong with them.
+    `notes` are remarks on the data that are not errors.
     """
 
     source: Source

@@ -1,4 +1,4 @@
-"""The instruments of the thesis's laboratory: a run to what was on disk, and back."""
+"""Instruments of the thesis's laboratory: conversion between a run and its data files."""
 
 from mopro.instruments.daq import (
     read_lvdt,

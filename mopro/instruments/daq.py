@@ -2,7 +2,7 @@
 
 `LVDT20.DAT`: a voltage a line. `TEST12.DAT`: temperature (°C) and seconds since the start
 a line. BASIC puts a blank for the sign before a number and another one behind it. Files
-are read line by line, and no further than they may be long.
+are read line by line, up to a limit.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def _rows(
 
 
 def _lines(path: Path, file: TextIO) -> Iterator[tuple[int, str]]:
-    """Numbered lines that say something, up to DOS's end of file."""
+    """Numbered lines that are not blank, up to DOS's end of file."""
     number = 0
     while line := file.readline(_MOST_CHARACTERS):
         number += 1

@@ -26,7 +26,7 @@ class Lvdt:
     """One LVDT, its middle at `middle_m` of the axis' own coordinate.
 
     `linearity` is the deviation at the ends of the range as a share of the full range; it
-    grows with the third power of the way from the middle (appendix D.1).
+    grows with the third power of the distance from the middle (appendix D.1).
     """
 
     middle_m: float = 0.0
@@ -45,7 +45,7 @@ class Lvdt:
         return np.arange(self.samples) / self.rate_hz
 
     def volts(self, position_m: Floats, generator: np.random.Generator | None = None) -> Floats:
-        """What is stored for the core at these positions; without generator, no ripple.
+        """Stored voltages for the core at `position_m`; without `generator`, no ripple.
 
         Beyond its range the converter stays at its last code.
         """

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 from mopro.errors import DataError
+from mopro.instruments.quantity import Quantity
 from mopro.units import UNITS
-
-POSITION, TEMPERATURE = "position", "temperature"
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Sensor:
     """
 
     name: str
-    quantity: str
+    quantity: Quantity
     column: str
     rate_hz: float
     axis: int = 1
@@ -28,12 +27,20 @@ class Sensor:
     adc_step: float = 0.0
 
     @property
+    def unit(self) -> str:
+        """The unit that the column is named after."""
+        return self.column.rsplit("_", 1)[-1]
+
+    @property
+    def recorded_column(self) -> str:
+        """The column of a recording that carries what the sensor measures, in SI."""
+        return self.quantity.recorded_column(self.axis)
+
+    @property
     def unit_si(self) -> float:
         """The column's unit in SI; DataError if there is none that fits."""
-        suffix = self.column.rsplit("_", 1)[-1]
-        dimension = {POSITION: "length", TEMPERATURE: "temperature"}.get(self.quantity)
-        kind, factor = UNITS.get(suffix, ("", 1))
-        if dimension is None or kind != dimension:
+        kind, factor = UNITS.get(self.unit, ("", 1))
+        if kind != self.quantity.dimension:
             message = f"sensor {self.name}: column {self.column} has no unit of a {self.quantity}"
             raise DataError(message, "wrong-unit")
         return float(factor)

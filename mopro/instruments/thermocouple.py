@@ -24,14 +24,14 @@ class Thermocouple:
     highest_C: float = 200.0
 
     def times_s(self, duration_s: float) -> Floats:
-        """When readings are taken within a run of this duration."""
+        """Times (s) of the readings in a run of this duration."""
         fast = np.arange(self.fast_readings) * self.fast_s
         slow = np.arange(self.readings - self.fast_readings) * self.slow_s
         times = np.concatenate((fast, self.fast_readings * self.fast_s + slow))
         return times[times <= duration_s + 1e-9]
 
     def stored_C(self, temperature_C: Floats) -> Floats:
-        """What is stored: whole counts within the range, as degrees."""
+        """Stored temperatures (°C): whole counts within the range."""
         most = round(self.highest_C * COUNTS_PER_C)
         counts = np.clip(np.rint(temperature_C * COUNTS_PER_C), 0, most)
         stored: Floats = counts / COUNTS_PER_C

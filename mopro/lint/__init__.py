@@ -1,4 +1,4 @@
-"""What a program does that its author would want to know before the machine moves."""
+"""Lint: findings about a program before it runs, from its text to the motor's margins."""
 
 from mopro.lint.check import lint
 from mopro.lint.rule import Finding, Rule

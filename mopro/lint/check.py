@@ -1,4 +1,4 @@
-"""From a text to its findings."""
+"""Runs the rules on a program text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mopro.lint.suppress import allows, why_unused
 from mopro.program import Program, examine
 from mopro.source import Source
 
-# What a loop or a label seems to do where another fault hides half of it.
+# Findings that may only follow from another fault of the text.
 _FOLLOWS_FROM_OTHERS = {"loop-without-time", "unknown-label"}
 
 
@@ -24,11 +24,11 @@ def lint(source: Source, settings: Settings | None = None) -> list[Finding]:
     """The findings about `source` in order of place; ModelError for an unusable machine."""
     settings = settings or Settings()
     tree, faults = _read(source, settings.grammar)
-    ops, found = examine(tree)
-    compiles = not faults and all(d.severity is not Severity.ERROR for d in found)
+    ops, refusals = examine(tree)
+    compiles = not faults and all(d.severity is not Severity.ERROR for d in refusals)
     subject = Subject(tree, Program(ops, source), settings) if compiles else None
     asked = asked_rules(settings)
-    findings = [_with_fix(d, subject) for d in _first_causes(faults, found)]
+    findings = [_with_fix(d, subject) for d in _first_causes(faults, refusals)]
     if subject is not None:
         findings += _found_by_rules(subject, asked)
     findings = [f for f in findings if f.rule in asked or f.rule not in RULES]
@@ -36,7 +36,7 @@ def lint(source: Source, settings: Settings | None = None) -> list[Finding]:
 
 
 def subject_of(source: Source, settings: Settings) -> Subject:
-    """The program in `source` for rules and promises; SourceError if it does not compile."""
+    """The program in `source` as a Subject; SourceError if it does not compile."""
     from mopro.program import lower
 
     tree = parse(source, settings.grammar)
@@ -60,7 +60,7 @@ def _read(source: Source, grammar: str) -> tuple[Tree, tuple[Diagnostic, ...]]:
 
 
 def _first_causes(*groups: tuple[Diagnostic, ...] | list[Diagnostic]) -> list[Diagnostic]:
-    """The findings of all groups, less those that may only follow from an earlier group."""
+    """The findings of all groups without those that may only follow from an earlier group."""
     causes: list[Diagnostic] = []
     for group in groups:
         earlier = bool(causes)
@@ -69,7 +69,7 @@ def _first_causes(*groups: tuple[Diagnostic, ...] | list[Diagnostic]) -> list[Di
 
 
 def _found_by_rules(subject: Subject, asked: dict[str, Rule]) -> Iterator[Finding]:
-    """Each stage only where the one before found nothing that refuses the program."""
+    """Findings of each stage, as long as no earlier stage refuses the program."""
     for rule in _checks(asked, Stage.TEXT):
         yield from rule.check(rule, subject)  # type: ignore[misc]
     if all(rule.stage not in (Stage.MOTION, Stage.PHYSICS) for rule in asked.values()):
@@ -95,7 +95,7 @@ def _with_fix(diagnostic: Diagnostic, subject: Subject | None) -> Finding:
 
 
 def _allowed(findings: list[Finding], tree: Tree, asked: dict[str, Rule]) -> list[Finding]:
-    """The findings that no comment allows, and the comments that allow nothing."""
+    """Findings that no comment suppresses, and one for each comment that suppresses none."""
     places = {(f.rule, f.span.line) for f in findings}
     allowed = set()
     unused: list[Finding] = []

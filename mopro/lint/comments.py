@@ -1,4 +1,4 @@
-"""Quantities in comments, and what they are next to."""
+"""Quantities stated in comments, and the statements that they belong to."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ PATTERNS: dict[type[ast.Statement], re.Pattern[str]] = {
 
 
 class Claim(NamedTuple):
-    """A quantity that a comment states, in SI, with half of its last digit as its doubt."""
+    """A quantity in a comment, in SI; `rounding` is half a unit of its last digit."""
 
     text: str
     value: Fraction
-    doubt: Fraction
+    rounding: Fraction
 
     def agrees_with(self, value: Fraction) -> bool:
-        """Whether `value`, written with as few digits, could be meant; 1 % is no lie."""
-        return abs(value - self.value) <= max(self.doubt, abs(self.value) / 100)
+        """True if `value` rounds to the stated one, or differs by at most 1 %."""
+        return abs(value - self.value) <= max(self.rounding, abs(self.value) / 100)
 
 
 def claims(comment: str, kind: type[ast.Statement]) -> list[Claim]:
@@ -53,7 +53,7 @@ def _claim(match: re.Match[str]) -> Claim:
 
 
 def beside(tree: ast.Tree) -> Iterator[tuple[ast.Statement, ast.Comment]]:
-    """Each statement that a comment can speak of, with the comment beside or right above it."""
+    """Each statement with a quantity, and the comment beside it or on the line above."""
     by_line = {comment.span.line: comment for comment in tree.comments}
     busy = {statement.span.line for statement in tree.statements}
     for statement in tree.statements:

@@ -52,11 +52,11 @@ def read_settings(path: Path) -> Settings | None:
         raise ModelError(error.source, map(_as_setting, error.diagnostics)) from error
 
 
-def _as_setting(found: Diagnostic) -> Diagnostic:
-    """A finding under the one rule of settings."""
-    unread = found.rule in ("bad-toml", "too-large")
-    message = f"cannot be read: {found.message}" if unread else found.message
-    return replace(found, rule=_RULE, message=message)
+def _as_setting(finding: Diagnostic) -> Diagnostic:
+    """`finding` under the rule name of settings."""
+    unread = finding.rule in ("bad-toml", "too-large")
+    message = f"cannot be read: {finding.message}" if unread else finding.message
+    return replace(finding, rule=_RULE, message=message)
 
 
 def check_rule_names(names: Collection[str]) -> frozenset[str]:

@@ -1,14 +1,14 @@
-"""How far an axis can swing about its tooth, bounded from above by its energy.
+"""Upper bound, from energy, on the oscillation of an axis about its tooth.
 
 Seen from the command, the lag e = x_c - x of an axis obeys
 
     ë = a_c - A sin(k e) - (c_s/m) ė,    A = F0/m
 
-with a_c the commanded acceleration: a pendulum under a steady push. With θ = k e and
-α = a_c/A its energy h = θ'²/2 + 1 - cos θ - α θ (in units of A/k) cannot grow while α
-stays; at a corner of the command it changes by at most the change of α times the
-farthest θ. While h stays below the lower crest of the well, the axis keeps its tooth.
-A ramp of α is taken as a staircase of small corners.
+with a_c the commanded acceleration: a pendulum under a constant torque. With θ = k e and
+α = a_c/A its energy h = θ'²/2 + 1 - cos θ - α θ (in units of A/k) cannot grow while α is
+constant; a step of α changes it by at most that step times the largest |θ|. While h is
+below the lower maximum of the potential, the axis does not slip. A ramp of α is taken as
+a staircase of small steps.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 _RAMP_STEPS = 8
 _BISECTIONS = 20
-# A swing this small has died down: below a hundredth of a radian of the tooth's cycle.
-_STILL = 5e-5
-# Averaged over a cycle, a swing of up to 0.8 of the crest loses at least this share of
-# what a small one does (0.78 at 135 degrees, from the pendulum's action).
+# Energy below which the axis is at rest: an amplitude of a hundredth of a radian in θ.
+_REST_ENERGY = 5e-5
+# Damping of a large oscillation as a share of that of a small one, averaged over a cycle: at
+# least this up to _MOST_DAMPED of the maximum (0.78 at 135 degrees, from the pendulum's action).
 _LOSS_SHARE = 0.75
-_LARGE = 0.8
-# The staircase of microsteps shakes the axis by this much at its worst.
+_MOST_DAMPED = 0.8
+# Largest oscillation (rad in θ) that the staircase of microsteps excites.
 _MICROSTEP_SWING = 0.02
 
 
@@ -42,7 +42,7 @@ class Pendulum(NamedTuple):
 
 
 class EnergyBound:
-    """The largest swing that an axis can be in; `lost` once it may have left its tooth."""
+    """Bound on the oscillation of one axis; `lost` once it may have left its tooth."""
 
     def __init__(self, pendulum: Pendulum) -> None:
         self._pendulum = pendulum
@@ -53,10 +53,10 @@ class EnergyBound:
 
     @property
     def still(self) -> bool:
-        return not self.lost and self._push == 0 and self._energy < _STILL
+        return not self.lost and self._push == 0 and self._energy < _REST_ENERGY
 
     def push(self, acceleration_m_s2: float, end_m_s2: float, duration_s: float) -> None:
-        """Live through one segment of the command, whose acceleration goes from one to another."""
+        """Apply a segment of the command, over which the acceleration changes linearly."""
         start = acceleration_m_s2 / self._pendulum.pull_out_m_s2
         end = end_m_s2 / self._pendulum.pull_out_m_s2
         self._corner(start)
@@ -85,32 +85,32 @@ class EnergyBound:
         self.largest = max(self.largest, high + _MICROSTEP_SWING, _MICROSTEP_SWING - low)
 
     def _decay(self, duration_s: float) -> None:
-        """Damping, with one period off in which its share may be small."""
-        if self.lost or self._energy > _LARGE * (_crest(self._push) - _bottom(self._push)):
+        """Apply damping, except over one period, in which it may be small."""
+        if self.lost or self._energy > _MOST_DAMPED * (_crest(self._push) - _bottom(self._push)):
             return
         losing_s = max(0.0, duration_s - self._pendulum.period_s)
         self._energy *= math.exp(-_LOSS_SHARE * self._pendulum.damping_1_s * losing_s)
 
     def _range(self) -> tuple[float, float]:
-        """The least and the greatest θ that the energy allows."""
+        """Least and greatest θ (rad) that the energy allows."""
         return _range(self._push, _three_digits_up(self._energy))
 
 
 @lru_cache(maxsize=65536)
 def _range(push: float, energy: float) -> tuple[float, float]:
-    """The least and the greatest θ with `energy` above the bottom of the well."""
+    """Least and greatest θ (rad) with `energy` above the minimum of the potential."""
     rest = math.asin(push)
     if energy <= 0:
         return rest, rest
     level = _bottom(push) + energy
     low, high = -math.pi - rest, math.pi - rest
-    return _where(push, level, rest, low), _where(push, level, rest, high)
+    return _theta_at(push, level, rest, low), _theta_at(push, level, rest, high)
 
 
 def _three_digits_up(energy: float) -> float:
-    """No less than `energy`, and one of few values, so that what follows is known already."""
-    if energy <= _STILL:
-        return 0.0 if energy <= 0 else _STILL
+    """`energy` rounded up to three digits, so that results are found in the caches."""
+    if energy <= _REST_ENERGY:
+        return 0.0 if energy <= 0 else _REST_ENERGY
     unit = 10.0 ** (math.floor(math.log10(energy)) - 2)
     return math.ceil(energy / unit) * unit
 
@@ -122,7 +122,7 @@ def _bottom(push: float) -> float:
 
 @lru_cache(maxsize=65536)
 def _crest(push: float) -> float:
-    """The lower of the two crests: on the side to which the push goes."""
+    """The lower of the two maxima, on the side to which the acceleration pushes."""
     return _potential(abs(push), math.pi - math.asin(abs(push)))
 
 
@@ -130,8 +130,8 @@ def _potential(push: float, theta: float) -> float:
     return 1 - math.cos(theta) - push * theta
 
 
-def _where(push: float, level: float, inside: float, outside: float) -> float:
-    """The θ between the bottom and a crest at which the potential is `level`."""
+def _theta_at(push: float, level: float, inside: float, outside: float) -> float:
+    """θ between the minimum (`inside`) and a maximum (`outside`) where the potential is `level`."""
     for _ in range(_BISECTIONS):
         middle = (inside + outside) / 2
         if _potential(push, middle) < level:
@@ -142,7 +142,7 @@ def _where(push: float, level: float, inside: float, outside: float) -> float:
 
 
 def greatest_step_m_s2(pull_out_m_s2: float, margin: float) -> float:
-    """The acceleration whose sudden start leaves `margin` of the force, undamped, from rest.
+    """Largest step of acceleration (m/s²) from rest that leaves `margin` of the force, undamped.
 
     From the energy: (a/A) θ = 1 - cos θ at the turning point θ = asin(1 - margin).
     """

@@ -1,4 +1,4 @@
-"""The rules in words: for one asked about, and as the page of the docs."""
+"""Explanations of the rules, one by one and as the page docs/lint.md."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from mopro.lint.rule import Rule, Stage
 from mopro.lint.rules import RULES
 
 _STAGES = {
-    Stage.LANGUAGE: "The language: a program that breaks one of these errors does not compile",
+    Stage.LANGUAGE: "The language: a program with one of these errors does not compile",
     Stage.TEXT: "The text",
     Stage.MOTION: "The motion",
     Stage.PHYSICS: "The machine and its payload",
@@ -14,19 +14,19 @@ _STAGES = {
 _HEAD = """\
 # Rules of `mopro lint`
 
-This page is what `mopro lint --explain all` prints; the tests run its examples. To keep a
-finding quiet where it is known and meant, write `; mopro: allow RULE` on its line or on a
-line of its own above.
+This page is what `mopro lint --explain all` prints; the tests run its examples. To
+suppress a finding that is known and intended, write `; mopro: allow RULE` on its line or on
+a line of its own above.
 """
 
 
 def explain(rule: Rule) -> str:
     """One rule as Markdown."""
     traits = [str(rule.severity)]
-    if rule.promise:
+    if rule.fix_check:
         traits.append("fixed by `--fix`")
     if not rule.default:
-        traits.append("asked only by name")
+        traits.append("only if selected by name")
     return (
         f"### {rule.name}\n\n{rule.what} ({', '.join(traits)})\n\n{rule.why}\n\n"
         f"Found in\n\n```\n{rule.bad}```\n\nand not in\n\n```\n{rule.good}```\n"

@@ -1,4 +1,4 @@
-"""Fixes, each kept only if the program that it leaves is what its rule promises."""
+"""Applies fixes, each only if the changed program passes the rule's check."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from mopro.lint.rules import RULES
 from mopro.lint.settings import Settings
 from mopro.source import Source
 
-# A fix may uncover the next finding; more often than this it would be going in circles.
+# A fix may uncover the next finding; more passes than this would mean an endless cycle.
 _MOST_PASSES = 10
 
 
 def fixed(source: Source, settings: Settings) -> Source:
-    """`source` with every fix that keeps its promise."""
+    """`source` with every fix that passes its check."""
     for _ in range(_MOST_PASSES):
         better = source
         for name in dict.fromkeys(f.rule for f in _fixable(source, settings)):
@@ -29,7 +29,7 @@ def fixed(source: Source, settings: Settings) -> Source:
 
 
 def applied(source: Source, findings: Sequence[Finding]) -> Source:
-    """`source` with the fixes of `findings` put in, unchecked."""
+    """`source` with the fixes of `findings` applied, unchecked."""
     lines = source.lines_with_ends
     end = source.line_end
     for finding in sorted(findings, key=lambda f: f.span, reverse=True):
@@ -41,25 +41,25 @@ def applied(source: Source, findings: Sequence[Finding]) -> Source:
 
 
 def _fixable(source: Source, settings: Settings) -> list[Finding]:
-    return [f for f in lint(source, settings) if f.fix is not None and RULES[f.rule].promise]
+    return [f for f in lint(source, settings) if f.fix is not None and RULES[f.rule].fix_check]
 
 
 def _fix_rule(source: Source, rule: Rule, settings: Settings) -> Source:
-    """All fixes of one rule at once if that keeps its promise, else those one by one that do."""
+    """All fixes of one rule together if they pass its check, else each that passes alone."""
     findings = [f for f in _fixable(source, settings) if f.rule == rule.name]
     together = applied(source, findings)
-    if _keeps_promise(rule, source, together, settings):
+    if _passes_check(rule, source, together, settings):
         return together
     for finding in reversed(findings):
         alone = applied(source, [finding])
-        if _keeps_promise(rule, source, alone, settings):
+        if _passes_check(rule, source, alone, settings):
             source = alone
     return source
 
 
-def _keeps_promise(rule: Rule, before: Source, after: Source, settings: Settings) -> bool:
-    assert rule.promise is not None, "only rules with a promise are fixed"
+def _passes_check(rule: Rule, before: Source, after: Source, settings: Settings) -> bool:
+    assert rule.fix_check is not None, "only rules with a check are fixed"
     try:
-        return rule.promise(subject_of(before, settings), subject_of(after, settings))
+        return rule.fix_check(subject_of(before, settings), subject_of(after, settings))
     except (SourceError, MotionError):
         return False

@@ -1,4 +1,4 @@
-"""Findings in the forms that people and programs read."""
+"""Formats findings as text, JSON, SARIF or GitHub annotations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Report(NamedTuple):
 
 
 def as_text(reports: Iterable[Report]) -> str:
-    """As compilers write: place, message, rule, line, caret, hint."""
+    """Text in the style of compilers: place, message, rule, line, caret, hint."""
     blocks = [
         render_all([f.diagnostic for f in report.findings], report.source)
         for report in reports

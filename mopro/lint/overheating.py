@@ -1,4 +1,4 @@
-"""When a program makes the motor hotter than it is rated for."""
+"""Finds the time at which a program heats the motor above its rated temperature."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _COIL_PAIRS = 4
 
 
 class Overheating(NamedTuple):
-    """After `after_s` the motor passes its rating; left to it, it comes to `final_C`."""
+    """The motor passes its rating after `after_s`, and would reach `final_C` (°C)."""
 
     after_s: float
     final_C: float
@@ -22,7 +22,7 @@ class Overheating(NamedTuple):
 
 
 def can_overheat(machine: Machine, duration_s: float) -> bool:
-    """Whether the heat of `duration_s` would be enough if none of it were lost."""
+    """True if the heat of `duration_s` (s) would suffice without any loss."""
     heat, drive = machine.heat, machine.drive
     squares = _COIL_PAIRS * drive.phase_current_A**2 + len(AXES) * heat.moving_current_A**2
     energy_J = squares * drive.coil_resistance_ohm * duration_s
@@ -56,7 +56,7 @@ def overheating(machine: Machine, survey: Survey, loops: bool) -> Overheating | 
 def _in_the_long_run(
     machine: Machine, laps_s: list[float], laps_C: list[float], moves: tuple[PlannedMove, ...]
 ) -> Overheating | None:
-    """From three laps: equal rounds make a geometric approach to a final temperature."""
+    """Extrapolate the temperatures of three laps, which approach the final one geometrically."""
     first, second, third = laps_C
     if second == first or third == second:
         return None

@@ -1,4 +1,4 @@
-"""What a rule is: one definition from which finding, explanation and docs page come."""
+"""Definition of a rule: the source of its findings, explanation and docs page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mopro.source import Span
 
 
 class Stage(StrEnum):
-    """How much of a program must be right before a rule can be asked."""
+    """Stage of a check; a rule runs only if the earlier stages accept the program."""
 
     LANGUAGE = "language"
     TEXT = "text"
@@ -23,7 +23,7 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding; `fix` is the text that should stand in the place of its span."""
+    """One finding; `fix` is the replacement text of its span."""
 
     rule: str
     message: str
@@ -43,19 +43,18 @@ class Finding:
 
 
 Check = Callable[["Rule", Subject], Iterable[Finding]]
-Promise = Callable[[Subject, Subject], bool]
+FixCheck = Callable[[Subject, Subject], bool]
 
 
 @dataclass(frozen=True)
 class Rule:
-    """One thing to be told about a program.
+    """A kind of finding about a program.
 
-    `bad` and `good` are whole programs that do and do not give rise to the rule. `check`
-    finds it; a rule without one is reported by the compiler or the schedule, and `fix`
-    makes its replacement text from the program and the finding. `example` are the settings
-    under which the examples hold. `promise` tells whether
-    a fixed program is what the fix says: it is asked each time before one is kept. A
-    rule that is not `default` is asked only by name.
+    `bad` and `good` are whole programs with and without the finding. `check` yields the
+    findings; those of a rule without one come from the compiler or the schedule. `fix` makes
+    the replacement text from the program and the finding. `example` are the settings of the
+    examples. `fix_check` compares the program before and after a fix, which is applied only if
+    it returns True. A rule that is not `default` runs only if selected by name.
     """
 
     name: str
@@ -67,7 +66,7 @@ class Rule:
     good: str
     check: Check | None = None
     fix: Callable[[Subject | None, Diagnostic], str | None] | None = None
-    promise: Promise | None = None
+    fix_check: FixCheck | None = None
     default: bool = True
     example: Settings = field(default_factory=Settings)
 

@@ -1,22 +1,22 @@
-"""What a person may choose about linting."""
+"""Settings of the linter."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+# Share of the pull-out force below which a margin is reported.
 LOW_MARGIN = 0.20
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Which machine the program is for, and which rules are asked.
+    """The machine and payload of the program, and the rules to run.
 
-    `select` are the rules to ask, or None for those that are on by default; `ignore` are
-    left out of either. `start_m` is where an axis stands at the beginning, from the
-    middle of its travel, if that is known; `travel_m` the length of an axis' travel where
-    something, such as the range of an instrument, makes it shorter than the platen does.
-    A field's `key` is its name in a file, where that is another.
+    `select` are the rules to run, or None for the default ones; those in `ignore` are left
+    out. `start_m` is the start of an axis from the middle of its travel, if known; `travel_m`
+    the length of its travel where an instrument's range, for example, is shorter than the
+    platen. A field's `key` is its name in a file, if different.
     """
 
     machine: str = "chow1992"

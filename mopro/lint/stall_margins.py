@@ -1,7 +1,7 @@
-"""The margin of each move against a stall: bounded where a bound decides, else emulated.
+"""Margin of each move against a stall: an energy bound where that decides, else emulated.
 
-The moves of an axis fall into bursts, each of which begins when the swing of the one
-before has died down; what happens in a burst does not depend on where it is or when.
+The moves of an axis are divided into bursts, each of which begins after the oscillation of
+the one before has decayed. The motion in a burst is independent of its place and time.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from mopro.motion import PlannedMove, Stroke
 from mopro.program import AXES, ir
 from mopro.source import Source, Span
 
-# A burst without end is looked at in parts of this many moves.
+# Moves in a burst; a longer one is divided.
 _MOST_MOVES = 32
 _LONGEST_REST_S = 1.0
 _EMULATION_RATE_HZ = 50.0
 _PROBES = 8
-# As much motion, all different, is emulated in a few seconds; a run shows the rest.
+# Distinct motion that can be emulated in a few seconds; the rest is not checked.
 MOST_EMULATED_S = 300.0
 
 
@@ -38,14 +38,14 @@ class MoveOnAxis(NamedTuple):
 
 
 class LadenMachine(NamedTuple):
-    """A machine with its payload: all that the motion of one axis depends on."""
+    """A machine with its payload, on which the motion of one axis depends."""
 
     machine: Machine
     payload_kg: float
 
     @property
     def is_nominal(self) -> bool:
-        """Whether the bound knows all that moves the axis."""
+        """True if the energy bound covers all forces of the machine."""
         machine = self.machine
         return machine.drive.model == "ideal" and not machine.effects and machine.forcers is None
 
@@ -58,7 +58,7 @@ class LadenMachine(NamedTuple):
 
 
 class StallMargin(NamedTuple):
-    """The share of the pull-out force that one move leaves on one axis, and whether it slips.
+    """Unused share of the pull-out force in one move of one axis, and whether the axis slips.
 
     Where `emulated` is false the margin is a lower bound.
     """
@@ -77,7 +77,7 @@ class StallMargin(NamedTuple):
 
 
 class Burst(NamedTuple):
-    """Moves of one axis with no rest between them that is long enough to stop its swing."""
+    """Moves of one axis whose rests are too short for its oscillation to decay."""
 
     axis: int
     moves: tuple[PlannedMove, ...]
@@ -86,7 +86,7 @@ class Burst(NamedTuple):
 
 
 def bursts(laden: LadenMachine, moves: Sequence[PlannedMove], axis: int) -> Iterator[Burst]:
-    """The bursts of `axis`, each move with its bound of the margin.
+    """The bursts of `axis`, with a lower bound on the margin of each move.
 
     A motion at a velocity (continuous, from the extended grammar) has no profile of its
     own and is left out.
@@ -116,7 +116,7 @@ def _burst(axis: int, held: list[tuple[PlannedMove, MoveOnAxis, float]]) -> Burs
 
 
 def _move_on_axis(move: PlannedMove, stroke: Stroke, rest_s: float) -> MoveOnAxis:
-    """A minor axis runs the major's profile, scaled."""
+    """The motion of one stroke; a minor axis follows the major's profile, scaled."""
     scale = abs(stroke.length_u) / move.profile.distance
     return MoveOnAxis(
         stroke.length_u,
@@ -140,7 +140,7 @@ def _margin(bound: EnergyBound) -> float:
 
 
 class StallMargins(NamedTuple):
-    """Margins of all moves looked at; `unchecked` are those for which it took too long."""
+    """Margins of the moves; those in `unchecked` would have taken too long to emulate."""
 
     laden: LadenMachine
     each: tuple[StallMargin, ...]
@@ -187,7 +187,7 @@ def _emulated(laden: LadenMachine, burst: Burst) -> list[StallMargin]:
 def emulated(
     laden: LadenMachine, motions: tuple[MoveOnAxis, ...]
 ) -> tuple[tuple[float, bool], ...]:
-    """For each motion, from rest, the margin and whether the axis slips, as the emulator has it."""
+    """Margin and slip of each motion of a burst that starts at rest, emulated."""
     from mopro.effects import catalogue
     from mopro.effects.resolve import active_effects
     from mopro.plant import plan_with_effects, simulate
@@ -195,7 +195,7 @@ def emulated(
     machine = laden.machine
     active = active_effects(machine, catalogue())
     schedule = plan_with_effects(_program(motions), machine, active)
-    # Without trips: where a burst is does not matter, so it shall meet no limit switch.
+    # Without trips: the place of a burst is arbitrary, so limit switches do not apply.
     simulation = simulate(schedule, machine, active, payload_kg=laden.payload_kg)
     simulation.follow(_EMULATION_RATE_HZ)
     simulation.settle()
@@ -204,7 +204,7 @@ def emulated(
 
 
 def _program(motions: tuple[MoveOnAxis, ...]) -> ir.Program:
-    """The motions as a program of axis 1 in microsteps."""
+    """The motions as a program for axis 1 in microsteps."""
     span, axis = Span(1, 1, 1), (1,)
     ops: list[ir.Op] = [ir.SetUnits(span, axis, 1, 1)]
     for motion in motions:
@@ -222,10 +222,10 @@ def _program(motions: tuple[MoveOnAxis, ...]) -> ir.Program:
 def largest_acceleration(
     laden: LadenMachine, stalled: StallMargin, acceleration: float, margin: float
 ) -> tuple[float, float] | None:
-    """The largest acceleration, to three digits, that works in the place of `acceleration`.
+    """Largest acceleration below `acceleration` that leaves at least `margin`, and its margin.
 
-    In the unit of `acceleration`, with the margin that it leaves, at least `margin`; each
-    one tried is emulated. None if a hundredth does not work either.
+    In the unit of `acceleration`, to three digits; each trial is emulated. None if even a
+    hundredth of `acceleration` leaves less.
     """
     shared = greatest_step_m_s2(laden.pendulum.pull_out_m_s2, margin)
     works = shared / (stalled.motion.acceleration_u_s2 * laden.machine.microstep_m) * acceleration
@@ -233,16 +233,16 @@ def largest_acceleration(
     best: tuple[float, float] | None = None
     for _ in range(_PROBES):
         tried = _three_digits(works if best is None else (best[0] + fails) / 2)
-        left = _margin_with(laden, stalled, tried / acceleration)
-        if left >= margin:
-            best = max(best or (0.0, 0.0), (tried, left))
+        remaining = _margin_with(laden, stalled, tried / acceleration)
+        if remaining >= margin:
+            best = max(best or (0.0, 0.0), (tried, remaining))
         else:
             fails, works = tried, tried * 0.6
     return best
 
 
 def _margin_with(laden: LadenMachine, stalled: StallMargin, factor: float) -> float:
-    """The least margin where the acceleration of the move, and of all that share it, is another."""
+    """Least margin with `factor` times the acceleration of the move and of all that share it."""
     shared = stalled.motion.acceleration_u_s2
     motions = tuple(
         motion._replace(acceleration_u_s2=shared * factor)

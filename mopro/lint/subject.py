@@ -1,4 +1,4 @@
-"""What the rules look at: a program, and what follows from it, each worked out once."""
+"""Subject of the rules: a program and its derived properties, each computed once."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from mopro.motion import PlannedMove, Survey
 
 
-# A program of more statements is surveyed for one round less: the least that shows a drift.
-_LONG = 20_000
+# Statements above which a loop is surveyed for two rounds, the fewest that show a drift.
+_TWO_ROUNDS_FROM = 20_000
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A program that compiles, and the settings under which it is looked at."""
+    """A program that compiles, and the settings of the linter."""
 
     tree: ast.Tree
     program: ir.Program
@@ -33,12 +33,12 @@ class Subject:
     def survey(self) -> Survey:
         from mopro.motion import survey
 
-        rounds = 2 if len(self.program.ops) > _LONG else 3
+        rounds = 2 if len(self.program.ops) > _TWO_ROUNDS_FROM else 3
         return survey(self.program, rounds, self._switches_u)
 
     @property
     def _switches_u(self) -> dict[int, tuple[float, float]]:
-        """The limit switches that a seek runs to, in microsteps; only seeks need them."""
+        """Limit switches (low, high) of each axis in microsteps; empty without a seek."""
         if not self.program.seeks_switch:
             return {}
         return self.machine.travel_u()
@@ -51,7 +51,7 @@ class Subject:
 
     @cached_property
     def stall_margins(self) -> StallMargins:
-        """The margin of each move against a stall."""
+        """Margin of each move against a stall."""
         from mopro.lint.stall_margins import LadenMachine, stall_margins_of
 
         laden = LadenMachine(self.machine, self.settings.payload_kg)
@@ -59,13 +59,13 @@ class Subject:
 
     @property
     def distinct_moves(self) -> tuple[PlannedMove, ...]:
-        """All moves; of a loop those until its second round is over, for the others are alike."""
+        """All moves; those of a loop only up to its second round, as later rounds repeat them."""
         moves, laps = self.survey.schedule.moves, self.survey.laps
         return moves[: laps[1].moves] if len(laps) > 1 else moves
 
     @cached_property
     def reached(self) -> frozenset[int]:
-        """Which operations a run meets, by index."""
+        """Indices of the operations that a run can reach."""
         met = {id(op) for op in self.program.reachable()}
         return frozenset(i for i, op in enumerate(self.program.ops) if id(op) in met)
 

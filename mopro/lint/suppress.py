@@ -1,4 +1,4 @@
-"""Findings that a comment in the program allows."""
+"""Suppression of findings by comments in the program."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NAME = re.compile(r"[A-Za-z0-9_\-]+")
 
 
 class Allow(NamedTuple):
-    """Findings of `rule` are allowed in `line`; `span` is where that is written."""
+    """Suppression of `rule` in `line`, stated at `span`."""
 
     rule: str
     line: int
@@ -23,7 +23,7 @@ class Allow(NamedTuple):
 
 
 def allows(tree: ast.Tree) -> Iterator[Allow]:
-    """What the comments allow: on their own line, or on the next one with a statement."""
+    """Suppressions by comments, for their own line or the next one with a statement."""
     lines = [statement.span.line for statement in tree.statements]
     for comment in tree.comments:
         match = _ALLOW.match(comment.text)
@@ -37,7 +37,7 @@ def allows(tree: ast.Tree) -> Iterator[Allow]:
 
 
 def why_unused(allow: Allow, known: Collection[str]) -> tuple[str, str | None]:
-    """What to say of an allowance that allows nothing."""
+    """Message and hint for a suppression without a finding."""
     if allow.rule in known:
         return f"{allow.rule} is allowed here, but there is none", "remove the comment"
     from difflib import get_close_matches

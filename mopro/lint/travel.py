@@ -1,4 +1,4 @@
-"""How far each axis can go, and how far a program goes."""
+"""Travel of each axis, and the extent of a program's moves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Travel(NamedTuple):
-    """Where one axis may be and where it starts, in microsteps from its start."""
+    """Ends of the travel of one axis, in microsteps from its start."""
 
     low_u: float
     high_u: float
@@ -22,7 +22,7 @@ class Travel(NamedTuple):
 
 
 def travel_of(subject: Subject, axis: int) -> Travel:
-    """The machine's travel of `axis`, or the configured one, seen from the configured start."""
+    """The machine's travel of `axis`, or the configured one, relative to the configured start."""
     settings, microstep_m = subject.settings, subject.machine.microstep_m
     low_u, high_u = subject.machine.travel_u()[axis]
     if axis in settings.travel_m:
@@ -33,7 +33,7 @@ def travel_of(subject: Subject, axis: int) -> Travel:
 
 
 def extent_u(moves: tuple[PlannedMove, ...], axis: int) -> tuple[int, int]:
-    """The lowest and the highest place that `moves` take `axis` to, in microsteps."""
+    """Lowest and highest position of `axis` in `moves`, in microsteps."""
     ends = [
         end
         for move in moves

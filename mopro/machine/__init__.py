@@ -1,4 +1,4 @@
-"""The machine that runs a program: its numbers, and what every back end must offer."""
+"""Machine files, the numbers of a machine, and the protocol of a back end."""
 
 from mopro.machine.backend import DEFAULT_LOOP_S, Backend
 from mopro.machine.file import builtin_machines, load_machine

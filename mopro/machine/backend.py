@@ -1,4 +1,4 @@
-"""What runs a program: the emulator, or a controller at the end of a line."""
+"""Protocol of a back end: the emulator, or a controller on a serial line."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ DEFAULT_LOOP_S = 60.0
 
 
 class Backend(Protocol):
-    """Runs programs on one machine; only the command line knows which back end it chose."""
+    """Runs programs on one machine; only the command line knows which kind it is."""
 
     def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
-        """Run `program`, at most `for_s` seconds of it, and write what happens to `sink`."""
+        """Run `program` for at most `for_s` seconds, and write the recording to `sink`."""
         ...

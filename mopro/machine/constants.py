@@ -9,7 +9,7 @@ from mopro.machine.model import Machine
 
 @dataclass(frozen=True)
 class PlantConstants:
-    """What the machine gives and effects of the dynamics may change.
+    """Constants from the machine, which effects of the dynamics may change.
 
     `damping_N_s_m` is c_s, `critical_N_s_m` the one that damps the bare motor at ζ = 1.
     """

@@ -1,4 +1,4 @@
-"""Machine files: TOML in which each value states its unit and where it comes from."""
+"""Machine files: TOML in which each value states its unit and its origin."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _in_si(value: Value, number: float, dimension: str) -> float:
 
 
 def _check_origin(value: Value, tolerated: bool) -> None:
-    """Note what is wrong with the keys beside a value and its unit."""
+    """Report faults of the keys other than value and unit."""
     value.only(_VALUE_KEYS | ({_TOLERANCE} if tolerated else set()))
     if value.data.get("origin") not in ORIGINS:
         message = f"expected an origin of {value.key}: one of {', '.join(ORIGINS)}"
@@ -127,7 +127,7 @@ def _check_origin(value: Value, tolerated: bool) -> None:
 
 
 def _provenance(root: Value) -> dict[str, Provenance]:
-    """Where each value comes from that states it, by `section.key`."""
+    """Provenance of each value that states one, by `section.key`."""
     sections = [root[key] for key in (*_SECTIONS, *_OPTIONAL) if key in root]
     effects = root[_EFFECTS].values() if _EFFECTS in root else ()
     return {

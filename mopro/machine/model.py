@@ -35,15 +35,15 @@ def _quantity(
 
 
 def _choice(key: str, *choices: str) -> Any:
-    """A field that a machine file states as one of some words; the first is the default."""
+    """A field that a machine file states as one of `choices`; the first is the default."""
     return field(default=choices[0], metadata={"key": key, "choices": choices})
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a value comes from: thesis, derived, assumed or measured, and the place.
+    """Origin of a value (thesis, derived, assumed or measured) and its place.
 
-    `tolerance` is by what share of it the machine's own may be another.
+    `tolerance` is the relative deviation that the true value may have.
     """
 
     origin: str
@@ -71,7 +71,7 @@ class Axis:
 
     @property
     def stiffness_N_m(self) -> float:
-        """K = k F0, of a small swing about a tooth."""
+        """K = k F0, for a small displacement from a tooth."""
         return self.wave_number_1_m * self.pull_out_force_N
 
     @property
@@ -124,14 +124,14 @@ class Forcers:
 
 @dataclass(frozen=True)
 class Limits:
-    """How far beyond its switch the forcer gets before it meets a hard stop."""
+    """Distance from the limit switch to the hard stop."""
 
     overtravel_m: float = _quantity("overtravel", "length", above=False, default=0.0127)
 
 
 @dataclass(frozen=True)
 class Heat:
-    """What chapter 3.1 needs to know the forcer's temperature."""
+    """Quantities of the heat balance of chapter 3.1."""
 
     forcer_side_m: float = _quantity("forcer_side", "length")
     specific_heat_J_kg_K: float = _quantity("specific_heat", "specific heat")
@@ -184,17 +184,17 @@ class Machine:
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:
         """This machine with these effects as well, numbers in the effects' own units.
 
-        An effect that the machine has already is replaced. What is wrong with an effect
-        is then no fault of the machine's file, so that is no longer named as its source.
+        An effect that the machine has already is replaced. The result has no source file, as
+        faults of the added effects are not faults of that file.
         """
         if not effects:
             return self
-        kept = tuple(e for e in self.effects if e.name not in effects)
+        others = tuple(e for e in self.effects if e.name not in effects)
         added = tuple(
             StatedEffect(name, {key: StatedValue(float(v)) for key, v in values.items()})
             for name, values in effects.items()
         )
-        return replace(self, effects=kept + added, source=None)
+        return replace(self, effects=others + added, source=None)
 
     @property
     def microstep_m(self) -> float:
@@ -204,7 +204,7 @@ class Machine:
     def travel_u(self) -> dict[int, tuple[float, float]]:
         """Each axis' limit switches in microsteps from the platen's middle (assumed).
 
-        They stand where the forcer meets the platen's edges; axis 1 goes along the length.
+        They are where the forcer reaches the platen's edges; axis 1 is along the length.
         """
         sizes = (self.platen.length_m, self.platen.width_m)
         reach = [(size - self.heat.forcer_side_m) / 2 / self.microstep_m for size in sizes]

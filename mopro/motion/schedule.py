@@ -19,7 +19,7 @@ from mopro.source import Span
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """What one axis covers in one move, between whole microsteps."""
+    """Motion of one axis in one move, between whole microsteps."""
 
     axis: int
     start_u: int
@@ -66,7 +66,7 @@ class PlannedMove:
 
 
 class Stopping(Enum):
-    """How a command is stopped before its time.
+    """Kind of stop before the end of a command.
 
     BRAKE: each axis at the acceleration set for its motion, to rest on a whole microstep;
     HOLD: at once, on the nearest whole microstep; CUT: at once, wherever the command is.
@@ -94,7 +94,7 @@ class Schedule:
     activity: Sequence[tuple[float, int]]
 
     def final_u(self, axis: int) -> int:
-        """Where the command leaves `axis`, in microsteps from the start."""
+        """Final commanded position of `axis`, in microsteps from the start."""
         return round(self.tracks[axis].state(self.duration_s).position)
 
     def stopped(self, at_s: float, stopping: Stopping) -> Schedule:
@@ -125,7 +125,7 @@ class Schedule:
         return track
 
     def _braking(self, axis: int, at_s: float, state: State) -> list[Segment]:
-        """How `axis` comes to rest from `state`; empty if no move tells its acceleration."""
+        """Segments that brake `axis` from `state`; empty if no move states its acceleration."""
         moves = (m for m in reversed(self.moves) if axis in m.axes and m.start_s <= at_s)
         move = next(moves, None)
         return brake(at_s, state, move.acceleration_u_s2(axis)) if move else []

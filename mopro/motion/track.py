@@ -39,10 +39,9 @@ class Track:
         return State(segment.state(segment.end_s).position, 0.0, 0.0)
 
     def leaves_s(self, low: float, high: float, until_s: float = math.inf) -> float:
-        """When the command first goes on past `low` or `high`; inf if not by `until_s`.
+        """First time (s) at which the command passes `low` or `high`; inf if not by `until_s`.
 
-        Each segment goes one way only; the one that passes is halved until the time is
-        known to a microsecond.
+        Each segment is monotonic; the one that passes is bisected to a microsecond.
         """
         for segment in self.segments:
             start_s, end_s = segment.start_s, min(segment.end_s, until_s)

@@ -1,4 +1,4 @@
-"""One machine in motion: the equation of motion, heat, platen, trips and what a sensor sees.
+"""The plant: equation of motion, heat, platen, trips and measurement.
 
 `simulate` is the one way in: a schedule and a machine give a `Simulation`, which is taken
 through time. Other rooms use the names below and none of the modules behind them.
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     )
     from mopro.plant.trips import Trip, limit_trip, switches_u
 
-# Each name comes with what it needs when it is first used: a heat balance loads no kernel.
+# Names are imported at their first use, so that a heat balance does not load the kernel.
 _HOMES = {
     "COMPILE_FROM_STEPS": "simulation",
     "MAX_STEP_S": "simulation",

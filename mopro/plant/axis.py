@@ -1,4 +1,4 @@
-"""One emulated axis: its motion chunk by chunk, and how each of its moves goes."""
+"""One emulated axis: its motion in chunks, and the outcome of each of its moves."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Samples:
 
 
 class EmulatedAxis:
-    """Goes through time once; `advance` gives the motion at the samples asked for.
+    """Advances once through time; `advance` returns the motion at given samples.
 
     `corners_s` are times that no step may straddle besides those of the command, `jumps`
     times at which the axis falls behind by a number of pitches.
@@ -74,7 +74,7 @@ class EmulatedAxis:
         return _joined(parts) if len(parts) > 1 else parts[0]
 
     def positions_m(self, samples_s: Floats, end_s: float) -> Floats:
-        """As `advance`, the positions alone, and nothing is kept of how the moves went."""
+        """As `advance`, but positions only, and without recording the outcomes of moves."""
         parts = []
         for part, stop_s in self._between_jumps(samples_s, end_s):
             knots = self._knots(part, stop_s)
@@ -97,7 +97,7 @@ class EmulatedAxis:
         return [*due, (end_s, 0.0)]
 
     def _knots(self, samples_s: Floats, end_s: float) -> Floats:
-        """The times that no step straddles, up to `end_s`."""
+        """The times up to `end_s` at which an integration step must end."""
         corners = self._command.corners_s(self._now_s, end_s)
         own = self._corners_s[(self._corners_s > self._now_s) & (self._corners_s < end_s)]
         ends = np.array([self._now_s, max(end_s, self._now_s)])
@@ -132,7 +132,7 @@ class EmulatedAxis:
         return Samples(command, position, velocity, current * a, current * b, force, *volts)
 
     def take_over(self, other: EmulatedAxis) -> None:
-        """Go on from where `other` is, which was under the same command up to now."""
+        """Take over the state of `other`, which has followed the same command so far."""
         self._now_s = other._now_s
         self._engine.take_over(other._engine)
         self._jumps = [jump for jump in self._jumps if jump[0] >= self._now_s]
@@ -140,15 +140,15 @@ class EmulatedAxis:
 
     @property
     def position_m(self) -> float:
-        """Where the axis is at the time reached."""
+        """Position (m) at the time reached."""
         return self._engine.x
 
     def slip(self, pitches: float) -> None:
-        """Fall behind by whole pitches at once, as after a blow."""
+        """Displace the axis back by whole pitches at once."""
         self._engine.x -= pitches * self._plant.pitch_m
 
     def settle(self) -> None:
-        """Under a command at rest, wait until the tooth that holds the axis is certain."""
+        """Advance under a command at rest until the axis cannot leave its tooth any more."""
         deadline_s = self._now_s + _MOST_SETTLING_S
         resting = self._command.at_rest(self._now_s)
         while resting and not self._captured() and self._now_s < deadline_s:
@@ -158,7 +158,7 @@ class EmulatedAxis:
         self.outcomes.finish(self._lag_m())
 
     def command_m(self, time_s: Floats) -> Floats:
-        """What the drive is told: whole microsteps where they are resolved."""
+        """Position of the drive's command: whole microsteps where they are resolved."""
         command = self._command.position_u(time_s)
         if self._resolved:
             command = np.floor(command + 0.5)
@@ -172,7 +172,7 @@ class EmulatedAxis:
         return float(self._lags(np.array([self._now_s]), np.array([self._engine.x]))[0])
 
     def _captured(self) -> bool:
-        """Whether the energy left is too small to pass over to another tooth."""
+        """True if the energy is too small to reach another tooth."""
         plant = self._plant
         depth = plant.pull_out_m_s2 / plant.wave_number_1_m
         energy = self._engine.v**2 / 2 + depth * (
@@ -208,7 +208,7 @@ class _MoveOutcomes:
         self._teeth = np.zeros(len(moves) + 1, dtype=np.int64)
 
     def take_over(self, other: _MoveOutcomes) -> None:
-        """Keep what became of the moves begun so far; they are the first ones of both."""
+        """Take over the outcomes of the moves begun so far, which are the first ones of both."""
         shared = min(len(self._starts_s), len(other._starts_s))
         self._low_m[:shared] = other._low_m[:shared]
         self._high_m[:shared] = other._high_m[:shared]

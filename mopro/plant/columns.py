@@ -1,4 +1,4 @@
-"""Columns of a recording, made of what the axes did."""
+"""Columns of a recording from the motion of the axes."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class CommandTable:
         self.coefficients: Floats = np.ascontiguousarray(rows[:, 2:].T)
 
     def ticked(self, interval_s: float, interpolate: bool, until_s: float) -> CommandTable:
-        """This command as a controller gives it that updates it every `interval_s`.
+        """The command of a controller that updates it every `interval_s`.
 
         See effects.command; `until_s` ends a motion without end.
         """
@@ -67,7 +67,7 @@ class CommandTable:
         return self.starts_s[first : np.searchsorted(self.starts_s, end_s, side="left")]
 
     def at_rest(self, time_s: float) -> bool:
-        """Whether the command stands still from `time_s` on."""
+        """True if the command is at rest from `time_s` on."""
         row = int(self.rows_at(np.array([time_s]))[0])
         return row == len(self.starts_s) - 1 and not self.coefficients[2:, row].any()
 

@@ -1,4 +1,4 @@
-"""By what the drive's current and the motor's force constant are scaled over a run."""
+"""Factors on the drive's current and the motor's force constant over a run."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ class DriveScaling:
         return bool((self.gain == 1).all() and (self.constant == 1).all())
 
     def switched_off(self, time_s: float) -> DriveScaling:
-        """These factors up to `time_s`, and no current from then on."""
+        """These factors up to `time_s`, and no current after it."""
         before = self.times_s < time_s
         times = np.append(self.times_s[before], time_s)
         return DriveScaling(times, np.append(self.gain[before], 0.0), np.ones(len(times)))
 
 
 def hold_scaling(schedule: Schedule, axis: int, active: Sequence[Active]) -> DriveScaling:
-    """The share of current over time of an axis whose drive saves it at rest."""
+    """Factor on the current over time of an axis whose drive reduces it at rest."""
     holds = [h for a in active if (h := a.effect.hold(*a.values))]
     if not holds:
         return DriveScaling.full()

@@ -1,4 +1,4 @@
-"""One axis taken through time by the kernel composed for its effects."""
+"""Integrates one axis with the kernel composed for its effects."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from mopro.plant.kernel.integrate import Plant, strengths_at
 from mopro.plant.kernel.motion import State, start_of
 from mopro.plant.kernel.terms import TermSet
 
-# An axis this close to its tooth, and as slow, is taken to rest where it is. What it would
-# still have rung stays within a nanometre of that.
+# An axis this close to its tooth, and as slow, is at rest. Its remaining oscillation would
+# stay within a nanometre.
 REST_M = 4e-10
 _MOST_RELAXATIONS = 400
 
@@ -41,7 +41,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Stepping:
-    """How far one integration step may go: in time (s), and in the axis' or command's way (m).
+    """Limits of an integration step: time (s), and travel of the axis or the command (m).
 
     Between ripples of the force the motion is smooth, so at low speed steps may be long.
     """
@@ -51,7 +51,7 @@ class Stepping:
 
 
 class Engine:
-    """Takes one axis through time; `x` and `v` are its state now (m, m/s).
+    """Integrates the motion of one axis; `x` and `v` are its present state (m, m/s).
 
     The axis starts where it has come to rest under its forces. A nominal one, without
     effects and at full current, tells nothing of its currents.
@@ -119,7 +119,7 @@ class Engine:
         return Trace(position, velocity, low[:-1], high[:-1], None if self._nominal else electrical)
 
     def _at_rest(self, terms: TermSet) -> State:
-        """The state of an axis that has stood at command 0 for long.
+        """The state of an axis that has rested at command 0.
 
         Relaxation: the position by what the tooth's stiffness answers to the force left over,
         currents by their own time constants.
@@ -146,7 +146,7 @@ class Engine:
 
 
 def is_nominal(terms: TermSet, scaling: DriveScaling) -> bool:
-    """Whether there is nothing but the nominal equation of motion."""
+    """True for the nominal equation of motion without effects."""
     return not terms.effects and scaling.always_full
 
 

@@ -12,7 +12,7 @@ from mopro.plant.command_table import Floats
 
 
 def first_order(interval_s: float, x: Floats, lag_s: float) -> Floats:
-    """What follows evenly sampled `x` with the time constant `lag_s`, from rest at its start.
+    """Response to evenly sampled `x` with the time constant `lag_s` (s), from rest at its start.
 
     y' = (x - y)/lag, exact for what is linear or a parabola over the samples.
     """

@@ -1,4 +1,4 @@
-"""What a sensor shows of a run: the recording is the truth, this is the measurement.
+"""Readings of a sensor for a run: the recording is the true motion, this is the measurement.
 
 Effects of the measurement act here, in the order of the chain: where the target really
 is (geometry), what the transducer makes of it (reading), how slowly it follows
@@ -15,7 +15,7 @@ import numpy as np
 
 from mopro.effects import Active, on_axis
 from mopro.effects.base import Scene
-from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
+from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.plant.command_table import Floats
 from mopro.plant.first_order import first_order
@@ -51,11 +51,11 @@ def measured_at(
 ) -> Floats:
     """The reading for each stamp (s), in the column's unit; no noise, no converter's step.
 
-    `columns` are those of a recording, evenly sampled from 0 on; for a temperature
-    `time_s` and `temperature_C` will do.
+    `columns` are those of a recording, evenly sampled from 0 on; for a sensor that does not
+    see the forcer's place `time_s` and the column of its quantity will do.
     """
     chain = tuple(active)
-    if sensor.quantity == POSITION:
+    if sensor.quantity.of_axis:
         chain = on_axis(chain, sensor.axis)
     dense = columns["time_s"]
     seen = _target(columns, sensor, machine, chain)
@@ -66,17 +66,16 @@ def measured_at(
     for a in chain:
         taken = a.effect.sampled_at(taken, *a.values)
     reading = interpolated(dense, seen, taken)
-    if sensor.quantity == POSITION:
+    if sensor.quantity.sees_place:
         for a in chain:
             reading = a.effect.electronics(reading, taken, *a.values)
     return reading / sensor.unit_si
 
 
 def _target(columns: Columns, sensor: Sensor, machine: Machine, chain: Sequence[Active]) -> Floats:
-    if sensor.quantity == TEMPERATURE:
-        temperature: Floats = columns["temperature_C"]
-        return temperature
-    x: Floats = columns[f"position_{sensor.axis}_m"]
+    x: Floats = columns[sensor.recorded_column]
+    if not sensor.quantity.sees_place:
+        return x
     others = [n for n in AXES if n != sensor.axis and f"position_{n}_m" in columns]
     scene = Scene(
         time_s=columns["time_s"],
@@ -104,7 +103,7 @@ def interpolated(time_s: Floats, values: Floats, at_s: Floats) -> Floats:
 
 
 def _converted(reading: Floats, sensor: Sensor, generator: np.random.Generator | None) -> Floats:
-    """With noise, in whole steps of the converter."""
+    """`values` with noise, rounded to whole steps of the converter."""
     if sensor.noise_rms and generator is not None:
         reading = reading + generator.normal(0.0, sensor.noise_rms, len(reading))
     if sensor.adc_step:

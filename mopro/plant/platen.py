@@ -1,4 +1,4 @@
-"""The platen under the forcer: how far its heat stretches it, and the forcer's yaw on it."""
+"""Thermal expansion of the platen under the forcer, and the yaw of the forcer."""
 
 from __future__ import annotations
 

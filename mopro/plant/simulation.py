@@ -1,4 +1,4 @@
-"""The one way into the plant: a schedule and a machine give a run that is taken through time.
+"""Entry to the plant: simulates a schedule on a machine.
 
     schedule → trips → scaling of the drive → temperature → equation of motion → columns
 
@@ -33,8 +33,8 @@ from mopro.recording.record import Columns
 # RK4 at this step is within 0.03 nm of the exact response to LVDT3.
 MAX_STEP_S = 50e-6
 STEPPING = Stepping(MAX_STEP_S)
-# From this many integration steps on, importing a compiler pays; with effects the kernel is
-# slower as plain Python, and takes longer to compile.
+# Integration steps above which compiling takes less time than it saves; with effects the
+# kernel is slower in plain Python, and takes longer to compile.
 COMPILE_FROM_STEPS = 400_000
 COMPILE_WITH_EFFECTS_FROM_STEPS = 250_000
 _RINGING_S = 0.7
@@ -77,7 +77,7 @@ def simulate(
 
 @dataclass(frozen=True)
 class PlantSettings:
-    """What is the same under every schedule; see `simulate`."""
+    """Arguments of `simulate` that are the same for every schedule."""
 
     machine: Machine
     payload_kg: float
@@ -88,7 +88,7 @@ class PlantSettings:
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """All that is known of a run before its equation of motion is integrated."""
+    """Inputs of a run, known before its equation of motion is integrated."""
 
     schedule: Schedule
     active: tuple[Active, ...]
@@ -135,7 +135,7 @@ class Simulation:
         return columns_of(times, samples, temperature_C, self.schedule, self._settings.machine)
 
     def follow(self, rate_hz: float, end_s: float | None = None) -> None:
-        """Go to `end_s` (the schedule's end unless given), looked at `rate_hz` times a second.
+        """Advance to `end_s` (default: the schedule's end), sampled at `rate_hz`.
 
         For those who ask how the moves went and for no column.
         """
@@ -145,7 +145,7 @@ class Simulation:
             axis.advance(times, max(end_s, float(times[-1])))
 
     def positions_m(self, axis: int, times: Floats, end_s: float) -> Floats:
-        """As `advance`, the positions of one axis alone; tells nothing of how its moves went."""
+        """As `advance`, but the positions of one axis only, without outcomes of its moves."""
         return self._axes[axis].positions_m(times, end_s)
 
     def temperature_C(self, times: Floats) -> Floats:
@@ -164,16 +164,16 @@ class Simulation:
             self._axes[axis].take_over(old)
 
     def slip(self, axis: int, pitches: int) -> None:
-        """Throw `axis` back by whole pitches, as a blow does."""
+        """Displace `axis` back by whole pitches at once."""
         self._axes[axis].slip(pitches)
 
     def settle(self) -> None:
-        """At the end of the command, let what rings come to rest; all outcomes are final."""
+        """Let all axes come to rest at the end of the command; all outcomes are final then."""
         for axis in self._axes.values():
             axis.settle()
 
     def outcome(self, move: PlannedMove) -> MoveOutcome:
-        """How `move` went; final once its axes have begun another, or after `settle`."""
+        """Outcome of `move`; final once its axes have begun another, or after `settle`."""
         return MoveOutcome.worst([self._axes[n].outcomes.of(move) for n in move.axes])
 
 
@@ -192,7 +192,7 @@ def prepare_run(
 def _prepare_tripped_run(
     schedule: Schedule, machine: Machine, active: tuple[Active, ...]
 ) -> PreparedRun:
-    """The run of `schedule` as far as limit switches and overheating let it go."""
+    """The run of `schedule`, ended by limit switches or overheating."""
     switches = switches_u(schedule, machine.travel_u())
     trip = limit_trip(schedule, switches)
     if trip:
@@ -215,7 +215,7 @@ def _too_hot(machine: Machine, schedule: Schedule, heat: Heat) -> Trip | None:
 
 
 def _switched_off(run: PreparedRun, trip: Trip, machine: Machine) -> PreparedRun:
-    """The run given up where the drive goes dead; the command stays where it was."""
+    """The run ended where the drive switches off; the command stays where it was."""
     shown_s = min(run.schedule.duration_s, trip.time_s + _SHOWN_AFTER_S)
     stopped = run.schedule.stopped(trip.time_s, Stopping.CUT)
     schedule = replace(stopped, duration_s=shown_s)
@@ -225,7 +225,7 @@ def _switched_off(run: PreparedRun, trip: Trip, machine: Machine) -> PreparedRun
 
 
 def _with_edges(run: PreparedRun, machine: Machine, switches: Ranges) -> PreparedRun:
-    """The run with the platen's edges, if it gets near them."""
+    """The run with the platen's edges, if it reaches them."""
     if run.trip is None or run.trip.kind != "limit-switch":
         return run
     return replace(run, active=(*run.active, *platen_edges(machine, switches)))
@@ -304,7 +304,7 @@ def _engine(
 
 
 def compiling_pays(schedule: Schedule, max_step_s: float, with_effects: bool = False) -> bool:
-    """Whether importing a compiler, and running it for a set of effects, saves time."""
+    """True if compiling the kernel for a set of effects takes less time than it saves."""
     active_s = sum(
         (move.profile.duration_s + _RINGING_S) * len(move.strokes) for move in schedule.moves
     )

@@ -1,4 +1,4 @@
-"""The forcer's temperature with effects of the heat stage, or with currents that change.
+"""The forcer's temperature with effects of the heat domain, or with currents that change.
 
     m c_p dT/dt = P - hA (T - T_air) + what the effects add
 
@@ -28,7 +28,7 @@ from mopro.plant.heat import HeatBalance, HeatIntervals, heat_intervals
 from mopro.plant.hermite import hermite
 
 _LONGEST_STEP_S = 10.0
-# So many changes are met one by one.
+# Changes up to this many are each the end of a step.
 _FEW_CHANGES = 100
 _PAIRS_PER_AXIS = 2
 
@@ -37,7 +37,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class _Conditions:
-    """What holds between two changes: a balance, with so much put into the coils."""
+    """Conditions between two changes: the heat balance and the power of the coils."""
 
     balance: HeatBalance
     coil_W: float
@@ -69,7 +69,7 @@ class SteppedHeat:
         self._integrate(steps, step, kind, kinds)
 
     def temperature_C(self, time_s: Floats) -> Floats:
-        """Temperature at these times; they may not lie beyond the end."""
+        """Temperature (°C) at `times`, none beyond the end."""
         i = np.clip(np.searchsorted(self._time, time_s, side="right") - 1, 0, len(self._time) - 2)
         h = self._time[i + 1] - self._time[i]
         u = np.clip((time_s - self._time[i]) / h, 0.0, 1.0)
@@ -84,7 +84,7 @@ class SteppedHeat:
         balances: Sequence[HeatBalance],
         scalings: Mapping[int, DriveScaling],
     ) -> tuple[Indices, list[_Conditions]]:
-        """Which of the distinct conditions holds at each time, and these."""
+        """Index of the condition that holds at each time, and the distinct conditions."""
         distinct = {balance: i for i, balance in enumerate(dict.fromkeys(balances))}
         number = np.array([distinct[balance] for balance in balances])
         interval = np.searchsorted(starts_s, time_s, side="right") - 1
@@ -176,13 +176,13 @@ def _led_through(time_s: Floats, rises: Floats, steps: Floats, coarse: Floats) -
 def _changes(
     starts_s: Sequence[float], scalings: Mapping[int, DriveScaling], until_s: float
 ) -> Floats:
-    """All times before the end at which what holds changes."""
+    """Times before the end at which the conditions change."""
     changes = np.unique(np.concatenate([starts_s, *(s.times_s for s in scalings.values())]))
     return changes[changes < until_s - 1e-9]
 
 
 def _steps(changes: Floats, until_s: float) -> Floats:
-    """Where to step: at the changes if they are few, and often enough between them."""
+    """Times of the steps: the changes, if they are few, and enough between them."""
     few = len(changes) <= max(_FEW_CHANGES, until_s / _LONGEST_STEP_S)
     marks = np.append(changes if few else changes[:1], until_s)
     parts = [

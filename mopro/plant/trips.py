@@ -1,4 +1,4 @@
-"""What stops a machine: its limit switches, the platen's edges and its own heat.
+"""Events that stop a machine: limit switches, the platen's edges and overheating.
 
 A switch that a motion runs into makes the controller brake all axes at their set rate
 and give the program up; heat beyond the rating makes the drive switch its current off.
@@ -31,7 +31,7 @@ Ranges = dict[int, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Trip:
-    """What stopped the machine: `limit-switch` of `axis`, or `over-temperature`."""
+    """Event that stopped the machine: `limit-switch` of `axis`, or `over-temperature`."""
 
     kind: str
     time_s: float
@@ -43,7 +43,7 @@ class Trip:
 
 
 def switches_u(schedule: Schedule, travel_u: Mapping[int, tuple[float, float]]) -> Ranges:
-    """Where each axis meets its switches, in microsteps from the program's start."""
+    """Limit switches (low, high) of each axis, in microsteps from the program's start."""
     seeking = schedule.program.seeks_switch
     found: Ranges = {}
     for axis, (low, high) in travel_u.items():
@@ -86,7 +86,7 @@ def _line_at(schedule: Schedule, time_s: float) -> int:
 def heat_trip(
     schedule: Schedule, temperature_C: Floats, times_s: Floats, rated_C: float
 ) -> Trip | None:
-    """The first of `times_s` at which the forcer is hotter than it is rated for."""
+    """The first of `times_s` at which the forcer is above its rated temperature."""
     hot = np.flatnonzero(temperature_C > rated_C)
     if not len(hot):
         return None

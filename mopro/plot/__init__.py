@@ -1,4 +1,4 @@
-"""Pages and figures that people look at."""
+"""HTML pages and figures."""
 
 from mopro.plot.figure import figure_bytes
 from mopro.plot.report import report_page

@@ -1,4 +1,4 @@
-"""One self-contained HTML page for a diagnosis: the evidence for and against."""
+"""Self-contained HTML page for a diagnosis: verdict, evidence, gap and candidates."""
 
 from __future__ import annotations
 
@@ -26,52 +26,52 @@ from mopro.experiment.conclude.wording import (
 from mopro.plot.page import heading, listing, page, paragraph, picture, table
 from mopro.plot.residuals import plot_residuals, source_lines
 
-# A page with more figures than these is no help; those of the worst gaps are kept.
+# Figures on a page, those of the largest gaps.
 _MOST_FIGURES = 16
 _DPI = 90
-_FOUND = (
+_EFFECTS = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes factor", "held out",
 )  # fmt: skip
 _GAPS = ("run", "sensor", "before", "after", "held out", "machine file rerun", "noise")
 _PLACES = ("run", "where", "sensor", "samples", "mean", "RMS", "σ of the sensor")
-_TRIED = ("candidate", "standing", "σ in all", "why")
-_UNDECIDED = "None of the catalogue's effects is believed."
+_TRIED = ("candidate", "status", "σ in all", "reason")
+_UNDECIDED = "No effect of the catalogue is supported by the data."
 
 
-def diagnosis_page(found: Conclusion) -> str:
-    """The page: the verdict and its evidence, the gap, every candidate, and what comes next."""
-    verdict = found.verdict
+def diagnosis_page(conclusion: Conclusion) -> str:
+    """The page: verdict, evidence, gap, all candidates and the next experiment."""
+    verdict = conclusion.verdict
     return page(
         sentence(verdict),
         [
-            paragraph(f"{_name(found)} on the machine {found.experiment.machine.name}."),
-            *_effects(found),
-            *_gap(found),
-            *_where(found),
-            *_figures(found),
-            heading("What is left"),
-            paragraph(_left(verdict)),
-            heading("Every candidate"),
+            paragraph(f"{_name(conclusion)} on the machine {conclusion.experiment.machine.name}."),
+            *_effects(conclusion),
+            *_gap(conclusion),
+            *_where(conclusion),
+            *_figures(conclusion),
+            heading("Remaining residual"),
+            paragraph(_remainder(verdict)),
+            heading("All candidates"),
             table("All effects that were tried", _TRIED, _candidates(verdict)),
-            *_next(found),
-            *_making(found),
+            *_next(conclusion),
+            *_provenance(conclusion),
         ],
     )
 
 
-def _name(found: Conclusion) -> str:
-    return Path(found.experiment.source.name).name
+def _name(conclusion: Conclusion) -> str:
+    return Path(conclusion.experiment.source.name).name
 
 
-def _effects(found: Conclusion) -> Iterator[str]:
-    yield heading("What was found")
-    if not found.verdict.fitted:
+def _effects(conclusion: Conclusion) -> Iterator[str]:
+    yield heading("Effects found")
+    if not conclusion.verdict.fitted:
         yield paragraph(_UNDECIDED)
         return
-    yield table("The effects that are believed", _FOUND, _effect_rows(found.verdict))
-    yield from map(paragraph, calibration_words(found.verdict))
-    yield from map(paragraph, undecided_words(found.verdict))
-    yield from map(paragraph, reservations(found.verdict, found.runs))
+    yield table("Effects supported by the data", _EFFECTS, _effect_rows(conclusion.verdict))
+    yield from map(paragraph, calibration_words(conclusion.verdict))
+    yield from map(paragraph, undecided_words(conclusion.verdict))
+    yield from map(paragraph, reservations(conclusion.verdict, conclusion.runs))
 
 
 def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:
@@ -88,25 +88,25 @@ def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:
             ]
 
 
-def _gap(found: Conclusion) -> Iterator[str]:
+def _gap(conclusion: Conclusion) -> Iterator[str]:
     yield heading("The gap")
     rows = []
-    for run, rerun in zip(found.verdict.gap.runs, found.rerun_rms, strict=True):
+    for run, rerun in zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, strict=True):
         figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
         sizes = ["unknown" if f is None else f"{f:.3g} {run.unit}" for f in figures]
         if run.held_out_rms is None:
             sizes[2] = "nothing to hold out"
         rows.append([run.run, run.sensor, *sizes])
-    yield table("RMS of measured less simulated", _GAPS, rows)
+    yield table("RMS of the residual (measured − simulated)", _GAPS, rows)
 
 
-def _where(found: Conclusion) -> Iterator[str]:
+def _where(conclusion: Conclusion) -> Iterator[str]:
     yield heading("Where simulation and data disagreed")
-    if not found.where:
-        yield paragraph("In no single place by more than noise explains.")
+    if not conclusion.where:
+        yield paragraph("No single place differs by more than the noise explains.")
         return
     yield table(
-        "The worst places first, before anything was added",
+        "The largest first, before any effect was added",
         _PLACES,
         (
             [
@@ -118,23 +118,27 @@ def _where(found: Conclusion) -> Iterator[str]:
                 f"{place.rms:.3g} {place.unit}",
                 "unknown" if place.sigma is None else f"{place.sigma:.3g}",
             ]
-            for place in found.where
+            for place in conclusion.where
         ),
     )
 
 
-def _figures(found: Conclusion) -> Iterator[str]:
+def _figures(conclusion: Conclusion) -> Iterator[str]:
     yield heading("Run by run")
-    worst = sorted(range(len(found.series)), key=lambda i: -_excess(found, i))[:_MOST_FIGURES]
-    if len(worst) < len(found.series):
-        yield paragraph(f"The {len(worst)} of {len(found.series)} series with the largest gaps.")
-    for index in sorted(worst):
-        series, run = found.series[index], found.verdict.gap.runs[index]
-        signatures = {s.name: s.changes[index] for s in found.verdict.signatures}
-        figure = plot_residuals(
-            series, found.verdict.before[index], signatures, found.verdict.after[index]
+    worst = sorted(range(len(conclusion.series)), key=lambda i: -_excess(conclusion, i))[
+        :_MOST_FIGURES
+    ]
+    if len(worst) < len(conclusion.series):
+        yield paragraph(
+            f"The {len(worst)} of {len(conclusion.series)} series with the largest gaps."
         )
-        named = f", with what {' and '.join(signatures)} would add over it" if signatures else ""
+    for index in sorted(worst):
+        series, run = conclusion.series[index], conclusion.verdict.gap.runs[index]
+        signatures = {s.name: s.changes[index] for s in conclusion.verdict.signatures}
+        figure = plot_residuals(
+            series, conclusion.verdict.before[index], signatures, conclusion.verdict.after[index]
+        )
+        named = f", with the signature of {' and '.join(signatures)} over it" if signatures else ""
         lines = source_lines(series)
         marked = f"; source lines {', '.join(map(str, lines))}" if lines else ""
         yield heading(f"{series.run}, {series.sensor}", 3)
@@ -146,67 +150,67 @@ def _figures(found: Conclusion) -> Iterator[str]:
         )
 
 
-def _excess(found: Conclusion, index: int) -> float:
-    run = found.verdict.gap.runs[index]
+def _excess(conclusion: Conclusion, index: int) -> float:
+    run = conclusion.verdict.gap.runs[index]
     return run.before_rms / (run.noise_rms or 1.0)
 
 
-def _left(verdict: Verdict) -> str:
+def _remainder(verdict: Verdict) -> str:
     remainder = verdict.remainder
     if remainder.significant:
         return f"More than noise ({remainder.scatter:.3g} σ RMS): {remainder.description}."
     if verdict.gap.noise_rms is None:
-        return "The noise is unknown, so nothing can be said of what is left."
-    return f"Noise: {remainder.scatter:.3g} σ RMS, and no shape in it."
+        return "The noise is unknown, so the remaining residual cannot be judged."
+    return f"White noise: {remainder.scatter:.3g} σ RMS."
 
 
 def _candidates(verdict: Verdict) -> Iterator[list[str]]:
-    """Those believed, what cannot be told from them, the rejected, and those too faint."""
-    rival_of = {rival: e.name for e in verdict.fitted for rival in e.rivals}
+    """Rows of all candidates: supported, alternatives, rejected, below resolution."""
+    alternative_to = {name: e.name for e in verdict.fitted for name in e.rivals}
     for effect in verdict.fitted:
-        standing = "calibrated" if effect in verdict.calibration else "believed"
-        yield [effect.name, standing, f"{effect.sigmas:.3g}", "pays for its parameters"]
+        status = "calibrated" if effect in verdict.calibration else "supported"
+        yield [effect.name, status, f"{effect.sigmas:.3g}", "lowers the extended BIC"]
     for rejected in sorted(verdict.rejected, key=lambda r: -r.gain):
-        standing, reason = "rejected", rejected.reason
-        if rejected.name in rival_of:
-            standing = f"rival of {rival_of[rejected.name]}"
-            reason = f"does as well in its place, and not beside it: {reason}"
-        yield [rejected.name, standing, f"{math.sqrt(max(rejected.gain, 0.0)):.2g}", reason]
+        status, reason = "rejected", rejected.reason
+        if rejected.name in alternative_to:
+            status = f"alternative to {alternative_to[rejected.name]}"
+            reason = f"fits as well in its place, but not in addition: {reason}"
+        yield [rejected.name, status, f"{math.sqrt(max(rejected.gain, 0.0)):.2g}", reason]
     for faint in verdict.below_resolution:
         most, needed = f"{faint.expected_sigmas:.2g}", f"{faint.needed_sigmas:.2g}"
         yield [
             faint.name,
             "below resolution",
             f"at most {most}",
-            f"the largest to expect would come to {most} σ; {needed} σ are needed to be seen",
+            f"the largest plausible effect gives {most} σ; {needed} σ are needed to detect it",
         ]
 
 
-def _next(found: Conclusion) -> Iterator[str]:
-    proposal = found.next_experiment
-    if found.verdict.verdict != "ambiguous":
+def _next(conclusion: Conclusion) -> Iterator[str]:
+    proposal = conclusion.next_experiment
+    if conclusion.verdict.verdict != "ambiguous":
         return
     yield heading("The next experiment")
     if proposal is None:
         yield paragraph(NO_PROPOSAL)
         return
-    yield paragraph(f"This program would tell the rivals apart: {proposal.summary}.")
+    yield paragraph(f"This program would distinguish the alternatives: {proposal.summary}.")
     yield listing(proposal.text)
     rows = [[" / ".join(pair), f"{sigmas:.3g}"] for pair, sigmas in proposal.pairs.items()]
-    yield table("How far it separates them", ("rivals", "σ"), rows)
+    yield table("Separation of the alternatives", ("alternatives", "σ"), rows)
 
 
-def _making(found: Conclusion) -> Iterator[str]:
-    experiment = found.experiment
+def _provenance(conclusion: Conclusion) -> Iterator[str]:
+    experiment = conclusion.experiment
     versions = ", ".join(f"{name} {version(name)}" for name in ("mopro", "numpy", "scipy"))
-    yield heading("How it was made")
+    yield heading("Provenance")
     yield table(
         "Origin",
         (),
         [
-            ["experiment", _name(found)],
+            ["experiment", _name(conclusion)],
             ["machine", experiment.machine.name],
-            ["samples", str(sum(map(len, found.series)))],
+            ["samples", str(sum(map(len, conclusion.series)))],
             ["made by", f"{versions}, Python {platform.python_version()}"],
         ],
     )
@@ -214,5 +218,5 @@ def _making(found: Conclusion) -> Iterator[str]:
         yield paragraph(note)
     yield heading("The experiment's file", 3)
     yield listing(experiment.source.text)
-    yield heading("The machine file with what was found", 3)
-    yield listing(found.machine_text)
+    yield heading("The machine file with the effects found", 3)
+    yield listing(conclusion.machine_text)

@@ -1,4 +1,4 @@
-"""The bytes of a figure."""
+"""Renders a figure to bytes."""
 
 from __future__ import annotations
 

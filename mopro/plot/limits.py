@@ -18,13 +18,13 @@ def plot_limits(limits: list[Limit], title: str) -> Figure:
     figure = Figure(figsize=(8, 7), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     for profile in PROFILES:
-        found = [
+        points = [
             (each.velocity, each.acceleration, each.duration_s)
             for each in limits
             if each.profile == profile and each.acceleration is not None
         ]
-        if found:
-            velocity, acceleration, duration = zip(*found, strict=True)
+        if points:
+            velocity, acceleration, duration = zip(*points, strict=True)
             upper.plot(velocity, acceleration, marker="o", label=profile)
             lower.plot(velocity, duration, marker="o", label=profile)
     upper.set_ylabel("largest acceleration (in/s²)")

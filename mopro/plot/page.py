@@ -1,4 +1,4 @@
-"""The frame of the HTML pages: one file with everything in it, no scripts."""
+"""Building blocks of self-contained HTML pages without scripts."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def paragraph(text: str) -> str:
 
 
 def listing(text: str) -> str:
-    """Text that stands as it is: a program, a file."""
+    """Preformatted text, such as a program or a file."""
     return f"<pre>{html.escape(text)}</pre>"
 
 
@@ -62,7 +62,7 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -
 
 
 def picture(figure: Figure, alt: str, dpi: int = 110) -> str:
-    """A figure as a PNG within the page; `alt` says what there is to see."""
+    """A figure as a PNG within the page; `alt` describes it."""
     data = base64.b64encode(figure_bytes(figure, "png", dpi)).decode()
     source = f"data:image/png;base64,{data}"
     return f'<figure><img alt="{html.escape(alt)}" src="{source}"></figure>'

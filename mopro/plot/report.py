@@ -17,7 +17,7 @@ def report_page(recording: Recording, run: Run) -> str:
             paragraph(outcome(run)),
             table("Moves", MOVE_COLUMNS, map(move_cells, run.moves)),
             picture(recording.plot(), "Position, velocity, following error, force, temperature"),
-            heading("How it was made"),
+            heading("Provenance"),
             table("The recording", (), ([key, str(value)] for key, value in header.items())),
         ],
     )

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Twice as many points as this are drawn of a series; a picture has no more columns.
+# Each bucket is drawn as its least and greatest value; a picture has no more columns.
 _BUCKETS = 900
+# Half width of the noise band, in σ of the sensor.
 _BAND = 2.0
 _SUM = "all of them"
 _COLORS = ("tab:orange", "tab:green", "tab:red", "tab:purple")
@@ -27,7 +28,7 @@ _COLORS = ("tab:orange", "tab:green", "tab:red", "tab:purple")
 def plot_residuals(
     series: Series, before: Floats, signatures: Mapping[str, Floats], after: Floats
 ) -> Figure:
-    """What was left of `series` before and after, each signature over the former.
+    """Residuals of `series` before and after the fit, the signatures over the former.
 
     All in the unit of the series and of its length. Against time with the source lines
     marked, or row by row for a table; the band is twice the sensor's noise.
@@ -96,17 +97,17 @@ def _colors(signatures: Mapping[str, Floats]) -> list[str]:
 
 
 def envelope(time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """The least and the greatest of `values` in each of many stretches, as they follow.
+    """Times and values thinned to the least and greatest value in each of _BUCKETS intervals.
 
-    A picture of them looks like one of all the values.
+    Drawn, they look like all the values.
     """
     size = -(-len(values) // _BUCKETS)
     if size <= 2:
         return time_s, values
     starts = np.arange(0, len(values), size)
-    kept = {0, len(values) - 1}
+    chosen = {0, len(values) - 1}
     for start in starts.tolist():
         part = values[start : start + size]
-        kept |= {start + int(part.argmin()), start + int(part.argmax())}
-    at = np.array(sorted(kept))
+        chosen |= {start + int(part.argmin()), start + int(part.argmax())}
+    at = np.array(sorted(chosen))
     return time_s[at], values[at]

@@ -1,4 +1,4 @@
-"""What a run leaves behind: columns with units, a header, and a row for each move."""
+"""Recordings of runs: columns with units, a header, and a report of each move."""
 
 from mopro.recording.formats import FORMATS, open_sink, read
 from mopro.recording.moves import MoveOutcome, MoveReport

@@ -62,7 +62,7 @@ def _moving_axes(columns: Mapping[str, NDArray[Any]], axes: Sequence[int]) -> Se
 
 
 def mark_lines(panel: Axes, time_s: Sequence[float], lines: Sequence[int]) -> None:
-    """The running source line above the panel wherever it changes, if there is room."""
+    """Mark each change of the source line at the top of `panel`, unless there are too many."""
     starts = [0]
     for _, group in groupby(lines):
         starts.append(starts[-1] + sum(1 for _ in group))

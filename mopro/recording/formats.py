@@ -1,4 +1,4 @@
-"""Recordings on disk: Parquet, CSV and NPZ. Reading one back is exact."""
+"""Recording files: Parquet, CSV and NPZ, all without loss of digits."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[Sink]:
     import pyarrow.parquet as pq
 
     def arrow_array(values: NDArray[Any]) -> Any:
-        """The same memory; pa.array would import pandas to ask whether it is a Series."""
+        """Arrow array on the same memory; pa.array would import pandas for a type check."""
         buffer = pa.py_buffer(np.ascontiguousarray(values))
         return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, buffer])
 
@@ -87,7 +87,7 @@ def _read_parquet(path: Path) -> tuple[str, Columns]:
 
 
 class _CsvSink:
-    """Numbers with as many digits as it takes to read them back exactly."""
+    """Writes CSV with as many digits as exact reading needs."""
 
     def __init__(self, file: TextIO, header: Header) -> None:
         file.write(f"{_CSV_MARK}{_header_text(header)}\n")
@@ -132,7 +132,7 @@ def _dtype(name: str) -> type[np.generic]:
 
 @contextmanager
 def _npz_sink(path: Path, header: Header) -> Iterator[Sink]:
-    """Columns grow in nameless files of their own, as an array's length stands before its data."""
+    """Collect columns in temporary files, as an array's length precedes its data in NPZ."""
 
     class NpzSink:
         def __init__(self, files: ExitStack) -> None:
@@ -159,7 +159,7 @@ def _npz_sink(path: Path, header: Header) -> Iterator[Sink]:
 
 @contextmanager
 def _nameless(folder: Path) -> Iterator[IO[bytes]]:
-    """A file that goes with the process, however that ends."""
+    """A temporary file that disappears with the process, even if it is killed."""
     with tempfile.TemporaryFile(dir=folder) as file:
         yield file
 
@@ -180,7 +180,7 @@ def _header_text(header: Header) -> str:
     return json.dumps(header.as_json())
 
 
-# suffix -> how to write it, how to read it
+# suffix -> (opener of a sink, reader)
 FORMATS: dict[
     str,
     tuple[

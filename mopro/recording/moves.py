@@ -1,4 +1,4 @@
-"""How a move went: its outcome, the row of it in a run, and that row as a person reads it."""
+"""Outcome of a move, its report in a run, and that report as table cells."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ MOVE_COLUMNS = (
 
 @dataclass(frozen=True)
 class MoveOutcome:
-    """What was seen of one move on one axis or on all of its axes; None where nothing could be.
+    """Observed result of a move on one axis, or the worst of its axes; None if not observed.
 
     `max_lag_m` is the largest following error, counted from the tooth that held the axis at
-    the start; `stall_margin` is 1 - |F|/F0 at the worst moment, 0 from a quarter pitch of
-    lag on, where the force falls again; `lost_pitches` is positive where the axis stayed
-    behind. `complete` is false where the run ended first.
+    the start; `stall_margin` is 1 - |F|/F0 at its least, 0 for a lag of a quarter pitch or
+    more, where the force falls again; `lost_pitches` is positive if the axis fell behind.
+    `complete` is false if the run ended during the move.
     """
 
     max_lag_m: float | None = None
@@ -42,7 +42,7 @@ class MoveOutcome:
 
     @classmethod
     def worst(cls, axes: Sequence[MoveOutcome]) -> MoveOutcome:
-        """The worst of a move's axes, all of which were seen."""
+        """The worst outcome of a move's axes."""
         return cls(
             max_lag_m=max((a.max_lag_m for a in axes if a.max_lag_m is not None), default=None),
             stall_margin=min(
@@ -56,7 +56,7 @@ class MoveOutcome:
 
 @dataclass(frozen=True)
 class MoveReport:
-    """One move as it was commanded and as it went.
+    """One move: its command and its outcome.
 
     Lengths are in `unit` (the program's user unit), velocities in `unit`/s and the
     acceleration in `unit`/s². Distance, velocities and acceleration are those of the
@@ -82,7 +82,7 @@ class MoveReport:
 
     @classmethod
     def of(cls, move: PlannedMove, outcome: MoveOutcome, microstep_m: float) -> MoveReport:
-        """The row of `move`: what was commanded, and its `outcome`."""
+        """The report of `move` with its `outcome`."""
         metres_per_uu = move.microsteps_per_uu * Fraction(microstep_m).limit_denominator(10**9)
         lag_m = outcome.max_lag_m
         return cls(
@@ -120,7 +120,7 @@ def move_cells(move: MoveReport) -> list[str]:
 
 
 def stall_message(moves: Sequence[MoveReport]) -> str:
-    """By how many pitches one statement's moves, which all slipped, lost their place."""
+    """Message with the pitches lost in the `moves` of one statement, all of which slipped."""
     axes = "+".join(map(str, moves[0].axes))
     if not any(move.lost_pitches for move in moves):
         return f"axis {axes} stalled here: it slipped, and fell back into its own tooth"

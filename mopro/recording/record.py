@@ -34,11 +34,11 @@ def column_names(axes: Sequence[int]) -> list[str]:
 
 @dataclass(frozen=True)
 class Header:
-    """How a recording came to be; enough to make it again.
+    """Origin of a recording, sufficient to make it again.
 
-    `program_sha256` is the digest of the program file's bytes, `back_end` what ran it,
-    `effects` what was switched on: name, axes and parameters of each.
-    `clock` is whose time the samples have: the machine's, or that of the host that asked.
+    `program_sha256` is the digest of the program file's bytes, `back_end` the emulator or
+    controller, `effects` the effects switched on (name, axes and parameters of each).
+    `clock` is the clock of the sample times: the machine's, or that of the polling host.
     """
 
     program: str
@@ -57,14 +57,14 @@ class Header:
 
 
 class Sink(Protocol):
-    """Takes a recording piece by piece; each piece has all columns, of equal length."""
+    """Receives a recording in chunks; each chunk has all columns, of equal length."""
 
     def write(self, columns: Columns) -> None: ...
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Columns of equal length under a header; `run` is there unless it came from a file."""
+    """Columns of equal length with a header; `run` is None for a recording from a file."""
 
     header: Header
     columns: Columns
@@ -87,35 +87,35 @@ class Recording:
         return pd.DataFrame(self.columns)
 
     def plot(self) -> Figure:
-        """Position, velocity, following error and phase currents over time."""
+        """Figure of position, velocity, following error, force and temperature over time."""
         from mopro.recording.figure import draw
 
         return draw(self.columns, self.axes, f"{self.header.program} on {self.header.machine}")
 
 
 class MemorySink:
-    """Keeps samples in memory; past `most` of them, only every second, fourth, ... one."""
+    """Holds samples in memory; beyond `most` only every second, fourth, ... sample."""
 
     def __init__(self, most: int | None = None) -> None:
         self._most = most
         self._stride = 1
         self._seen = 0
-        self._pieces: list[Columns] = []
+        self._chunks: list[Columns] = []
 
     def write(self, columns: Columns) -> None:
         first = -self._seen % self._stride
         self._seen += len(columns["time_s"])
-        self._pieces.append(_thinned(columns, first, self._stride))
+        self._chunks.append(_thinned(columns, first, self._stride))
         while self._most is not None and self._seen / self._stride > self._most:
             self._stride *= 2
-            self._pieces = [_thinned(self._columns(), 0, 2)]
+            self._chunks = [_thinned(self._columns(), 0, 2)]
 
     def recording(self, header: Header, run: Run | None = None) -> Recording:
         return Recording(header, self._columns(), run)
 
     def _columns(self) -> Columns:
-        names = self._pieces[0].keys()
-        return {name: np.concatenate([piece[name] for piece in self._pieces]) for name in names}
+        names = self._chunks[0].keys()
+        return {name: np.concatenate([chunk[name] for chunk in self._chunks]) for name in names}
 
 
 def _thinned(columns: Columns, first: int, stride: int) -> Columns:

@@ -1,4 +1,4 @@
-"""What came of a run, in all and in words."""
+"""Result of a run, and its summary in words."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from mopro.source import Span
 
 @dataclass(frozen=True)
 class Run:
-    """What came of running `program` on `machine`.
+    """Result of running `program` on `machine`.
 
-    `trip` is what stopped the machine before its time (kind, time_s, line, axis);
-    `platen` how far the forcer's heat has stretched the platen, in the worst case.
-    `trouble` says why and how a run ended that did not go its way: a lost link, a stop.
+    `trip` is the event that stopped the machine early (kind, time_s, line, axis); `platen` the
+    worst-case thermal expansion of the platen. `trouble` is the message of a run that a lost
+    link or a stop ended.
     """
 
     program: str
@@ -32,7 +32,7 @@ class Run:
 
     @property
     def stalled(self) -> bool:
-        """Whether any move slipped a tooth, even if it found the same one again."""
+        """True if any move slipped, even if the axis returned to the same tooth."""
         return any(move.slipped for move in self.moves)
 
     def as_json(self) -> dict[str, Any]:
@@ -51,7 +51,7 @@ class Run:
 
 
 def outcome(run: Run) -> str:
-    """The run in one sentence."""
+    """Summary of the run in a few sentences."""
     moves = f"{len(run.moves)} move{'' if len(run.moves) == 1 else 's'}"
     text = f"{run.program} on {run.machine}: {moves} in {run.duration_s:.6f} s."
     if run.stalled:
@@ -65,7 +65,7 @@ def outcome(run: Run) -> str:
 
 
 def stalls(run: Run, program: Program) -> list[tuple[Span, str]]:
-    """Each statement at which the motor stalled, and by how many pitches each time."""
+    """Span and message for each statement at which the motor stalled."""
     spans = {op.span.line: op.span for op in program.ops}
     by_line: dict[int, list[MoveReport]] = {}
     for move in run.moves:

@@ -1,6 +1,6 @@
-"""What the source prints: Tables 3.1 to 3.3 and 4.5, and the formulas of 4.1 to 4.4.
+"""Tables 3.1 to 3.3 and 4.5 as printed in the source, and the formulas of 4.1 to 4.4.
 
-Formulas stand as printed, errors and all; the corrected ones are in motion/profile.py.
+Formulas are as printed, including their errors; the corrected ones are in motion/profile.py.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ THERMAL = (
 
 
 @dataclass(frozen=True)
-class Experiment:
+class MoveTest:
     """One row of Table 4.5: inches, seconds, pounds."""
 
     distance: float
@@ -49,20 +49,20 @@ class Experiment:
 
 
 EXPERIMENTS = (
-    Experiment(8, 15, 50, "trapezoid", 0),
-    Experiment(8, 15, 10, "triangle", 0),
-    Experiment(8, 15, 50, "parabola", 0),
-    Experiment(8, 15, 10, "parabola", 0),
-    Experiment(8, 15, 200, "smooth", 0),
-    Experiment(15, 40, 250, "trapezoid", 0),
-    Experiment(15, 40, 100, "triangle", 0),
-    Experiment(15, 40, 100, "parabola", 0),
-    Experiment(15, 40, 250, "parabola", 0),
-    Experiment(15, 40, 600, "smooth", 0),
-    Experiment(8, 15, 50, "trapezoid", 5),
-    Experiment(8, 15, 10, "triangle", 5),
-    Experiment(8, 15, 200, "smooth", 5),
-    Experiment(8, 15, 50, "parabola", 5),
+    MoveTest(8, 15, 50, "trapezoid", 0),
+    MoveTest(8, 15, 10, "triangle", 0),
+    MoveTest(8, 15, 50, "parabola", 0),
+    MoveTest(8, 15, 10, "parabola", 0),
+    MoveTest(8, 15, 200, "smooth", 0),
+    MoveTest(15, 40, 250, "trapezoid", 0),
+    MoveTest(15, 40, 100, "triangle", 0),
+    MoveTest(15, 40, 100, "parabola", 0),
+    MoveTest(15, 40, 250, "parabola", 0),
+    MoveTest(15, 40, 600, "smooth", 0),
+    MoveTest(8, 15, 50, "trapezoid", 5),
+    MoveTest(8, 15, 10, "triangle", 5),
+    MoveTest(8, 15, 200, "smooth", 5),
+    MoveTest(8, 15, 50, "parabola", 5),
 )
 
 Formula = Callable[[float, float, float, float], float]

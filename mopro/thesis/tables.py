@@ -1,4 +1,4 @@
-"""Each table computed: by the heat balance, the profiles and whole emulated runs."""
+"""Computes each table by the heat balance, the profiles and whole emulated runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mopro.motion import Profile, plan_profile
 from mopro.plant import elongation_m, heat_balance
 from mopro.program.compile import compile_file
 from mopro.recording import MemorySink, Run
-from mopro.thesis.printed import EXPERIMENTS, PROFILE_TABLES, THERMAL, Entry, Experiment
+from mopro.thesis.printed import EXPERIMENTS, PROFILE_TABLES, THERMAL, Entry, MoveTest
 from mopro.units import INCH_M, POUND_KG
 
 INCH = float(INCH_M)
@@ -63,8 +63,8 @@ def table_3_3() -> list[Row]:
     machine = load_machine("chow1992")
     rows = []
     for number, test in enumerate(THERMAL, start=1):
-        found = elongation_m(machine, test.actual_K, (test.x * INCH, test.y * INCH))
-        computed = (found["low"][0], found["high"][0], found["low"][1], found["high"][1])
+        elongations = elongation_m(machine, test.actual_K, (test.x * INCH, test.y * INCH))
+        computed = tuple(elongations[end][axis] for axis in (0, 1) for end in ("low", "high"))
         for name, printed, value in zip(
             ("x1", "x2", "y1", "y2"), test.elongations, computed, strict=True
         ):
@@ -126,7 +126,7 @@ def table_4_5() -> list[Row]:
     ]
 
 
-def _experiment_rows(number: int, experiment: Experiment) -> list[Row]:
+def _experiment_rows(number: int, experiment: MoveTest) -> list[Row]:
     run = _run(number, experiment.load_lb)
     move, row = run.moves[0], str(number)
     note = "stalled" if run.stalled else f"largest lag {move.max_lag:.4f} in"

@@ -48,7 +48,7 @@ class Document:
         self.root = Value(self, (), _parsed(source))
 
     def place(self, path: scan.Path) -> Span:
-        """Where `path` stands; else what it is in; else the beginning of the file."""
+        """Span of `path`, else of the table that contains it, else the beginning of the file."""
         while path:
             if span := self._places.get(path):
                 return span
@@ -105,7 +105,7 @@ class Value:
 
     @property
     def faults(self) -> int:
-        """How many findings the whole file has so far."""
+        """Number of findings in the whole file so far."""
         return len(self._document.found)
 
     def report(

@@ -228,7 +228,7 @@ def _unquoted(token: str) -> str:
 
 
 def _fits(integer: str) -> bool:
-    """Whether 64 bits hold an integer; True for what only looks like one."""
+    """True if 64 bits hold the integer, or if the text is not an integer."""
     if len(integer) > _LONGEST_INTEGER:
         return False
     try:

@@ -1,7 +1,6 @@
-"""What a key of a TOML file may hold: readers of single values, and of tables by dataclass.
+"""Readers of TOML values: of single values, and of tables into dataclasses.
 
-A reader takes a `Value` and returns what it stands for; one that is refused is noted at
-its place, and `Refused` is raised.
+A reader converts a `Value`; a fault is reported at its place, and `Refused` is raised.
 """
 
 from __future__ import annotations

@@ -13,11 +13,12 @@ from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.experiment.model import Experiment, Reading
 from mopro.experiment.model import Trial as Measured
 from mopro.experiment.predict.forward_model import ForwardModel
+from mopro.instruments.quantity import TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.source import Source
 
-SEEN = Sensor("thermocouple", "temperature", "temperature_C", 1.0, 1, 0.1)
+SEEN = Sensor("thermocouple", TEMPERATURE, "temperature_C", 1.0, 1, 0.1)
 
 
 @pytest.mark.parametrize("two_axes", [False, True], ids=["one axis", "two axes"])

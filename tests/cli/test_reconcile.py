@@ -20,6 +20,7 @@ import pytest
 from helpers.commands import LIMIT_S, run_here, wait_for
 from helpers.laboratory import Lab
 from helpers.paths import PROGRAMS, ROOT
+from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 
 TABLE_3_2 = PROGRAMS / "thermal" / "experiment.toml"
@@ -110,7 +111,7 @@ def laboratory(folder, effects, runs=("fast",), noise=2e-5, bump=0.0, machine="c
     `effects` may differ by run. A `bump` (in) is in no catalogue; it is at 1.0 in.
     """
     lab = Lab(folder)
-    sensor = Sensor("laser", "position", "position_1_in", 1000.0, 1, noise)
+    sensor = Sensor("laser", POSITION, "position_1_in", 1000.0, 1, noise)
     for run in runs:
         lab.program(f"{run}.CMD", TEXTS[run])
         own = effects.get(run, effects)

@@ -13,6 +13,7 @@ from mopro.effects.resolve import active_effects
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.model import LoggedCommand
 from mopro.experiment.predict.forward_model import ForwardModel
+from mopro.instruments.quantity import TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.machine.file import read_machine
@@ -22,7 +23,7 @@ from mopro.source import Source
 MACHINE = load_machine("chow1992")
 ALL = pytest.mark.parametrize("effect", catalogue().values(), ids=lambda effect: effect.name)
 OTHER_AXIS = dataclasses.replace(LASER, name="other", column="position_2_in", axis=2)
-THERMOCOUPLE = Sensor("tc", "temperature", "temperature_C", 2.0, noise_rms=0.1)
+THERMOCOUPLE = Sensor("tc", TEMPERATURE, "temperature_C", 2.0, noise_rms=0.1)
 
 
 def motor(*sensors, machine=MACHINE):

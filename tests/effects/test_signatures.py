@@ -12,6 +12,7 @@ import pytest
 import mopro
 from mopro.effects import catalogue
 from mopro.emulator import Emulator
+from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
@@ -273,7 +274,7 @@ def test_lost_steps_stay_and_are_reported():
 def seen(effects, sensor=None, body=FORTH_AND_BACK, **options):
     recording = run(body, effects=effects, **options)
     active = Emulator(MACHINE, effects=effects).active
-    sensor = sensor or Sensor("laser", "position", "position_1_m", 2000.0)
+    sensor = sensor or Sensor("laser", POSITION, "position_1_m", 2000.0)
     times, reading = measure(recording, sensor, MACHINE, active)
     return times, reading, recording
 
@@ -328,13 +329,13 @@ def test_backlash_shows_at_reversal():
 
 
 def test_cross_axis_coupling_shows_on_the_other_axis():
-    sensor = Sensor("laser", "position", "position_2_m", 2000.0, axis=2)
+    sensor = Sensor("laser", POSITION, "position_2_m", 2000.0, axis=2)
     _, reading, truth = seen({"cross_axis_coupling": {"gamma": 5e-4}}, sensor)
     assert reading == pytest.approx(5e-4 * truth["position_1_m"], abs=1e-12)
 
 
 def test_noise_and_the_converters_step_are_those_of_the_sensor(nominal):
-    sensor = Sensor("lvdt", "position", "position_1_in", 800.0, noise_rms=0.025, adc_step=0.004883)
+    sensor = Sensor("lvdt", POSITION, "position_1_in", 800.0, noise_rms=0.025, adc_step=0.004883)
     generator = np.random.default_rng(7)
     times, reading = measure(nominal, sensor, MACHINE, (), generator)
     true_in = np.interp(times, nominal["time_s"], nominal["position_1_m"]) / IN
@@ -431,7 +432,7 @@ def test_ambient_drift_is_followed(schedule, unheated, r):
 
 def test_thermocouple_lags_the_true_temperature():
     recording = run("WT600000\n", rate_hz=0.5)
-    sensor = Sensor("tc", "temperature", "temperature_C", 0.5)
+    sensor = Sensor("tc", TEMPERATURE, "temperature_C", 0.5)
     active = Emulator(MACHINE, effects={"thermocouple_lag": {"tau": 20.0}}).active
     _, reading = measure(recording, sensor, MACHINE, active)
     true = recording["temperature_C"]

@@ -5,6 +5,7 @@ import numpy as np
 import mopro
 from mopro.emulator import Emulator
 from mopro.experiment import load_experiment
+from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.plant import measure
@@ -67,7 +68,7 @@ class Lab:
 
     def record(self, program, data, effects=None, sensors=None, **options):
         """Write the CSV of a run, as a laser on axis 1 sees it unless told otherwise."""
-        sensors = sensors or [Sensor("laser", "position", "position_1_in", 2000.0, 1, 2e-5)]
+        sensors = sensors or [Sensor("laser", POSITION, "position_1_in", 2000.0, 1, 2e-5)]
         if not self.path(program).exists():
             self.program(program)
         time_s, values = self.measured(program, sensors, effects=effects, **options)

@@ -4,6 +4,7 @@ import numpy as np
 
 import mopro
 from mopro.experiment.model import Experiment, Reading, Trial
+from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.source import Source
@@ -13,7 +14,7 @@ from mopro.source import Source
 PROGRAM = mopro.compile(
     "UU012500/1\nACC1 0.2\nVEL1 39.37\nMRI1 12.0\nWX1\nWT400\nVEL1 0.4\nMRI1 -0.2\nWX1\nWT400\n"
 )
-LASER = Sensor("laser", "position", "position_1_in", 2000.0, 1, 2e-5)
+LASER = Sensor("laser", POSITION, "position_1_in", 2000.0, 1, 2e-5)
 
 
 def of(values, program=PROGRAM):

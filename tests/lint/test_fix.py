@@ -1,4 +1,4 @@
-"""Fixes keep their promises and every byte that is not theirs."""
+"""Fixes pass their checks and keep every byte that is not theirs."""
 
 import pytest
 
@@ -37,7 +37,7 @@ def test_each_fix(before, after):
     assert fix(after) == after
 
 
-def test_a_fix_that_would_break_its_promise_is_left_out():
+def test_a_fix_that_would_fail_its_check_is_left_out():
     """The places 1.25, 2.5 and 3.75 round to 1, 2 and 4: three single microsteps end at 3."""
     text = READY + "MRI1 0.0001\nWX1\n" * 3
     before, after = mopro.compile(text), mopro.compile(fix(text))
@@ -47,9 +47,9 @@ def test_a_fix_that_would_break_its_promise_is_left_out():
     assert strokes[0] == strokes[1]
 
 
-def test_every_rule_that_promises_has_a_fix_in_its_example():
+def test_every_rule_with_a_fix_check_has_a_fix_in_its_example():
     for rule in RULES.values():
-        if rule.promise:
+        if rule.fix_check:
             assert fix(rule.bad) != rule.bad
 
 

@@ -1,1 +1,1 @@
-"""The controller: its command before the drive sees it."""
+"""Effects on the controller's command, before the drive."""

@@ -1,4 +1,4 @@
-"""Whole pitches that are lost."""
+"""Loss of whole pitches."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from mopro.effects.base import RUN, Domain, Effect, Parameter, View
 from mopro.effects.search import Values, residual_m, step
 from mopro.motion import PlannedMove
 
-# A step this share of a pitch, or of itself, off whole pitches is none.
-_WHOLE = 0.25
+# Largest difference from a whole number of pitches, in pitches or as a share of the step.
+_WHOLE_TOLERANCE = 0.25
 
 
 class LostSteps(Effect):
@@ -41,22 +41,22 @@ class LostSteps(Effect):
         return [(move.start_s + p[2] * move.profile.duration_s, p[0])]
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        """A logged command has no program whose moves could be counted."""
+        """None for a logged command, which has no moves to count."""
         if any(run.program is None for run in view.runs):
             return
         numbers = (
             Fitted(name, "1", -1e9, 1e9, role=Role.SEARCHED) for name in ("n", "move", "at", RUN)
         )
-        yield self.form(*numbers, flexible=True, find_starts=lambda left: _steps(view, left))
+        yield self.form(*numbers, flexible=True, find_starts=lambda fit: _steps(view, fit))
 
 
-def _steps(view: View, left: ResidualView) -> Iterator[Values]:
-    """Steps of whole pitches that stay, in one run or in the same move of all."""
-    found: list[dict[str, float]] = []
+def _steps(view: View, fit: ResidualView) -> Iterator[Values]:
+    """Starting values for lasting steps of whole pitches, in one run or in the same move of all."""
+    steps: list[dict[str, float]] = []
     begun, over = 0.0, 1.0
     positions = view.positions()
     for row, (run, reading) in positions.items():
-        here = step(left.residuals[row], residual_m(view, left, row), reading.time_s)
+        here = step(fit.residuals[row], residual_m(view, fit, row), reading.time_s)
         moves = [m for m in view.schedule(run).moves if reading.sensor.axis in m.axes]
         if here is None or not moves:
             continue
@@ -65,29 +65,29 @@ def _steps(view: View, left: ResidualView) -> Iterator[Values]:
         if not pitches:
             continue
         index, share = _place(moves, (before_s + after_s) / 2)
-        found.append({"n": float(pitches), "move": index + 1.0, "at": share, RUN: float(run)})
+        steps.append({"n": float(pitches), "move": index + 1.0, "at": share, RUN: float(run)})
         begun = max(begun, _share(moves[index], before_s))
         over = min(over, _share(moves[index], after_s))
-    yield from found
-    alike = {(f["n"], f["move"]) for f in found}
-    if len(found) > 1 and len(found) == len(positions) and len(alike) == 1:
-        # Each run tells between which samples it was; what all say is the closest.
-        yield {**found[0], "at": (begun + over) / 2, RUN: -1.0}
+    yield from steps
+    alike = {(f["n"], f["move"]) for f in steps}
+    if len(steps) > 1 and len(steps) == len(positions) and len(alike) == 1:
+        # Each run bounds the time by two samples; their intersection is the narrowest.
+        yield {**steps[0], "at": (begun + over) / 2, RUN: -1.0}
 
 
 def _whole_pitches(pitches: float) -> int:
     """The whole number that `pitches` is close to, else 0."""
     whole = round(pitches)
-    return whole if abs(pitches - whole) <= _WHOLE * max(1, abs(whole)) else 0
+    return whole if abs(pitches - whole) <= _WHOLE_TOLERANCE * max(1, abs(whole)) else 0
 
 
 def _place(moves: Sequence[PlannedMove], time_s: float) -> tuple[int, float]:
-    """Which of the moves (from 0), and at which share of it."""
+    """Index of the move at `time_s`, and the share of its duration that has passed."""
     begun = [i for i, move in enumerate(moves) if move.start_s <= time_s]
     index = begun[-1] if begun else 0
     return index, _share(moves[index], time_s)
 
 
 def _share(move: PlannedMove, time_s: float) -> float:
-    """Of the move's time, what is over at `time_s`."""
+    """Share of the move's duration that has passed at `time_s`, 0 to 1."""
     return min(max((time_s - move.start_s) / move.profile.duration_s, 0.0), 1.0)

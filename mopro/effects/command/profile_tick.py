@@ -1,4 +1,4 @@
-"""A controller that updates its command now and then."""
+"""A controller that updates its command at intervals."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from mopro.diagnosis.model import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Parameter, View
 from mopro.effects.search import Values, delay_s
 
-# Delays this many standard deviations clear of zero may be a tick.
-_CLEARLY = 5.0
-# Where its grid shows by as many, only ticks that are close have its phase throughout.
-_GRID_SHOWS = 2.0
+# Least delay that may be a tick, in its standard errors.
+_DELAY_SIGMAS = 5.0
+# Size of the grid's sags in σ from which the tick is refined: only close values then keep
+# the phase of the grid over the whole run.
+_GRID_SIGMAS = 2.0
 _TICKS_TRIED = 21
 _SHORTEST_S, _LONGEST_S = 1e-4, 0.015
 _TICK = Fitted(
@@ -24,12 +25,13 @@ _TICK = Fitted(
 
 
 class ProfileTick(Effect):
-    """The controller works the profile out only every T seconds.
+    """The controller computes the profile only every T seconds.
 
-    With `interpolate` = 1 the drive goes evenly, during each tick, to where the profile
-    was at the tick's beginning: x_c'(nT + τ) = x_c((n-1)T) + (x_c(nT) - x_c((n-1)T)) τ/T,
-    which is late by T. With 0 it holds: x_c'(t) = x_c(T floor(t/T)), late by T/2 in the
-    mean and in steps of v T. Source: assumed.
+    With `interpolate` = 1 the drive moves at constant speed, during each tick, to the
+    position of the profile at the tick's beginning:
+    x_c'(nT + τ) = x_c((n-1)T) + (x_c(nT) - x_c((n-1)T)) τ/T, which is late by T. With 0 it
+    holds: x_c'(t) = x_c(T floor(t/T)), late by T/2 on average, in steps of v T.
+    Source: assumed.
     """
 
     name = "profile_tick"
@@ -47,7 +49,7 @@ class ProfileTick(Effect):
         return p[0], bool(p[1])
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        """Even motion is late by a tick, steps are by half a tick."""
+        """Interpolated motion is late by one tick, held motion by half a tick."""
         for form, interpolate, ticks in (("interpolated", 1.0, 1.0), ("held", 0.0, 2.0)):
             fixed = {"interpolate": interpolate}
             yield self.form(
@@ -55,28 +57,28 @@ class ProfileTick(Effect):
             )
 
     def _search(self, view: View, ticks: float, fixed: Values) -> FindStarts:
-        """Looks for the tick that the delay, so many of which are one, speaks of.
+        """Search for the tick as `ticks` times the delay of the data.
 
-        Where its grid shows, that is the best one around.
+        Where the grid of the tick is visible, the best value near it is taken.
         """
 
-        def seek(left: ResidualView) -> Iterator[Values]:
-            late_s, error_s = delay_s(view, left)
+        def find_tick(fit: ResidualView) -> Iterator[Values]:
+            late_s, error_s = delay_s(view, fit)
             tick_s = ticks * late_s
-            if not (late_s > _CLEARLY * error_s and _SHORTEST_S < tick_s < _LONGEST_S):
+            if not (late_s > _DELAY_SIGMAS * error_s and _SHORTEST_S < tick_s < _LONGEST_S):
                 return
-            if _grid_shows(view, left, tick_s) < _GRID_SHOWS:
+            if _grid_sigmas(view, fit, tick_s) < _GRID_SIGMAS:
                 yield {"T": tick_s}
                 return
             trials = _around(view, tick_s, ticks * 2 * error_s)
-            costs = [left.rss({self.name: {"T": t, **fixed}}) for t in trials]
-            yield {"T": trials[int(np.argmin(costs))]}
+            sums = [fit.rss({self.name: {"T": t, **fixed}}) for t in trials]
+            yield {"T": trials[int(np.argmin(sums))]}
 
-        return seek
+        return find_tick
 
 
 def _around(view: View, tick_s: float, error_s: float) -> list[float]:
-    """Ticks to either side, as far as two standard deviations and as a grid's phase is lost."""
+    """Ticks within `error_s`, or within the change that shifts the grid by one tick at the end."""
     last_s = max(float(reading.time_s[-1]) for _, reading in view.positions().values())
     reach_s = max(error_s, tick_s**2 / last_s)
     around = np.linspace(tick_s - reach_s, tick_s + reach_s, _TICKS_TRIED)
@@ -85,20 +87,20 @@ def _around(view: View, tick_s: float, error_s: float) -> list[float]:
 
 
 def _round_numbers(tick_s: float) -> set[float]:
-    """Ticks near `tick_s` that a person would set."""
+    """Round numbers within 1 % of `tick_s`."""
     grids = (1e-4, 2.5e-4, 5e-4, 1e-3)
     near = {round(tick_s / grid) * grid for grid in grids}
     return {t for t in near if abs(t - tick_s) < 0.01 * tick_s}
 
 
-def _grid_shows(view: View, left: ResidualView, tick_s: float) -> float:
-    """How strong, in standard deviations, what lies between chords and curve is.
+def _grid_sigmas(view: View, fit: ResidualView, tick_s: float) -> float:
+    """Norm, in σ, of the sags between the interpolated command and the profile.
 
-    A chord over T is a T²/12 from its arc in the mean.
+    The mean sag of a chord over T is a T²/12.
     """
     sags = [
-        np.asarray(left.data[row].labels["acceleration"], dtype=float) * tick_s**2 / 12
-        / left.sigmas[row]
+        np.asarray(fit.data[row].labels["acceleration"], dtype=float) * tick_s**2 / 12
+        / fit.sigmas[row]
         for row in view.positions()
     ]  # fmt: skip
     return math.sqrt(sum(float(sag @ sag) for sag in sags))

@@ -1,4 +1,4 @@
-"""Currents that are no pure sines."""
+"""Third harmonic of the phase currents."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mopro.effects.base import Domain, Effect, Parameter, View
 
 
 class CurrentThirdHarmonic(Effect):
-    """The phase currents are no pure sines.
+    """The phase currents have a third harmonic.
 
     i_b' = i_b + s sin 3θ, and i_a' = i_a - s cos 3θ, the same shape a quarter turn
     earlier; s is a ratio. At low speed Δx = s/k sin 4θ. Source: assumed.

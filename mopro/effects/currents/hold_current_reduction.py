@@ -1,7 +1,7 @@
-"""A drive that saves current at rest, and how long after a move it begins to.
+"""A drive that reduces its current at rest, and the search for the time at which it does so.
 
-The ring that a move leaves slows down at that moment, so what is to be seen of it depends
-on the phase of the ring: no fixed start leads there.
+At that time the oscillation after a move becomes slower. The residual depends on the phase of
+the oscillation then, so a fit from a fixed start does not converge.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from mopro.diagnosis.model import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View, ViewedReading
 from mopro.effects.search import Values
 
-# So many standard deviations clear of white noise something shows.
-_CLEARLY = 5.0
-# The ring at full current and at a third of it part within a few periods; where they begin
-# to is told to within these many, before and after.
+# Excess of squared residuals over white noise, in its standard deviations, that is evidence.
+_EXCESS_SIGMAS = 5.0
+# In periods of the oscillation, before and after the time found: full and reduced current
+# differ visibly within a few periods, so the time is known to within these.
 _BEFORE, _AFTER = 3.0, 1.0
 _STEPS_A_PERIOD = 4
-# Shares of the current that an axis rings with at quite another speed each, and such that the
-# phase of one at least is right over the ten periods of a ring.
+# Shares of the current whose natural frequencies differ enough that the phase of at least one
+# is right over the ten periods that an oscillation lasts.
 _SHARES = (0.35, 0.6)
 _CLOSE_SHARES = tuple(np.geomspace(0.3, 0.75, 16).tolist())
-# From there both are moved in steps (shares, and periods of the ring) to where they fit best.
+# Steps of the refinement: factors on the share, and time steps in periods.
 _CLOSE = np.array([1 / 1.03, 1.0, 1.03])
 _CLOSE_TIMES = np.linspace(-0.5, 0.5, 9)
 _ROUNDS = 6
-_KEPT = 2
-# No drive saves current sooner after a move.
+_MOST_STARTS = 2
+# No drive reduces its current sooner after a move (s).
 EARLIEST_S = 0.02
 
 _SHARE = Fitted("h", "1", 0.1, 1.0, (0.5,), null=1.0, plausible=(0.3, 1.0))
-# A thousandth of the range is half a period of the ring.
+# A thousandth of the range is half a period of the oscillation.
 _AFTER_REST = Fitted(
     "t_h", "s", EARLIEST_S, 6.0, (0.05, 0.2, 0.7, 2.0), Role.SHAPE, difference=1e-5
 )
@@ -60,13 +60,15 @@ class HoldCurrentReduction(Effect):
         return p[1], p[0]
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        yield self.form(_SHARE, _AFTER_REST, find_starts=Rests(view, self.name).lower_current)
+        yield self.form(
+            _SHARE, _AFTER_REST, find_starts=HoldCurrentStartFinder(view, self.name).lower_current
+        )
 
 
-class Rests:
-    """Looks at what a fit leaves of the positions at rest, in the runs of `view`.
+class HoldCurrentStartFinder:
+    """Finds starting values in the position residuals at rest of the runs of `view`.
 
-    `name` is that of the effect in the settings that are tried.
+    `name` is the name of the effect in the settings that are tried.
     """
 
     def __init__(self, view: View, name: str) -> None:
@@ -79,69 +81,70 @@ class Rests:
         }
 
     def _since_moves(self, run: int, reading: ViewedReading) -> list[tuple[slice, float]]:
-        """The samples from each move of its axis to the next, and when that move ends (s).
+        """Samples from each move of the axis to the next, with the end of that move (s).
 
-        None of an axis that never moves.
+        Empty for an axis that never moves.
         """
         moves = [m for m in self._view.schedule(run).moves if reading.sensor.axis in m.axes]
         starts = np.searchsorted(reading.time_s, [m.start_s for m in moves[1:]]).tolist()
         spans = pairwise([0, *starts, len(reading.time_s)] if moves else [])
         return [(slice(*span), move.end_s) for span, move in zip(spans, moves, strict=True)]
 
-    def lower_current(self, left: ResidualView) -> Iterator[Values]:
-        """The likeliest moments (t_h) and shares (h)."""
-        begun_s = self._begun_s(left)
+    def lower_current(self, fit: ResidualView) -> Iterator[Values]:
+        """The most likely values of t_h (s) and h."""
+        begun_s = self._begun_s(fit)
         if begun_s is None:
             return
         step_s = self._period_s / _STEPS_A_PERIOD
         begun_s = max(begun_s, EARLIEST_S)
         first_s = max(begun_s - _BEFORE * self._period_s, EARLIEST_S)
         times = np.arange(first_s, begun_s + _AFTER * self._period_s + step_s, step_s)
-        found_s = self._best(left, [(h, t) for t in times.tolist() for h in _SHARES])[0]["t_h"]
-        likeliest = self._best(left, [(h, found_s) for h in _CLOSE_SHARES])
-        rounds = _ROUNDS if self._gains(left, likeliest[0]) else 0
+        best_s = self._best(fit, [(h, t) for t in times.tolist() for h in _SHARES])[0]["t_h"]
+        likeliest = self._best(fit, [(h, best_s) for h in _CLOSE_SHARES])
+        rounds = _ROUNDS if self._gains(fit, likeliest[0]) else 0
         for _ in range(rounds):
             best = likeliest[0]
-            likeliest = self._best(left, self._around(best["h"], best["t_h"]))
+            likeliest = self._best(fit, self._around(best["h"], best["t_h"]))
             if likeliest[0] == best:
                 break
         yield from likeliest
 
     def _around(self, share: float, begun_s: float) -> Iterator[tuple[float, float]]:
-        """Shares and moments near these: the one makes up for the other over a period or so."""
+        """Shares and times near these; one compensates for the other over about a period."""
         times = begun_s + self._period_s * _CLOSE_TIMES
         for h in share * _CLOSE:
             yield from ((float(h), t) for t in times.tolist() if h < 1 and t >= EARLIEST_S)
 
-    def _best(self, left: ResidualView, places: Iterable[tuple[float, float]]) -> list[Values]:
-        """The likeliest few shares and moments."""
+    def _best(self, fit: ResidualView, places: Iterable[tuple[float, float]]) -> list[Values]:
+        """The values with the least sum of squares, at most _MOST_STARTS of them."""
         trials: list[Values] = [{"h": h, "t_h": t_h} for h, t_h in places]
-        trials.sort(key=lambda values: left.rss({self._name: values}))
-        return trials[:_KEPT]
+        trials.sort(key=lambda values: fit.rss({self._name: values}))
+        return trials[:_MOST_STARTS]
 
-    def _gains(self, left: ResidualView, values: Values) -> bool:
-        """Whether a trial is any better than none: where it is worse, no step makes it good."""
-        without = sum(float(part @ part) for part in left.residuals)
-        return left.rss({self._name: values}) < without
+    def _gains(self, fit: ResidualView, values: Values) -> bool:
+        """True if `values` fit better than no effect; refinement does not help otherwise."""
+        without = sum(float(part @ part) for part in fit.residuals)
+        return fit.rss({self._name: values}) < without
 
-    def _begun_s(self, left: ResidualView) -> float | None:
-        """How long after a move the few periods begin that show the most.
+    def _begun_s(self, fit: ResidualView) -> float | None:
+        """Time after a move (s) at which the periods of largest excess residual begin.
 
-        Of each series that is in the first rest that shows anything: the next move begins
-        otherwise. None where there is nothing, or first moves show it: they do of all else.
+        Each series contributes its rests up to the first one with an excess, as the effect also
+        changes the start of the next move. None without an excess, or if the first moves show
+        one as well: then another effect is the cause.
         """
         first_moves, rests = [np.empty(0)], [np.empty((2, 0))]
         for row, (_, reading) in self._view.positions().items():
-            excess = left.residuals[row] ** 2 - 1
+            excess = fit.residuals[row] ** 2 - 1
             for number, (samples, end_s) in enumerate(self._since[row]):
                 rested_s, own = reading.time_s[samples] - end_s, excess[samples]
                 if not number:
                     first_moves.append(own[rested_s < 0])
                 rests.append(np.stack([rested_s, own])[:, rested_s >= 0])
-                if _shows(rests[-1][1]):
+                if _is_excessive(rests[-1][1]):
                     break
         rested_s, excess = np.concatenate(rests, axis=1)
-        if not _shows(excess) or _shows(np.concatenate(first_moves)):
+        if not _is_excessive(excess) or _is_excessive(np.concatenate(first_moves)):
             return None
         order = np.argsort(rested_s, kind="stable")
         times = rested_s[order]
@@ -151,6 +154,6 @@ class Rests:
         return float(times[int(np.argmax(within))])
 
 
-def _shows(excess: Floats) -> bool:
-    """Whether squares of residuals less 1 add up to more than those of white noise."""
-    return float(excess.sum()) > _CLEARLY * math.sqrt(2 * len(excess))
+def _is_excessive(excess: Floats) -> bool:
+    """True if the sum of z² - 1 exceeds that of white noise by _EXCESS_SIGMAS."""
+    return float(excess.sum()) > _EXCESS_SIGMAS * math.sqrt(2 * len(excess))

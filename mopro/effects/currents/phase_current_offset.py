@@ -1,4 +1,4 @@
-"""Currents that are never zero."""
+"""Offset of the phase currents."""
 
 from __future__ import annotations
 

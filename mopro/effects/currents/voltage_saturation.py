@@ -1,4 +1,4 @@
-"""A drive that runs out of voltage."""
+"""A drive limited by its supply voltage."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SUPPLY = Fitted(
 
 
 class VoltageSaturation(Effect):
-    """The drive runs out of voltage: the full electrical model of each phase.
+    """The supply voltage limits the phase currents: the full electrical model of each phase.
 
     v_a = R i_a + L di_a/dt - Kf ẋ sin kx, v_b = R i_b + L di_b/dt + Kf ẋ cos kx, with
     Kf = F0/I and |v| <= Vb (V). The current loop asks for what keeps the current on its

@@ -1,1 +1,1 @@
-"""Forces on the forcer, and the constants of its equation of motion."""
+"""Effects in the equation of motion: forces on the forcer, and its constants."""

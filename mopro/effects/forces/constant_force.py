@@ -1,4 +1,4 @@
-"""A force that is the same everywhere."""
+"""A constant force."""
 
 from __future__ import annotations
 

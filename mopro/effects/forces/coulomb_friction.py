@@ -1,4 +1,4 @@
-"""Dry friction of one size."""
+"""Coulomb friction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Presliding after Dahl, which the laws of dry friction share."""
+"""Base of friction laws with Dahl's presliding."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The teeth's own pull."""
+"""Detent force of the teeth."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import replace
 from mopro.diagnosis.model import Candidate, Role
 from mopro.effects.base import WIDER, Domain, Effect, Parameter, View, phase
 
-# The most to expect of the teeth, as a share of the pull-out force.
-_MOST = 0.1
+# Largest plausible detent force, as a share of the pull-out force.
+_PLAUSIBLE_SHARE = 0.1
 
 
 class DetentForce(Effect):
@@ -42,7 +42,7 @@ class DetentForce(Effect):
 
         Where the teeth pass at their own frequency the answer is no mirror image half a turn on.
         """
-        most = _MOST * view.machine.axis.pull_out_force_N
+        most = _PLAUSIBLE_SHARE * view.machine.axis.pull_out_force_N
         own = self.fitted("Fd", most / 4, 0.75 * most)
         highest = min(WIDER * most, self.parameter("Fd").high)
         force = replace(own, high=highest, plausible=(0.0, most))

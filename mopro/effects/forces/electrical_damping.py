@@ -1,4 +1,4 @@
-"""The drive's damping."""
+"""Damping by the drive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motor's strength."""
+"""Force constant of the motor."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ForceConstant(Effect):
     """The motor is stronger or weaker than the machine states.
 
     F0' = F0 (1 + e); e is a ratio. c_s stays: it is a constant of the drive. Source: F0
-    is assumed in the first place.
+    itself is assumed.
     """
 
     name = "force_constant"

@@ -1,4 +1,4 @@
-"""Magnets that weaken."""
+"""Force constant against temperature."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A payload that nobody stated."""
+"""Payload that is not stated."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _HEAVIER = 1.12
 
 
 class PayloadMass(Effect):
-    """More mass rides on the forcer than was stated.
+    """The forcer carries more mass than stated.
 
     m' = m + dm, in kg. Source: chapter 4.3.2, moves with 5 lb.
     """

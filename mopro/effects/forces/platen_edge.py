@@ -8,10 +8,10 @@ from mopro.effects.base import Domain, Effect, Parameter
 
 
 class PlatenEdge(Effect):
-    """The stop that the forcer runs into beyond its limit switch.
+    """The mechanical stop of the forcer beyond its limit switch.
 
     F = -K (x - edge) - C ẋ outside of [low, high] (m), a stiff and well damped contact.
-    Source: assumed. Not in the catalogue: every machine has it, few runs meet it.
+    Source: assumed. Not in the catalogue: every machine has it, few runs reach it.
     """
 
     name = "platen_edge"
@@ -29,5 +29,5 @@ class PlatenEdge(Effect):
         return -2.0e6 * (x - edge) - 2.0e3 * v
 
 
-# One object for all runs, as kernels are kept by the effects that they hold.
+# One object for all runs, as kernels are cached by their effects.
 PLATEN_EDGE = PlatenEdge()

@@ -1,4 +1,4 @@
-"""The umbilical's pull."""
+"""Force of the umbilical."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _FREE_END = Fitted("x_h", "m", -0.9, 0.9, (0.0,), Role.SHAPE, plausible=(-0.6, 0
 
 
 class UmbilicalSpring(Effect):
-    """The umbilical pulls the forcer towards where it hangs freely.
+    """The umbilical pulls the forcer towards its rest position like a spring.
 
     F = -k_h (x - x_h), k_h in N/m, x_h in m from the start. Source: chapter 2.2 names
     the umbilical; figures assumed.

@@ -1,1 +1,1 @@
-"""The heat balance of chapter 3.1: its missing terms."""
+"""Terms missing in the heat balance of chapter 3.1."""

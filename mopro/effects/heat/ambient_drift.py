@@ -1,4 +1,4 @@
-"""A room that warms or cools."""
+"""Drift of the air temperature."""
 
 from __future__ import annotations
 

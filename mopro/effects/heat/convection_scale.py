@@ -1,4 +1,4 @@
-"""Air that takes more heat, or less."""
+"""Error of the convection formula."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from mopro.effects.base import Domain, Effect, Parameter, Surroundings
 
 
 class ConvectionScale(Effect):
-    """The air takes more heat, or less, than the flat-plate formula says.
+    """The heat transfer to the air differs from the flat-plate formula.
 
     h' = h (1 + e); e is a ratio. Source: chapter 3.3, "the model may have underestimated
     the forced convection".

@@ -1,4 +1,4 @@
-"""Heat that is radiated."""
+"""Thermal radiation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _KELVIN = 273.15
 
 
 class Radiation(Effect):
-    """The forcer radiates.
+    """The forcer radiates heat.
 
     P' = P - eps σ A (T⁴ - Ta⁴) in kelvins, A its sides and top; eps is a ratio. Source:
     Stefan and Boltzmann's law.

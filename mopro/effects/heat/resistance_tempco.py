@@ -1,4 +1,4 @@
-"""Copper that warms."""
+"""Resistance of the coils against temperature."""
 
 from __future__ import annotations
 

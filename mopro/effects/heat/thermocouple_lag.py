@@ -1,4 +1,4 @@
-"""A thermocouple that follows slowly."""
+"""Lag of a thermocouple."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from mopro.diagnosis.model import Candidate
 from mopro.effects.base import Domain, Effect, Parameter, View
-from mopro.instruments.sensor import TEMPERATURE
+from mopro.instruments.quantity import Quantity
 
 
 class ThermocoupleLag(Effect):
@@ -20,8 +20,8 @@ class ThermocoupleLag(Effect):
     domain = Domain.HEAT
     parameters = (Parameter("tau", "s", "time", 15.0, (2.0, 60.0), 0.0, 3600.0, "time constant"),)
 
-    def bandwidth_s(self, quantity: str, *p: float) -> float:
-        return p[0] if quantity == TEMPERATURE else 0.0
+    def bandwidth_s(self, quantity: Quantity, *p: float) -> float:
+        return p[0] if quantity.slow else 0.0
 
     def forms(self, view: View) -> Iterator[Candidate]:
         yield self.form(self.fitted("tau", 10.0))

@@ -1,1 +1,1 @@
-"""Between the true position and the reading of an instrument."""
+"""Effects between the true position and the reading of an instrument."""

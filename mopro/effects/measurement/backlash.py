@@ -11,12 +11,12 @@ import numpy as np
 from mopro.diagnosis.model import Candidate
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
 
-# From this many samples on, importing a compiler pays.
-_LONG = 20_000
+# Samples from which importing the compiler takes less time than it saves.
+_COMPILE_FROM = 20_000
 
 
 def _play(x: Floats, half: float, followed: Floats) -> None:
-    """What is dragged along with `half` of play to either side, from the first place on."""
+    """Fill `followed` with the position (m) of a part dragged by `x` with play ±`half`."""
     at = x[0] if len(x) else 0.0
     for i in range(len(x)):
         at = min(max(at, x[i] - half), x[i] + half)
@@ -34,8 +34,8 @@ def _compiled_play() -> Callable[[Floats, float, Floats], None]:
 class Backlash(Effect):
     """The sensor's coupling has play.
 
-    x' = x - B/2 sgn(direction of the last motion), B in m: a play that the motion
-    crosses before the sensor follows, centred where it starts. Source: assumed.
+    x' = x - B/2 sgn(direction of the last motion), B in m: after a reversal the axis
+    crosses the play before the sensor follows; it starts in the middle. Source: assumed.
     """
 
     name = "backlash"
@@ -44,10 +44,10 @@ class Backlash(Effect):
 
     def geometry(self, x: Floats, scene: Scene, *p: float) -> Floats:
         followed = np.empty_like(x)
-        play = _compiled_play() if len(x) >= _LONG else _play
+        play = _compiled_play() if len(x) >= _COMPILE_FROM else _play
         play(x, p[0] / 2, followed)
         return followed
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        # Each further micrometre has fewer rings to take its slack up in.
+        # The response is not smooth: fewer oscillations cross a larger play.
         yield self.form(replace(self.fitted("B", 3e-6, 3e-5), difference=1e-5))

@@ -1,4 +1,4 @@
-"""The mains in the sensor's line."""
+"""Mains hum in a sensor's signal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mopro.effects.base import Domain, Effect, Floats, Parameter, View, angle_in
 from mopro.effects.search import Values, residual_m, sinusoid
 
 _MAINS_HZ = (50.0, 60.0)
-# Of the mains, that a sensor may show besides.
+# Orders of the harmonics of the mains that a sensor may show as well.
 _HARMONICS = (2, 3)
 _AMPLITUDE = Fitted("A", "m", 0.0, 1e-2)
 
@@ -27,7 +27,7 @@ def _angle(name: str, meaning: str) -> Parameter:
 
 
 class Hum(Effect):
-    """The mains get into the sensor's line.
+    """The mains frequency and its harmonics appear in the sensor's signal.
 
     x' = x + Σ A_n sin(2π n f t + phi_n): A in m for the mains frequency f (Hz), A2 and A3
     in m for its second (a rectifier's) and its third harmonic (a transformer's). On the
@@ -54,7 +54,7 @@ class Hum(Effect):
         return noisy
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        """50 and 60 Hz, alone, with both harmonics and with each."""
+        """50 and 60 Hz alone, with both harmonics and with each of them."""
         runs = range(len(view.runs))
         lines = {n: _line(f"A{n}", f"phi{n}", runs) for n in _HARMONICS}
         main = _line("A", "phi", runs)
@@ -70,30 +70,30 @@ class Hum(Effect):
 
 
 def _line(amplitude: str, angle: str, runs: range) -> tuple[Fitted, ...]:
-    """A line's amplitude, and its angle in each run."""
+    """The fitted amplitude of a line, and its angle in each run."""
     return replace(_AMPLITUDE, name=amplitude), *(phase(angle_in(run, angle)) for run in runs)
 
 
 def _search(view: View, mains_hz: float, harmonics: Sequence[int]) -> FindStarts:
-    """Looks for a line of `mains_hz` in time, and one for each of `harmonics` of it."""
+    """Search for the spectral line of `mains_hz` in time, and those of its `harmonics`."""
 
-    def seek(left: ResidualView) -> Iterator[Values]:
-        values = _line_in_time(view, left, mains_hz, "A", "phi")
+    def find_lines(fit: ResidualView) -> Iterator[Values]:
+        values = _line_in_time(view, fit, mains_hz, "A", "phi")
         for n in harmonics:
-            values |= _line_in_time(view, left, n * mains_hz, f"A{n}", f"phi{n}")
+            values |= _line_in_time(view, fit, n * mains_hz, f"A{n}", f"phi{n}")
         yield values
 
-    return seek
+    return find_lines
 
 
 def _line_in_time(
-    view: View, left: ResidualView, hz: float, amplitude: str, angle: str
+    view: View, fit: ResidualView, hz: float, amplitude: str, angle: str
 ) -> dict[str, float]:
-    """Its amplitude over all runs, and its angle in each."""
+    """Amplitude (m) of the line over all runs, and its angle (rad) in each."""
     lines = dict.fromkeys(range(len(view.runs)), 0j)
     sizes = []
     for row, (run, reading) in view.positions().items():
-        sine, cosine = sinusoid(2 * math.pi * hz * reading.time_s, residual_m(view, left, row))
+        sine, cosine = sinusoid(2 * math.pi * hz * reading.time_s, residual_m(view, fit, row))
         lines[run] += complex(sine, cosine)
         sizes.append(math.hypot(sine, cosine))
     angles = {angle_in(run, angle): cmath.phase(line) for run, line in lines.items()}

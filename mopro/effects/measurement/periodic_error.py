@@ -56,25 +56,25 @@ class PeriodicError(Effect):
             _PERIOD,
             phase("phi"),
             flexible=True,
-            find_starts=lambda left: _lines(view, left),
+            find_starts=lambda fit: _lines(view, fit),
         )
 
 
-def _lines(view: View, left: ResidualView) -> Iterator[Values]:
-    """The strongest lines in position, their amplitudes and angles."""
-    targets = targets_m(view, left)
+def _lines(view: View, fit: ResidualView) -> Iterator[Values]:
+    """Starting values from the strongest spectral lines over position."""
+    targets = targets_m(view, fit)
     rows = [row for row, place in targets.items() if np.ptp(place) > 0]
     if not rows:
         return
     places = [targets[row] for row in rows]
-    residuals = [left.residuals[row] for row in rows]
+    residuals = [fit.residuals[row] for row in rows]
     cycles, power = lines_over_position(places, residuals, _FINEST_PERIOD_M)
     reach = max(float(np.ptp(place)) for place in places)
     power[cycles * reach < _FEWEST_PERIODS] = 0.0
     for peak in peaks(power)[:_PERIODS_TRIED]:
         q = 2 * math.pi * float(cycles[peak])
         x = np.concatenate(places)
-        r = np.concatenate([residual_m(view, left, row) for row in rows])
+        r = np.concatenate([residual_m(view, fit, row) for row in rows])
         sine, cosine = sinusoid(q * x, r)
         yield {
             "A": math.hypot(sine, cosine),

@@ -1,4 +1,4 @@
-"""A platen that grows as it warms."""
+"""Thermal expansion of the platen."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ _STEEL_1_K = 11.35e-6
 
 
 class PlatenExpansion(Effect):
-    """The platen has grown with its temperature.
+    """The platen expands with its temperature.
 
-    x' = x (1 + alpha ΔT), ΔT = dT + share (T - T_air): dT in K is how much warmer than
-    when it was made the platen is, `share` how much of the forcer's rise it takes (1 is
-    the worst case of chapter 3.1.2); alpha in 1/K. Source: eq. 3.29, 3.53, 3.54.
+    x' = x (1 + alpha ΔT), ΔT = dT + share (T - T_air): dT in K is the platen's rise above
+    the temperature at which it was made, `share` its share of the forcer's rise (1 is the
+    worst case of chapter 3.1.2); alpha in 1/K. Source: eq. 3.29, 3.53, 3.54.
     """
 
     name = "platen_expansion"

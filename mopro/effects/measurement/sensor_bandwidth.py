@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from mopro.diagnosis.model import Candidate
 from mopro.diagnosis.model import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Parameter, View
-from mopro.instruments.sensor import POSITION
+from mopro.instruments.quantity import Quantity
 
 _CORNER = Fitted(
     "f_c", "Hz", 33.0, 1e7, (150.0, 500.0), plausible=(50.0, 2e4), inverse=True, null=math.inf
@@ -29,8 +29,8 @@ class SensorBandwidth(Effect):
         Parameter("f_c", "Hz", "frequency", 200.0, (50.0, 1000.0), 0.01, 1e9, "corner", null=1e9),
     )
 
-    def bandwidth_s(self, quantity: str, *p: float) -> float:
-        return 1 / (2 * math.pi * p[0]) if quantity == POSITION else 0.0
+    def bandwidth_s(self, quantity: Quantity, *p: float) -> float:
+        return 1 / (2 * math.pi * p[0]) if quantity.sees_place else 0.0
 
     def forms(self, view: View) -> Iterator[Candidate]:
         yield self.form(_CORNER)

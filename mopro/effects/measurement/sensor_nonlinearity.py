@@ -1,4 +1,4 @@
-"""A sensor that bends."""
+"""A nonlinear sensor."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from mopro.diagnosis.model import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
 
 _LVDT_HALF_RANGE_M = 0.254
-# Where the middle of a bend is looked for.
+# Number of starts for the middle of the cubic.
 _MIDDLES_TRIED = 7
 
 
 class SensorNonlinearity(Effect):
-    """The sensor bends towards the ends of its range.
+    """The sensor is nonlinear towards the ends of its range.
 
     x' = x + 2 half (c3 u³ + c5 u⁵), u = (x - mid)/half: c3 and c5 are shares of the full
     range 2 half, mid and half in m. Source: appendix D.1, "at the ends of the core
@@ -44,7 +44,7 @@ class SensorNonlinearity(Effect):
         return bent
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        """Bends about the middle of the travel or another place, as shares of the usual range."""
+        """Polynomials about the middle of the travel, or about a fitted one."""
         low, high = view.travel_m()
         middle, half = (low + high) / 2, _LVDT_HALF_RANGE_M
         cubic = replace(self.fitted("c3", 1e-3), low=-0.1, high=0.1, plausible=(-0.05, 0.05))
@@ -54,7 +54,7 @@ class SensorNonlinearity(Effect):
             cubic, quintic, form="cubic and quintic", fixed={"mid": middle, "half": half},
             extends="cubic", flexible=True,
         )  # fmt: skip
-        # A way that lies to one side of the sensor's middle shows little of a bend about its own.
+        # Travel to one side of the sensor's middle shows little nonlinearity about its own middle.
         places = tuple(np.linspace(low - half / 2, high + half / 2, _MIDDLES_TRIED).tolist())
         mid = Fitted("mid", "m", low - half, high + half, places, Role.SHAPE, null=middle)
         elsewhere = self.form(

@@ -1,8 +1,7 @@
-"""Whether data and programs belong together: what no effect of a machine could explain.
+"""Checks that each run's data belong to its program: swapped runs, wrong axis, unit or sign.
 
-Data are held against what the programs command, not against a simulation. A machine that
-lags, loses pitches, or moves at another speed than it is told still follows its own
-program far better than any other one.
+Data are compared with the command, not with a simulation: a machine that lags, loses
+pitches or moves at the wrong speed still follows its own program far better than another.
 """
 
 from __future__ import annotations
@@ -24,31 +23,35 @@ from mopro.plant import CommandTable
 from mopro.program import AXES
 from mopro.units import UNITS
 
-# Another program (axis, unit) fits far better: its misfit is smaller by this factor.
+# Another command fits far better if its RMS misfit is smaller by this factor.
 FAR_BETTER = 5.0
+# Relative: no two units of length are closer than 1 : 2.5, no velocity scale is off by more.
 _UNIT_TOLERANCE = 0.05
-_MOVES_SHARE = 0.2
-_EXPLAINED = 0.9
-_FOLLOWS = 0.5
+# A command with less than this share of the data's standard deviation is at rest beside them.
+_LEAST_MOTION_SHARE = 0.2
+# Share of the data's variance that the scaled command must explain before a unit is blamed.
+_EXPLAINED_SHARE = 0.9
+# Squared correlation with the command below which a note is given.
+_FOLLOWING_SHARE = 0.5
 _LENGTHS = ("in", "mm", "um", "m", "cm")
 
 
 def check(experiment: Experiment) -> list[str]:
-    """Refuse data that cannot have come from the runs that they are said to be of.
+    """Refuse data that do not belong to the program of their run; return notes on odd data.
 
-    Gives notes on data that are odd. Raises ModelError at the runs of the experiment
-    file, or MotionError at the line of a program that the machine cannot follow.
+    Raises ModelError at the runs of the experiment file, or MotionError at the line of a
+    program that the machine cannot follow.
     """
     endless = list(too_long(experiment.trials))
     if endless:
         raise ModelError(experiment.source, endless)
     suspects = [Suspect(trial, planned(trial, experiment.machine)) for trial in experiment.trials]
     machine = experiment.machine
-    # The first that finds something explains what the later ones would find.
-    for look in (_swapped, _wrong_axes, _wrong_units, too_short):
-        found = list(look(suspects, machine))
-        if found:
-            raise ModelError(experiment.source, found)
+    # In this order: a swapped run would also be reported as a wrong axis, unit or length.
+    for find_faults in (_swapped, _wrong_axes, _wrong_units, too_short):
+        faults = list(find_faults(suspects, machine))
+        if faults:
+            raise ModelError(experiment.source, faults)
     compiled = compiling_pays(experiment)
     for suspect in suspects:
         check_motion(suspect, machine, compiled)
@@ -61,15 +64,15 @@ def _command_m(schedule: Schedule, axis: int, time_s: Floats, machine: Machine) 
 
 
 def _misfit_m(reading: Reading, command_m: Floats) -> float:
-    """RMS distance from the command, an offset and the sensor's noise taken out (m).
+    """RMS difference from the command (m), less its mean and the sensor's noise variance.
 
-    Never below what the noise leaves uncertain.
+    At least √2 times the standard error of that variance, as noise leaves it uncertain.
     """
     sensor = reading.sensor
-    apart = reading.values * sensor.unit_si - command_m
+    difference_m = reading.values * sensor.unit_si - command_m
     sigma_m = sensor.sigma * sensor.unit_si
-    excess = float(np.var(apart)) - sigma_m**2
-    return math.sqrt(max(excess, 2 * sigma_m**2 * math.sqrt(2 / len(apart))))
+    excess = float(np.var(difference_m)) - sigma_m**2
+    return math.sqrt(max(excess, 2 * sigma_m**2 * math.sqrt(2 / len(difference_m))))
 
 
 # -- two runs exchanged ----------------------------------------------------------
@@ -88,24 +91,24 @@ def _swapped(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnost
 
 
 def _far_better(one: Suspect, other: Suspect, machine: Machine) -> bool:
-    """Whether all data of `one` follow the motion of `other` and not its own."""
+    """True if every position of `one` follows the motion of `other` and not its own."""
     ratios = []
     for reading in one.positions():
-        own, strange = (
+        own, alternative = (
             _command_m(s.schedule, reading.sensor.axis, reading.time_s, machine)
             for s in (one, other)
         )
-        if np.ptp(strange) or np.ptp(own):
-            moved = _moves_enough(reading, strange)
-            ratio = _misfit_m(reading, own) / _misfit_m(reading, strange)
+        if np.ptp(alternative) or np.ptp(own):
+            moved = _moves_enough(reading, alternative)
+            ratio = _misfit_m(reading, own) / _misfit_m(reading, alternative)
             ratios.append(ratio if moved else 0.0)
     return bool(ratios) and min(ratios) > FAR_BETTER
 
 
 def _moves_enough(reading: Reading, command_m: Floats) -> bool:
-    """Whether a command moves about as much as the data; data at rest fit any rest."""
+    """True if a command moves about as much as the data; data at rest fit any command at rest."""
     spread_m = float(np.std(reading.values)) * reading.sensor.unit_si
-    return float(np.std(command_m)) > _MOVES_SHARE * spread_m
+    return float(np.std(command_m)) > _LEAST_MOTION_SHARE * spread_m
 
 
 # -- the other axis, another unit --------------------------------------------------
@@ -116,12 +119,12 @@ def _wrong_axes(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagn
         for reading in suspect.positions():
             axis = reading.sensor.axis
             other = next(n for n in AXES if n != axis)
-            own, strange = (
+            own, alternative = (
                 _command_m(suspect.schedule, n, reading.time_s, machine) for n in (axis, other)
             )
-            if not _moves_enough(reading, strange):
+            if not _moves_enough(reading, alternative):
                 continue
-            if _misfit_m(reading, own) > FAR_BETTER * _misfit_m(reading, strange):
+            if _misfit_m(reading, own) > FAR_BETTER * _misfit_m(reading, alternative):
                 message = (
                     f"{suspect.trial.name}: {reading.sensor.column} follows the command of axis"
                     f" {other}, and sensor {reading.sensor.name} is said to be on axis {axis}"
@@ -134,16 +137,13 @@ def _wrong_units(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diag
     for suspect in suspects:
         for reading in suspect.positions():
             command_m = _command_m(suspect.schedule, reading.sensor.axis, reading.time_s, machine)
-            found = _scale_of(reading, command_m)
-            if found is not None:
-                yield from _scale_finding(suspect, reading.sensor, found)
+            scale = _scale_of(reading, command_m)
+            if scale is not None:
+                yield from _scale_finding(suspect, reading.sensor, scale)
 
 
 def _scale_of(reading: Reading, command_m: Floats) -> float | None:
-    """How many times as large as commanded the data are, if they follow the command.
-
-    None where the fit is too poor to tell.
-    """
+    """Ratio of the data to the command by least squares; None where they do not follow it."""
     if not np.ptp(command_m):
         return None
     values_m = (reading.values - reading.values.mean()) * reading.sensor.unit_si
@@ -151,14 +151,14 @@ def _scale_of(reading: Reading, command_m: Floats) -> float | None:
     scale = float(values_m @ command) / float(command @ command)
     sigma_m = reading.sensor.sigma * reading.sensor.unit_si
     explained = scale**2 * float(np.var(command))
-    left = max(float(np.var(values_m)) - explained - sigma_m**2, 0.0)
-    uncertain = sigma_m / math.sqrt(float(command @ command))
-    clear = uncertain < _UNIT_TOLERANCE * abs(scale) and left < (1 / _EXPLAINED - 1) * explained
-    return scale if clear else None
+    residual = max(float(np.var(values_m)) - explained - sigma_m**2, 0.0)
+    error = sigma_m / math.sqrt(float(command @ command))
+    precise = error < _UNIT_TOLERANCE * abs(scale)
+    return scale if precise and residual < (1 / _EXPLAINED_SHARE - 1) * explained else None
 
 
 def _scale_finding(suspect: Suspect, sensor: Sensor, scale: float) -> Iterator[Diagnostic]:
-    unit = sensor.column.rsplit("_", 1)[-1]
+    unit = sensor.unit
     here = f"{suspect.trial.name}: {sensor.column}"
     what = f"goes {abs(scale):.4g} times as far as {suspect.commanded_by} commands"
     if abs(scale + 1) < _UNIT_TOLERANCE:
@@ -174,20 +174,23 @@ def _scale_finding(suspect: Suspect, sensor: Sensor, scale: float) -> Iterator[D
 
 
 def _doubts(suspects: Sequence[Suspect], machine: Machine) -> Iterator[str]:
-    """Notes on data that hardly follow any command: a machine may, a column may be wrong."""
+    """Notes on data that correlate poorly with their command: perhaps the wrong column or run."""
     for suspect in suspects:
         for reading in suspect.positions():
             command_m = _command_m(suspect.schedule, reading.sensor.axis, reading.time_s, machine)
             sigma_m = reading.sensor.sigma * reading.sensor.unit_si
-            if float(np.std(command_m)) > sigma_m and _alike(reading.values, command_m) < _FOLLOWS:
+            if (
+                float(np.std(command_m)) > sigma_m
+                and _r_squared(reading.values, command_m) < _FOLLOWING_SHARE
+            ):
                 yield (
                     f"{suspect.trial.name}: {reading.sensor.column} hardly follows"
                     f" {suspect.commanded_by}: is it the right column, and the right run?"
                 )
 
 
-def _alike(values: Floats, command: Floats) -> float:
-    """The share of the data's variance that follows the command; none of data at rest."""
+def _r_squared(values: Floats, command: Floats) -> float:
+    """Squared correlation of data and command; 0 for data at rest."""
     if not np.ptp(values):
         return 0.0
     return float(np.corrcoef(values, command)[0, 1]) ** 2

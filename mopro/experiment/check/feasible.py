@@ -1,4 +1,4 @@
-"""Whether a run can be simulated: its length, its limits, and that its motor keeps up."""
+"""Checks that a run can be simulated: its length, its limit switches, and no stall."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from mopro.effects import Active, catalogue
 from mopro.effects.resolve import active_effects
 from mopro.errors import Diagnostic, MotionError
 from mopro.experiment.model import Reading, Trial
-from mopro.instruments.sensor import POSITION
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import limit_trip, plan_with_effects, simulate, switches_u
@@ -17,21 +16,22 @@ from mopro.program import AXES
 from mopro.recording import MoveReport, Run
 from mopro.recording.run import stalls
 
-# Positions are simulated sample by sample; temperatures may last for days.
+# What follows the motion is simulated sample by sample; what is slow may last for days.
 LONGEST_S = 1800.0
+# Relative: a logger's clock may run fast by this much.
 _CLOCK_TOLERANCE = 0.01
 _STALL_RATE_HZ = 100.0
 
 
 @dataclass(frozen=True)
 class Suspect:
-    """A run and what commands its motion."""
+    """A run and the schedule of its commanded motion."""
 
     trial: Trial
     schedule: Schedule
 
     def positions(self) -> Iterator[Reading]:
-        return (r for r in self.trial.readings if r.sensor.quantity == POSITION)
+        return (r for r in self.trial.readings if r.sensor.quantity.sees_place)
 
     @property
     def commanded_by(self) -> str:
@@ -42,9 +42,10 @@ class Suspect:
 def too_long(trials: Sequence[Trial]) -> Iterator[Diagnostic]:
     """Runs that would take too long to simulate."""
     for trial in trials:
-        moving = any(r.sensor.quantity == POSITION for r in trial.readings)
-        if moving and trial.duration_s > LONGEST_S:
-            message = f"{trial.name} has {trial.duration_s:.6g} s of positions"
+        if trial.follows_motion and trial.duration_s > LONGEST_S:
+            quantities = {r.sensor.quantity for r in trial.readings}
+            moving = " and ".join(sorted(q.plural for q in quantities if q.follows_motion))
+            message = f"{trial.name} has {trial.duration_s:.6g} s of {moving}"
             hint = f"expected at most {LONGEST_S:g} s: cut them, and say partial = true"
             yield Diagnostic("data-too-long", message, trial.span, hint=hint)
 
@@ -67,7 +68,7 @@ def too_short(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnos
 
 
 def _shortest_s(trial: Trial, machine: Machine) -> float:
-    """How long the program takes at least, on a machine that is faster than told."""
+    """Least duration (s) of the program, with every effect that makes it faster at its bound."""
     assert trial.program is not None, "a logged command has no program"
     effects = catalogue().values()
     faster = (Active(e, values, AXES) for e in effects if (values := e.fastest()) is not None)
@@ -88,20 +89,20 @@ def check_motion(suspect: Suspect, machine: Machine, compiled: bool) -> None:
         raise MotionError(
             trial.program.source, [Diagnostic("limit-switch", message, span, hint=hint)]
         )
-    if not any(suspect.positions()):
+    if not trial.follows_motion:
         return
-    hint = f"{trial.name} cannot be compared: what a motor does that slips is chance"
+    hint = f"{trial.name} cannot be compared: the motion of a stalled motor is not predictable"
     run = _simulated(trial, schedule, machine, compiled)
-    found = [
+    stalled = [
         Diagnostic("stall", f"when simulated, {message}", span, hint=hint)
         for span, message in stalls(run, trial.program)
     ]
-    if found:
-        raise MotionError(trial.program.source, found)
+    if stalled:
+        raise MotionError(trial.program.source, stalled)
 
 
 def _simulated(trial: Trial, schedule: Schedule, machine: Machine, compiled: bool) -> Run:
-    """The moves of the run on the machine as its file has it, as far as the data go."""
+    """Simulate the run on the machine of its file up to the end of its data; report each move."""
     simulation = simulate(schedule, machine, payload_kg=trial.payload_kg, compiled=compiled)
     end_s = min(schedule.duration_s, trial.duration_s)
     simulation.follow(_STALL_RATE_HZ, end_s)

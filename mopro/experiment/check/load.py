@@ -1,4 +1,4 @@
-"""An experiment from its file, read and looked through."""
+"""Read and check an experiment file."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from mopro.experiment.read.runs import read_experiment
 
 
 def load_experiment(path: str | Path) -> Experiment:
-    """The experiment in file `path` with all its data, which belong to their programs.
+    """Read the experiment in file `path` with all its data, and check them against the programs.
 
     Raises ModelError, SourceError, MotionError and DataError, each with all findings of
-    its kind; nothing is guessed.
+    its kind; units and columns are not guessed.
     """
     experiment = read_experiment(path)
     doubts = check(experiment)

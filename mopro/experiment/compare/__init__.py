@@ -1,1 +1,1 @@
-"""Where measured data and the simulation disagree."""
+"""Comparison of measured data with the simulation, place by place."""

@@ -1,4 +1,4 @@
-"""Where measured and simulated disagree: by run, line, phase, direction, axis and sensor."""
+"""Residuals of measured and simulated, by run, line, phase, direction, axis and sensor."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ import numpy as np
 from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
 from mopro.experiment.compare.noise_tests import (
-    mean_chance,
+    chi2_p,
+    mean_p,
     quantile_residual,
-    size_chance,
 )
 from mopro.experiment.model import Experiment, Floats, Reading, SteadyTable
 from mopro.experiment.predict.alignment import aligned
 from mopro.experiment.predict.nominal import planned, predict, predict_table
-from mopro.instruments.sensor import POSITION
 
-# A false alarm in one of a thousand comparisons that agree, over all their tests together.
+# Chance of any false alarm in one comparison, over all its tests together (Bonferroni).
 FALSE_ALARMS = 1e-3
 NO_DISAGREEMENT, DISAGREEMENT = "no disagreement", "disagreement"
 NOT_JUDGED = "not judged"
@@ -33,9 +32,9 @@ Predict = Callable[[Experiment], list[list[Floats]]]
 class Place:
     """The residual at one place of a run: mean and RMS in the sensor's unit.
 
-    `sigma` is the RMS over the sensor's noise, `p_value` how often noise alone is as
-    large or as one-sided. `axis` is None for a temperature; for a row of a table `line`
-    is the row, and both are None where the noise is unknown.
+    `sigma` is the RMS divided by the sensor's noise, `p_value` the smaller p-value of the
+    chi-squared test and of the test of a zero mean; both are None where the noise is unknown.
+    `axis` is None for a temperature. For a row of a table `line` is the row.
     """
 
     run: str
@@ -55,9 +54,10 @@ class Place:
 
 @dataclass(frozen=True)
 class SeriesTest:
-    """The whole residual of one sensor in one run.
+    """Tests of the whole residual of one sensor in one run.
 
-    `size_p` (chi-squared) and `memory_p` (Bartlett) are how often noise alone looks so.
+    `size_p` is the p-value of the chi-squared test, `memory_p` that of Bartlett's test of
+    whiteness; `rms` and `noise_rms` are in `unit`.
     """
 
     run: str
@@ -74,7 +74,7 @@ class SeriesTest:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All of it; `where` has the worst places first."""
+    """Verdict, places (worst first) and series of a comparison."""
 
     verdict: str
     where: tuple[Place, ...]
@@ -86,7 +86,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class _Residual:
-    """One reading less its prediction, and the same in standard deviations."""
+    """A reading minus its prediction in the sensor's unit (`values`) and in σ (`z`)."""
 
     run: str
     reading: Reading
@@ -100,9 +100,9 @@ def compare(
     generator: np.random.Generator,
     prediction: Predict = predict,
 ) -> Comparison:
-    """Compare all data of `experiment` with what `prediction` makes of it.
+    """Compare all data of `experiment` with what `prediction` computes for it.
 
-    `generator` breaks the ties that a coarse converter leaves (see quantile_residual).
+    `generator` draws the position of a reading within a converter's step (quantile_residual).
     """
     residuals = list(_residuals(experiment, prediction(experiment), generator))
     groups = [(r, rows) for r in residuals for rows in _places(r.labels)]
@@ -140,7 +140,7 @@ def _residuals(
 
 
 def _places(labels: Labels) -> Iterator[np.ndarray[Any, np.dtype[np.intp]]]:
-    """The samples of each line, phase and direction, in the order of the lines."""
+    """Indices of the samples of each line, phase and direction, in the order of the lines."""
     codes = np.unique(labels.phase, return_inverse=True)[1]
     keys = (labels.line.astype(np.int64) * len(PHASES) + codes) * 3 + labels.direction
     group = np.unique(keys, return_inverse=True)[1]
@@ -152,16 +152,16 @@ def _places(labels: Labels) -> Iterator[np.ndarray[Any, np.dtype[np.intp]]]:
 def _place(r: _Residual, rows: np.ndarray[Any, np.dtype[np.intp]], level: float) -> Place:
     sensor, first = r.reading.sensor, int(rows[0])
     values, z = r.values[rows], r.z[rows]
-    p_value = min(size_chance(z), mean_chance(z))
+    p_value = min(chi2_p(z), mean_p(z))
     rms = _rms(values)
     return Place(
         run=r.run,
         line=int(r.labels.line[first]),
         phase=str(r.labels.phase[first]),
-        axis=sensor.axis if sensor.quantity == POSITION else None,
+        axis=sensor.axis if sensor.quantity.of_axis else None,
         direction=int(r.labels.direction[first]),
         sensor=sensor.name,
-        unit=unit_of(r.reading),
+        unit=r.reading.sensor.unit,
         count=len(rows),
         mean=float(values.mean()),
         rms=rms,
@@ -173,12 +173,12 @@ def _place(r: _Residual, rows: np.ndarray[Any, np.dtype[np.intp]], level: float)
 
 def _series(r: _Residual, level: float) -> SeriesTest:
     sensor = r.reading.sensor
-    size_p, memory_p = size_chance(r.z, fitted=1), whiteness_p(r.z)
+    size_p, memory_p = chi2_p(r.z, fitted=1), whiteness_p(r.z)
     rms = _rms(r.values)
     return SeriesTest(
         run=r.run,
         sensor=sensor.name,
-        unit=unit_of(r.reading),
+        unit=r.reading.sensor.unit,
         count=len(r.z),
         rms=rms,
         noise_rms=sensor.sigma,
@@ -190,12 +190,12 @@ def _series(r: _Residual, level: float) -> SeriesTest:
 
 
 def _table(table: SteadyTable, predicted: Floats, level: float) -> tuple[list[Place], SeriesTest]:
-    """Rows of a table, each a place of its own; without known noise nothing is judged."""
+    """Each row of a table as a Place, and the table as a whole; not judged without known noise."""
     residual = table.rise_K - predicted
     noise = table.noise_K
     places = []
     for row, value in enumerate(residual.tolist(), start=1):
-        p_value = None if noise is None else mean_chance(np.array([value / noise]))
+        p_value = None if noise is None else mean_p(np.array([value / noise]))
         places.append(
             Place(
                 run=table.name,
@@ -214,7 +214,7 @@ def _table(table: SteadyTable, predicted: Floats, level: float) -> tuple[list[Pl
             )
         )
     rms = _rms(residual)
-    size_p = None if noise is None else size_chance(residual / noise)
+    size_p = None if noise is None else chi2_p(residual / noise)
     whole = SeriesTest(
         run=table.name,
         sensor="table",
@@ -228,11 +228,6 @@ def _table(table: SteadyTable, predicted: Floats, level: float) -> tuple[list[Pl
         white=None if size_p is None else size_p >= level,
     )
     return places, whole
-
-
-def unit_of(reading: Reading) -> str:
-    """The unit that the sensor's column is named after."""
-    return reading.sensor.column.rsplit("_", 1)[-1]
 
 
 def _rms(values: Floats) -> float:

@@ -1,4 +1,4 @@
-"""What was going on at each sample: which line, which phase, which way, which move."""
+"""Labels of each sample: source line, phase, direction and move."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.experiment.model import Floats, Reading
-from mopro.instruments.sensor import TEMPERATURE
 from mopro.motion import Schedule, Segment
 from mopro.plant import CommandTable
 from mopro.program import AXES
@@ -16,11 +15,11 @@ from mopro.program import AXES
 ACCELERATE, CRUISE, DECELERATE, SETTLE, DWELL = PHASES = (
     "accelerate", "cruise", "decelerate", "settle", "dwell",
 )  # fmt: skip
-# The swing of 15.6 1/s decay is then below a hundredth of what it was.
+# An oscillation that decays at 15.6 1/s is then below a hundredth of its amplitude.
 SETTLE_S = 0.3
-# An acceleration below this share of the move's largest is none; a spline through a log
-# is never quite straight.
-_STEADY_PLANNED, _STEADY_LOGGED = 1e-9, 0.05
+# Share of the move's largest acceleration below which the axis cruises; a spline through a
+# log is never quite straight.
+_CRUISE_PLANNED, _CRUISE_LOGGED = 1e-9, 0.05
 
 
 @dataclass(frozen=True)
@@ -29,9 +28,9 @@ class Labels:
 
     `line` is the source line (of the move while the axis moves or settles, else the one
     that runs; 0 for a logged command), `phase` one of PHASES, `direction` the sign of the
-    present or last motion (0 before the first), `move` the number of the move that the
-    sample is held out with: a move and what follows up to the next one, what comes before
-    the first move with that one. The command is in m, m/s and m/s².
+    present or last motion (0 before the first). `move` numbers the fold in which the sample
+    is held out: from the start of a move to the start of the next; samples before the first
+    move belong to its fold. The command is in m, m/s and m/s².
     """
 
     line: NDArray[np.int32]
@@ -49,7 +48,7 @@ class Labels:
 def labels_of(reading: Reading, schedule: Schedule, microstep_m: float) -> Labels:
     """The labels of a reading's samples; for a temperature those of the axis that moves most."""
     axis = reading.sensor.axis
-    if reading.sensor.quantity == TEMPERATURE:
+    if not reading.sensor.quantity.of_axis:
         axis = max(AXES, key=lambda n: sum(n in move.axes for move in schedule.moves))
     return labels(schedule, axis, reading.time_s, microstep_m)
 
@@ -72,7 +71,7 @@ def labels(
     lines = np.array([move.span.line for move, _ in moves], dtype=np.int32)
     directions = np.array([np.sign(stroke.length_u) for _, stroke in moves], dtype=np.int8)
     running = _running_line(schedule, time_s)
-    steady = _STEADY_PLANNED if schedule.program.ops else _STEADY_LOGGED
+    steady = _CRUISE_PLANNED if schedule.program.ops else _CRUISE_LOGGED
     begun = np.searchsorted(starts, time_s, side="right") - 1
     at = np.maximum(begun, 0)
     if not len(moves):
@@ -132,7 +131,7 @@ def _phases(
 
 
 def _running_line(schedule: Schedule, time_s: Floats) -> NDArray[np.int32]:
-    """The line that the controller is at."""
+    """Source line that the controller executes at each time; 0 for a logged command."""
     if not schedule.activity:
         first = schedule.program.ops[0].span.line if schedule.program.ops else 0
         return np.full(len(time_s), first, dtype=np.int32)

@@ -1,4 +1,4 @@
-"""Residuals in standard deviations, and whether a series of them is noise."""
+"""Residuals in standard deviations, and tests of their size and mean."""
 
 from __future__ import annotations
 
@@ -10,40 +10,39 @@ from scipy import stats
 from mopro.experiment.model import Floats
 from mopro.instruments.sensor import Sensor
 
-# Below this share of a step the noise is taken to be as large: a prediction is not exact.
-_LEAST_NOISE = 0.03
-# Beyond this many deviations the size says enough, and a tail's chance underflows.
-_FAR = 5.0
+# Share of a converter's step that the noise is at least taken for: a prediction is not exact.
+_LEAST_NOISE_STEPS = 0.03
+# In σ: beyond it the scaled residual is used, as the tail probability underflows.
+_TAIL_SIGMAS = 5.0
 
 
 def quantile_residual(
     measured: Floats, predicted: Floats, sensor: Sensor, generator: np.random.Generator
 ) -> Floats:
-    """What the sensor's noise would have to be, in standard deviations.
+    """Residual in standard deviations, of unit normal distribution if the model holds.
 
-    Without a converter that is (measured - predicted)/sigma. A converter rounds readings
-    to steps; where the noise is smaller than a step the rounding is no noise, and repeats
-    as the signal repeats. The chance of a lower reading, plus a random share of the
-    chance of the same reading, is then evenly distributed, and its normal quantile is
-    white (Dunn and Smyth 1996).
+    Without a converter: (measured - predicted)/sigma. A converter of step q rounds, and
+    where the noise is smaller than q the rounding error repeats with the signal. Then the
+    randomised quantile residual of Dunn and Smyth (1996) is taken: the normal quantile of
+    P(reading lower) + u P(reading the same), with u uniform in 0..1 from `generator`.
     """
     scaled = (measured - predicted) / sensor.sigma
     if not sensor.adc_step:
         return scaled
-    noise = max(sensor.noise_rms, _LEAST_NOISE * sensor.adc_step)
+    noise = max(sensor.noise_rms, _LEAST_NOISE_STEPS * sensor.adc_step)
     low = stats.norm.cdf((measured - sensor.adc_step / 2 - predicted) / noise)
     high = stats.norm.cdf((measured + sensor.adc_step / 2 - predicted) / noise)
-    chance = low + generator.uniform(size=len(measured)) * (high - low)
-    near = np.abs(scaled) < _FAR
-    z: Floats = np.where(near, stats.norm.ppf(np.clip(chance, 1e-12, 1 - 1e-12)), scaled)
+    probability = low + generator.uniform(size=len(measured)) * (high - low)
+    near = np.abs(scaled) < _TAIL_SIGMAS
+    z: Floats = np.where(near, stats.norm.ppf(np.clip(probability, 1e-12, 1 - 1e-12)), scaled)
     return z
 
 
-def size_chance(z: Floats, fitted: int = 0) -> float:
-    """How often noise is as large (chi-squared); `fitted` numbers were taken from it."""
+def chi2_p(z: Floats, fitted: int = 0) -> float:
+    """P-value of χ² = z·z with len(z) - `fitted` degrees of freedom."""
     return float(stats.chi2.sf(z @ z, max(len(z) - fitted, 1)))
 
 
-def mean_chance(z: Floats) -> float:
-    """How often the mean of noise is as far from zero."""
+def mean_p(z: Floats) -> float:
+    """Two-sided p-value of a zero mean of `z`."""
     return float(2 * stats.norm.sf(abs(float(z.sum())) / math.sqrt(len(z))))

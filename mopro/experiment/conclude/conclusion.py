@@ -1,4 +1,4 @@
-"""What comes of a diagnosis: the machine file, the gap with it, the places, the next experiment."""
+"""Conclusion of a diagnosis: machine file, gap with it, places and the next experiment."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
 
 _MOST_PLACES = 40
-# The comparison draws the place of a reading within a coarse converter's step.
+# Of the generator that draws the position of a reading within a coarse converter's step.
 _SEED = 0
 
 
@@ -26,8 +26,8 @@ _SEED = 0
 class Conclusion:
     """A verdict and what follows from it.
 
-    `rerun_rms` is the gap of each series, in its unit, when the experiment is run again
-    on the machine that `machine_text` describes.
+    `rerun_rms` is the RMS residual of each series, in its unit, when the experiment is
+    simulated again on the machine that `machine_text` describes.
     """
 
     experiment: Experiment
@@ -55,8 +55,8 @@ class Conclusion:
             answer["next_experiment"] = self.next_experiment.text
             answer["next_experiment_separations"] = self.next_experiment.separations
             answer["next_experiment_pairs"] = [
-                {"effects": list(names), "sigma": apart}
-                for names, apart in self.next_experiment.pairs.items()
+                {"effects": list(names), "sigma": sigma}
+                for names, sigma in self.next_experiment.pairs.items()
             ]
             answer["next_experiment_payload_kg"] = self.next_experiment.payload_kg
         return {key: _strict(value) for key, value in answer.items()}
@@ -65,17 +65,17 @@ class Conclusion:
 def conclude(
     experiment: Experiment, jobs: int = 1, progress: Callable[[str], None] = lambda _: None
 ) -> Conclusion:
-    """Diagnose `experiment` and draw the conclusions; raises MotionError, ModelError."""
+    """Diagnose `experiment` and derive what follows; raises MotionError, ModelError."""
     progress("comparing")
     places = compare(experiment, np.random.default_rng(_SEED)).where
     diagnosis = diagnose(experiment, jobs, progress)
     verdict, series = diagnosis.verdict, diagnosis.series
-    progress("running the experiment again with what was found")
+    progress("simulating the experiment again with the effects found")
     machine = machine_with(experiment, verdict)
     again = Model(replace(diagnosis.experiment, machine=machine), resolved=diagnosis.resolved)
     proposal = None
     if verdict.verdict == "ambiguous":
-        progress("looking for an experiment that tells the rivals apart")
+        progress("designing an experiment that distinguishes the alternatives")
         proposal = propose(experiment, verdict)
     return Conclusion(
         experiment=experiment,
@@ -89,7 +89,7 @@ def conclude(
 
 
 def _strict(value: Any) -> Any:
-    """`value` without the numbers that JSON does not have; null stands for them."""
+    """`value` with NaN and infinities replaced by None, as JSON has neither."""
     if isinstance(value, dict):
         return {key: _strict(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
@@ -98,9 +98,9 @@ def _strict(value: Any) -> Any:
 
 
 def _rms(series: Series, predicted: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    """The residual's, without what nobody would call an effect."""
-    left = series.values - predicted
+    """RMS of the residual in the unit of `series`, the nuisances fitted and taken out."""
+    residual = series.values - predicted
     shapes = series.nuisance_shapes()
     if shapes.shape[1]:
-        left = left - shapes @ np.linalg.lstsq(shapes, left, rcond=None)[0]
-    return float(np.sqrt(np.mean(left**2)))
+        residual = residual - shapes @ np.linalg.lstsq(shapes, residual, rcond=None)[0]
+    return float(np.sqrt(np.mean(residual**2)))

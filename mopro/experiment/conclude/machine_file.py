@@ -1,4 +1,4 @@
-"""The machine file that a diagnosis comes to: the machine, and what it was found to lack."""
+"""Writes the machine file with the effects that a diagnosis found."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from mopro.machine import Machine
 from mopro.machine.file import read_machine
 from mopro.source import Source
 
-# A section's head, and the key that a line begins with.
+# The heading of a section, and the key at the start of a line.
 _HEAD = re.compile(r"\s*\[+([^\]]+)\]")
 _KEY = re.compile(r"""\s*([\w.\-"' \t]+?)\s*=""")
 
 
 def lasting(experiment: Experiment, verdict: Verdict) -> list[Named]:
-    """What belongs to the machine; a step in one run, or a sensor's zero, is no property of it."""
+    """The fitted effects that are properties of the machine, unlike an event in one run."""
     runs = tuple(trial.name for trial in experiment.trials)
     return [
         effect
@@ -32,27 +32,27 @@ def lasting(experiment: Experiment, verdict: Verdict) -> list[Named]:
 
 
 def machine_text(experiment: Experiment, verdict: Verdict) -> str:
-    """The machine file with what was fitted, each effect with its origin."""
+    """Text of the machine file with the fitted effects, each with its origin."""
     machine = experiment.machine
     source = machine.source or Source(machine.name, "")
     named = lasting(experiment, verdict)
-    kept = "\n".join(_without(source, {effect.name for effect in named})).rstrip("\n")
+    remaining = "\n".join(_without(source, {effect.name for effect in named})).rstrip("\n")
     place = Path(experiment.source.name).name
     sections = [
         "\n".join(_section(catalogue()[effect.name], effect, verdict, place)) for effect in named
     ]
-    return "\n\n".join([kept, *sections]) + "\n"
+    return "\n\n".join([remaining, *sections]) + "\n"
 
 
 def machine_with(experiment: Experiment, verdict: Verdict) -> Machine:
-    """The machine that `machine_text` describes, read as any other file is."""
+    """Read the machine that `machine_text` describes."""
     return read_machine(
         Source(f"{experiment.machine.name} (reconciled)", machine_text(experiment, verdict))
     )
 
 
 def _without(source: Source, effects: set[str]) -> Iterator[str]:
-    """The file's lines without what they say of these effects."""
+    """Lines of the file without the sections and keys of these effects."""
     section: list[str] = []
     for line in source.text.splitlines():
         head, key = _HEAD.match(line), _KEY.match(line)
@@ -80,18 +80,18 @@ def _section(effect: Effect, named: Named, verdict: Verdict, place: str) -> Iter
     if values.get(AXIS):
         yield f"axes = [{int(values[AXIS])}]"
     for parameter in effect.parameters:
-        # Eight digits are more than any data know, and the same wherever it is computed.
+        # Eight digits: more than any data determine, and the same on every platform.
         value = float(f"{values.get(parameter.name, parameter.default):.8g}")
         estimate = named.parameters.get(parameter.name)
-        origin, words = "assumed", f"with it in {place}"
+        origin, place_stated = "assumed", f"with it in {place}"
         if estimate is not None:
-            origin, words = "measured", f"{place}, {origin_words(estimate)}"
-            words += "".join(f"; or {rival}" for rival in named.indistinguishable_from)
-        stated = f'unit = "{parameter.unit}", origin = "{origin}", place = {_quoted(words)}'
+            origin, place_stated = "measured", f"{place}, {origin_words(estimate)}"
+            place_stated += "".join(f"; or {name}" for name in named.indistinguishable_from)
+        stated = f'unit = "{parameter.unit}", origin = "{origin}", place = {_quoted(place_stated)}'
         yield f"{parameter.name} = {{ value = {value!r}, {stated} }}"
 
 
 def _quoted(text: str) -> str:
-    """A TOML string: those of JSON are, but for one character and for what is no text."""
+    """`text` as a TOML string: that of JSON without DEL and unpaired surrogates."""
     shown = text.encode("utf-8", "replace").decode().replace("\x7f", " ")
     return json.dumps(shown, ensure_ascii=False)

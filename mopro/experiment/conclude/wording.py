@@ -1,4 +1,4 @@
-"""A verdict in words, for the terminal and for the page."""
+"""Wording of a verdict for the terminal and the page."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from mopro.effects.base import RUN
 from mopro.experiment.compare.comparison import STEADY, Place
 
 NO_PROPOSAL = (
-    "No program was found that would tell them apart with these sensors: measure something "
+    "No program was found that would distinguish them with these sensors: measure something "
     "else, such as another quantity, another sensor, or the controller's own start."
 )
-_WAYS = {1: "forward", -1: "backward"}
+_DIRECTIONS = {1: "forward", -1: "backward"}
 
 
 def sentence(verdict: Verdict) -> str:
@@ -34,7 +34,7 @@ def sentence(verdict: Verdict) -> str:
 
 
 def calibration_words(verdict: Verdict) -> Iterator[str]:
-    """What was corrected within the machine file's tolerances."""
+    """A line for each number corrected within the machine file's tolerance."""
     for effect in verdict.calibration:
         values = ", ".join(
             f"{name} = {value_words(e)} ({interval_words(e)})"
@@ -44,7 +44,7 @@ def calibration_words(verdict: Verdict) -> Iterator[str]:
 
 
 def form_words(effect: Named, verdict: Verdict) -> str:
-    """What stands after its name: its form, or that it merely calibrates; often nothing."""
+    """The effect's form, "calibration" for a corrected number, or nothing."""
     return "calibration" if effect in verdict.calibration else effect.form
 
 
@@ -54,7 +54,7 @@ def effect_words(effect: Named, verdict: Verdict) -> str:
 
 
 def parameters_shown(effect: Named) -> dict[str, Estimate]:
-    """Its parameters but for the number of the run that it happened in, which says nothing."""
+    """The effect's parameters without the number of its run."""
     return {name: e for name, e in effect.parameters.items() if name != RUN}
 
 
@@ -64,7 +64,7 @@ def value_words(estimate: Estimate) -> str:
 
 
 def interval_words(estimate: Estimate) -> str:
-    """The 95 % interval; what a search of its own found has none."""
+    """The 95 % interval; an estimate found by search alone has none (NaN)."""
     low, high = estimate.ci95
     if math.isnan(low):
         return "as found by search"
@@ -74,35 +74,35 @@ def interval_words(estimate: Estimate) -> str:
 
 
 def origin_words(estimate: Estimate) -> str:
-    """How well a value is known, for where nobody sees the head of a table."""
+    """The interval with its level, for places without a table heading."""
     low, high = estimate.ci95
     bounded = math.isfinite(low) and math.isfinite(high)
     return f"95 %: {interval_words(estimate)}" if bounded else interval_words(estimate)
 
 
 def held_out_words(effect: Named, verdict: Verdict) -> str:
-    """Whether parts that were not fitted gain by it, if there were any."""
+    """Result on held-out parts: "gains", "no gain", or "-" if none were held out."""
     if verdict.gap.held_out_rms is None:
         return "-"
     return "gains" if effect.held_out else "no gain"
 
 
 def rivals_words(effect: Named) -> str:
-    """The alternatives that the data cannot tell from it, each with its EBIC above it."""
+    """The indistinguishable alternatives, each with its EBIC minus that of `effect`."""
     return ", ".join(f"{name} (ΔEBIC {delta:+.2g})" for name, delta in effect.rivals.items())
 
 
 def place_words(place: Place) -> str:
-    """Where in its run: line (a logged command has none), phase, direction and axis."""
+    """Location in the run: line (none for a logged command), phase, direction and axis."""
     parts = [f"{'row' if place.phase == STEADY else 'line'} {place.line}"] if place.line else []
     parts.append(place.phase)
-    parts += [_WAYS[place.direction]] if place.direction else []
+    parts += [_DIRECTIONS[place.direction]] if place.direction else []
     parts += [] if place.axis is None else [f"axis {place.axis}"]
     return ", ".join(parts)
 
 
 def faint_words(verdict: Verdict) -> list[str]:
-    """Each effect that these data could not show, the nearest to being seen first."""
+    """Effects below the resolution of the data, the one nearest to detection first."""
     nearest = sorted(
         verdict.below_resolution, key=lambda faint: faint.needed_sigmas - faint.expected_sigmas
     )
@@ -113,14 +113,14 @@ def faint_words(verdict: Verdict) -> list[str]:
 
 
 def undecided_words(verdict: Verdict) -> Iterator[str]:
-    """What these data cannot tell apart."""
+    """A line for each effect that the data cannot distinguish from others."""
     for effect in verdict.fitted:
         if effect.rivals:
             yield f"These data cannot tell {effect.name} from {rivals_words(effect)}."
 
 
 def reservation(effect: Named, verdict: Verdict, runs: tuple[str, ...]) -> str | None:
-    """Why an effect that is believed is no property of the machine; None if it is one.
+    """Reason why a named effect is no property of the machine; None if it is one.
 
     `runs` are the names of the experiment's runs.
     """
@@ -132,14 +132,14 @@ def reservation(effect: Named, verdict: Verdict, runs: tuple[str, ...]) -> str |
 
 
 def reservations(verdict: Verdict, runs: tuple[str, ...]) -> Iterator[str]:
-    """What the machine file does not get, and what of it a further run will not repeat."""
+    """Lines on effects left out of the machine file, and on parameters that differ by run."""
     for effect in verdict.effects:
         reason = reservation(effect, verdict, runs)
         if reason:
             yield f"{effect.name} is not in the machine file: {reason}."
         elif _differs_by_run(effect.name) and len(runs) > 1:
-            words = f"has another phase in each run; the machine file has that of {runs[0]}"
-            yield f"{effect.name} {words}."
+            stated = f"the machine file has that of {runs[0]}"
+            yield f"{effect.name} has another phase in each run; {stated}."
 
 
 def _differs_by_run(name: str) -> bool:

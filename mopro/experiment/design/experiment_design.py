@@ -1,8 +1,8 @@
-"""The experiment that would tell rivals apart.
+"""Design of the experiment that distinguishes the alternatives of a verdict.
 
-Pieces of motion are each tried on the model under every rival. For a position sensor
-those that part the rivals best, for the time that they take, are put together into one
-program; for a thermometer the best one is repeated for ever.
+Each test motion is simulated under every alternative. For a position sensor the motions
+that separate the alternatives best per second are joined into one program; for a
+thermometer the best motion is repeated without end.
 """
 
 from __future__ import annotations
@@ -19,37 +19,39 @@ from mopro.effects import catalogue
 from mopro.effects.resolve import with_values
 from mopro.experiment.design.test_motions import (
     Bounds,
-    Piece,
-    moving_pieces,
+    Excitation,
+    heating_excitations,
+    moving_excitations,
     text_of,
-    warming_pieces,
 )
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.forward_model import ForwardModel
-from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
+from mopro.instruments.quantity import QUANTITIES
+from mopro.instruments.sensor import Sensor
 from mopro.machine.constants import PlantConstants
 from mopro.motion import plan
 from mopro.program.compile import compile as compile_text
 
-# A rival counts as parted here: ten in chi-squared (the margin) are then all but certain, be
-# the effect a fifth smaller than it seems.
-_PARTED = 8.0
-# What no program of bearable length parts by this much is not worth its time.
-_TOLD_APART = 2.0
+# In σ: a pair so far apart needs no more data. A margin of ten in χ² is then nearly certain
+# even if the effect is a fifth smaller than estimated.
+_AMPLE_SIGMAS = 8.0
+# In σ: a pair that no program within _LONGEST_S separates by more is given up.
+_LEAST_SIGMAS = 2.0
 _LONGEST_S = 90.0
-_WARMING_S = 3600.0
-_MOST_RIVALS = 8
+_HEATING_S = 3600.0
+_MOST_ALTERNATIVES = 8
+# Recorded after the last move, until the axis has settled.
 _AFTER_S = 0.3
-# So many standard deviations to either side are a 95 % interval.
-_WITHIN_95 = 1.96
+# Half width of a 95 % interval in standard deviations.
+_NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A program to run, with what payload, and by how many σ it parts two effects of a family.
+    """A program to run, its payload, and by how many σ it separates the effects of a family.
 
-    `separations` are those of each rival from what was named, `pairs` those of every two: any
-    of a family may be what is true.
+    `separations` are those of each alternative from the named effect, `pairs` those of every
+    two of the family, as any of them may be the true one.
     """
 
     text: str
@@ -60,100 +62,104 @@ class Proposal:
 
 
 @dataclass(frozen=True)
-class _Contest:
-    """Two effects of a family, each with its settings; `known` is the relative error of size.
+class _Pair:
+    """Two effects of a family, with the settings of the whole model under `one` and `other`.
 
-    `found` are the settings of the verdict, and each of `beside` has one number of what was
-    found beside the family off by its standard deviation.
+    `size_error` is the relative standard error of the effect's size. `fit` are the settings of
+    the verdict; each of `shifted` is `fit` with one parameter outside the family moved by its
+    standard error.
     """
 
     names: tuple[str, str]
-    settings: Settings
+    one: Settings
     other: Settings
-    known: float
-    found: Settings
-    beside: tuple[Settings, ...]
+    size_error: float
+    fit: Settings
+    shifted: tuple[Settings, ...]
 
 
 def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
-    """The program that separates the named effects best from their rivals.
+    """Design the program that best separates the named effects from their alternatives.
 
-    None where no motion would be seen to tell any of them apart.
+    None if no motion separates any of them by more than _LEAST_SIGMAS.
     """
-    contests = [c for effect in verdict.effects for c in _contests(verdict, effect)]
+    pairs = [pair for effect in verdict.effects for pair in _pairs(verdict, effect)]
     named = frozenset(effect.name for effect in verdict.effects)
     sensors = [r.sensor for t in experiment.trials for r in t.readings]
-    for quantity in (POSITION, TEMPERATURE):
+    for quantity in QUANTITIES.values():
         sensor = next((s for s in sensors if s.quantity == quantity), None)
-        if sensor is not None and contests:
-            proposal = _Planner(experiment, sensor, contests, named).proposal()
+        if sensor is not None and pairs:
+            proposal = _Planner(experiment, sensor, pairs, named).proposal()
             if proposal is not None:
                 return proposal
     return None
 
 
-def _contests(verdict: Verdict, effect: Named) -> list[_Contest]:
-    """The effect against each of its rivals, and those against each other: any may be true."""
-    known = 1 / max(effect.sigmas, 1.0)
-    rivals = list(effect.alternatives.items())[:_MOST_RIVALS]
-    family = [(effect.name, verdict.settings), *rivals]
-    beside = tuple(_moved(verdict, effect))
+def _pairs(verdict: Verdict, effect: Named) -> list[_Pair]:
+    """All pairs of `effect` and its alternatives."""
+    size_error = 1 / max(effect.sigmas, 1.0)
+    alternatives = list(effect.alternatives.items())[:_MOST_ALTERNATIVES]
+    family = [(effect.name, verdict.settings), *alternatives]
+    shifted = tuple(_shifted(verdict, effect))
     return [
-        _Contest((name, rival), settings, others, known, verdict.settings, beside)
-        for (name, settings), (rival, others) in combinations(family, 2)
+        _Pair((name, other), settings, others, size_error, verdict.settings, shifted)
+        for (name, settings), (other, others) in combinations(family, 2)
     ]
 
 
-def _moved(verdict: Verdict, effect: Named) -> Iterator[Settings]:
-    """What was found, with one number of another effect than `effect` off by what it may be."""
-    found = verdict.settings
+def _shifted(verdict: Verdict, effect: Named) -> Iterator[Settings]:
+    """The fit with each parameter of the effects other than `effect` moved by its standard error.
+
+    Yields one set of settings for each parameter with a bounded interval.
+    """
+    fit = verdict.settings
     for other in (*verdict.effects, *verdict.calibration):
         for name, estimate in other.parameters.items():
             low, high = estimate.ci95
-            off = (high - low) / (2 * _WITHIN_95)
-            if other.name != effect.name and math.isfinite(off):
-                moved = {**found[other.name], name: found[other.name][name] + off}
-                yield {**found, other.name: moved}
+            error = (high - low) / (2 * _NORMAL_95)
+            if other.name != effect.name and math.isfinite(error):
+                moved = {**fit[other.name], name: fit[other.name][name] + error}
+                yield {**fit, other.name: moved}
 
 
 class _Planner:
-    """Puts a program together for one sensor."""
+    """Composes a program for one sensor."""
 
     def __init__(
         self,
         experiment: Experiment,
         sensor: Sensor,
-        contests: Sequence[_Contest],
+        pairs: Sequence[_Pair],
         named: frozenset[str],
     ) -> None:
         self._experiment = experiment
         self._sensor = sensor
-        self._contests = contests
+        self._pairs = pairs
         self._named = named
         self._payload_kg = min(trial.payload_kg for trial in experiment.trials)
 
     def proposal(self) -> Proposal | None:
-        """The best program, or None if it would tell no rival from what was named."""
+        """The best program, or None if it separates no alternative from the named effect."""
         bounds = self._bounds()
-        if self._sensor.quantity == TEMPERATURE:
-            chosen = self._best_warming(warming_pieces(bounds))
+        if self._sensor.quantity.slow:
+            chosen = self._best_heating(heating_excitations(bounds))
         else:
-            chosen = self._put_together(moving_pieces(bounds))
+            chosen = self._combined(moving_excitations(bounds))
         if not chosen:
             return None
-        parted = self._parted(self._imagined(chosen)).tolist()
-        pairs = dict(zip((c.names for c in self._contests), parted, strict=True))
-        separations = {other: apart for (one, other), apart in pairs.items() if one in self._named}
-        if max(separations.values()) <= _TOLD_APART:
+        sigmas = self._separations(self._imagined(chosen)).tolist()
+        pairs = dict(zip((pair.names for pair in self._pairs), sigmas, strict=True))
+        separations = {other: s for (one, other), s in pairs.items() if one in self._named}
+        if max(separations.values()) <= _LEAST_SIGMAS:
             return None
         summary = self._summary(separations, pairs)
-        head = f"; {summary}\n; {self._way(chosen)}\n"
+        head = f"; {summary}\n; {self._travel_line(chosen)}\n"
         text = head + self._text(chosen)
         return Proposal(text, summary, self._payload_kg, separations, pairs)
 
     def _bounds(self) -> Bounds:
-        """What the motor may be asked for under the least favourable of the rivals."""
-        every = [side for c in self._contests for side in (c.settings, c.other)]
+        """Limits of the motion under the least favourable alternative."""
+        every = [side for pair in self._pairs for side in (pair.one, pair.other)]
         machine = self._experiment.machine
         nominal = PlantConstants.of(machine, self._payload_kg)
         plants = [_plant(nominal, side) for side in every]
@@ -161,66 +167,66 @@ class _Planner:
         mass_kg = max(plant.mass_kg for plant in plants)
         return Bounds.of(machine, mass_kg, weakest_N / nominal.pull_out_force_N)
 
-    # -- which pieces ------------------------------------------------------------
+    # -- choice of the test motions ------------------------------------------------
 
-    def _put_together(self, pieces: Sequence[Piece]) -> list[Piece]:
-        """The pieces that part the most for their time, equal ones side by side.
+    def _combined(self, motions: Sequence[Excitation]) -> list[Excitation]:
+        """The motions that separate the most per second, equal ones side by side.
 
-        A piece that is repeated tells more each time.
+        A motion may be chosen repeatedly: its squared separations add up.
         """
-        pieces = [piece for piece in pieces if self._holds(self._imagined([piece]))]
-        if not pieces:
+        motions = [motion for motion in motions if self._holds(self._imagined([motion]))]
+        if not motions:
             return []
-        trials = [self._imagined([piece]) for piece in pieces]
+        trials = [self._imagined([motion]) for motion in motions]
         lengths = np.array([trial.duration_s for trial in trials])
-        squares = np.array([self._parted(trial) for trial in trials]) ** 2
+        squares = np.array([self._separations(trial) for trial in trials]) ** 2
         within_reach = (squares * (_LONGEST_S / lengths)[:, None]).max(axis=0)
-        wanted = within_reach > _TOLD_APART**2
+        wanted = within_reach > _LEAST_SIGMAS**2
         squares = squares[:, wanted]
         chosen: list[int] = []
         so_far = np.zeros(squares.shape[1])
-        while so_far.min(initial=math.inf) < _PARTED**2:
-            worth = _worth(so_far + squares) - _worth(so_far)
-            worth[lengths + lengths[chosen].sum() > _LONGEST_S] = 0.0
-            best = int(np.argmax(worth / lengths))
-            if not worth[best]:
+        while so_far.min(initial=math.inf) < _AMPLE_SIGMAS**2:
+            gain = _score(so_far + squares) - _score(so_far)
+            gain[lengths + lengths[chosen].sum() > _LONGEST_S] = 0.0
+            best = int(np.argmax(gain / lengths))
+            if not gain[best]:
                 break
             chosen.append(best)
             so_far = so_far + squares[best]
-        return [pieces[i] for i in sorted(chosen)]
+        return [motions[i] for i in sorted(chosen)]
 
-    def _best_warming(self, pieces: Iterable[Piece]) -> list[Piece]:
-        """The one that parts the most without growing too hot under any rival."""
+    def _best_heating(self, motions: Iterable[Excitation]) -> list[Excitation]:
+        """The motion that separates the most and stays below the rated temperature."""
         limit_C = self._experiment.machine.heat.rated_C
-        told: list[tuple[float, Piece]] = []
-        for piece in pieces:
-            predictions = self._predictions(self._imagined([piece]))
-            parted = predictions.parted()
-            if predictions.most() < limit_C and parted.max() > _TOLD_APART:
-                told.append((float(_worth(parted**2)), piece))
-        return [max(told, key=lambda pair: pair[0])[1]] if told else []
+        scored: list[tuple[float, Excitation]] = []
+        for motion in motions:
+            predictions = self._predictions(self._imagined([motion]))
+            separations = predictions.separations()
+            if predictions.most() < limit_C and separations.max() > _LEAST_SIGMAS:
+                scored.append((float(_score(separations**2)), motion))
+        return [max(scored, key=lambda each: each[0])[1]] if scored else []
 
-    # -- what a program would show --------------------------------------------------
+    # -- simulation of a program ----------------------------------------------------
 
-    def _parted(self, trial: Trial) -> Floats:
-        return self._predictions(trial).parted()
+    def _separations(self, trial: Trial) -> Floats:
+        return self._predictions(trial).separations()
 
     def _predictions(self, trial: Trial) -> _Predictions:
-        return _Predictions(self._motor(trial), self._sensor.sigma, self._contests)
+        return _Predictions(self._model(trial), self._sensor.sigma, self._pairs)
 
     def _holds(self, trial: Trial) -> bool:
-        """Whether the axis keeps its tooth under every rival."""
-        sides = {str(side): side for c in self._contests for side in (c.settings, c.other)}
-        return all(map(self._motor(trial).keeps_up, sides.values()))
+        """True if no axis stalls under any alternative."""
+        sides = {str(side): side for pair in self._pairs for side in (pair.one, pair.other)}
+        return all(map(self._model(trial).keeps_up, sides.values()))
 
-    def _motor(self, trial: Trial) -> ForwardModel:
+    def _model(self, trial: Trial) -> ForwardModel:
         return ForwardModel(replace(self._experiment, trials=(trial,), tables=()))
 
-    def _imagined(self, pieces: Sequence[Piece]) -> Trial:
-        """The run that the pieces would be, its data still to come."""
-        program = compile_text(self._text(pieces), "next.CMD")
+    def _imagined(self, motions: Sequence[Excitation]) -> Trial:
+        """The run of the motions as a Trial, with zeros in place of its data."""
+        program = compile_text(self._text(motions), "next.CMD")
         if program.loops_forever:
-            times = self._read_so_far(_WARMING_S)
+            times = self._read_so_far(_HEATING_S)
         else:
             end_s = plan(program).duration_s + _AFTER_S
             times = np.arange(math.floor(end_s * self._sensor.rate_hz)) / self._sensor.rate_hz
@@ -228,9 +234,9 @@ class _Planner:
         return Trial("next.csv", program, None, self._payload_kg, (reading,))
 
     def _read_so_far(self, end_s: float) -> Floats:
-        """When the sensor was read in its longest run, and then at the same pace, until `end_s`.
+        """Sample times (s) of the sensor's longest run, continued at its last interval to `end_s`.
 
-        A logger that takes its time once things are slow will take it again.
+        A logger that slows down in one run is expected to do the same in the next.
         """
         readings = (r for trial in self._experiment.trials for r in trial.readings)
         times = max(
@@ -241,70 +247,70 @@ class _Planner:
         whole: Floats = np.concatenate([times, later])
         return whole[whole < end_s]
 
-    # -- its text ------------------------------------------------------------------
+    # -- text ----------------------------------------------------------------------
 
-    def _text(self, pieces: Sequence[Piece]) -> str:
-        return text_of(self._experiment.machine, self._sensor.axis, _joined(pieces))
+    def _text(self, motions: Sequence[Excitation]) -> str:
+        return text_of(self._experiment.machine, self._sensor.axis, _joined(motions))
 
     def _summary(self, separations: dict[str, float], pairs: dict[tuple[str, str], float]) -> str:
-        told = [f"{n} by {s:.3g} σ" for n, s in separations.items() if s > _TOLD_APART]
-        alike = [name for name, s in separations.items() if s <= _TOLD_APART]
+        separated = [f"{n} by {s:.3g} σ" for n, s in separations.items() if s > _LEAST_SIGMAS]
+        alike = [name for name, s in separations.items() if s <= _LEAST_SIGMAS]
         twins = [
             f"{one} from {other}"
             for (one, other), s in pairs.items()
-            if s <= _TOLD_APART and not {one, other} & {*self._named, *alike}
+            if s <= _LEAST_SIGMAS and not {one, other} & {*self._named, *alike}
         ]
-        summary = f"with {self._payload_kg:g} kg it should separate {', '.join(told)}"
-        left = ", ".join([*alike, *twins])
-        return summary + (f"; it does not tell {left}" if left else "")
+        summary = f"with {self._payload_kg:g} kg it should separate {', '.join(separated)}"
+        remaining = ", ".join([*alike, *twins])
+        return summary + (f"; it does not distinguish {remaining}" if remaining else "")
 
-    def _way(self, chosen: Sequence[Piece]) -> str:
-        longest = max(piece.distance for piece in chosen)
-        way = f"Goes forth and back by up to {longest:.3g} in from where it starts"
-        return f"{way}, for {_WARMING_S / 60:g} min." if chosen[0].endless else f"{way}."
+    def _travel_line(self, chosen: Sequence[Excitation]) -> str:
+        longest = max(motion.distance for motion in chosen)
+        travel = f"Moves forth and back by up to {longest:.3g} in from its starting position"
+        return f"{travel}, for {_HEATING_S / 60:g} min." if chosen[0].endless else f"{travel}."
 
 
 def _plant(plant: PlantConstants, settings: Settings) -> PlantConstants:
-    """The constants of the equation of motion with the effects of `settings`."""
+    """Constants of the equation of motion with the effects of `settings`."""
     for a in (with_values(catalogue()[name], values) for name, values in settings.items()):
         plant = a.effect.plant(plant, *a.values)
     return plant
 
 
 class _Predictions:
-    """What a run would show under each side of each contest."""
+    """Predicted readings of a run under both effects of each pair; `sigma` in the sensor's unit."""
 
-    def __init__(self, motor: ForwardModel, sigma: float, contests: Sequence[_Contest]) -> None:
-        self._motor = motor
+    def __init__(self, model: ForwardModel, sigma: float, pairs: Sequence[_Pair]) -> None:
+        self._model = model
         self._sigma = sigma
-        self._contests = contests
+        self._pairs = pairs
         self._seen: dict[str, Floats] = {}
 
     def under(self, settings: Settings) -> Floats:
-        """In the sensor's unit."""
+        """The readings with `settings`, in the sensor's unit."""
         key = repr(sorted((n, sorted(v.items())) for n, v in settings.items()))
         if key not in self._seen:
-            (self._seen[key],) = self._motor(settings)
+            (self._seen[key],) = self._model(settings)
         return self._seen[key]
 
     def most(self) -> float:
-        """The largest reading to expect."""
-        sides = [side for c in self._contests for side in (c.settings, c.other)]
+        """Largest predicted reading over all alternatives."""
+        sides = [side for pair in self._pairs for side in (pair.one, pair.other)]
         return max(float(self.under(side).max()) for side in sides)
 
-    def parted(self) -> Floats:
-        """By how many σ the two sides of each contest differ.
+    def separations(self) -> Floats:
+        """Difference of the two effects of each pair, in σ.
 
-        The size of an effect, and what was found beside it, are as well known as the data so
-        far tell them; a constant offset tells nothing.
+        A constant offset, the size of the effect and the other fitted parameters, within their
+        standard errors, are free to reduce it.
         """
-        return np.array([self._apart(contest) for contest in self._contests])
+        return np.array([self._separation(pair) for pair in self._pairs])
 
-    def _apart(self, contest: _Contest) -> float:
-        found, other = self._change(contest.found), self._change(contest.other)
-        beside = (self._change(moved) - found for moved in contest.beside)
-        free = np.stack([contest.known * other, *beside], axis=1)
-        return _distance(self._change(contest.settings) - other, free)
+    def _separation(self, pair: _Pair) -> float:
+        fit, other = self._change(pair.fit), self._change(pair.other)
+        shifts = (self._change(shifted) - fit for shifted in pair.shifted)
+        free = np.stack([pair.size_error * other, *shifts], axis=1)
+        return _distance(self._change(pair.one) - other, free)
 
     def _change(self, settings: Settings) -> Floats:
         change = (self.under(settings) - self.under({})) / self._sigma
@@ -312,20 +318,20 @@ class _Predictions:
         return without_offset
 
 
-def _joined(pieces: Sequence[Piece]) -> Iterator[Piece]:
-    """Equal neighbours as one that is done so many more times."""
-    for piece, same in groupby(pieces):
-        yield replace(piece, times=piece.times * len(list(same)))
+def _joined(motions: Sequence[Excitation]) -> Iterator[Excitation]:
+    """Merge equal neighbours into one motion with the sum of their repetitions."""
+    for motion, same in groupby(motions):
+        yield replace(motion, times=motion.times * len(list(same)))
 
 
-def _worth(squares: Floats) -> Floats:
-    """How well everything is parted (contests along the last axis): the first σ count most."""
-    worth: Floats = np.sum(np.minimum(squares, _PARTED**2), axis=-1)
-    return worth
+def _score(squares: Floats) -> Floats:
+    """Sum over pairs (last axis) of the squared separations, each capped at the ample one."""
+    score: Floats = np.sum(np.minimum(squares, _AMPLE_SIGMAS**2), axis=-1)
+    return score
 
 
-def _distance(apart: Floats, free: Floats) -> float:
-    """The least √(|apart - free z|² + |z|²): the z are known to be 0 within 1 each."""
-    shown = free.T @ apart
-    told = np.linalg.solve(free.T @ free + np.eye(free.shape[1]), shown)
-    return math.sqrt(max(float(apart @ apart - shown @ told), 0.0))
+def _distance(difference: Floats, free: Floats) -> float:
+    """Minimum over z of √(|difference - free z|² + |z|²); each z has the prior N(0, 1)."""
+    projected = free.T @ difference
+    z = np.linalg.solve(free.T @ free + np.eye(free.shape[1]), projected)
+    return math.sqrt(max(float(difference @ difference - projected @ z), 0.0))

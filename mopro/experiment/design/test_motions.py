@@ -1,4 +1,4 @@
-"""Short motions that bring out different things, and the programs that they make up."""
+"""Test motions that excite different effects, and the text of the programs made of them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from mopro.units import INCH_M
 _REST_MS = 300
 _LONGEST_IN = 15.0
 _SHARE_OF_TRAVEL = 0.7
-# Rivals may differ in force by a fifth, and a jump of acceleration overshoots to twice.
+# Alternatives may differ in force by a fifth, and a step of acceleration overshoots to twice.
 _SHARE_OF_FORCE = 0.3
-# From speeding up to braking the force jumps by twice as much as from rest.
+# From acceleration to braking the force steps by twice as much as from rest.
 _SHARE_BETWEEN_RAMPS = 2 / 3
 # The corners of a short stroke add up to twice the lag of a single one.
 _SHARE_WHEN_RINGING = 0.3
@@ -23,11 +23,11 @@ _INCH_M = float(INCH_M)
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A motion forth and back, `times` over, in inches and seconds.
+class Excitation:
+    """A test motion forth and back, repeated `times` times; in inches and seconds.
 
-    `wait_ms` goes before and between its strokes. One that is `endless` is a program by
-    itself, which goes on until it is stopped.
+    It waits `wait_ms` before each stroke. An `endless` one is a program by itself, which
+    repeats until it is stopped.
     """
 
     what: str
@@ -41,7 +41,10 @@ class Piece:
     endless: bool = False
 
     def statements(self, axis: int, per_inch: int) -> Iterator[str]:
-        """The distance is one of whole microsteps: nobody knows how a half one is rounded."""
+        """Statements in `.CMD`; the distance is rounded to whole microsteps.
+
+        How the controller rounds a half microstep is unknown.
+        """
         yield f"; {self.what}"
         axes = (axis, 3 - axis) if self.both_axes else (axis,)
         for n in axes:
@@ -58,20 +61,20 @@ class Piece:
         yield "JUMP B1" if self.endless else f"WT{_REST_MS}"
 
 
-def text_of(machine: Machine, axis: int, pieces: Iterable[Piece]) -> str:
-    """A program of the pieces one after the other, in inches."""
+def text_of(machine: Machine, axis: int, motions: Iterable[Excitation]) -> str:
+    """Text of the program that runs `motions` one after the other, in inches."""
     per_inch = round(_INCH_M / machine.microstep_m)
     lines = [f"UU{per_inch:06d}/1"]
-    for piece in pieces:
-        lines += piece.statements(axis, per_inch)
+    for motion in motions:
+        lines += motion.statements(axis, per_inch)
     return "\n".join(lines) + "\n"
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """How far (in), and with how much of the pull-out force (in/s²), pieces may go.
+    """Limits of a test motion: stroke (in) and acceleration `hardest` (in/s²).
 
-    `natural_hz` is the axis' own frequency, at which it rings; `pitch` is in inches.
+    `natural_hz` is the natural frequency of the axis; `pitch` is in inches.
     """
 
     stroke: float
@@ -81,7 +84,7 @@ class Bounds:
 
     @classmethod
     def of(cls, machine: Machine, mass_kg: float, force_factor: float = 1.0) -> Bounds:
-        """`mass_kg` moves; the motor has `force_factor` of its nominal force."""
+        """Limits for a moving mass of `mass_kg` and `force_factor` times the nominal force."""
         axis = machine.axis
         travel_m = (
             min(high - low for low, high in machine.travel_u().values()) * machine.microstep_m
@@ -95,8 +98,8 @@ class Bounds:
         )
 
 
-def moving_pieces(bounds: Bounds) -> list[Piece]:
-    """For a position sensor: speed, acceleration, stroke, resonance, ringing, a wait."""
+def moving_excitations(bounds: Bounds) -> list[Excitation]:
+    """Test motions for a position sensor: speed, acceleration, stroke, ringing, resonance, wait."""
     return [
         *_of_speed(bounds),
         *_of_acceleration(bounds),
@@ -105,47 +108,49 @@ def moving_pieces(bounds: Bounds) -> list[Piece]:
     ]
 
 
-def _of_speed(bounds: Bounds) -> Iterator[Piece]:
+def _of_speed(bounds: Bounds) -> Iterator[Excitation]:
     middling, half = min(200.0, bounds.hardest), bounds.stroke / 2
     for speed in (2.0, 6.0, 15.0, _FASTEST_IN_S):
-        yield Piece(f"speed {speed:g} in/s", min(half, 2 * speed), speed, middling)
+        yield Excitation(f"speed {speed:g} in/s", min(half, 2 * speed), speed, middling)
     for stroke in (1.0, bounds.stroke):
-        yield Piece(f"stroke {stroke:.3g} in", stroke, 15.0, middling)
-    yield Piece("a long wait", half, 15.0, middling, wait_ms=10_000)
-    yield Piece("both axes", half, 15.0, middling, both_axes=True)
+        yield Excitation(f"stroke {stroke:.3g} in", stroke, 15.0, middling)
+    yield Excitation("a long wait", half, 15.0, middling, wait_ms=10_000)
+    yield Excitation("both axes", half, 15.0, middling, both_axes=True)
 
 
-def _of_acceleration(bounds: Bounds) -> Iterator[Piece]:
+def _of_acceleration(bounds: Bounds) -> Iterator[Excitation]:
     for hard in (min(50.0, bounds.hardest), bounds.hardest / 2, bounds.hardest):
-        yield Piece(f"acceleration {hard:.0f} in/s2", bounds.stroke / 2, 25.0, hard)
-        # Where the speed is just not reached, the whole distance is acceleration.
+        yield Excitation(f"acceleration {hard:.0f} in/s2", bounds.stroke / 2, 25.0, hard)
+        # The set velocity is just not reached, so the axis accelerates or brakes all the time.
         rate = _SHARE_BETWEEN_RAMPS * hard
         distance = min(bounds.stroke, 0.99 * _FASTEST_IN_S**2 / rate)
         what = f"nothing but acceleration, {rate:.0f} in/s2"
-        yield Piece(what, distance, _FASTEST_IN_S, rate, wait_ms=100, times=3)
+        yield Excitation(what, distance, _FASTEST_IN_S, rate, wait_ms=100, times=3)
     hardest = bounds.hardest
-    yield Piece("parabolic ramps", bounds.stroke, _FASTEST_IN_S, hardest, parabolic=True)
+    yield Excitation("parabolic ramps", bounds.stroke, _FASTEST_IN_S, hardest, parabolic=True)
 
 
-def _ringing(bounds: Bounds, turns: float) -> Piece:
-    """A stroke so short that its corners add up in the ring that they leave."""
+def _ringing(bounds: Bounds, turns: float) -> Excitation:
+    """A short stroke whose steps of acceleration add up in the ringing that follows."""
     ramp_s = turns / bounds.natural_hz
     acceleration = _SHARE_WHEN_RINGING * bounds.hardest
     distance = acceleration * ramp_s**2
     what = f"ringing, ramps of {turns:g} periods"
-    return Piece(what, distance, 2 * acceleration * ramp_s, acceleration, times=4)
+    return Excitation(what, distance, 2 * acceleration * ramp_s, acceleration, times=4)
 
 
-def _slow_scans(bounds: Bounds) -> Iterator[Piece]:
-    """At speeds where a cyclic error of some order meets the axis' own frequency."""
+def _slow_scans(bounds: Bounds) -> Iterator[Excitation]:
+    """Scans at speeds where a cyclic error of order 1, 2 or 4 excites the natural frequency."""
     gentle, resonant = min(50.0, bounds.hardest), bounds.pitch * bounds.natural_hz
     for order in (1, 2, 4):
         speed = resonant / order
-        yield Piece(f"slow scan {speed:.3g} in/s, resonance of order {order}", 1.5, speed, gentle)
+        yield Excitation(
+            f"slow scan {speed:.3g} in/s, resonance of order {order}", 1.5, speed, gentle
+        )
 
 
-def warming_pieces(bounds: Bounds) -> Iterator[Piece]:
-    """For a thermometer: strokes and speeds for ever, with rests between."""
+def heating_excitations(bounds: Bounds) -> Iterator[Excitation]:
+    """Test motions for a thermometer: endless strokes at several speeds, with rests between."""
     middling = min(200.0, bounds.hardest)
     for stroke, speed, wait_ms, both in (
         (1.0, 5.0, 2000, False),
@@ -158,4 +163,6 @@ def warming_pieces(bounds: Bounds) -> Iterator[Piece]:
     ):
         axes = "both axes" if both else "one axis"
         what = f"stroke {stroke:.3g} in at {speed:g} in/s, {axes}, rests of {wait_ms} ms"
-        yield Piece(what, stroke, speed, middling, wait_ms=wait_ms, both_axes=both, endless=True)
+        yield Excitation(
+            what, stroke, speed, middling, wait_ms=wait_ms, both_axes=both, endless=True
+        )

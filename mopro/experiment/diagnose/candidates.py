@@ -1,7 +1,8 @@
 """The catalogue's effects as candidates of the diagnosis.
 
-Each effect says in which forms it is fitted; here stands which of them an experiment's
-quantities call for, and what the machine's own file makes of them.
+Each effect states the forms in which it is fitted. This module selects those that the
+experiment's quantities can show, and adapts them to the machine file: effects that it has
+already, and numbers that it states with a tolerance.
 """
 
 from __future__ import annotations
@@ -14,50 +15,63 @@ from mopro.effects import Domain, Effect, catalogue
 from mopro.effects.base import AXIS, WIDER
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.predict.forward_model import ForwardModel
-from mopro.instruments.sensor import POSITION, TEMPERATURE
+from mopro.instruments.quantity import Quantity
 from mopro.machine import Machine
 
-# What a machine has already is tried this share of the range away from it.
-_APART = 0.1
+# Distance of a start from the machine's own value, as a share of the parameter's range.
+_START_DISTANCE = 0.1
 
 
-def candidates(motor: ForwardModel) -> list[Candidate]:
-    """What the experiment's sensors could show, in all forms."""
-    experiment = motor.experiment
+def candidates(model: ForwardModel) -> list[Candidate]:
+    """Candidates that the experiment's sensors can show, in all their forms."""
+    experiment = model.experiment
     quantities = {r.sensor.quantity for t in experiment.trials for r in t.readings}
-    found: list[Candidate] = []
-    if POSITION in quantities:
-        found += _of_position(motor)
-    if TEMPERATURE in quantities or experiment.tables:
-        found += _of_heat(motor, lasting=True)
-    if TEMPERATURE in quantities:
-        found += _of_heat(motor, lasting=False)
-    return [_on_the_machine(candidate, motor) for candidate in found]
+    selected: list[Candidate] = []
+    slow = any(quantity.slow for quantity in quantities)
+    if any(quantity.follows_motion for quantity in quantities):
+        selected += _of_motion(model)
+    if slow or experiment.tables:
+        selected += _of_heat(model, lasting=True)
+    if slow:
+        selected += _of_heat(model, lasting=False)
+    return [_on_the_machine(candidate, model) for candidate in selected]
 
 
-def _of_position(motor: ForwardModel) -> Iterator[Candidate]:
-    """A program's statements are needed by effects that change them."""
-    programmed = all(trial.program is not None for trial in motor.experiment.trials)
-    seen = {reading.sensor.axis for _, reading in motor.positions().values()}
+def _of_motion(model: ForwardModel) -> Iterator[Candidate]:
+    """Candidates for sensors that follow the motion.
+
+    Effects that change statements are left out unless every run has a program.
+    """
+    programmed = all(trial.program is not None for trial in model.experiment.trials)
+    sensors = [reading.sensor for _, reading in model.readings()]
     for effect in catalogue().values():
         if effect.domain is Domain.HEAT or (effect.changes_program and not programmed):
             continue
-        for candidate in effect.forms(motor):
+        seen = {s.axis for s in sensors if _shows(effect, s.quantity)}
+        if not seen:
+            continue
+        for candidate in effect.forms(model):
             yield candidate
             if effect.domain is Domain.MEASUREMENT and len(seen) > 1:
                 yield from (_on_one(candidate, axis) for axis in sorted(seen))
 
 
-def _of_heat(motor: ForwardModel, lasting: bool) -> Iterator[Candidate]:
-    """What changes a steady state, `lasting`, or only the way there."""
-    machine = motor.experiment.machine
+def _shows(effect: Effect, quantity: Quantity) -> bool:
+    """Whether a sensor of `quantity` follows the motion and could show what is no heat."""
+    reaches = effect.domain is not Domain.MEASUREMENT or effect.retimes or quantity.sees_place
+    return quantity.follows_motion and reaches
+
+
+def _of_heat(model: ForwardModel, lasting: bool) -> Iterator[Candidate]:
+    """Thermal candidates: those that change the steady state (`lasting`), or all others."""
+    machine = model.experiment.machine
     for effect in catalogue().values():
         if effect.domain is Domain.HEAT and thermal.lasts(effect, machine) is lasting:
-            yield from effect.forms(motor)
+            yield from effect.forms(model)
 
 
 def _on_one(candidate: Candidate, axis: int) -> Candidate:
-    """The same on one axis alone, as each has a sensor of its own."""
+    """The candidate on one axis alone, as each axis has a sensor of its own."""
     form = f"{candidate.form}, axis {axis}".removeprefix(", ")
     extends = f"{candidate.extends}, axis {axis}".removeprefix(", ")
     return replace(
@@ -71,17 +85,17 @@ def _on_one(candidate: Candidate, axis: int) -> Candidate:
 # -- what the machine's file states ------------------------------------------------
 
 
-def _on_the_machine(candidate: Candidate, motor: ForwardModel) -> Candidate:
-    own = motor.own(candidate.name)
+def _on_the_machine(candidate: Candidate, model: ForwardModel) -> Candidate:
+    own = model.own(candidate.name)
     if own:
         candidate = _from_the_machine(candidate, own)
-    return _with_tolerance(candidate, catalogue()[candidate.name], motor.experiment.machine)
+    return _with_tolerance(candidate, catalogue()[candidate.name], model.experiment.machine)
 
 
 def _from_the_machine(candidate: Candidate, own: Mapping[str, float]) -> Candidate:
-    """An effect that the machine has already, with `own` values, is off where it has those.
+    """Candidate for an effect that the machine has already: its null is the machine's `own` value.
 
-    What is no form's, and is not fitted, is as the machine has it.
+    Fixed parameters that no form states take the machine's values.
     """
     fixed = {name: own.get(name, value) for name, value in candidate.fixed.items()}
     parameters = tuple(
@@ -94,19 +108,20 @@ def _from_the_machine(candidate: Candidate, own: Mapping[str, float]) -> Candida
 
 
 def _about(parameter: Parameter, null: float) -> Parameter:
-    """`parameter`, off at `null`, and tried at other values."""
+    """`parameter` with its null at `null`, and starts away from it."""
     low, high = parameter.low, parameter.high
     moved = replace(parameter, null=null, low=min(low, null), high=max(high, null))
     place = moved.scaled(null)
-    away = moved.value(place + (_APART if place < 1 - _APART else -_APART))
+    step = _START_DISTANCE if place < 1 - _START_DISTANCE else -_START_DISTANCE
+    away = moved.value(place + step)
     starts = dict.fromkeys(away if start == null else start for start in parameter.starts)
     return replace(moved, starts=tuple(starts))
 
 
 def _with_tolerance(candidate: Candidate, effect: Effect, machine: Machine) -> Candidate:
-    """An effect that may correct a number which the machine file states with a tolerance.
+    """Candidate with the tolerance of the number that the effect corrects, if the file has one.
 
-    The tolerance stays about what the file states, wherever an effect in it has moved that.
+    The tolerance is about the file's number, also where an effect in the file changes it.
     """
     number = effect.toleranced(machine)
     source = machine.provenance.get(number.key) if number else None

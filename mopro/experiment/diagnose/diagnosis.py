@@ -1,4 +1,4 @@
-"""An experiment through the diagnosis: its model, its candidates and its data joined."""
+"""Runs the diagnosis on an experiment: its model, candidates and data."""
 
 from __future__ import annotations
 
@@ -19,21 +19,22 @@ from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.model import Experiment, Floats
 from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
 from mopro.experiment.predict.steady import rises
-from mopro.instruments.sensor import POSITION
+from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.plant import Stepping
 
-# An offset this many standard deviations clear of zero, and the same in all runs, is one.
-_CLEARLY = 6.0
-_THE_SAME = 1e-3
+# In σ: least size of an offset that is reported.
+_OFFSET_SIGMAS = 6.0
+# P-value below which the offsets of the runs are not the same.
+_SAME_OFFSET_P = 1e-3
 _FEWEST_RUNS = 2
-# What microsteps must take away in chi-squared before they are taken to show; where something is
-# left unexplained, in units of its mean square, as anything takes away a little of that.
-_STEPS_SHOW = 10.0
+# Decrease of chi-squared by which microsteps are taken to be visible; in units of the mean
+# square of the residual where that exceeds 1, as any change then takes away a little.
+_MICROSTEP_GAIN = 10.0
 
 
 class Model:
-    """Everything that an experiment measured, as effects would have it."""
+    """Model of all readings and tables of an experiment; called with settings of effects."""
 
     def __init__(
         self,
@@ -43,20 +44,20 @@ class Model:
     ) -> None:
         self.experiment = experiment
         self.resolved = resolved
-        self.motor = ForwardModel(experiment, stepping, resolved)
+        self.forward = ForwardModel(experiment, stepping, resolved)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         machine = self.experiment.machine
         tables = [rises(table, machine, settings) for table in self.experiment.tables]
-        return [*self.motor(settings), *tables]
+        return [*self.forward(settings), *tables]
 
     def series(self) -> list[Series]:
-        return [*series_of(self.motor), *map(thermal.series, self.experiment.tables)]
+        return [*series_of(self.forward), *map(thermal.series, self.experiment.tables)]
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The verdict on `experiment`, and whether the drive's microsteps show in its data."""
+    """The verdict on `experiment`; `resolved` if the drive's microsteps show in its data."""
 
     experiment: Experiment
     verdict: Verdict
@@ -67,19 +68,19 @@ class Diagnosis:
 def diagnose(
     experiment: Experiment, jobs: int = 1, progress: Callable[[str], None] = lambda _: None
 ) -> Diagnosis:
-    """What the machine's model lacks that the experiment's data show.
+    """Find the effects that the machine's model lacks and the experiment's data show.
 
-    A drive whose microsteps show is another model of the same motor: the one that fits
-    better is taken. Where a converter's rounding is no noise, `thinned` readings are judged.
+    The model without microsteps is diagnosed first, then the one with them if it fits
+    clearly better. Readings whose noise is below a converter's step are `thinned`.
     Raises MotionError for a program that cannot be run.
     """
     experiment = thinned(experiment)
     smooth = _judged(Model(experiment), jobs, progress)
-    if not any(r.sensor.quantity == POSITION for t in experiment.trials for r in t.readings):
+    if not any(trial.follows_motion for trial in experiment.trials):
         return smooth
-    stepped, left = Model(experiment, resolved=True), _misfit(smooth, Model(experiment))
-    mean_square = max(left / sum(map(len, smooth.series)), 1.0)
-    if left - _misfit(smooth, stepped) < _STEPS_SHOW * mean_square:
+    stepped, chi2 = Model(experiment, resolved=True), _chi2(smooth, Model(experiment))
+    mean_square = max(chi2 / sum(map(len, smooth.series)), 1.0)
+    if chi2 - _chi2(smooth, stepped) < _MICROSTEP_GAIN * mean_square:
         return smooth
     return _judged(stepped, jobs, progress)
 
@@ -88,7 +89,7 @@ def _judged(model: Model, jobs: int, progress: Callable[[str], None]) -> Diagnos
     data = model.series()
     verdict = reconcile(
         model,
-        candidates(model.motor),
+        candidates(model.forward),
         data,
         finer=Model(model.experiment, FINE, model.resolved),
         jobs=jobs,
@@ -99,57 +100,59 @@ def _judged(model: Model, jobs: int, progress: Callable[[str], None]) -> Diagnos
     return Diagnosis(model.experiment, verdict, tuple(data), model.resolved)
 
 
-def _misfit(found: Diagnosis, model: Model) -> float:
-    """Chi-squared of what was found, under another model of the same motor."""
-    return float(np.sum(Residuals(model, found.series).at(found.verdict.settings) ** 2))
+def _chi2(diagnosis: Diagnosis, model: Model) -> float:
+    """Chi-squared of `model` with the settings of the diagnosis' verdict."""
+    residuals = Residuals(model, diagnosis.series)
+    return float(np.sum(residuals.at(diagnosis.verdict.settings) ** 2))
 
 
 def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verdict:
-    """`verdict` with the offsets that all runs share, if they are all there is to find."""
+    """`verdict` (none) with the sensor offsets that all runs share, if there are any."""
     offset_in = next(
         ((e, e.constant_offset) for e in catalogue().values() if e.constant_offset), None
     )
     if offset_in is None:
         return verdict
-    found, predicted = [], model(verdict.settings)
-    readings = [r for t in model.experiment.trials for r in t.readings]
-    units_m = {r.sensor.name: r.sensor.unit_si for r in readings if r.sensor.quantity == POSITION}
+    offsets, predicted = [], model(verdict.settings)
+    sensors = {r.sensor.name: r.sensor for t in model.experiment.trials for r in t.readings}
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
         offset = _common_offset(*offset_in, [data[i] for i in rows], [predicted[i] for i in rows])
         if offset:
-            rivals = _deflections(offset, units_m.get(sensor), model.experiment.machine)
-            found.append(
+            rivals = _deflections(offset, sensors.get(sensor), model.experiment.machine)
+            offsets.append(
                 replace(offset, form=sensor, rivals=rivals, indistinguishable_from=[*rivals])
             )
-    if not found:
+    if not offsets:
         return verdict
-    word = "ambiguous" if any(offset.rivals for offset in found) else "named"
-    return replace(verdict, verdict=word, effects=tuple(found))
+    word = "ambiguous" if any(offset.rivals for offset in offsets) else "named"
+    return replace(verdict, verdict=word, effects=tuple(offsets))
 
 
-def _deflections(offset: Named, unit_m: float | None, machine: Machine) -> dict[str, float]:
-    """The effects that may as well, by a plausible force, hold the forcer as far off everywhere.
+def _deflections(offset: Named, sensor: Sensor | None, machine: Machine) -> dict[str, float]:
+    """The effects that displace the readings as far at rest by a plausible force; ΔEBIC is zero.
 
-    Each with what it costs more: nothing. `unit_m` is the offset's unit, None where it is no
-    place.
+    None for a table, which has no sensor, and for a quantity that a force does not change.
     """
-    if unit_m is None:
+    under_load = None if sensor is None else sensor.quantity.under_load
+    if sensor is None or under_load is None:
         return {}
-    nearest_m = min(abs(end) for e in offset.parameters.values() for end in e.ci95) * unit_m
+    nearest = min(abs(end) for e in offset.parameters.values() for end in e.ci95) * sensor.unit_si
+    stiffness_N_m = machine.axis.stiffness_N_m
     return {
         effect.name: 0.0
         for effect in catalogue().values()
-        if nearest_m <= effect.static_deflection_m(machine)
+        if nearest <= under_load(effect.static_deflection_m(machine), stiffness_N_m)
     }
 
 
 def _common_offset(
     effect: Effect, parameter: str, data: Sequence[Series], predicted: Sequence[Floats]
 ) -> Named | None:
-    """The offset of one sensor as `parameter` of `effect`.
+    """The offset of one sensor over its runs as `parameter` of `effect`.
 
-    Where a run stood at its start is no offset.
+    None for a single run (its position at the start is unknown), for an offset below
+    _OFFSET_SIGMAS, or for runs that differ.
     """
     if len(data) < _FEWEST_RUNS:
         return None
@@ -158,7 +161,10 @@ def _common_offset(
     weights = 1 / errors**2
     offset, error = float(means @ weights / weights.sum()), 1 / math.sqrt(weights.sum())
     scatter = float(((means - offset) ** 2) @ weights)
-    if abs(offset) < _CLEARLY * error or stats.chi2.sf(scatter, len(data) - 1) < _THE_SAME:
+    if (
+        abs(offset) < _OFFSET_SIGMAS * error
+        or stats.chi2.sf(scatter, len(data) - 1) < _SAME_OFFSET_P
+    ):
         return None
     others = (means @ weights - means * weights) / (weights.sum() - weights)
     sigmas = abs(offset) / error

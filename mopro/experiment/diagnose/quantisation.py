@@ -1,7 +1,7 @@
-"""Readings whose noise is less than a converter's step: what of them is news.
+"""Thins readings whose noise is below half a converter's step.
 
-Such a reading repeats as the signal stands still, and its rounding repeats with it: a
-thousand of them tell no more than one, and are no noise that least squares could weigh.
+While the signal changes by less than a step, such readings repeat with the same rounding
+error: a thousand of them are one independent sample, and least squares must not count more.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import numpy as np
 from mopro.experiment.model import Experiment, Reading
 from mopro.instruments.sensor import Sensor
 
-# More noise than this share of a step makes the rounding a noise of its own.
-_ENOUGH = 0.5
-# So much makes a reading flicker between two steps now and then.
-_FLICKERS = 0.1
+# Noise as a share of a step, above which rounding errors are independent of each other.
+_INDEPENDENT_STEPS = 0.5
+# Noise as a share of a step, above which a reading flickers between two steps.
+_FLICKER_STEPS = 0.1
 _SEED = 0
 
 
 def thinned(experiment: Experiment) -> Experiment:
-    """`experiment` with one reading of each stretch of equal ones, where rounding is no noise.
+    """`experiment` with one sample for each stretch of equal ones, where rounding is no noise.
 
-    Each gets dither as large as the rounding (seeded), which leaves no pattern in what is left
-    of it, and the noise of both.
+    Each sample gets seeded dither of one step, which makes its error independent of the
+    signal; the sensor's noise is increased accordingly.
     """
     generator = np.random.default_rng(_SEED)
     trials = tuple(
@@ -37,7 +37,7 @@ def thinned(experiment: Experiment) -> Experiment:
 
 def _thinned(reading: Reading, generator: np.random.Generator) -> Reading:
     sensor = reading.sensor
-    if sensor.noise_rms >= _ENOUGH * sensor.adc_step:
+    if sensor.noise_rms >= _INDEPENDENT_STEPS * sensor.adc_step:
         return reading
     rows = _middles(reading)
     dither = generator.uniform(-0.5, 0.5, len(rows)) * sensor.adc_step
@@ -45,13 +45,13 @@ def _thinned(reading: Reading, generator: np.random.Generator) -> Reading:
 
 
 def _middles(reading: Reading) -> list[int]:
-    """The middle of each stretch of equal readings, where the signal is nearest to them.
+    """Index of the middle of each stretch of equal samples, where the signal is nearest to them.
 
-    With some noise a reading flickers between neighbours while the signal stands, which ends
-    no stretch. The very last reading stays, as a run goes on to there.
+    A flicker between neighbouring steps does not end a stretch. The last sample always stays,
+    as it states the duration of the run.
     """
     sensor, values = reading.sensor, reading.values.tolist()
-    reach = (1.5 if sensor.noise_rms > _FLICKERS * sensor.adc_step else 0.5) * sensor.adc_step
+    reach = (1.5 if sensor.noise_rms > _FLICKER_STEPS * sensor.adc_step else 0.5) * sensor.adc_step
     firsts = [0]
     for row, value in enumerate(values):
         if abs(value - values[firsts[-1]]) > reach:

@@ -6,23 +6,24 @@ from mopro.diagnosis import Series
 from mopro.experiment.compare.labels import labels_of
 from mopro.experiment.model import Reading
 from mopro.experiment.predict.forward_model import ForwardModel
-from mopro.instruments.sensor import TEMPERATURE
 
 
-def series_of(motor: ForwardModel) -> list[Series]:
-    """Every reading of the runs, in order, with the parts that can be held out."""
+def series_of(model: ForwardModel) -> list[Series]:
+    """A Series for each reading of the runs, in order, with the folds to hold out."""
     return [
-        _series(motor, index, reading)
-        for index, trial in enumerate(motor.experiment.trials)
+        _series(model, index, reading)
+        for index, trial in enumerate(model.experiment.trials)
         for reading in trial.readings
     ]
 
 
-def _series(motor: ForwardModel, index: int, reading: Reading) -> Series:
-    experiment, sensor = motor.experiment, reading.sensor
-    labels = labels_of(reading, motor.schedule(index), experiment.machine.microstep_m)
-    unit = sensor.column.rsplit("_", 1)[-1]
-    scale = 1 / sensor.unit_si
+def _series(model: ForwardModel, index: int, reading: Reading) -> Series:
+    experiment, sensor = model.experiment, reading.sensor
+    labels = labels_of(reading, model.schedule(index), experiment.machine.microstep_m)
+    quantity = sensor.quantity
+    # Places are told in the unit of a sensor that sees them, else in metres.
+    unit = "m" if quantity.follows_motion and not quantity.sees_place else sensor.unit
+    scale = 1 / sensor.unit_si if quantity.sees_place else 1.0
     motion = {
         "position": labels.command_m * scale,
         "velocity": labels.velocity_m_s * scale,
@@ -31,12 +32,12 @@ def _series(motor: ForwardModel, index: int, reading: Reading) -> Series:
     return Series(
         run=experiment.trials[index].name,
         sensor=sensor.name,
-        unit=unit,
+        unit=sensor.unit,
         values=reading.values,
         sigma=sensor.sigma or None,
         time_s=reading.time_s,
         folds=labels.move,
-        # A temperature is not described by the place and speed of the axis.
-        labels={"line": labels.line, **({} if sensor.quantity == TEMPERATURE else motion)},
+        # What heat alone makes is not described by the place and speed of the axis.
+        labels={"line": labels.line, **(motion if quantity.follows_motion else {})},
         position_unit=unit,
     )

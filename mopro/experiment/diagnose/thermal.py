@@ -1,4 +1,4 @@
-"""Steady-state tables for the diagnosis: the series of one, and which effects they show."""
+"""Steady-state tables for the diagnosis: their series, and the effects that change them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mopro.machine import Machine
 
 
 def series(table: SteadyTable) -> Series:
-    """The table as the diagnosis reads it: one sensor, each row a part to hold out.
+    """The table as a Series of one sensor, each row a fold.
 
     A rise is the difference of two readings, so there is no offset to take out.
     """
@@ -24,7 +24,7 @@ def series(table: SteadyTable) -> Series:
 
 
 def lasts(effect: Effect, machine: Machine) -> bool:
-    """Whether it changes where a motion's temperature ends up, and not only how it gets there."""
+    """True if the effect changes the final temperature of a motion, not only the approach to it."""
     one = np.array([0.1])
     motion = SteadyTable("", one, one, one, 0 * one, one, None)
     largest = {effect.name: {p.name: p.plausible[1] for p in effect.parameters}}

@@ -1,1 +1,1 @@
-"""Every reading of an experiment as a model with given effects predicts it."""
+"""Predictions of an experiment's readings for given effects."""

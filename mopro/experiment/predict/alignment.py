@@ -1,4 +1,4 @@
-"""Residuals without the offset of their sensor."""
+"""Removes a sensor's offset from a residual."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from mopro.experiment.model import Floats
 
 
 def aligned(residual: Floats) -> Floats:
-    """The residual without the sensor's offset.
+    """`residual` less its offset, a robust mean.
 
-    The offset is the mean of what lies near the median, so that a disagreement in a few
-    places shows there and not everywhere.
+    The offset is the mean of the samples within 3 σ of the median, σ from the median absolute
+    deviation, so that a disagreement in a few places does not shift all others.
     """
     middle = float(np.median(residual))
     spread = 1.4826 * float(np.median(np.abs(residual - middle)))

@@ -1,14 +1,13 @@
-"""A machine as a model that the diagnosis can run: settings of effects to every reading.
+"""Forward model for the diagnosis: predicts every reading from settings of effects.
 
-What a program commands and how the axis answers (domains C and D) is simulated and kept;
-what a sensor makes of it (domain M) is worked out anew each time, as it costs next to
-nothing.
+Command and motion (domains C and D) are simulated and cached; measurement (domain M) is
+computed anew for each call, as it takes little time.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from operator import attrgetter
 from threading import Lock
@@ -23,7 +22,6 @@ from mopro.effects.registry import in_order
 from mopro.effects.resolve import active_effects, with_values
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
-from mopro.instruments.sensor import POSITION, TEMPERATURE
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import (
@@ -39,23 +37,23 @@ from mopro.plant import (
 from mopro.program import AXES
 from mopro.recording.record import Columns
 
-# RK4 in such steps is within 0.1 µm, and several times as quick as a recorded run: the
-# tooth swings in ten milliseconds, and the finest ripples of the force are 0.25 mm long.
+# RK4 with these steps is within 0.1 µm: the axis oscillates with a period of ten
+# milliseconds, and the shortest ripple of the force is 0.25 mm long.
 COARSE = Stepping(2.5e-4, 5e-5)
 FINE = Stepping(2.5e-5)
-# Between samples of the true motion a cubic is within 0.03 µm at a jump of acceleration.
+# Cubic interpolation between such samples is within 0.03 µm at a step of acceleration.
 DENSE_HZ = 4000.0
-_MOST_KEPT = 96
-# How a move fares is watched between steps as well: few samples are enough.
-_WATCHED_HZ = 100.0
-_BEYOND = 1.01
+_CACHE_SIZE = 96
+# Stall margins are taken at every step of the integration, so few samples are enough.
+_MARGIN_RATE_HZ = 100.0
+# A slow sample clock takes its last samples after the end of the data, by at most one percent.
+_CLOCK_REACH = 1.01
 
 
 class ForwardModel:
     """Predicts every reading of an experiment's runs, in their order; a `View` for effects.
 
-    `resolved` tells whether the drive's angle moves in whole microsteps; a fine sensor
-    sees the difference.
+    With `resolved` the drive's angle moves in whole microsteps, else smoothly.
     """
 
     def __init__(
@@ -68,11 +66,11 @@ class ForwardModel:
         self._stepping = stepping
         self._resolved = resolved
         self._own = active_effects(experiment.machine, catalogue())
-        # The latest results; two threads may both work out the same one.
+        # Two threads may compute the same result; the lock guards the caches only.
         self._lock = Lock()
-        self._motions: LRUCache[object, Columns] = LRUCache(_MOST_KEPT)
-        self._schedules: LRUCache[object, Schedule] = LRUCache(_MOST_KEPT)
-        self._intervals: LRUCache[object, HeatIntervals] = LRUCache(_MOST_KEPT)
+        self._motions: LRUCache[object, Columns] = LRUCache(_CACHE_SIZE)
+        self._schedules: LRUCache[object, Schedule] = LRUCache(_CACHE_SIZE)
+        self._intervals: LRUCache[object, HeatIntervals] = LRUCache(_CACHE_SIZE)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [self._reading(run, reading, settings) for run, reading in self.readings()]
@@ -86,7 +84,7 @@ class ForwardModel:
         return self.experiment.trials
 
     def own(self, name: str) -> dict[str, float]:
-        """The numbers of the effect `name` that the machine has already; none if it has not."""
+        """Parameters of the effect `name` in the machine file; empty if it has no such effect."""
         return {
             p.name: value
             for a in self._own
@@ -100,26 +98,26 @@ class ForwardModel:
         return [(run, reading) for run, trial in trials for reading in trial.readings]
 
     def positions(self) -> dict[int, tuple[int, Reading]]:
-        """Those of positions, by their place among all."""
+        """The readings of sensors that see the place with their runs, by their index among all."""
         return {
             row: (run, reading)
             for row, (run, reading) in enumerate(self.readings())
-            if reading.sensor.quantity == POSITION
+            if reading.sensor.quantity.sees_place
         }
 
     def targets(self, settings: Settings) -> list[Floats]:
-        """The readings, in their units, of sensors that err in time only."""
+        """Readings in their units by sensors without distortion; errors in time remain."""
         return [
             self._reading(run, reading, settings, distorted=False)
             for run, reading in self.readings()
         ]
 
     def schedule(self, index: int) -> Schedule:
-        """What run number `index` commands without further effects."""
+        """Schedule of run `index` with the machine's own effects only."""
         return self._schedule(index, self._own)
 
     def travel_m(self) -> tuple[float, float]:
-        """The least and the greatest position that any sensor was to see."""
+        """Least and greatest position (m) at any position sensor."""
         places = [
             self._motion(run, _of_the_motion(self._own))[f"position_{reading.sensor.axis}_m"]
             for run, reading in self.positions().values()
@@ -135,16 +133,16 @@ class ForwardModel:
         return in_order(chosen.values(), catalogue())
 
     def keeps_up(self, settings: Settings) -> bool:
-        """Whether every axis stays within a quarter pitch of its command in all its moves.
+        """True if every axis stays within a quarter pitch of its command in all its moves.
 
-        Beyond that the force falls again, and what holds an axis is luck.
+        Beyond that the restoring force falls, and the axis stalls.
         """
         runs = range(len(self.experiment.trials))
         return all(self._least_margin(run, self.active(run, settings)) > 0 for run in runs)
 
     def _least_margin(self, index: int, active: tuple[Active, ...]) -> float:
         simulation = self._simulation(index, _padded(_of_the_motion(active)))
-        simulation.follow(_WATCHED_HZ)
+        simulation.follow(_MARGIN_RATE_HZ)
         outcomes = map(simulation.outcome, simulation.schedule.moves)
         return min((o.stall_margin for o in outcomes if o.stall_margin is not None), default=1.0)
 
@@ -156,14 +154,14 @@ class ForwardModel:
         active, machine = self.active(index, settings), self.experiment.machine
         if not distorted:
             active = tuple(a for a in active if not a.effect.distorts)
-        if reading.sensor.quantity == TEMPERATURE:
+        if reading.sensor.quantity.slow:
             columns = self._temperature(index, float(reading.time_s[-1]), active)
         else:
             columns = self._motion(index, _of_the_motion(active))
         return measured_at(columns, reading.sensor, machine, active, reading.time_s)
 
     def _temperature(self, index: int, end_s: float, active: tuple[Active, ...]) -> Columns:
-        """On a grid of its own, as a thermocouple is slow against the motion."""
+        """Temperatures every second, as a thermocouple is slow compared with the motion."""
         machine, schedule = self.experiment.machine, self._schedule(index, active)
         intervals = self._heat_intervals(index, _commanding(active))
         simulation = simulate(schedule, machine, active, heat_intervals=intervals)
@@ -182,16 +180,16 @@ class ForwardModel:
         """The true motion of run `index`: columns as a recording has them."""
         trial = self.experiment.trials[index]
         simulation = self._simulation(index, _padded(active))
-        seen = {r.sensor.axis for r in trial.readings if r.sensor.quantity != TEMPERATURE}
-        # A sample clock that runs slow takes its last samples behind the end.
-        end_s = trial.duration_s * _BEYOND if seen else 0.0
+        sensors = [r.sensor for r in trial.readings if r.sensor.quantity.follows_motion]
+        end_s = trial.duration_s * _CLOCK_REACH if sensors else 0.0
         times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
         columns: Columns = {"time_s": times}
-        for axis, track in simulation.schedule.tracks.items() if seen else ():
-            # One that is parked and not looked at stays where it is.
-            moving = axis in seen or track.segments
-            place = simulation.positions_m(axis, times, float(times[-1])) if moving else 0.0 * times
-            columns[f"position_{axis}_m"] = place
+        if all(sensor.quantity.sees_place for sensor in sensors):
+            columns |= _places(simulation, times, {sensor.axis for sensor in sensors})
+        else:
+            wanted = {s.recorded_column for s in sensors} | {f"position_{axis}_m" for axis in AXES}
+            of_all = simulation.advance(times, float(times[-1]))
+            columns |= {name: of_all[name] for name in sorted(wanted)}
         grid = _every_second(float(times[-1]))
         columns["temperature_C"] = np.interp(times, grid, simulation.temperature_C(grid))
         return columns
@@ -204,7 +202,7 @@ class ForwardModel:
         )  # fmt: skip
 
     def _schedule(self, index: int, active: tuple[Active, ...]) -> Schedule:
-        """What run `index` commands, as long as its data last."""
+        """Schedule of run `index`, at least as long as its data."""
         return self._lasting_schedule(index, _commanding(active))
 
     @cachedmethod(attrgetter("_schedules"), lock=attrgetter("_lock"))
@@ -214,7 +212,7 @@ class ForwardModel:
         return replace(schedule, duration_s=max(schedule.duration_s, trial.duration_s))
 
     def _planned(self, trial: Trial, active: tuple[Active, ...]) -> Schedule:
-        """What `trial` commands; only effects of the command change it."""
+        """Schedule of `trial`; only effects of the command domain change it."""
         machine = self.experiment.machine
         if trial.program is None:
             assert trial.command is not None, "a run has a program or a logged command"
@@ -239,15 +237,26 @@ def _every_second(end_s: float) -> Floats:
 
 
 def _commanding(active: Iterable[Active]) -> tuple[Active, ...]:
-    """Those of `active` that change what is commanded."""
+    """The effects of the command domain."""
     return tuple(a for a in active if a.effect.domain is Domain.COMMAND)
 
 
+def _places(simulation: Simulation, times: Floats, seen: Collection[int]) -> Columns:
+    """The positions alone, of all axes if any is seen: quicker than all columns."""
+    columns: Columns = {}
+    for axis, track in simulation.schedule.tracks.items() if seen else ():
+        # One that is parked and not looked at stays where it is.
+        moving = axis in seen or track.segments
+        place = simulation.positions_m(axis, times, float(times[-1])) if moving else 0.0 * times
+        columns[f"position_{axis}_m"] = place
+    return columns
+
+
 def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:
-    """Those of `active` that the true motion depends on; heat only if a force does on it."""
-    kept = [a for a in active if a.effect.domain in (Domain.COMMAND, Domain.DYNAMICS)]
-    warm = [a for a in active if a.effect.domain is Domain.HEAT]
-    return tuple(kept + warm if any(a.effect.needs_temperature for a in active) else kept)
+    """The effects that change the true motion; those of heat only if a force depends on it."""
+    moving = [a for a in active if a.effect.domain in (Domain.COMMAND, Domain.DYNAMICS)]
+    heat = [a for a in active if a.effect.domain is Domain.HEAT]
+    return tuple(moving + heat if any(a.effect.needs_temperature for a in active) else moving)
 
 
 def _padded(active: tuple[Active, ...]) -> tuple[Active, ...]:

@@ -1,4 +1,4 @@
-"""A logged command as a schedule: cubics through its samples, its motions as moves."""
+"""Converts a logged command to a schedule: cubic splines through the samples, and moves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mopro.motion.track import Track
 from mopro.program import AXES, Program
 from mopro.source import Source, Span
 
-# No statement commanded it.
+# Line of a move that no statement commanded.
 NO_LINE = 0
 _PLACE = Span(NO_LINE, 1, 1)
 _STILL_M = 1e-9
@@ -25,10 +25,10 @@ _PARKED = "logged command"
 
 
 def schedule_of(command: LoggedCommand, machine: Machine) -> Schedule:
-    """The schedule that goes where the log went, from its first position on.
+    """Schedule that follows the log, with its first position as origin.
 
-    Rests are exact; each motion between two rests of 20 ms and more is one cubic spline
-    through its samples. A move is a motion one way: it ends at a rest or a reversal.
+    Rests of 20 ms and more are exact; each motion between two of them is one cubic spline
+    through its samples. A move is a motion in one direction: it ends at a rest or a reversal.
     """
     tracks = {axis: Track() for axis in AXES}
     moves: list[PlannedMove] = []
@@ -64,7 +64,7 @@ def _segments(time_s: Floats, position_u: Floats, first: int, last: int) -> list
     t, u = time_s[first : last + 1], position_u[first : last + 1]
     ends = ((1, 0.0), (1, 0.0))
     if first == 0 or last == len(time_s) - 1:
-        # Under way where the log begins or ends: the velocity there is unknown.
+        # The log begins or ends during motion: the velocity there is unknown.
         ends = ((1, 0.0) if first else (2, 0.0), (1, 0.0) if last < len(time_s) - 1 else (2, 0.0))
     j, a, v, x = CubicSpline(t, u, bc_type=ends).c
     return [
@@ -77,7 +77,7 @@ def _segments(time_s: Floats, position_u: Floats, first: int, last: int) -> list
 
 
 def _moves(axis: int, segments: list[Segment]) -> Iterator[PlannedMove]:
-    """One move for each direction; its profile says its size, its track how it went."""
+    """One PlannedMove for each direction; its profile has the totals, the track the motion."""
     directions = np.sign([s.state(s.end_s).position - s.x for s in segments])
     for part in _same_direction(directions):
         own = segments[part.start : part.stop]

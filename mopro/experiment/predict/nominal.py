@@ -1,4 +1,4 @@
-"""What the machine, as its file describes it, predicts for each reading of an experiment."""
+"""Predictions of an experiment's readings by the machine of its file, without added effects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from mopro.experiment.predict.alignment import aligned
 from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.experiment.predict.logged import schedule_of
 from mopro.experiment.predict.steady import rises
-from mopro.instruments.sensor import POSITION
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import COMPILE_FROM_STEPS, MAX_STEP_S, Stepping, plan_with_effects
@@ -19,15 +18,15 @@ from mopro.program import AXES
 
 
 def predict(experiment: Experiment) -> list[list[Floats]]:
-    """For each trial, for each of its readings: the values without noise, in its unit.
+    """Noiseless values of each reading of each trial, in the unit of its sensor.
 
-    The drive follows its command smoothly or in microsteps, whichever fits the data better.
+    The drive is simulated with and without microsteps; the better fit is returned.
     """
     drives = [
         _by_trial(experiment, ForwardModel(experiment, Stepping(MAX_STEP_S), resolved)({}))
         for resolved in (False, True)
     ]
-    return min(drives, key=lambda predicted: _misfit(experiment, predicted))
+    return min(drives, key=lambda predicted: _chi2(experiment, predicted))
 
 
 def predict_table(table: SteadyTable, machine: Machine) -> Floats:
@@ -36,7 +35,7 @@ def predict_table(table: SteadyTable, machine: Machine) -> Floats:
 
 
 def planned(trial: Trial, machine: Machine) -> Schedule:
-    """What commands the trial's motion; a program without end lasts as long as the data."""
+    """Schedule of the trial's commanded motion; an endless program lasts as long as the data."""
     if trial.program is None:
         assert trial.command is not None, "a trial has a program or a logged command"
         return schedule_of(trial.command, machine)
@@ -46,12 +45,8 @@ def planned(trial: Trial, machine: Machine) -> Schedule:
 
 
 def compiling_pays(experiment: Experiment) -> bool:
-    """Whether importing a compiler takes less time than it saves over all runs."""
-    moved_s = sum(
-        trial.duration_s
-        for trial in experiment.trials
-        if any(r.sensor.quantity == POSITION for r in trial.readings)
-    )
+    """True if compiling the kernel takes less time than it saves over all runs."""
+    moved_s = sum(trial.duration_s for trial in experiment.trials if trial.follows_motion)
     return moved_s * len(AXES) / MAX_STEP_S >= COMPILE_FROM_STEPS
 
 
@@ -60,8 +55,8 @@ def _by_trial(experiment: Experiment, predicted: list[Floats]) -> list[list[Floa
     return [[next(values) for _ in trial.readings] for trial in experiment.trials]
 
 
-def _misfit(experiment: Experiment, predicted: list[list[Floats]]) -> float:
-    """Chi-squared of all readings, their offsets taken out."""
+def _chi2(experiment: Experiment, predicted: list[list[Floats]]) -> float:
+    """Chi-squared of all readings without their offsets."""
     return sum(
         float(np.sum((aligned(reading.values - expected) / reading.sensor.sigma) ** 2))
         for trial, of_trial in zip(experiment.trials, predicted, strict=True)

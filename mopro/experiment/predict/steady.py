@@ -1,9 +1,9 @@
-"""Steady states: the final temperatures of motion back and forth, and what may change them.
+"""Final temperatures of steady motion back and forth, with effects of the heat domain.
 
 Each row is the motion between two points over and over, whose heat balance is that of
 Table 3.2 (eq. 3.12 to 3.26): the Reynolds number's length is the distance travelled, the path's
 for two axes, and the forcer's side at rest. Effects of the heat domain change the balance
-by their own hooks; the final temperature is where nothing flows any more.
+by their own hooks; at the final temperature the net heat flow is zero.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mopro.machine import Machine
 from mopro.motion import plan_profile
 from mopro.plant import heat_balance
 
-# No forcer is hotter: what has no steady state below is given this rise.
+# Rise (K) returned where there is no steady state below it.
 HOTTEST_RISE_K = 2000.0
 _RESOLUTION_K = 1e-9
 
@@ -37,7 +37,7 @@ class _Motion:
 
     @classmethod
     def of(cls, table: SteadyTable, row: int) -> _Motion:
-        """The longer stroke has the set speed, if it reaches it; the other keeps step."""
+        """Motion of a row: the longer stroke has the set speed if it reaches it."""
         velocity, acceleration = table.velocity_m_s[row], table.acceleration_m_s2[row]
         strokes = (abs(float(table.x_m[row])), abs(float(table.y_m[row])))
         lengths = tuple(stroke for stroke in strokes if stroke > 0)
@@ -54,8 +54,8 @@ def rises(
     """The final rise above the air (K) of each row of `table`.
 
     `effects` are on besides the machine's own, as name to parameters (SI, unstated ones at
-    their defaults); those that are not of the heat domain, or only of the way there, change
-    nothing. A row without a steady state comes to HOTTEST_RISE_K.
+    their defaults); those that are not of the heat domain, or change only the approach to the
+    steady state, have no influence. A row without a steady state comes to HOTTEST_RISE_K.
     """
     active = _active(machine, effects)
     motions = [_Motion.of(table, row) for row in range(len(table.rise_K))]

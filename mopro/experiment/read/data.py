@@ -1,12 +1,15 @@
-"""Data files: columns of numbers, each fault told at its file, line and column.
+"""Reads data files: columns of numbers; a fault is reported at its file, line and column.
 
 CSV with a header (lines that begin with # before it are skipped), or a recording of mopro.
-An empty cell, or `nan`, is a sample that the file lacks.
+An empty cell, or `nan`, is a sample that the file lacks. A cell in quotes may have commas
+but no line break.
 """
 
 from __future__ import annotations
 
+import csv
 import math
+from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -23,7 +26,7 @@ from mopro.source import Source, Span
 TIME = "time_s"
 MOST_CHARACTERS = 10_000
 MOST_ROWS = 20_000_000
-_MOST_FOUND = 50
+_MOST_FAULTS = 50
 _DOS_END_OF_FILE = "\x1a"
 _FILE = Span(1, 1, 1)
 _RECORDINGS = (".parquet", ".npz")
@@ -31,7 +34,7 @@ _RECORDINGS = (".parquet", ".npz")
 
 @dataclass(frozen=True)
 class FileSource(Source):
-    """A file too long to be kept as a text; a message reads the line that it shows."""
+    """A file whose text is not held in memory; `line` reads the line that a message shows."""
 
     path: Path = field(default=Path())
 
@@ -47,7 +50,7 @@ class FileSource(Source):
 
 @dataclass(frozen=True)
 class DataFile:
-    """Columns of equal length with the line that each row stands in.
+    """Columns of equal length, and the line number of each row.
 
     `names` are all columns of the file, `columns` those that were asked for and are there.
     """
@@ -59,7 +62,7 @@ class DataFile:
     lines: NDArray[np.int64]
 
     def place(self, row: int, column: str) -> Span:
-        """Where the cell of `column` stands in data row `row`."""
+        """Span of the cell of `column` in data row `row`."""
         line = int(self.lines[row])
         return cell_span(self.source.line(line), line, self.names.index(column))
 
@@ -106,12 +109,27 @@ def other_unit(column: str, names: Iterable[str]) -> str | None:
 
 def cell_span(text: str, line: int, nth: int) -> Span:
     """The place of the `nth` cell in a line of comma-separated ones."""
-    cells = text.split(",")
-    if nth >= len(cells):
+    start, end = _cell_start(text, nth), _cell_start(text, nth + 1) - 1
+    if start > len(text):
         return Span(line, len(text) + 1, len(text) + 2)
-    start = sum(len(cell) + 1 for cell in cells[:nth]) + 1
-    lead = len(cells[nth]) - len(cells[nth].lstrip())
-    return Span(line, start + lead, start + max(len(cells[nth]), lead + 1))
+    cell = text[start:end]
+    lead = len(cell) - len(cell.lstrip())
+    return Span(line, start + lead + 1, start + 1 + max(len(cell), lead + 1))
+
+
+def _cell_start(text: str, nth: int) -> int:
+    """The index of the `nth` cell, one beyond the end for a cell that is not there."""
+    if nth == 0:
+        return 0
+    commas = [i for i, character in enumerate(text) if character == ","]
+    # The text up to a comma has one cell more than before, unless the comma is in quotes.
+    found = bisect_left(commas, nth + 1, key=lambda i: len(next(_reader([text[: i + 1]]))))
+    return commas[found] + 1 if found < len(commas) else len(text) + 1
+
+
+def _reader(lines: Iterable[str]) -> Iterator[list[str]]:
+    """The cells of each line; a blank after a comma does not belong to its cell."""
+    return csv.reader(lines, skipinitialspace=True)
 
 
 def read_data(path: Path, name: str, wanted: Collection[str]) -> DataFile:
@@ -150,7 +168,7 @@ def _opened(path: Path) -> TextIO:
 
 
 def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
-    """Numbered lines, each read no further than a line may be long, to DOS's end of file."""
+    """Numbered lines up to DOS's end of file, each cut at MOST_CHARACTERS."""
     number = 0
     while text := file.readline(MOST_CHARACTERS):
         number += 1
@@ -161,38 +179,52 @@ def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
 
 
 class _Rows:
-    """Takes a CSV file apart, and gathers what is wrong with it."""
+    """Parses a CSV file and collects its faults."""
 
     def __init__(self, source: FileSource, wanted: Collection[str]) -> None:
         self._source = source
         self._wanted = wanted
-        self._found: list[Diagnostic] = []
+        self._faults: list[Diagnostic] = []
+        self._line, self._text = 1, ""
+        self._complete = True
 
     def read(self, file: TextIO) -> DataFile:
-        lines = self._significant(file)
-        header_line, header = next(lines, (1, ""))
-        names = self._header(header_line, header)
+        rows = _reader(self._texts(file))
+        names = self._header(next(rows, []))
+        header_line, header = self._line, self._text
         used = [(i, name) for i, name in enumerate(names) if name in self._wanted]
         numbers: list[int] = []
         values: list[list[float]] = [[] for _ in used]
-        for number, text in lines:
-            cells = text.split(",")
+        for cells in rows:
+            self._complete = True
             if len(cells) != len(names):
-                self._report("wrong-cells", _cells_message(cells, names), number, text, 0)
+                message = f"{len(cells)} cells, expected {len(names)} as in the header"
+                self._report("wrong-cells", message, self._line, self._text, 0)
                 continue
-            numbers.append(number)
+            numbers.append(self._line)
             if len(numbers) > MOST_ROWS:
                 raise refused(self._source, "too-long", f"more than {MOST_ROWS} rows")
-            for kept, (i, _) in zip(values, used, strict=True):
-                kept.append(self._number(cells[i], number, text, i))
-        if not numbers and not self._found:
+            for column, (i, _) in zip(values, used, strict=True):
+                column.append(self._number(cells[i], i))
+        if not numbers and not self._faults:
             self._report("empty-file", "there are no data below the header", header_line, header, 0)
         self._check()
         columns = {name: np.array(v) for v, (_, name) in zip(values, used, strict=True)}
         return DataFile(self._source, names, header_line, columns, np.array(numbers))
 
+    def _texts(self, file: TextIO) -> Iterator[str]:
+        """The significant lines, each of which must be a whole row."""
+        for line, text in self._significant(file):
+            self._line, self._text, self._complete = line, text, False
+            yield text
+            if not self._complete:
+                hint = "a cell in quotes ends with a quote in the same line"
+                message = "a quote is not closed"
+                self._report("open-quote", message, self._line, self._text, 0, hint)
+                self._check()
+
     def _significant(self, file: TextIO) -> Iterator[tuple[int, str]]:
-        """Lines that say something, without their ends; comments only stand at the top."""
+        """Numbered lines that are not blank, without line ends; comments are skipped at the top."""
         at_top = True
         for number, text in _lines(file):
             comment = at_top and text.startswith("#")
@@ -205,8 +237,10 @@ class _Rows:
                 at_top = False
                 yield number, text
 
-    def _header(self, line: int, text: str) -> tuple[str, ...]:
-        names = tuple(cell.strip().strip('"') for cell in text.split(","))
+    def _header(self, cells: list[str]) -> tuple[str, ...]:
+        self._complete = True
+        line, text = self._line, self._text
+        names = tuple(cell.strip() for cell in cells)
         if not text:
             self._report("empty-file", "the file is empty: expected a header and data", 1, "", 0)
         elif all(_as_number(name) is not None for name in names):
@@ -218,33 +252,29 @@ class _Rows:
         self._check()
         return names
 
-    def _number(self, cell: str, line: int, text: str, nth: int) -> float:
+    def _number(self, cell: str, nth: int) -> float:
         """The cell's number; NaN for one that is empty."""
-        word = cell.strip().strip('"')
+        word = cell.strip()
         if not word:
             return math.nan
         number = _as_number(word)
         if number is None or math.isinf(number):
             hint = "an empty cell stands for a sample that is not there"
             message = f"'{word[:40]}' is no number that can be measured"
-            self._report("not-a-number", message, line, text, nth, hint)
+            self._report("not-a-number", message, self._line, self._text, nth, hint)
             return math.nan
         return number
 
     def _report(
         self, rule: str, message: str, line: int, text: str, nth: int, hint: str | None = None
     ) -> None:
-        self._found.append(Diagnostic(rule, message, cell_span(text, line, nth), hint=hint))
-        if len(self._found) >= _MOST_FOUND:
+        self._faults.append(Diagnostic(rule, message, cell_span(text, line, nth), hint=hint))
+        if len(self._faults) >= _MOST_FAULTS:
             self._check()
 
     def _check(self) -> None:
-        if self._found:
-            raise DataFileError(self._source, self._found)
-
-
-def _cells_message(cells: list[str], names: tuple[str, ...]) -> str:
-    return f"{len(cells)} cells, expected {len(names)} as in the header"
+        if self._faults:
+            raise DataFileError(self._source, self._faults)
 
 
 def _as_number(word: str) -> float | None:

@@ -1,27 +1,33 @@
-"""experiment.toml: a machine, sensors and runs, with all the data that it names."""
+"""Reads experiment.toml: machine, sensors, and runs with the names of their data."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from mopro.errors import DataError
 from mopro.experiment.read.raw import KINDS
-from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
+from mopro.instruments.quantity import QUANTITIES
+from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine, builtin_machines, load_machine
 from mopro.program import AXES
 from mopro.source import Source, Span
 from mopro.tomlfile import Document, Refused, Value, read_source, shown
 from mopro.tomlfile.schema import Reader, flag, number, one_of, quantity, text
 
+
+def _any_of(words: Collection[str]) -> str:
+    """`a, b or c`."""
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last
+
+
 _SENSOR_KEYS: dict[str, Reader[Any]] = {
     "name": text(),
-    "quantity": one_of(
-        POSITION, TEMPERATURE, message=f"expected quantity to be {POSITION} or {TEMPERATURE}"
-    ),
+    "quantity": one_of(*QUANTITIES, message=f"expected quantity to be {_any_of(QUANTITIES)}"),
     "axis": one_of(*AXES, message="expected axis: 1 or 2"),
     "column": text(),
     "rate_hz": number(0.0, above=True),
@@ -46,8 +52,8 @@ class SensorEntry:
 
     @property
     def regular(self) -> bool:
-        """Whether it samples at one rate; temperatures are taken now and then."""
-        return self.sensor.quantity == POSITION
+        """True if it samples at a fixed rate; a thermometer need not."""
+        return self.sensor.quantity.regular
 
 
 @dataclass(frozen=True)
@@ -69,7 +75,7 @@ class RunEntry:
 
 @dataclass(frozen=True)
 class Entries:
-    """What experiment.toml says, before any of its data are read."""
+    """Contents of experiment.toml, before any of its data are read."""
 
     source: Source
     machine: Machine
@@ -91,7 +97,7 @@ class Entries:
 
 
 def read_entries(path: str | Path) -> Entries:
-    """What the file says; ModelError with all findings."""
+    """Read the file's entries; raises ModelError with all findings."""
     document = Document(read_source(path))
     return document.read(_Reader(document.source).entries)
 
@@ -131,7 +137,7 @@ class _Reader:
         return load_machine(str(self._machine_file))
 
     def _file(self, value: Value) -> Path:
-        """The path of a file that is there, as seen from the experiment file."""
+        """Path of an existing file, relative to the folder of the experiment file."""
         name = text(message=f"expected the name of a file for {value.key}")(value)
         path = Path(self._source.name).parent / name
         if os.path.isfile(path):  # Path.is_file raises for a name that is too long
@@ -149,14 +155,14 @@ class _Reader:
 
     def _sensors(self, root: Value) -> dict[str, SensorEntry]:
         """The sensors that can be used, by name."""
-        found: dict[str, SensorEntry] = {}
+        sensors: dict[str, SensorEntry] = {}
         for entry in self._sections(root, "sensor"):
             if made := _sensor(entry):
                 name = made.sensor.name
-                if name in found:
+                if name in sensors:
                     entry.report(f"two sensors are called {shown(name)}", "double-name", at="name")
-                found[name] = made
-        return found
+                sensors[name] = made
+        return sensors
 
     # -- runs ------------------------------------------------------------------
 
@@ -237,7 +243,8 @@ def _sensor(entry: Value) -> SensorEntry | None:
                 entry.report(f"the sensor has no {key}", "missing-key", at=key)
     if entry.faults > before:
         return None
-    sensor = Sensor(**(stated | {"axis": axis}))
+    named = {"axis": axis, "quantity": QUANTITIES[stated["quantity"]]}
+    sensor = Sensor(**(stated | named))
     _check_sensor(entry, sensor, kind)
     return SensorEntry(sensor, kind)
 
@@ -265,7 +272,7 @@ def _check_sensor(entry: Value, sensor: Sensor, kind: str | None) -> None:
     try:
         _ = sensor.unit_si
     except DataError as error:
-        units = "_in, _mm, _um or _m" if sensor.quantity == POSITION else "_C"
+        units = _any_of([f"_{unit}" for unit in sensor.quantity.suffixes])
         entry.report(shown(error, 200), error.rule, f"expected {units}", at="column")
     if not sensor.noise_rms and not sensor.adc_step:
         hint = "without it nothing can be called a disagreement"

@@ -1,7 +1,7 @@
-"""The thesis' own data files as sensors: what stands in them, and with what noise.
+"""Readers and default sensors for the data files of the thesis' instruments.
 
-An LVDT's volts are inches about its own middle, which is an unknown offset; the
-thermocouple's file has degrees and seconds.
+An LVDT's file has volts, proportional to the position about its centre, whose offset is
+unknown; a thermocouple's file has °C and seconds.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import numpy as np
 from mopro.experiment.model import Reading
 from mopro.instruments import Lvdt, Thermocouple, read_lvdt, read_thermocouple
 from mopro.instruments.lvdt import FULL_SCALE_V
-from mopro.instruments.sensor import POSITION, TEMPERATURE, Sensor
+from mopro.instruments.quantity import POSITION, TEMPERATURE, Quantity
+from mopro.instruments.sensor import Sensor
 from mopro.instruments.thermocouple import COUNTS_PER_C
 
 RAW_SUFFIX = ".dat"
@@ -24,9 +25,9 @@ RAW_SUFFIX = ".dat"
 
 @dataclass(frozen=True)
 class Kind:
-    """An instrument: what it measures, a sensor's numbers unless stated, its file's reader."""
+    """An instrument: its quantity, the defaults of its sensor and the reader of its file."""
 
-    quantity: str
+    quantity: Quantity
     defaults: Callable[[int, Mapping[str, Any]], dict[str, Any]]
     read: Callable[[Path, Sensor], Reading]
 
@@ -39,7 +40,7 @@ def _lvdt_defaults(axis: int, stated: Mapping[str, Any]) -> dict[str, Any]:
     unit_per_V = lvdt.half_range_m / FULL_SCALE_V / unit_m
     return {
         "name": "lvdt",
-        "quantity": POSITION,
+        "quantity": POSITION.name,
         "column": column,
         "rate_hz": lvdt.rate_hz,
         "noise_rms": lvdt.ripple_V * unit_per_V,
@@ -54,10 +55,10 @@ def _read_lvdt(path: Path, sensor: Sensor) -> Reading:
 
 
 def _thermocouple_defaults(axis: int, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """The converter's step is all that the source knows of its noise."""
+    """The converter's step; the source states no other noise."""
     return {
         "name": "thermocouple",
-        "quantity": TEMPERATURE,
+        "quantity": TEMPERATURE.name,
         "column": "temperature_C",
         "rate_hz": 1 / Thermocouple().fast_s,
         "adc_step": 1 / COUNTS_PER_C,

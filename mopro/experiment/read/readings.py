@@ -1,4 +1,4 @@
-"""What one sensor showed in one data file, its clock and its gaps looked at."""
+"""Extracts a sensor's reading from a data file and checks its clock, rate and gaps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mopro.experiment.model import Floats, Reading
 from mopro.experiment.read.data import TIME, DataFile
 from mopro.instruments.sensor import Sensor
 
-# Beyond these, samples are not missing here and there: the data have a hole.
+# Share of all samples, and samples in a row, that may be missing.
 MOST_MISSING = 0.01
 LONGEST_GAP = 10
 _RATE_TOLERANCE = 0.02
@@ -19,7 +19,7 @@ _LATEST_START_S = 1.0
 
 
 def clock(file: DataFile) -> Floats:
-    """The file's time column; DataFileError for one that does not go on."""
+    """The file's time column (s); DataFileError unless it ascends."""
     time_s = file.require(TIME)
     blank = np.flatnonzero(np.isnan(time_s))
     if len(blank):
@@ -44,8 +44,7 @@ def clock(file: DataFile) -> Floats:
 def reading(file: DataFile, sensor: Sensor, regular: bool = True) -> tuple[Reading, list[str]]:
     """The samples of `sensor`, and notes on those that are missing.
 
-    A sensor that is not `regular` samples when it likes: its rate is not looked at.
-    Raises DataFileError.
+    The rate and gaps of a sensor that is not `regular` are not checked. Raises DataFileError.
     """
     time_s, values = clock(file), file.require(sensor.column)
     notes: list[str] = []

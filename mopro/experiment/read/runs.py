@@ -21,7 +21,7 @@ from mopro.experiment.read.data import TIME, DataFile, other_unit, read_data, re
 from mopro.experiment.read.file import Entries, RunEntry, SensorEntry, read_entries
 from mopro.experiment.read.raw import KINDS, RAW_SUFFIX
 from mopro.experiment.read.readings import clock, reading
-from mopro.instruments.sensor import TEMPERATURE, Sensor
+from mopro.instruments.sensor import Sensor
 from mopro.program import AXES, Program
 from mopro.program.compile import compile_file
 from mopro.units import INCH_M, UNITS
@@ -87,25 +87,25 @@ class _Runs:
         wanted = [entry.sensor.column for entry in self._entries.sensors]
         file = read_data(path, str(path), {TIME, *wanted})
         clock(file)
-        found = []
+        readings = []
         for entry in self._entries.sensors:
             if self._there(file, entry.sensor):
                 of_sensor, notes = reading(file, entry.sensor, entry.regular)
-                found.append(of_sensor)
+                readings.append(of_sensor)
                 self.notes += notes
-        if not found:
+        if not readings:
             message = "the file has no column of any sensor"
             hint = f"expected {', '.join(wanted)}; the file has {', '.join(file.names)}"
             file.refuse_header("missing-column", message, hint)
-        return tuple(found)
+        return tuple(readings)
 
     def _there(self, file: DataFile, sensor: Sensor) -> bool:
-        """Whether the run has this sensor; what looks like a slip of the pen is refused."""
+        """True if the file has the sensor's column; raises for a misspelling or other unit."""
         if sensor.column in file.columns:
             return True
         known = {entry.sensor.column for entry in self._entries.sensors}
-        strange = [name for name in file.names if name not in known and not _usual(name)]
-        near = get_close_matches(sensor.column, strange, n=1, cutoff=_NAME_CUTOFF)
+        unknown = [name for name in file.names if name not in known and not _usual(name)]
+        near = get_close_matches(sensor.column, unknown, n=1, cutoff=_NAME_CUTOFF)
         if near or other_unit(sensor.column, file.names) not in (None, *known):
             file.require(sensor.column)
         where = file.source.name
@@ -138,7 +138,7 @@ class _Runs:
             wrong = np.flatnonzero(~(values >= 0))
             if len(wrong):
                 file.refuse("bad-value", f"expected {name}: at least 0", int(wrong[0]), name)
-        warm = [e.sensor for e in self._entries.sensors if e.sensor.quantity == TEMPERATURE]
+        warm = [e.sensor for e in self._entries.sensors if e.sensor.quantity.slow]
         noise = warm[0].sigma * warm[0].unit_si if warm else None
         velocity, acceleration, x, y, rise = columns.values()
         return SteadyTable(run.motion, velocity, acceleration, x, y, rise, noise)
@@ -171,5 +171,5 @@ def _lengths() -> list[str]:
 
 
 def _usual(name: str) -> bool:
-    """Whether a column is one that a file may have besides."""
+    """True for a column name that files may have beside those of sensors."""
     return _OTHERS.fullmatch(name) is not None

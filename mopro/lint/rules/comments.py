@@ -36,7 +36,7 @@ def _comment_disagrees(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 
 def _in_si(subject: Subject, op: ir.Op, units: dict[int, Fraction]) -> Fraction | None:
-    """What a statement sets, in SI; None where it takes a unit that is not known."""
+    """Value that a statement sets, in SI; None where its user unit is not set."""
     if isinstance(op, ir.Dwell):
         return Fraction(op.milliseconds, 1000)
     if not isinstance(op, ir.SetVelocity | ir.SetAcceleration) or op.axes[0] not in units:
@@ -63,8 +63,8 @@ RULES = (
         Severity.WARNING,
         check=_comment_disagrees,
         what="A comment that gives a velocity, acceleration or time other than the statement's.",
-        why="One of the two is wrong. An acceleration is per second and per millisecond, which "
-        "is easily forgotten.",
+        why="One of the two is wrong. A common cause: ACC states acceleration per second and per "
+        "millisecond.",
         bad="UU012500/1\nACC1 250.0 ; 250 in/s^2\n",
         good="UU012500/1\nACC1 0.25 ; 250 in/s^2\n",
     ),

@@ -1,9 +1,9 @@
-"""Rules that the parser and the lowering report: a program that breaks one does not compile."""
+"""Rules that the parser and the lowering report: a program with such a finding does not compile."""
 
 from __future__ import annotations
 
 from mopro.errors import Severity
-from mopro.lint.promises import same_program
+from mopro.lint.fix_checks import same_program
 from mopro.lint.rule import Rule, Stage
 
 
@@ -28,15 +28,15 @@ RULES = (
     ),
     _error(
         "incomplete-statement",
-        "A statement that ends before it is whole.",
-        "A value that is not there cannot be guessed.",
+        "A statement that ends before it is complete.",
+        "A missing value cannot be guessed.",
         "VEL1\n",
         "VEL1 40.0\n",
     ),
     _error(
         "unexpected-text",
         "Something that has no place in the statement.",
-        "What the controller makes of it is not known.",
+        "How the controller would interpret it is not known.",
         "WT100 now\n",
         "WT100 ; now\n",
     ),
@@ -50,7 +50,7 @@ RULES = (
     _error(
         "too-long",
         "A number or name of more than 30 characters, or a line of more than 4096.",
-        "No program needs them; they are nearly always a file gone wrong.",
+        "No program needs them; nearly always the file is damaged.",
         "VEL1 40.0000000000000000000000000000001\n",
         "VEL1 40.0\n",
     ),
@@ -71,7 +71,7 @@ RULES = (
     _error(
         "zero-units",
         "A user unit with a 0 in its ratio.",
-        "Lengths cannot be turned into microsteps with it.",
+        "Lengths cannot be converted to microsteps.",
         "UU012500/0\n",
         "UU012500/1\n",
     ),
@@ -92,14 +92,14 @@ RULES = (
     _error(
         "bad-wait",
         "A wait of more than 1000000000 ms.",
-        "That is over eleven days, and almost certainly a slip of the pen.",
+        "That is over eleven days, and almost certainly a mistake.",
         "WT2000000000\n",
         "WT2000\n",
     ),
     _error(
         "unknown-label",
         "A jump to a label that no line defines.",
-        "The controller has nowhere to go on.",
+        "The controller cannot continue.",
         ":B1\nWT100\nJUMP B2\n",
         ":B1\nWT100\nJUMP B1\n",
     ),
@@ -115,11 +115,11 @@ RULES = (
         Stage.LANGUAGE,
         Severity.WARNING,
         what="The letter O in the place of an axis digit.",
-        why="It is read as 0, all axes, which is what the printed listings must mean; a "
-        "controller need not be so kind.",
+        why="It is read as 0, all axes, as the printed listings require; a "
+        "controller may refuse it.",
         bad="VELO 15.0\n",
         good="VEL0 15.0\n",
-        fix=lambda subject, found: "0",
-        promise=same_program,
+        fix=lambda subject, finding: "0",
+        fix_check=same_program,
     ),
 )

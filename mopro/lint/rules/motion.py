@@ -1,4 +1,4 @@
-"""Rules about what the program makes the axes do; they need no machine but its microstep."""
+"""Rules about the commanded motion; of the machine they need the microstep only."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from mopro.errors import Diagnostic, Severity
 from mopro.language import ast
-from mopro.lint.promises import same_but_waits, same_motion, same_motion_but_waits
+from mopro.lint.fix_checks import same_but_waits, same_motion, same_motion_but_waits
 from mopro.lint.rule import Finding, Rule, Stage
 from mopro.lint.settings import Settings
 from mopro.lint.subject import Subject
@@ -18,8 +18,8 @@ from mopro.source import Span
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
 _SHORT = (Shape.TRIANGLE, Shape.PARABOLA)
-# Rounding a distance by more than this share of it is told.
-_COARSE = Fraction(1, 100)
+# Share of a distance above which its rounding is reported.
+_ROUNDING_SHARE = Fraction(1, 100)
 
 
 def first_by_span(moves: tuple[PlannedMove, ...]) -> Iterator[PlannedMove]:
@@ -35,25 +35,25 @@ def _statement_text(subject: Subject, span: Span) -> str:
     return subject.program.source.line(span.line)[span.column - 1 : span.end_column - 1]
 
 
-def _wait_before(subject: Subject | None, found: Diagnostic) -> str | None:
+def _wait_before(subject: Subject | None, finding: Diagnostic) -> str | None:
     """The statement with a wait for its axes in front."""
     if subject is None:
         return None
-    op = next(op for op in subject.program.ops if op.span == found.span)
+    op = next(op for op in subject.program.ops if op.span == finding.span)
     axis = op.axes[0] if isinstance(op, ir.AxisOp) and len(op.axes) == 1 else 0
-    return f"WX{axis}\n{_statement_text(subject, found.span)}"
+    return f"WX{axis}\n{_statement_text(subject, finding.span)}"
 
 
 def _end_without_wait(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    left = subject.survey.left_moving
-    if not left:
+    moving = subject.survey.left_moving
+    if not moving:
         return
     last = list(subject.program.reachable())[-1]
-    axes = " and ".join(map(str, left))
-    wait = f"WX{next(iter(left)) if len(left) == 1 else 0}"
+    axes = " and ".join(map(str, moving))
+    wait = f"WX{next(iter(moving)) if len(moving) == 1 else 0}"
     yield rule.at(
         last.span,
-        f"the program ends here, while axis {axes} moves on for {max(left.values()):.3f} s",
+        f"the program ends here, while axis {axes} moves on for {max(moving.values()):.3f} s",
         f"put `{wait}` at the end",
         f"{_statement_text(subject, last.span)}\n{wait}",
     )
@@ -100,7 +100,7 @@ def _rounds_to_microsteps(rule: Rule, subject: Subject) -> Iterator[Finding]:
         distance_u = next(
             (distances[op.span, a] for a in op.axes if (op.span, a) in distances), Fraction(0)
         )
-        if distance_u and abs(round(distance_u) - distance_u) > _COARSE * abs(distance_u):
+        if distance_u and abs(round(distance_u) - distance_u) > _ROUNDING_SHARE * abs(distance_u):
             meant = op.distance_uu / distance_u * round(distance_u)
             message = (
                 f"{float(op.distance_uu):g} is {float(distance_u):.6g} microsteps: the axis moves "
@@ -150,7 +150,7 @@ def _drift_per_loop(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 
 def _reported(name: str, what: str, why: str, bad: str, good: str, **more: Any) -> Rule:
-    """A rule that the schedule finds."""
+    """A rule whose findings come from the schedule."""
     return Rule(name, Stage.MOTION, Severity.ERROR, what, why, bad, good, **more)
 
 
@@ -162,51 +162,51 @@ RULES = (
     _reported(
         "loop-without-time",
         "A loop in which no time passes.",
-        "The controller would be busy for ever, and the motor never move.",
+        "The controller would loop for ever without moving the motor.",
         ":B1\nPARA1+\nJUMP B1\n",
         ":B1\nPARA1+\nWT1\nJUMP B1\n",
     ),
     _reported(
         "missing-units",
         "A move of an axis that has no user unit.",
-        "Without one a distance is no distance.",
+        "Without one the distance is undefined.",
         "VEL1 40.0\nACC1 0.25\nMRI1 15.0\nWX1\n",
         _READY + "MRI1 15.0\nWX1\n",
     ),
     _reported(
         "missing-velocity",
         "A move of an axis that has no velocity.",
-        "What the controller takes instead is not known.",
+        "The value that the controller would use is not known.",
         "UU012500/1\nACC1 0.25\nMRI1 15.0\nWX1\n",
         _READY + "MRI1 15.0\nWX1\n",
     ),
     _reported(
         "missing-acceleration",
         "A move of an axis that has no acceleration.",
-        "What the controller takes instead is not known.",
+        "The value that the controller would use is not known.",
         "UU012500/1\nVEL1 40.0\nMRI1 15.0\nWX1\n",
         _READY + "MRI1 15.0\nWX1\n",
     ),
     _reported(
         "move-on-moving-axis",
         "A second move of an axis that is still in its first.",
-        "What becomes of the first is not known; on a machine that is dangerous.",
+        "What happens to the first move is not known, which is dangerous on a machine.",
         _READY + "MRI1 15.0\nMRI1 -15.0\nWX1\n",
         _READY + "MRI1 15.0\nWX1\nMRI1 -15.0\nWX1\n",
         fix=_wait_before,
-        promise=same_but_waits,
+        fix_check=same_but_waits,
     ),
     _reported(
         "go-without-target",
         "A GO with no target set.",
-        "Nothing moves, and something was meant to.",
+        "Nothing moves, although a move was intended.",
         "GO\n",
         _READY + "MR1 8.0\nMR2 4.0\nGO\nWX0\n",
     ),
     _reported(
         "endless-motion",
         "A continuous motion that is never stopped (extended grammar).",
-        "The motor runs until it meets the end of its travel.",
+        "The motor runs until it reaches the end of its travel.",
         _READY + "MC1 10.0\nWT500\n",
         _READY + "MC1 10.0\nWT500\nST1\nWX1\n",
         example=Settings(grammar="extended"),
@@ -215,32 +215,32 @@ RULES = (
         "end-without-wait",
         _end_without_wait,
         what="A program that ends while an axis is moving.",
-        why="Whoever starts the next program, or takes a reading, does so on a moving axis.",
+        why="The next program, or the next reading, would begin on a moving axis.",
         bad=_READY + "MRI1 15.0\n",
         good=_READY + "MRI1 15.0\nWX1\n",
-        promise=same_motion_but_waits,
+        fix_check=same_motion_but_waits,
     ),
     _warning(
         "wait-on-idle-axis",
         _wait_on_idle_axis,
         what="A wait for an axis that has not moved since the last wait for it.",
-        why="It waits for nothing: most often the digit of another axis was meant.",
+        why="It has no effect: most often the digit of another axis was intended.",
         bad=_READY + "MRI1 15.0\nWX1\nWX2\n",
         good=_READY + "MRI1 15.0\nMRI2 10.0\nWX1\nWX2\n",
     ),
     _warning(
         "target-without-go",
         _target_without_go,
-        what="A target that no GO goes to.",
-        why="The move that was meant does not happen.",
+        what="A target without a GO.",
+        why="The intended move does not happen.",
         bad=_READY + "MR1 8.0\n",
         good=_READY + "MR1 8.0\nGO\nWX1\n",
     ),
     _warning(
         "drift-per-loop",
         _drift_per_loop,
-        what="A loop that does not come back to where it began.",
-        why="Each round adds up, until the motor meets the end of its travel.",
+        what="A loop that does not end where it began.",
+        why="The difference adds up, until the motor reaches the end of its travel.",
         bad=_READY + ":B1\nMRI1 8.0\nWX1\nMRI1 -7.99\nWX1\nJUMP B1\n",
         good=_READY + ":B1\nMRI1 8.0\nWX1\nMRI1 -8.0\nWX1\nJUMP B1\n",
     ),
@@ -249,7 +249,7 @@ RULES = (
         _never_reaches_velocity,
         Severity.NOTE,
         what="A move too short for its velocity: it becomes a triangle or a parabola.",
-        why="The set velocity is then not that of the move, nor is what is computed from it.",
+        why="The set velocity, and results computed from it, then do not apply to the move.",
         bad=_READY + "MRI1 6.0\nWX1\n",
         good=_READY + "MRI1 7.0\nWX1\n",
     ),
@@ -258,9 +258,9 @@ RULES = (
         _rounds_to_microsteps,
         Severity.NOTE,
         what="A distance that rounding to whole microsteps changes by more than one percent.",
-        why="The axis moves by another distance than is written, or not at all.",
+        why="The axis moves by a different distance from the one written, or not at all.",
         bad="UU012500/1\nVEL0 0.01\nACC0 0.25\nMRI1 0.0001\nWX1\n",
         good="UU012500/1\nVEL0 0.01\nACC0 0.25\nMRI1 0.00016\nWX1\n",
-        promise=same_motion,
+        fix_check=same_motion,
     ),
 )

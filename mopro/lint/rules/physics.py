@@ -1,4 +1,4 @@
-"""Rules about what the program does to a machine with its payload."""
+"""Rules that simulate the machine with its payload."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from mopro.motion import PlannedMove
 from mopro.source import Span
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
-# With less than this a move is not called safe, and no acceleration is proposed.
+# Least margin (share of the pull-out force) of an acceleration that is proposed.
 SAFE_MARGIN = 0.05
-# What a faster profile must leave, and the share of time that makes it worth telling.
-KEPT_MARGIN = 0.30
-_WORTH_TELLING = 0.10
+# Least margin of a faster profile, and the share of the move's time that it must save.
+FASTER_MARGIN = 0.30
+_LEAST_SAVING = 0.10
 _MOST_PROPOSALS = 10
 _MINUTE_S = 60.0
 
 
 def _acceleration(subject: Subject, move: PlannedMove) -> tuple[float, str]:
-    """The acceleration that governs a move, in user units per second squared, and its unit."""
+    """The acceleration of a move in user units per second squared, and its unit."""
     unit = subject.unit(move.microsteps_per_uu)
     return move.in_uu(move.profile.acceleration), f"{unit}/s²"
 
 
 def _stall(rule: Rule, subject: Subject) -> Iterator[Finding]:
     told: set[Span] = set()
-    for found in subject.stall_margins.each:
-        span = found.move.span
-        if not found.slips or span in told:
+    for checked in subject.stall_margins.each:
+        span = checked.move.span
+        if not checked.slips or span in told:
             continue
         told.add(span)
-        value, unit = _acceleration(subject, found.move)
-        message = f"axis {found.axis} stalls in this move at {value:.4g} {unit}: margin 0 %"
-        hint = _what_works(subject, found, value, unit) if len(told) <= _MOST_PROPOSALS else None
+        value, unit = _acceleration(subject, checked.move)
+        message = f"axis {checked.axis} stalls in this move at {value:.4g} {unit}: margin 0 %"
+        hint = _what_works(subject, checked, value, unit) if len(told) <= _MOST_PROPOSALS else None
         yield rule.at(span, message, hint)
     unchecked = sorted({move.span for move in subject.stall_margins.unchecked})
     if unchecked:
@@ -63,15 +63,15 @@ def _what_works(subject: Subject, stalled: Any, value: float, unit: str) -> str:
 
 def _low_margin(rule: Rule, subject: Subject) -> Iterator[Finding]:
     least: dict[Span, Any] = {}
-    stalled = {found.move.span for found in subject.stall_margins.each if found.slips}
-    for found in subject.stall_margins.each:
-        span = found.move.span
-        if found.margin < subject.settings.low_margin and span not in stalled:
-            least[span] = min(least.get(span, found), found, key=lambda s: s.margin)
-    for span, found in least.items():
+    stalled = {checked.move.span for checked in subject.stall_margins.each if checked.slips}
+    for checked in subject.stall_margins.each:
+        span = checked.move.span
+        if checked.margin < subject.settings.low_margin and span not in stalled:
+            least[span] = min(least.get(span, checked), checked, key=lambda s: s.margin)
+    for span, checked in least.items():
         yield rule.at(
             span,
-            f"axis {found.axis} has a margin of {found.margin:.0%} against stall in this move: "
+            f"axis {checked.axis} has a margin of {checked.margin:.0%} against stall in this move: "
             f"less than {subject.settings.low_margin:.0%}",
             "lower the acceleration or the payload",
         )
@@ -103,7 +103,7 @@ def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
     from mopro.motion import plan_profile
 
     laden = subject.stall_margins.laden
-    step_u_s2 = greatest_step_m_s2(laden.pendulum.pull_out_m_s2, KEPT_MARGIN)
+    step_u_s2 = greatest_step_m_s2(laden.pendulum.pull_out_m_s2, FASTER_MARGIN)
     step_u_s2 /= subject.machine.microstep_m
     for move in first_by_span(subject.distinct_moves):
         profile = move.profile
@@ -111,11 +111,11 @@ def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
             continue
         faster = plan_profile(profile.distance, profile.velocity, step_u_s2, parabolic=True)
         saved_s = profile.duration_s - faster.duration_s
-        if saved_s < _WORTH_TELLING * profile.duration_s:
+        if saved_s < _LEAST_SAVING * profile.duration_s:
             continue
         motion = MoveOnAxis(round(profile.distance), profile.velocity, step_u_s2, True, 1.0)
         ((margin, slips),) = emulated(laden, (motion,))
-        if not slips and margin >= KEPT_MARGIN:
+        if not slips and margin >= FASTER_MARGIN:
             axis, value = move.axes[0], move.in_uu(step_u_s2) / 1000
             yield rule.at(
                 move.span,
@@ -135,16 +135,16 @@ RULES = (
         _stall,
         Severity.ERROR,
         what="A move in which the motor loses its tooth.",
-        why="An open-loop motor that slips is somewhere else from then on, and nobody tells the "
-        "controller. Judged by the emulator where a bound from energy does not decide.",
+        why="An open-loop motor that slips has lost its position, and the controller does not "
+        "notice. Decided by the emulator where an energy bound is not sufficient.",
         bad="UU012500/1\nVEL1 40.0\nACC1 1.5\nMRI1 15.0\nWX1\n",
         good="UU012500/1\nVEL1 40.0\nACC1 0.6\nMRI1 15.0\nWX1\n",
     ),
     _physics(
         "low-margin",
         _low_margin,
-        what="A move that leaves less of the pull-out force than the margin asked for, 20 %.",
-        why="A little more load or friction than modelled, and the motor stalls.",
+        what="A move that leaves less of the pull-out force than the required margin, 20 %.",
+        why="With a little more load or friction than modelled, the motor stalls.",
         bad="UU012500/1\nVEL1 40.0\nPARA1+\nACC1 0.85\nMRI1 15.0\nWX1\n",
         good="UU012500/1\nVEL1 40.0\nPARA1+\nACC1 0.6\nMRI1 15.0\nWX1\n",
     ),
@@ -152,8 +152,7 @@ RULES = (
         "over-temperature",
         _over_temperature,
         what="A program that makes the motor hotter than it is rated for.",
-        why="The windings age and the platen grows; the time until then is what an unattended "
-        "run may last.",
+        why="The windings age and the platen expands; an unattended run must end before that time.",
         bad="UU012500/1\nVEL0 1.0\nACC0 0.2\n:B1\nMRI1 0.5\nWX1\nMRI1 -0.5\nWX1\nJUMP B1\n",
         good="UU012500/1\nVEL0 15.0\nACC0 0.2\n:B1\nMRI1 15.0\nWX1\nMRI1 -15.0\nWX1\nJUMP B1\n",
     ),
@@ -163,8 +162,8 @@ RULES = (
         Severity.NOTE,
         what="A move that parabolic ramps would make more than a tenth shorter, at a margin of "
         "30 %.",
-        why="Only a proposal, so it is asked by name. The parabolic ramp is let start at a higher "
-        "acceleration, since it ends without a jolt.",
+        why="Only a proposal, so it must be selected by name. The parabolic ramp may start at a "
+        "higher acceleration, as it ends without a step of acceleration.",
         bad=_READY + "MRI1 15.0\nWX1\n",
         good="UU012500/1\nVEL0 40.0\nACC0 0.6\nPARA0+\nMRI1 15.0\nWX1\n",
         default=False,

@@ -1,4 +1,4 @@
-"""Rules about the program as it is written; they need no machine and no motion."""
+"""Rules about the text of a program; they need no machine and no motion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from mopro.errors import Severity
-from mopro.lint.promises import same_but_labels
+from mopro.lint.fix_checks import same_but_labels
 from mopro.lint.rule import Finding, Rule, Stage
 from mopro.lint.subject import Subject
 from mopro.program import ir
@@ -21,7 +21,7 @@ def _unused_label(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 
 def _unreachable(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    """One finding for each stretch that no run comes to."""
+    """One finding for each block of statements that no run reaches."""
     told = False
     for index, op in enumerate(subject.program.ops):
         if index in subject.reached:
@@ -40,17 +40,17 @@ RULES = (
         "unused-label",
         _unused_label,
         what="A label that no line jumps to.",
-        why="A loop that was meant to be closed, or a label left over, is told apart by a look.",
+        why="Either a loop is not closed as intended, or the label is no longer needed.",
         bad=":B1\nWT100\n",
         good=":B1\nWT100\nJUMP B1\n",
-        promise=same_but_labels,
+        fix_check=same_but_labels,
     ),
     _warning(
         "unreachable",
         _unreachable,
-        what="Statements that no run comes to.",
-        why="The language has no condition: what stands after a jump and is not jumped to "
-        "never happens, a final stop or a way home included.",
+        what="Statements that no run reaches.",
+        why="The language has no conditions: statements after a jump, without a label that is "
+        "jumped to, are never executed, including a final stop or return.",
         bad=":B1\nWT100\nJUMP B1\nWT200\n",
         good=":B1\nWT100\nWT200\nJUMP B1\n",
     ),
@@ -58,8 +58,7 @@ RULES = (
         "unused-allow",
         None,
         what="A comment `mopro: allow RULE` that allows nothing.",
-        why="The danger that it was written for is gone, or it names no rule: it would hide the "
-        "next one.",
+        why="Its finding no longer occurs, or it names no rule; it could hide a later finding.",
         bad="WT100 ; mopro: allow stall\n",
         good="WT100 ; no stall in sight\n",
     ),

@@ -1,4 +1,4 @@
-"""Rules about where the program takes the axes, against how far they can go."""
+"""Rules about the extent of the moves against the travel of the axes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
 
 
 def _moves_of_travel(subject: Subject) -> tuple[PlannedMove, ...]:
-    """All moves, but of a drifting loop those of the first round: drift has its own rule."""
+    """All moves; those of a drifting loop for the first round only, as drift has its own rule."""
     survey = subject.survey
     laps = survey.laps
     if len(laps) > 1 and laps[-1].position_u != laps[-2].position_u:
@@ -42,7 +42,7 @@ def _off_travel(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 
 def _first_beyond(moves: Iterable[PlannedMove], axis: int, length_u: float) -> PlannedMove:
-    """The move with which the places gone to no longer fit into `length_u`."""
+    """The first move with which the extent of `axis` exceeds `length_u`."""
     low_u = high_u = 0
     last: PlannedMove | None = None
     for move in moves:
@@ -106,10 +106,10 @@ RULES = (
         Stage.PHYSICS,
         Severity.WARNING,
         check=_limit_switch,
-        what="A move past a limit switch, from where the motor is configured to start.",
-        why="The controller then gives the program up. `start` in the configuration, or `--start`, "
-        "says where an axis begins, from the middle of its travel; without it the operator is "
-        "taken to place the motor where the moves fit. The example starts axis 1 at 10 in.",
+        what="A move past a limit switch, from the configured start of the motor.",
+        why="The controller then aborts the program. `start` in the configuration, or `--start`, "
+        "is the start of an axis from the middle of its travel; without it the operator is "
+        "assumed to place the motor so that the moves fit. The example starts axis 1 at 10 in.",
         bad=_READY + "MRI1 15.0\nWX1\n",
         good=_READY + "MRI1 12.0\nWX1\n",
         example=Settings(start_m={1: 0.254}),

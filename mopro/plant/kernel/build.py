@@ -15,7 +15,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 def as_it_stands(function: _T) -> _T:
-    """What makes a function ready to be called in plain Python: nothing."""
+    """Prepare a function for plain Python: return it unchanged."""
     return function
 
 
@@ -31,7 +31,7 @@ def kernel(terms: TermSet, nominal: bool, compiled: bool) -> Integrate:
 
 @functools.cache
 def rates(terms: TermSet) -> Rates:
-    """How a state changes under a set of effects, in plain Python."""
+    """Rates of change of the state under a set of effects, in plain Python."""
     return rates_of(parts_of(terms, False, as_it_stands))
 
 

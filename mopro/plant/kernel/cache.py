@@ -47,7 +47,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
 
 
 def _facts(value: object, above: tuple[object, ...]) -> object:
-    """What `value` is, in numbers and strings; `above` are the functions being told of."""
+    """`value` as numbers and strings; `above` are the functions being described."""
     if value is None or isinstance(value, bool | int | float | str | bytes):
         return value
     if isinstance(value, tuple):

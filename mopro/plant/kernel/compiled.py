@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import platform
 from collections.abc import Callable
@@ -35,15 +36,13 @@ def compiled(terms: TermSet, nominal: bool, plain: Integrate) -> Integrate:
     whose content cannot be told, or there is no cache. `plain` is the same function in Python.
     """
     signature = _signature(terms)
-    try:
-        key = repr((*_surroundings(), str(signature), fingerprint(plain)))
-    except UnknownCodeError:
-        key = None
-    name = hashlib.sha256(key.encode()).hexdigest()[:24] if key else "uncached"
+    key, name = _identity(plain, str(signature))
 
     def prepare(function: Callable[..., Any]) -> Any:
         if is_jitted(function) or not isinstance(function, FunctionType):
             return function
+        if function.__closure__ is None:
+            return _shared(function)
         return _njit(**_INNER)(_renamed(function, name))
 
     integrate = _njit(nogil=True)(
@@ -57,8 +56,23 @@ def compiled(terms: TermSet, nominal: bool, plain: Integrate) -> Integrate:
     return made
 
 
+def _identity(function: Callable[..., Any], signature: str = "") -> tuple[str | None, str]:
+    """All that compiled code of `function` depends on, if it can be told, and a name for that."""
+    try:
+        key = repr((*_surroundings(), signature, fingerprint(function)))
+    except UnknownCodeError:
+        return None, "uncached"
+    return key, hashlib.sha256(key.encode()).hexdigest()[:24]
+
+
+@functools.cache
+def _shared(function: FunctionType) -> Any:
+    """A function that is the same in every kernel, compiled once in a process."""
+    return _njit(**_INNER)(_renamed(function, _identity(function)[1]))
+
+
 def _renamed(function: Any, name: str) -> FunctionType:
-    """A copy whose compiled symbols are of this kernel alone.
+    """A copy whose compiled symbols are of this kernel, or of this shared function, alone.
 
     numba numbers symbols anew in each process, so those of two cached kernels could meet.
     """
@@ -81,8 +95,9 @@ def _signature(terms: TermSet) -> Any:
     return (_ARRAY, _INDICES, _TABLE, _INDICES, _TABLE, *types, _TABLE, _TABLE)
 
 
+@functools.cache
 def _surroundings() -> tuple[object, ...]:
-    """What compiled code depends on besides its source."""
+    """Versions and processor that compiled code depends on beside its source."""
     processor = cpu_target.target_context.codegen().magic_tuple()
     versions = [version(name) for name in ("mopro", "numba", "llvmlite", "numpy")]
     return platform.python_version(), *versions, *processor

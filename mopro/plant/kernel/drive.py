@@ -1,4 +1,4 @@
-"""What the drive does with the command: the currents of the two phases, over I.
+"""The drive: the currents of the two phases, over I, for a command.
 
 The loop of each current is told a setpoint, behind a lag where there is one
 (`current_loop = "lag"`). An ideal loop follows at once. One with a supply of limited
@@ -188,7 +188,7 @@ def _through(
         u0: float, u_mid: float, u1: float, h: float, free: bool,
         drive: DriveNumbers, numbers: Numbers,
     ) -> tuple[Told, Pair, Pair, Pair, Electric]:  # fmt: skip
-        """What the loops are told, the currents through the step, and the states after it.
+        """Setpoints of the loops, currents through the step, and the states after it.
 
         Loops that are not `free` have only their currents at the start right.
         """
@@ -248,7 +248,7 @@ def known_of_lagged(
 def change_of_smooth(
     told: Pair, c: float, w: float, gain: float, k: float, numbers: Numbers
 ) -> Pair:
-    """How fast ideal setpoints change (1/s) at the command's speed w (m/s)."""
+    """Rates of change (1/s) of ideal setpoints at the command's speed w (m/s)."""
     return -k * w * gain * sin(k * c), k * w * gain * cos(k * c)
 
 
@@ -256,7 +256,7 @@ def _change_of_lagged(
     rates: Callable[..., Pair], smooth: Callable[..., Pair], place: int
 ) -> Callable[..., Pair]:
     def change(told: Pair, c: float, w: float, gain: float, k: float, numbers: Numbers) -> Pair:
-        """How fast lagged setpoints change, in 1/s."""
+        """Rates of change (1/s) of lagged setpoints."""
         if numbers[place][0] > 0.0:
             return rates(told, c, gain, k, numbers)
         return smooth(told, c, w, gain, k, numbers)
@@ -273,7 +273,11 @@ def one_phase(
     told, change: what the loop is told, and its rate (1/s); emf, limit: in V.
     """
     wanted = henries * amps * (change + (told - i) / CURRENT_LOOP_S)
-    voltage = min(max(ohms * amps * i + emf + wanted, -limit), limit)
+    voltage = ohms * amps * i + emf + wanted
+    if voltage > limit:
+        voltage = limit
+    elif voltage < -limit:
+        voltage = -limit
     return voltage, (voltage - ohms * amps * i - emf) / (henries * amps)
 
 
@@ -323,10 +327,11 @@ def _off(aims: Setpoints) -> Callable[..., tuple[bool, float]]:
     def off(
         electric: Electric, c: float, gain: float, k: float, numbers: Numbers
     ) -> tuple[bool, float]:
-        """How fast the currents are to change for being off their setpoints, in 1/s."""
+        """Rate of change (1/s) that corrects the currents' deviation from their setpoints."""
         ia, ib = aims(c, gain, k, numbers)
         coil = electric[1]
-        return True, max(abs(ia - coil[0]), abs(ib - coil[1])) / CURRENT_LOOP_S
+        off_a, off_b = abs(ia - coil[0]), abs(ib - coil[1])
+        return True, (off_a if off_a > off_b else off_b) / CURRENT_LOOP_S
 
     return off
 
@@ -335,14 +340,16 @@ def _off_lagged(aims: Setpoints, place: int) -> Callable[..., tuple[bool, float]
     def off(
         electric: Electric, c: float, gain: float, k: float, numbers: Numbers
     ) -> tuple[bool, float]:
-        """The same behind a lag; one of no length follows nothing: its loop is integrated."""
+        """As above behind a lag; the loop of a lag of zero length is integrated."""
         tau = numbers[place][0]
         (la, lb), coil = electric
-        of_loop = max(abs(la - coil[0]), abs(lb - coil[1])) / CURRENT_LOOP_S
+        off_a, off_b = abs(la - coil[0]), abs(lb - coil[1])
+        of_loop = (off_a if off_a > off_b else off_b) / CURRENT_LOOP_S
         if tau <= 0.0:
             return False, of_loop
         ia, ib = aims(c, gain, k, numbers)
-        return True, of_loop + max(abs(ia - la), abs(ib - lb)) / tau
+        off_a, off_b = abs(ia - la), abs(ib - lb)
+        return True, of_loop + (off_a if off_a > off_b else off_b) / tau
 
     return off
 
@@ -353,7 +360,7 @@ def _suffices(
     def suffices(
         electric: Electric, c: float, fastest: float, drive: DriveNumbers, numbers: Numbers
     ) -> bool:
-        """Whether the supply has all the voltage that the loops can ask for.
+        """True if the supply has all the voltage that the loops can ask for.
 
         R I gain + L I off + (Kf + L I k gain) v_max < Vb, in V.
         """

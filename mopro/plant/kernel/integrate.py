@@ -1,5 +1,7 @@
 """One axis through time: `integrate`, the outermost function of the kernel.
 
+Comparisons stand where `min` and `max` might: numba compiles each of those as a function.
+
 Between knots the motion goes in equal steps. No step straddles a corner of the command, and
 an axis that has come to rest under a command at rest stays where it is.
 """
@@ -69,7 +71,7 @@ def strengths_at(
 
 
 def rates_of(parts: Parts) -> Rates:
-    """How a state changes."""
+    """The function for the rates of change of a state."""
     acceleration = parts.acceleration
     now, lag_rates, phases = parts.drive.now, parts.drive.lag_rates, parts.drive.phases
     direct, saturable = parts.direct, parts.saturable
@@ -93,14 +95,14 @@ def rates_of(parts: Parts) -> Rates:
 
 
 def rests_of(parts: Parts, rates: Rates) -> Callable[..., bool]:
-    """Whether nothing moves and nothing is about to, under a command at rest."""
+    """The test for an axis at rest under a command at rest."""
     nominal = parts.nominal
 
     def rests(
         c: float, state: State, rest: float, natural: float,
         axis: AxisNumbers, drive: DriveNumbers, numbers: Numbers,
     ) -> bool:  # fmt: skip
-        """Whether the axis is within `rest` (m) of where it stays, and as slow.
+        """True if the axis is within `rest` (m) of its equilibrium, and as slow.
 
         natural: its natural frequency √(k F0 / m) in 1/s.
         """
@@ -111,14 +113,18 @@ def rests_of(parts: Parts, rates: Rates) -> Callable[..., bool]:
             angle = k * (c - state[0])
             return abs(sin(angle)) < rest * k and cos(angle) > 0.0
         a, of_lag, of_coil = rates(c, 0.0, state, axis, drive, numbers)
-        fastest = max(abs(of_lag[0]), abs(of_lag[1]), abs(of_coil[0]), abs(of_coil[1]))
-        return abs(a) < rest * natural * natural and fastest < rest * k * natural
+        slow = rest * k * natural
+        return (
+            abs(a) < rest * natural * natural
+            and (abs(of_lag[0]) < slow and abs(of_lag[1]) < slow)
+            and (abs(of_coil[0]) < slow and abs(of_coil[1]) < slow)
+        )
 
     return rests
 
 
 def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
-    """What is recorded of the drive."""
+    """The function that records the drive's quantities."""
     now, phases, pull = parts.drive.now, parts.drive.phases, prepare(pull_of_currents)
     saturable = parts.saturable
 
@@ -143,7 +149,7 @@ def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
 
 
 def pace_of(parts: Parts, command: Callable[..., Pair]) -> Callable[..., tuple[int, bool]]:
-    """How an interval is divided into steps."""
+    """The function that divides an interval into steps."""
     suffices, saturable = parts.drive.suffices, parts.saturable
 
     def pace(
@@ -154,16 +160,22 @@ def pace_of(parts: Parts, command: Callable[..., Pair]) -> Callable[..., tuple[i
 
         An axis gains no more speed than twice the motor's greatest force gives it.
         """
-        longest = limits[0]
-        speed = max(abs(state[1]), abs(w))
-        free = True
+        longest, speed, free = limits[0], abs(state[1]), True
+        if abs(w) > speed:
+            speed = abs(w)
         if saturable:
-            w_end = command(segment, t + length)[1]
-            fastest = max(speed, abs(w_end)) + 2.0 * plant[1] / plant[3] * length
+            fastest, w_end = speed, abs(command(segment, t + length)[1])
+            if w_end > fastest:
+                fastest = w_end
+            fastest += 2.0 * plant[1] / plant[3] * length
             free = suffices(state[3], u * plant[4], fastest, drive, numbers)
-            if not free:
-                longest = min(longest, LOOP_STEP_S)
-        return max(1, ceil(max(length / longest, speed * length / limits[1]) - 1e-9)), free
+            if not free and longest > LOOP_STEP_S:
+                longest = LOOP_STEP_S
+        count = length / longest
+        if speed * length / limits[1] > count:
+            count = speed * length / limits[1]
+        whole = ceil(count - 1e-9)
+        return whole if whole > 1 else 1, free
 
     return pace
 
@@ -206,7 +218,7 @@ def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
                 holding = segment[2] == 0.0 and segment[3] == 0.0 and segment[4] == 0.0
                 u, w = command(segment, t)
             if i == 0 and not nominal:
-                record(electrical, 0, u, w, resolved, state, plant, axis, drive, numbers)
+                record(electrical, i, u, w, resolved, state, plant, axis, drive, numbers)
             if holding and rests(u * microstep, state, limits[2], natural, axis, drive, numbers):
                 state = (state[0], 0.0, state[2], state[3])
                 low = high = u * microstep - state[0]

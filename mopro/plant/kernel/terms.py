@@ -42,7 +42,7 @@ class TermSet:
 
     @classmethod
     def of(cls, active: Sequence[Active]) -> TermSet:
-        """Those of `active` that the equation of motion knows of."""
+        """The effects of `active` with a term in the equation of motion."""
         return cls(tuple(a.effect for a in active if has_term(a.effect)))
 
     @property
@@ -70,7 +70,7 @@ class TermSet:
 
     @property
     def direct(self) -> bool:
-        """Whether the motor's force comes straight from the command, as an ideal drive's does."""
+        """True if the motor's force follows the command directly, as with an ideal drive."""
         return not any(effect.setpoint or effect.current_loop for effect in self.effects)
 
     def numbers(self, active: Sequence[Active]) -> Numbers:
@@ -79,7 +79,7 @@ class TermSet:
 
 
 def has_term(effect: Effect) -> bool:
-    """Whether the equation of motion has a term of `effect`."""
+    """True if the equation of motion has a term of `effect`."""
     terms = (effect.force, effect.reaction, effect.slide, effect.setpoint, effect.current_loop)
     return any(term is not None for term in terms)
 

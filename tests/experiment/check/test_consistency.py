@@ -5,6 +5,7 @@ import pytest
 
 from helpers.laboratory import LASER
 from mopro.errors import ModelError, MotionError
+from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 
 BOTH = "UU012500/1\nVEL0 6.0\nACC0 0.1\nMRI1 2.0\nWX1\nMRI2 1.0\nWX2\nMRI1 -2.0\nWX1\nWT300\n"
@@ -37,7 +38,7 @@ def test_two_swapped_programs_are_both_named(lab):
 
 def test_swapped_programs_are_found_among_many_and_under_a_coarse_sensor(lab):
     lab.write("mid.CMD", "UU012500/1\nVEL1 8.0\nACC1 0.1\nMRI1 3.0\nWX1\nWT300\n")
-    coarse = [Sensor("laser", "position", "position_1_in", 2000.0, 1, 0.025)]
+    coarse = [Sensor("laser", POSITION, "position_1_in", 2000.0, 1, 0.025)]
     for name in ("fast", "slow", "mid"):
         lab.record(f"{name}.CMD", f"{name}.csv", sensors=coarse)
     pairs = [("fast", "fast"), ("slow", "mid"), ("mid", "slow")]
@@ -68,7 +69,7 @@ def test_data_that_go_the_other_way(lab):
 
 def test_data_of_the_other_axis(lab):
     lab.program("both.CMD", BOTH)
-    other = [Sensor("laser", "position", "position_2_in", 2000.0, 2, 2e-5)]
+    other = [Sensor("laser", POSITION, "position_2_in", 2000.0, 2, 2e-5)]
     lab.record("both.CMD", "both.csv", sensors=other)
     scaled(lab, 1.0, "both.csv")
     lab.experiment(['program = "both.CMD"\ndata = "both.csv"'])
@@ -134,7 +135,7 @@ def test_a_program_that_runs_into_a_limit_switch(lab):
 )
 @pytest.mark.parametrize("noise", [2e-5, 0.025], ids=["laser", "lvdt"])
 def test_a_large_real_effect_is_not_mistaken(lab, effects, noise):
-    sensor = [Sensor("laser", "position", "position_1_in", 2000.0, 1, noise)]
+    sensor = [Sensor("laser", POSITION, "position_1_in", 2000.0, 1, noise)]
     for name in ("fast", "slow"):
         lab.record(f"{name}.CMD", f"{name}.csv", effects, sensor)
     runs = [f'program = "{name}.CMD"\ndata = "{name}.csv"' for name in ("fast", "slow")]

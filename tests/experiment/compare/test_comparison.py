@@ -19,6 +19,7 @@ from mopro.experiment.compare.comparison import compare
 from mopro.experiment.compare.noise_tests import quantile_residual
 from mopro.experiment.predict.nominal import predict
 from mopro.instruments import Thermocouple, read_lvdt, write_thermocouple
+from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
@@ -109,8 +110,8 @@ def test_pitches_lost_in_one_move_are_located_at_its_line(lab):
 def test_two_sensors_in_one_file_and_one_of_them_lacking_in_another(lab):
     other = LASER.replace('"laser"', '"second"').replace("_1_", "_2_").replace("s = 1", "s = 2")
     both = [
-        Sensor("laser", "position", "position_1_in", 2000.0, 1, 2e-5),
-        Sensor("second", "position", "position_2_in", 2000.0, 2, 2e-5),
+        Sensor("laser", POSITION, "position_1_in", 2000.0, 1, 2e-5),
+        Sensor("second", POSITION, "position_2_in", 2000.0, 2, 2e-5),
     ]
     lab.record("fast.CMD", "fast.csv", sensors=both)
     lab.record("slow.CMD", "slow.csv")
@@ -154,8 +155,8 @@ def test_a_recording_of_mopro_serves_as_data(lab):
 
 def test_a_slow_sensor_beside_a_fast_one_leaves_cells_empty(lab):
     """A temperature ten times a second among positions two thousand times a second."""
-    warm = Sensor("warm", "temperature", "temperature_C", 2000.0, noise_rms=0.01)
-    laser = Sensor("laser", "position", "position_1_in", 2000.0, 1, 2e-5)
+    warm = Sensor("warm", TEMPERATURE, "temperature_C", 2000.0, noise_rms=0.01)
+    laser = Sensor("laser", POSITION, "position_1_in", 2000.0, 1, 2e-5)
     lab.record("fast.CMD", "fast.csv", sensors=[laser, warm])
     header, *rows = lab.path("fast.csv").read_text().splitlines()
     rows = [row if n % 200 == 0 else f"{row.rsplit(',', 1)[0]}," for n, row in enumerate(rows)]
@@ -337,7 +338,7 @@ def test_a_negative_rise_is_named(lab):
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.5, 3.0])
 def test_a_coarse_converter_leaves_white_noise(noise):
     """A slow signal repeats its rounding; the quantile residual does not."""
-    sensor = Sensor("t", "temperature", "temperature_C", 1.0, noise_rms=noise, adc_step=1.0)
+    sensor = Sensor("t", TEMPERATURE, "temperature_C", 1.0, noise_rms=noise, adc_step=1.0)
     generator = np.random.default_rng(11)
     alarms, sizes = 0, []
     for phase in range(50):

@@ -11,8 +11,14 @@ from mopro.diagnosis.remainder import Remainder
 from mopro.diagnosis.verdict import Gap
 from mopro.emulator import Emulator
 from mopro.experiment.design.experiment_design import propose
-from mopro.experiment.design.test_motions import Bounds, moving_pieces, text_of, warming_pieces
+from mopro.experiment.design.test_motions import (
+    Bounds,
+    heating_excitations,
+    moving_excitations,
+    text_of,
+)
 from mopro.experiment.model import Experiment, Reading, Trial
+from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.motion import plan
@@ -21,8 +27,8 @@ from mopro.recording import MemorySink
 from mopro.source import Source
 
 MACHINE = load_machine("chow1992")
-LASER = Sensor("laser", "position", "position_1_in", 1000.0, 1, 2e-5)
-THERMOCOUPLE = Sensor("thermocouple", "temperature", "temperature_C", 0.1, 1, 0.5)
+LASER = Sensor("laser", POSITION, "position_1_in", 1000.0, 1, 2e-5)
+THERMOCOUPLE = Sensor("thermocouple", TEMPERATURE, "temperature_C", 0.1, 1, 0.5)
 PROGRAM = mopro.compile("UU012500/1\nVEL1 5.0\nACC1 0.1\nMRI1 1.0\nWX1\n")
 BARE = Bounds.of(MACHINE, MACHINE.axis.moving_mass_kg)
 
@@ -130,7 +136,7 @@ def test_twins_do_not_keep_the_others_from_being_parted():
     proposal = propose(experiment(LASER), verdict)
     assert proposal.separations["viscous_drag"] >= 6.0
     assert proposal.separations["start_delay"] < 0.5
-    assert "it does not tell start_delay" in proposal.summary
+    assert "it does not distinguish start_delay" in proposal.summary
 
 
 def test_two_rivals_that_stay_alike_are_told():
@@ -138,7 +144,7 @@ def test_two_rivals_that_stay_alike_are_told():
     proposal = propose(experiment(LASER), ambiguous(DRAG, [LATE, twin]))
     assert min(proposal.separations.values()) >= 6.0
     assert proposal.pairs["trigger_delay", "start_delay"] < 0.5
-    assert proposal.summary.endswith("; it does not tell trigger_delay from start_delay")
+    assert proposal.summary.endswith("; it does not distinguish trigger_delay from start_delay")
 
 
 def test_rivals_are_parted_from_each_other_as_well():
@@ -166,10 +172,10 @@ def test_it_lasts_no_longer_than_it_must_and_never_beyond_a_minute_and_a_half():
 
 
 @pytest.mark.parametrize("payload_kg", [0.0, 2.268])
-def test_no_piece_stalls_even_with_a_fifth_less_force(payload_kg):
+def test_no_motion_stalls_even_with_a_fifth_less_force(payload_kg):
     bounds = Bounds.of(MACHINE, MACHINE.axis.moving_mass_kg + payload_kg)
-    pieces = [piece for piece in moving_pieces(bounds) if piece.wait_ms < 1000]
-    program = mopro.compile(text_of(MACHINE, 1, pieces))
+    motions = [motion for motion in moving_excitations(bounds) if motion.wait_ms < 1000]
+    program = mopro.compile(text_of(MACHINE, 1, motions))
     weak = {"force_constant": {"e": -0.2}}
     _, run = seen(program, weak, LASER, payload_kg=payload_kg)
     assert not run.stalled
@@ -180,7 +186,7 @@ def test_no_piece_stalls_even_with_a_fifth_less_force(payload_kg):
 def test_no_rival_loses_its_tooth_in_what_is_proposed():
     """A controller that moves on every ten milliseconds pulls in jerks, the harder the faster."""
     tick = {"profile_tick": {"T": 0.01, "interpolate": 1.0}}
-    lvdt = Sensor("lvdt", "position", "position_1_in", 800.0, 1, 0.025)
+    lvdt = Sensor("lvdt", POSITION, "position_1_in", 800.0, 1, 0.025)
     proposal = propose(experiment(lvdt), ambiguous({"trigger_delay": {"t_d": 0.01}}, [tick]))
     assert proposal.separations["profile_tick"] > 6.0
     _, run = seen(mopro.compile(proposal.text), tick, lvdt)
@@ -188,11 +194,11 @@ def test_no_rival_loses_its_tooth_in_what_is_proposed():
     assert min(move.stall_margin for move in run.moves) > 0.0
 
 
-def test_pieces_stay_within_the_travel_on_both_axes():
-    for piece in (*moving_pieces(BARE), *warming_pieces(BARE)):
-        schedule = plan(mopro.compile(text_of(MACHINE, 1, [piece])), for_s=30.0)
+def test_motions_stay_within_the_travel_on_both_axes():
+    for motion in (*moving_excitations(BARE), *heating_excitations(BARE)):
+        schedule = plan(mopro.compile(text_of(MACHINE, 1, [motion])), for_s=30.0)
         switches = switches_u(schedule, MACHINE.travel_u())
-        assert limit_trip(schedule, switches) is None, piece.what
+        assert limit_trip(schedule, switches) is None, motion.what
 
 
 STROKED = {"platen_conduction": {"G": 0.0, "g": 20.0, "T_p": MACHINE.heat.ambient_C}}
@@ -226,7 +232,7 @@ def test_a_logger_that_grew_slow_is_taken_to_do_so_again():
 def test_ways_are_whole_microsteps(payload_kg):
     """Half a microstep is rounded this way or that, which shows in the time a move takes."""
     bounds = Bounds.of(MACHINE, MACHINE.axis.moving_mass_kg + payload_kg)
-    program = mopro.compile(text_of(MACHINE, 1, moving_pieces(bounds)))
+    program = mopro.compile(text_of(MACHINE, 1, moving_excitations(bounds)))
     per_inch = 12500
     ways = [float(word) for line in str(program.source.text).splitlines()
             if line.startswith("MRI1") for word in line.split()[1:]]  # fmt: skip

@@ -12,6 +12,7 @@ from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial
 from mopro.experiment.predict import forward_model as motor
 from mopro.experiment.predict.forward_model import ForwardModel
+from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.machine.file import read_machine
@@ -26,7 +27,7 @@ PROGRAMS = tuple(
 )
 # What a search found has no interval.
 SEARCHED = ("n", "move", "at", "run")
-FINE = Sensor("laser", "position", "position_1_in", 1000.0, 1, 2e-5)
+FINE = Sensor("laser", POSITION, "position_1_in", 1000.0, 1, 2e-5)
 SHARP = dataclasses.replace(FINE, noise_rms=4e-6)
 COARSE = dataclasses.replace(FINE, name="coarse", noise_rms=5e-3)
 

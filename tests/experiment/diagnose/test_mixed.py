@@ -13,6 +13,7 @@ from mopro.experiment.diagnose.quantisation import thinned
 from mopro.experiment.model import Experiment, Reading, Trial
 from mopro.experiment.predict.forward_model import FINE, ForwardModel
 from mopro.experiment.predict.steady import rises
+from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine
 from mopro.motion import plan
@@ -21,8 +22,8 @@ from mopro.source import Source
 PROGRAM = mopro.compile(
     "UU012500/1\nVEL2 20\nACC2 0.2\nPARA2-\n" + "MRI2 2.0\nWX2\nWT800\nMRI2 -2.0\nWX2\nWT800\n"
 )
-LASER = Sensor("laser", "position", "position_2_in", 1000.0, 2, 2e-5)
-THERMOCOUPLE = Sensor("thermocouple", "temperature", "temperature_C", 50.0, 1, 0.05)
+LASER = Sensor("laser", POSITION, "position_2_in", 1000.0, 2, 2e-5)
+THERMOCOUPLE = Sensor("thermocouple", TEMPERATURE, "temperature_C", 50.0, 1, 0.05)
 
 
 def measured(truth, sensors, machine=MACHINE, tables=(), seed=0):

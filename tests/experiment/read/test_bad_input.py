@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from mopro.errors import DataError, MoproError
 from mopro.experiment import load_experiment
-from mopro.experiment.read.data import read_data
+from mopro.experiment.read.data import cell_span, read_data
 from mopro.experiment.read.readings import reading
+from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 
 RUN = 'program = "fast.CMD"\ndata = "fast.csv"'
@@ -55,6 +56,59 @@ def test_a_file_from_dos_or_a_spreadsheet_is_read_as_well(fast):
     text = "\r\n".join(['"time_s", "position_1_in"', *lines(fast)[1:]]) + "\r\n\x1a"
     fast.path("fast.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
     assert np.array_equal(fast.load().trials[0].readings[0].values, plain.values)
+
+
+def test_cells_in_quotes_may_have_commas(fast):
+    plain = fast.load().trials[0].readings[0]
+    quoted = [
+        f'"a, ""b"" ,c", "{row.split(",")[0]}" ,{row.split(",")[1]}' for row in lines(fast)[1:]
+    ]
+    rewrite(fast, ['"note, of a person",time_s, "position_1_in"', *quoted])
+    assert np.array_equal(fast.load().trials[0].readings[0].values, plain.values)
+
+
+def test_the_place_of_a_cell_behind_one_in_quotes(fast):
+    rows = [f'"a,b",{row}' for row in lines(fast)]
+    rows[3], rows[6] = '"a,b",0.001, "o,ops"', '"a,b",0.0025,"5"",",7'
+    rewrite(fast, rows)
+    text = refusal(fast)
+    assert "fast.csv:4:14: 'o,ops' is no number that can be measured" in text
+    assert "fast.csv:7:1: 4 cells, expected 3 as in the header [wrong-cells]" in text
+    shown = text.splitlines()
+    caret = shown[shown.index(f"  {rows[3]}") + 1]
+    assert caret == " " * 15 + "^" + "~" * (len('"o,ops"') - 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ('time_s,position_1_in\n0,1\n\n1,"2\n2,3\n', "4:1"),
+        ('time_s,"position_1_in\n0,1\n', "1:1"),
+        ('# by hand\ntime_s,position_1_in\n0,"1', "3:1"),
+    ],
+)
+def test_a_quote_that_is_not_closed_names_its_line(fast, text, place):
+    fast.write("fast.csv", text)
+    assert f"fast.csv:{place}: a quote is not closed [open-quote]" in refusal(fast)
+
+
+@pytest.mark.parametrize(
+    ("text", "nth", "columns"),
+    [
+        ("1,2,3", 0, (1, 2)),
+        ("1,2,3", 2, (5, 6)),
+        ("1,  22 ,3", 1, (5, 8)),
+        ('"a,b","c,d",e', 1, (7, 12)),
+        ('5",6", 7', 1, (4, 6)),
+        ('"a""b,", 7', 1, (10, 11)),
+        ("1,2", 2, (4, 5)),
+        ("1,", 1, (3, 4)),
+        ("", 0, (1, 2)),
+    ],
+)
+def test_where_a_cell_stands(text, nth, columns):
+    span = cell_span(text, 3, nth)
+    assert (span.line, span.column, span.end_column) == (3, *columns)
 
 
 # -- columns and cells ------------------------------------------------------------
@@ -301,7 +355,7 @@ def test_a_program_with_an_error_says_so_itself(fast):
 def test_whatever_stands_in_a_file_it_is_read_or_refused(tmp_path, text):
     path = tmp_path / "any.csv"
     path.write_text(text, encoding="utf-8", errors="replace", newline="")
-    sensor = Sensor("laser", "position", "position_1_in", 2000.0, 1, 2e-5)
+    sensor = Sensor("laser", POSITION, "position_1_in", 2000.0, 1, 2e-5)
     found, words = None, ""
     try:
         found, _ = reading(read_data(path, "any.csv", {"time_s", "position_1_in"}), sensor)

@@ -1,4 +1,4 @@
-"""What a fix promises about the program that it leaves, as checks of before against after."""
+"""Checks of a fixed program against the one before, one for each kind of fix."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from mopro.program import ir
 
 
 def same_program(before: Subject, after: Subject) -> bool:
-    """The fixed text means the same operations."""
+    """True if both have the same operations."""
     return before.program == after.program
 
 
 def same_but_labels(before: Subject, after: Subject) -> bool:
-    """Only labels that nothing jumps to are gone."""
+    """True if they differ only in labels that no jump goes to."""
     return _without_idle_labels(before) == _without_idle_labels(after)
 
 
@@ -24,12 +24,12 @@ def _without_idle_labels(subject: Subject) -> list[ir.Op]:
 
 
 def same_but_waits(before: Subject, after: Subject) -> bool:
-    """Only waits for a motion have come in."""
+    """True if they differ only in waits for an axis."""
     return _without_waits(before) == _without_waits(after)
 
 
 def same_motion(before: Subject, after: Subject) -> bool:
-    """Every axis is told to be at the same places at the same times."""
+    """True if every axis has the same moves at the same times."""
     return _moves(before) == _moves(after)
 
 
