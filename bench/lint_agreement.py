@@ -10,9 +10,9 @@ import argparse
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "lint"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from agreement import agreement
+from helpers.lint_agreement import agreement
 
 LIMIT = 0.01
 

@@ -13,9 +13,9 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "lint"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from fuzz import check_input, fuzz_input
+from helpers.lint_fuzz import check_input, fuzz_input
 
 _CHUNK = 2000
 _HANG_S = 20.0

@@ -1,11 +1,14 @@
 """Shared by all tests: the programs, and one profile for Hypothesis."""
 
+import functools
 import os
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from paths import PROGRAMS
+
+from helpers import commands
+from helpers.paths import PROGRAMS
 
 # Two workers on two cores: threads of linear algebra would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -23,3 +26,15 @@ def program_files() -> list[Path]:
 @pytest.fixture(scope="session")
 def programs_folder() -> Path:
     return PROGRAMS
+
+
+@pytest.fixture
+def mopro(tmp_path):
+    """`mopro(*args, text=None)` runs the command line in the test's folder, in this process."""
+    return functools.partial(commands.run_here, tmp_path)
+
+
+@pytest.fixture
+def mopro_process(tmp_path):
+    """As `mopro`, as a process of its own: for what only a process can show."""
+    return functools.partial(commands.run_process, tmp_path)

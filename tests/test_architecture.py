@@ -1,9 +1,12 @@
-"""Imports that import-linter cannot state: a room may use these modules and nothing else."""
+"""Imports that import-linter cannot state: what a room may use, and what the tests may."""
 
+import ast
 import sys
 
 import grimp
 import pytest
+
+from helpers.paths import TESTS
 
 # Room -> modules outside of the room and of the standard library that it may import.
 ALLOWED = {
@@ -55,3 +58,53 @@ def test_any_import_of_mopro_in_the_reference_plant_is_found(graph, imported):
     graph.add_import(importer=plant, imported=imported)
     assert (plant, imported) in foreign_imports(graph, "mopro.benchmark.reference")
     graph.remove_import(importer=plant, imported=imported)
+
+
+# -- the tests themselves -------------------------------------------------------
+
+# Names of modules: those that `pythonpath` makes importable besides the helpers, and all tests.
+OTHER_TESTS = {path.stem for path in TESTS.iterdir()} - {"helpers"}
+OTHER_TESTS |= {path.stem for path in TESTS.rglob("test_*.py")}
+
+
+def imports_of_tests(text):
+    """Modules of tests/ other than the helpers that a test of this text would import."""
+    found = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom):
+            name = "." * node.level + (node.module or "")
+            found |= {name} if node.level or name.split(".")[0] in OTHER_TESTS else set()
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+            found |= {name for name in names if name.split(".")[0] in OTHER_TESTS}
+    return found
+
+
+def test_no_test_imports_another():
+    texts = {path: path.read_text("utf-8") for path in TESTS.rglob("*.py")}
+    assert len(texts) > 80
+    assert {
+        str(path): found for path, text in texts.items() if (found := imports_of_tests(text))
+    } == {}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import test_files",
+        "import cli.test_run",
+        "from cli.test_run import SETUP",
+        "from test_files import x",
+        "from test_consistency import x",
+        "from conftest import x",
+        "from . import test_run",
+        "from .test_run import SETUP",
+    ],
+)
+def test_an_import_of_another_test_is_found(line):
+    assert imports_of_tests(f"def test():\n    {line}\n")
+
+
+def test_what_tests_share_stands_in_one_folder():
+    others = [p for p in TESTS.rglob("*.py") if p.parent.name != "helpers"]
+    assert [p for p in others if not p.name.startswith("test_") and p.name != "conftest.py"] == []

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from helpers.commands import LIMIT_S
 from mopro import cachefolder
 from mopro.cachefolder import cache_folder, read_kept, with_digest
 
@@ -17,7 +18,7 @@ def compiled(cwd, code=COMPILE, drop=(), **changes):
     environment = {k: v for k, v in os.environ.items() if k not in drop} | changes
     return subprocess.run(
         [sys.executable, "-c", code], cwd=cwd, env=environment,
-        capture_output=True, text=True, timeout=60, check=False,
+        capture_output=True, text=True, timeout=LIMIT_S, check=False,
     )  # fmt: skip
 
 

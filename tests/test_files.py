@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from helpers.commands import LIMIT_S
 from mopro.errors import DataError
 from mopro.files import claim, log, make_folder, output, write
 
@@ -111,7 +112,7 @@ def test_the_draft_of_a_living_process_stays(tmp_path):
         assert process.stdout.readline() == "ready\n"
         write(tmp_path / "other.csv", b"")
         assert len(names(tmp_path)) == 2
-        process.communicate("", timeout=30)
+        process.communicate("", timeout=LIMIT_S)
     assert process.returncode == 0
     assert (names(tmp_path), path.read_text()) == (["other.csv", "out.csv"], "after")
 

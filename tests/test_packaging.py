@@ -6,7 +6,8 @@ import sysconfig
 import zipfile
 
 import pytest
-from paths import ROOT
+
+from helpers.paths import ROOT
 
 
 def run(*command, **options):

@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from paths import PROGRAMS
 
+from helpers.paths import PROGRAMS
 from mopro import compile as compile_program
 from mopro.benchmark.reference.listing import timeline
 from mopro.benchmark.reference.nominal import INCH_M, THESIS

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 from click.testing import CliRunner
-from paths import ROOT
 
+from helpers.paths import ROOT
 from mopro.benchmark.make import make
 from mopro.benchmark.manifest import MADE, Manifest
 from mopro.benchmark.run import CaseFolder, VerdictSource
@@ -16,21 +16,16 @@ from mopro.cli.blind import command
 from mopro.errors import DataError
 
 
-def mopro_blind(*args, **options):
-    words = [sys.executable, "-m", "mopro", "blind", *map(str, args)]
-    return subprocess.run(words, capture_output=True, text=True, check=False, **options)
-
-
 def tree(folder):
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*.*")}
 
 
-def test_files_of_the_user_are_refused_before_anything_is_done(tmp_path):
+def test_files_of_the_user_are_refused_before_anything_is_done(mopro, tmp_path):
     for name in ("mine.CMD", "notes.csv", "run1.CMD", "experiment.toml"):
         folder = tmp_path / name / "003"
         folder.mkdir(parents=True)
         (folder / name).write_text("precious")
-        done = mopro_blind("make", "--seed", 1, "--grid", "smoke", "--cases", 3,
+        done = mopro("blind", "make", "--seed", 1, "--grid", "smoke", "--cases", 3,
                            "--out", tmp_path / name)  # fmt: skip
         assert done.returncode == 2
         assert f"003/{name}: not as `mopro blind` made it" in done.stderr
@@ -121,12 +116,12 @@ def test_a_list_of_other_origin_is_not_believed(ground, content):
         Manifest.read(ground)
 
 
-def test_a_machine_within_the_folder_to_be_filled_is_refused(tmp_path):
+def test_a_machine_within_the_folder_to_be_filled_is_refused(mopro, tmp_path):
     text = (ROOT / "mopro" / "machine" / "machines" / "chow1992.toml").read_text()
     (tmp_path / "001").mkdir()
     (tmp_path / "001" / "machine.toml").write_text(text)
-    done = mopro_blind("make", "--seed", 1, "--out", ".", "--machine", "001/machine.toml",
-                       cwd=tmp_path)  # fmt: skip
+    options = ("--seed", 1, "--out", ".", "--machine", "001/machine.toml")
+    done = mopro("blind", "make", *options)
     assert done.returncode == 2
     assert "--machine 001/machine.toml lies in the folder that --out would fill" in done.stderr
     assert (tmp_path / "001" / "machine.toml").read_text() == text

@@ -1,8 +1,6 @@
 """Cases on a machine other than the source's: the reference plant is that machine too."""
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -114,14 +112,11 @@ def test_the_built_in_machine_is_the_reference_s_own():
     ],
     ids=["effects", "forcers", "drive", "platen", "mass"],
 )
-def test_a_machine_that_the_reference_cannot_be_is_refused(text, message, tmp_path):
+def test_a_machine_that_the_reference_cannot_be_is_refused(mopro, text, message, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(text)
-    options = ["--seed", "1", "--grid", "smoke", "--out", str(tmp_path), "--machine", str(file)]
-    done = subprocess.run(
-        [sys.executable, "-m", "mopro", "blind", "make", *options],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    options = ["--seed", "1", "--grid", "smoke", "--out", tmp_path, "--machine", file]
+    done = mopro("blind", "make", *options)
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr

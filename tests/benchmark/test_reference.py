@@ -130,7 +130,7 @@ def test_scipy_s_own_solver_agrees(hidden):
 
 def steady_rise_K(text):
     """The final temperature above the air if the program's first 10 ms lasted (eq. 3.26)."""
-    (piece,) = heat.pieces(timeline(text), 0.01, {})
+    (piece,) = heat.heat_intervals(timeline(text), 0.01, {})
     return piece.coil_W / piece.loss_W_K
 
 

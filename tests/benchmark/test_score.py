@@ -2,8 +2,6 @@
 
 import json
 import math
-import subprocess
-import sys
 
 import pytest
 from click.testing import CliRunner
@@ -207,12 +205,12 @@ def test_the_command_scores_kept_replies(ground, tmp_path):
     assert {c["outcome"] for c in json.loads(as_json.output)["cases"]} == {"right"}
 
 
-def test_only_some_cases_and_those_must_exist(ground, tmp_path):
+def test_only_some_cases_and_those_must_exist(mopro, ground, tmp_path):
     (tmp_path / "008.json").write_text(json.dumps(reply("none")))
     args = ["score", str(ground), "--answers-from", str(tmp_path), "--json", "--cases"]
     done = CliRunner().invoke(command, [*args, "8"])
     assert [c["number"] for c in json.loads(done.output)["cases"]] == ["008"]
-    other = run("score", str(ground), "--cases", "9")
+    other = mopro("blind", "score", str(ground), "--cases", "9")
     assert other.returncode == 2
     assert "there is no case 009" in other.stderr
 
@@ -231,32 +229,27 @@ def test_a_proposed_experiment_becomes_one_more_run(ground, tmp_path):
         add_proposed_run(1, number, case, "SEEK1+\n", ground / number, tmp_path)
 
 
-def run(*args):
-    return subprocess.run(
-        [sys.executable, "-m", "mopro", "blind", *args], capture_output=True, text=True, check=False
-    )
-
-
-def test_bad_input_is_named(ground, tmp_path):
-    nowhere = run("score", str(tmp_path))
+def test_bad_input_is_named(mopro, ground, tmp_path):
+    nowhere = mopro("blind", "score", str(tmp_path))
     assert nowhere.returncode == 2
     assert "answers.json" in nowhere.stderr
     assert "Traceback" not in nowhere.stderr
     (tmp_path / "answers.json").write_text("{}")
-    assert run("score", str(tmp_path)).returncode == 2
-    shelf = run("score", str(ground), "--report", str(tmp_path / "missing" / "score.md"))
+    assert mopro("blind", "score", str(tmp_path)).returncode == 2
+    shelf = mopro("blind", "score", str(ground), "--report", str(tmp_path / "missing" / "score.md"))
     assert (shelf.returncode, "Traceback" in shelf.stderr) == (2, False)
     assert "missing" in shelf.stderr
     assert not list(ground.glob("*/verdict.json")), "nothing was asked"
-    beyond = run("make", "--seed", "1", "--grid", "smoke", "--cases", "99", "--out", str(tmp_path))
+    options = ("--seed", 1, "--grid", "smoke", "--cases", 99, "--out", tmp_path)
+    beyond = mopro("blind", "make", *options)
     assert beyond.returncode == 2
     assert "cases 1 to 12" in beyond.stderr
 
 
-def test_a_case_that_was_changed_is_refused(ground, tmp_path):
+def test_a_case_that_was_changed_is_refused(mopro, ground, tmp_path):
     list(make(1, "smoke", tmp_path, frozenset(["008"])))
     data = tmp_path / "008" / "run1.csv"
     data.write_text(data.read_text().replace("0.0000", "0.0001", 1))
-    done = run("score", str(tmp_path))
+    done = mopro("blind", "score", str(tmp_path))
     assert done.returncode == 2
     assert "run1.csv: not what was made" in done.stderr

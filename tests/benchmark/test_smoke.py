@@ -1,18 +1,14 @@
 """A dozen hidden-effect cases made, reconciled as real processes and scored."""
 
 import json
-import subprocess
-import sys
 
 
-def blind(*args):
-    command = [sys.executable, "-m", "mopro", "blind", *map(str, args)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+def test_a_dozen_hidden_effects(mopro, tmp_path):
+    def blind(*args):
+        done = mopro("blind", *args)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
-
-def test_a_dozen_hidden_effects(tmp_path):
     made = blind("make", "--seed", 1, "--grid", "smoke", "--out", tmp_path)
     assert made.startswith("12 cases")
     cases = json.loads(blind("score", tmp_path, "--json", "--no-follow"))["cases"]

@@ -10,7 +10,9 @@ import subprocess
 import sys
 
 import pytest
-from paths import PROGRAMS
+
+from helpers.commands import LIMIT_S, wait_for
+from helpers.paths import PROGRAMS
 
 ENDS = ("pty", "socket://127.0.0.1:0")
 SHORT = "UU012500/1\nVEL1 40.0\nACC1 0.6\nMRI1 3.0\nWX1\nWT20\nMRI1 -1.5\nWX1\n"
@@ -75,9 +77,11 @@ def test_link_test_walks_the_dialect(mopro, serve, dialect):
     assert all(step["matched"] for step in steps)
 
 
-def test_link_test_with_the_wrong_dialect_says_so(mopro, serve):
+def test_link_test_with_the_wrong_dialect_says_so(mopro_process, serve):
     address = serve("--dialect", "plain")
-    done = mopro("link-test", "--port", address, "--dialect", "checked", "--deadline", "10s")
+    done = mopro_process(
+        "link-test", "--port", address, "--dialect", "checked", "--deadline", "10s"
+    )
     assert done.returncode == 1
     assert "NOT AS SAID" in done.stdout
 
@@ -90,10 +94,9 @@ def test_interrupting_a_run_stops_the_motor(serve, tmp_path):
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     trace = tmp_path / "t.log"
-    while not (trace.exists() and ":MV 1" in trace.read_text()) and run.poll() is None:
-        os.sched_yield()
+    wait_for(lambda: trace.exists() and ":MV 1" in trace.read_text(), run)
     run.send_signal(signal.SIGINT)
-    _, said = run.communicate(timeout=30)
+    _, said = run.communicate(timeout=LIMIT_S)
     assert run.returncode == 1
     assert "interrupted from the keyboard" in said
     assert "both axes rest" in said
@@ -110,7 +113,7 @@ def test_a_scenario_file_is_played(mopro, serve, tmp_path):
 
 class TestBadInput:
     def told(self, mopro, code, *args, text=SHORT):
-        done = mopro(*args, text=text, timeout=60)
+        done = mopro(*args, text=text)
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr
         return done.stderr
@@ -136,17 +139,19 @@ class TestBadInput:
         args = ("--port", address, "--dialect", "plain", "--baud", "19200")
         assert "baud rate" in self.told(mopro, 1, "flash", "P.CMD", *args)
 
-    def test_a_peer_that_never_answers(self, mopro):
+    def test_a_peer_that_never_answers(self, mopro_process):
         master, slave = pty.openpty()
         try:
             url = os.ttyname(slave)
-            said = self.told(mopro, 1, "flash", "P.CMD", "--port", url, "--dialect", "plain")
+            said = self.told(
+                mopro_process, 1, "flash", "P.CMD", "--port", url, "--dialect", "plain"
+            )
         finally:
             os.close(master)
             os.close(slave)
         assert "nothing answers" in said
 
-    def test_a_peer_that_floods(self, mopro, tmp_path):
+    def test_a_peer_that_floods(self, mopro_process, tmp_path):
         flood = (
             "import socket\n"
             "server = socket.create_server(('127.0.0.1', 0))\n"
@@ -158,7 +163,7 @@ class TestBadInput:
             [sys.executable, "-c", flood], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         ) as peer:
             url = f"socket://127.0.0.1:{int(peer.stdout.readline())}"
-            said = self.told(mopro, 1, "flash", "P.CMD", "--port", url)
+            said = self.told(mopro_process, 1, "flash", "P.CMD", "--port", url)
             peer.terminate()
         assert "does not stop sending" in said
 

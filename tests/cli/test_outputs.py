@@ -11,8 +11,9 @@ import sys
 import threading
 
 import pytest
-from paths import ROOT
 
+from helpers.commands import LIMIT_S, wait_for
+from helpers.paths import ROOT
 from mopro.recording import read
 
 MOVE = "UU012500/1\nVEL0 40.0\nACC0 0.25\nMRI1 1.0\nWX1\n"
@@ -134,7 +135,7 @@ def test_a_recording_goes_into_a_pipe(mopro, tmp_path, suffix):
     reader = threading.Thread(target=lambda: got.write_bytes(pipe.read_bytes()))
     reader.start()
     done = mopro("run", "P.CMD", "--emulate", "--out", pipe, text=MOVE)
-    reader.join(30)
+    reader.join(LIMIT_S)
     assert (done.returncode, done.stderr) == (0, "")
     assert pipe.is_fifo()
     assert len(read(got)) > 100
@@ -147,8 +148,7 @@ def test_what_a_killed_run_leaves_goes_with_the_next(mopro, tmp_path, files, suf
     command = [sys.executable, "-m", "mopro", "run", str(ROOT / "programs" / "TEMP1.CMD"),
                "--emulate", "--for", "10h", "--out", out]  # fmt: skip
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as process:
-        while not list(tmp_path.glob(f".{out}.*")):
-            assert process.poll() is None
+        wait_for(lambda: list(tmp_path.glob(f".{out}.*")), process)
         process.send_signal(signal.SIGKILL)
     assert (tmp_path / out).read_text() == "the one before"
     assert mopro("run", "P.CMD", "--emulate", "--out", "other.csv", text=MOVE).returncode == 0

@@ -16,9 +16,10 @@ from html.parser import HTMLParser
 import jsonschema
 import numpy as np
 import pytest
-from laboratory import Lab
-from paths import PROGRAMS, ROOT
 
+from helpers.commands import LIMIT_S, run_here, wait_for
+from helpers.laboratory import Lab
+from helpers.paths import PROGRAMS, ROOT
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 
@@ -95,17 +96,9 @@ ANSWER = record(
 )
 
 
-def mopro(folder, *args):
-    return subprocess.run(
-        [sys.executable, "-m", "mopro", *map(str, args)], cwd=folder,
-        env={**os.environ, "NO_COLOR": "1"}, capture_output=True, text=True, timeout=300,
-        check=False,
-    )  # fmt: skip
-
-
 def reconciled(folder, *args, experiment="experiment.toml"):
     """The answer of `mopro reconcile --json`, its exit code with it."""
-    done = mopro(folder, "reconcile", experiment, "--json", *args)
+    done = run_here(folder, "reconcile", experiment, "--json", *args)
     assert done.stdout, done.stderr
     answer = json.loads(done.stdout, parse_constant=pytest.fail)
     jsonschema.validate(answer, ANSWER)
@@ -200,13 +193,13 @@ class TestADrag:
 
     def test_is_in_the_machine_file_which_then_agrees(self, drag):
         folder, _ = drag
-        assert mopro(folder, "machine", "check", "machine.toml").returncode == 0
+        assert run_here(folder, "machine", "check", "machine.toml").returncode == 0
         text = (folder / "machine.toml").read_text()
         assert 'origin = "measured", place = "experiment.toml, 95 %: ' in text
         assert str(folder) not in text
         again = (folder / "experiment.toml").read_text().replace("chow1992", "machine.toml")
         (folder / "again.toml").write_text(again)
-        after = mopro(folder, "compare", "again.toml")
+        after = run_here(folder, "compare", "again.toml")
         assert (after.returncode, after.stderr) == (0, "")
         assert after.stdout.splitlines()[-1] == "no disagreement"
 
@@ -234,7 +227,7 @@ class TestADrag:
 
 def test_nothing_hidden_is_none_and_exits_with_0(tmp_path):
     laboratory(tmp_path, {})
-    done = mopro(tmp_path, "reconcile", "experiment.toml", "--out", "machine.toml")
+    done = run_here(tmp_path, "reconcile", "experiment.toml", "--out", "machine.toml")
     assert (done.returncode, done.stderr) == (0, "")
     assert "None: simulation and data agree within the sensors' noise." in done.stdout
     assert "[effects" not in (tmp_path / "machine.toml").read_text()
@@ -257,7 +250,7 @@ def test_what_a_coarse_sensor_cannot_tell_is_a_family_with_a_program_to_run(tmp_
     assert (answer["verdict"], answer["exit"]) == ("ambiguous", 0)
     assert "viscous_drag" in {effect["name"], *effect["indistinguishable_from"]}
     (tmp_path / "NEXT.CMD").write_text(answer["next_experiment"])
-    run = mopro(tmp_path, "run", "NEXT.CMD", "--emulate", "--out", "next.csv")
+    run = run_here(tmp_path, "run", "NEXT.CMD", "--emulate", "--out", "next.csv")
     assert (run.returncode, run.stderr) == (0, "")
     assert "The next experiment" in Page((tmp_path / "why.html").read_text()).headings
 
@@ -283,17 +276,17 @@ def test_a_step_in_one_run_is_no_property_of_the_machine_whatever_names_are_like
 def test_an_effect_that_the_machine_has_is_replaced_wherever_it_stands(tmp_path):
     """Also from an experiment whose name would end a text in TOML."""
     shown = (ROOT / "mopro/machine/machines/chow1992.toml").read_text()
-    own = "\n[effects]\nviscous_drag = { b = 4.0 }\nconstant_force = { F_b = 0.0 }\n"
+    own = "\n[effects]\nviscous_drag = { b = 4.0 }\nsensor_gain = { g = 0.0 }\n"
     (tmp_path / "own.toml").write_text(shown + own)
     name = 'my "own".toml'
     laboratory(tmp_path, DRAG, machine="own.toml").rename(tmp_path / name)
     answer = reconciled(tmp_path, "--out", "machine.toml", experiment=name)
     assert [effect["name"] for effect in answer["effects"]] == ["viscous_drag"]
     assert answer["effects"][0]["parameters"]["b"]["value"] == pytest.approx(9.0, rel=0.05)
-    assert mopro(tmp_path, "machine", "check", "machine.toml").returncode == 0
+    assert run_here(tmp_path, "machine", "check", "machine.toml").returncode == 0
     text = (tmp_path / "machine.toml").read_text()
     assert text.count("viscous_drag") == 1
-    assert text.count("constant_force") == 1
+    assert text.count("sensor_gain") == 1
 
 
 @pytest.fixture(scope="module")
@@ -320,7 +313,7 @@ class TestTheSourcesTable:
 
     def test_prints_what_the_docs_show(self):
         docs = (ROOT / "docs" / "reconcile.md").read_text()
-        printed = mopro(ROOT, "reconcile", TABLE_3_2.relative_to(ROOT)).stdout
+        printed = run_here(ROOT, "reconcile", TABLE_3_2.relative_to(ROOT)).stdout
         assert words_of(printed) == words_of(docs.split("```text\n")[1].split("```")[0])
 
     def test_writes_the_machine_file_that_the_docs_show(self, source):
@@ -367,7 +360,7 @@ def shown_in(columns):
 class TestRefused:
     def refused(self, folder, *args):
         before = {path.name: path.read_bytes() for path in folder.iterdir()}
-        done = mopro(folder, "reconcile", *args)
+        done = run_here(folder, "reconcile", *args)
         assert (done.returncode, done.stdout) == (2, "")
         assert "Traceback" not in done.stderr
         assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
@@ -405,10 +398,9 @@ def test_a_signal_leaves_no_half_written_file(tmp_path):
     with subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        while not list(tmp_path.glob(".why.html.*")):
-            assert process.poll() is None
+        wait_for(lambda: list(tmp_path.glob(".why.html.*")), process)
         process.send_signal(signal.SIGTERM)
-        output, errors = process.communicate(timeout=60)
+        output, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130
     assert (output, errors.strip()) == ("", "mopro: interrupted")
     assert sorted(path.name for path in tmp_path.iterdir()) == before

@@ -8,16 +8,17 @@ import subprocess
 import sys
 
 import pytest
-from paths import ROOT
 
+from helpers.commands import LIMIT_S, wait_for
+from helpers.paths import ROOT
 from mopro.recording import read
 
 SETUP = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
 LVDT3 = ROOT / "programs" / "LVDT3.CMD"
 
 
-def test_lvdt3_prints_its_moves_and_leaves_a_recording(mopro, files, tmp_path):
-    done = mopro("run", LVDT3, "--emulate")
+def test_lvdt3_prints_its_moves_and_leaves_a_recording(mopro_process, files, tmp_path):
+    done = mopro_process("run", LVDT3, "--emulate")
     assert (done.returncode, done.stderr) == (0, "")
     rows = [line.split() for line in done.stdout.splitlines() if "smooth" in line]
     assert [row[:5] for row in rows] == [
@@ -202,10 +203,9 @@ def test_a_signal_leaves_no_half_written_file(tmp_path, number):
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed
     ) as process:
-        while not any(p.stat().st_size for p in tmp_path.glob(".old.csv.*")):
-            assert process.poll() is None
+        wait_for(lambda: any(p.stat().st_size for p in tmp_path.glob(".old.csv.*")), process)
         process.send_signal(number)
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert [p.name for p in tmp_path.iterdir()] == ["old.csv"]

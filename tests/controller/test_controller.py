@@ -4,9 +4,9 @@ import os
 from pathlib import Path
 
 import pytest
-from bench_of_link import OLD, SHORT, bench
 
 import mopro
+from helpers.bench_of_link import OLD, SHORT, bench
 from mopro.controller import (
     FolderStore,
     LoopbackPort,

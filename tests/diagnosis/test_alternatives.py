@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from servo import CATALOGUE, Servo
-from signals import candidates, diagnosed, family, of_size, sizes, times
 
 import mopro
+from helpers.servo import CATALOGUE, Servo
+from helpers.signals import candidates, diagnosed, family, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Series
 from mopro.diagnosis.alternatives import Alternatives
 from mopro.diagnosis.fit_cache import FitCache

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from paths import ROOT
+from helpers.paths import ROOT
 
 
 def test_the_example_prints_what_the_docs_say():

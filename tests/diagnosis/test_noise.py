@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import signal, stats
-from servo import CATALOGUE, Servo
-from signals import family, names
 
 import mopro
+from helpers.servo import CATALOGUE, Servo
+from helpers.signals import family, names
 from mopro.diagnosis import Series
 from mopro.diagnosis.noise_tests import (
     bartlett_log_p,

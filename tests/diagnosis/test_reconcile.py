@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from servo import CATALOGUE, Servo
-from signals import names
 
 import mopro
+from helpers.servo import CATALOGUE, Servo
+from helpers.signals import names
 from mopro.diagnosis import Candidate, Parameter, Series
 
 SIGMA = 0.1

@@ -2,13 +2,13 @@
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 
+from helpers.paths import ROOT
 from mopro.language.parse import statement_kinds
 
-FOLDER = Path(__file__).parents[2] / "editors" / "vscode"
+FOLDER = ROOT / "editors" / "vscode"
 GRAMMAR = json.loads((FOLDER / "syntaxes" / "mopro.tmLanguage.json").read_text("utf-8"))
 
 

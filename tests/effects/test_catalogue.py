@@ -8,11 +8,10 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 import numpy as np
-import one_run
 import pytest
-from paths import PROGRAMS
 
 import mopro
+from helpers.paths import PROGRAMS, TESTS
 from mopro import effects
 from mopro.effects import catalogue
 from mopro.effects.document import markdown
@@ -121,7 +120,7 @@ for compiled in (False, True):
 
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.predict.forward_model import ForwardModel
-from one_run import of
+from helpers.one_run import of
 
 motor = ForwardModel(of(np.zeros(100), program))
 print(*[c.parameters[0].name + str(dict(c.fixed)) for c in candidates(motor) if c.name == "wobble"])
@@ -143,8 +142,7 @@ def test_an_installed_package_adds_an_effect_that_is_run_and_fitted(tmp_path):
     if any(d.metadata["Name"] == "hatchling" for d in distributions()):
         install.append("--no-build-isolation")
     subprocess.run([*install, str(package)], check=True, capture_output=True, text=True)
-    helpers = Path(one_run.__file__).parent
-    env = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (site, helpers)))}
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (site, TESTS)))}
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT], env=env, check=True, capture_output=True, text=True
     )

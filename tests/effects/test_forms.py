@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from one_run import LASER, PROGRAM, of
 
+from helpers.one_run import LASER, PROGRAM, of
 from mopro.diagnosis import Role
 from mopro.effects import Domain, Effect, Parameter, catalogue
 from mopro.effects.base import RUN, Scene, angle_in

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from laboratory import Lab
 
 import mopro
+from helpers.laboratory import Lab
 from mopro.experiment import load_experiment
 from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.machine import load_machine

@@ -4,8 +4,8 @@ import types
 
 import numpy as np
 import pytest
-from one_run import LASER
 
+from helpers.one_run import LASER
 from mopro.diagnosis.model import ResidualView
 from mopro.effects.search import delay_s, peaks, sinusoid, step
 

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from one_run import LASER, PROGRAM, of
 
 import mopro
+from helpers.one_run import LASER, PROGRAM, of
 from mopro.diagnosis.fit import least_squares_fit
 from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.signature import searched

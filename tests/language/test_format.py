@@ -1,7 +1,6 @@
 """`fmt` changes the layout and nothing else."""
 
-import subprocess
-import sys
+import functools
 
 import pytest
 from hypothesis import given
@@ -50,12 +49,12 @@ def test_layout(before, after):
         assert tidy(before) == after
 
 
-def fmt(*words, stdin=b""):
-    command = [sys.executable, "-m", "mopro", "fmt", *map(str, words)]
-    return subprocess.run(command, input=stdin, capture_output=True, check=False)
+@pytest.fixture
+def fmt(mopro):
+    return functools.partial(mopro, "fmt", words=False)
 
 
-def test_files_of_dos_keep_their_bytes(tmp_path):
+def test_files_of_dos_keep_their_bytes(fmt, tmp_path):
     path = tmp_path / "old.CMD"
     path.write_bytes(b";\xc9\xcd\xbb\x0c \r\n vel1 1.0;\x80\r\n\x1ajunk\xff")
     assert fmt("--check", path).returncode == 1
@@ -66,11 +65,11 @@ def test_files_of_dos_keep_their_bytes(tmp_path):
     assert fmt("--check", path).returncode == 0
 
 
-def test_standard_input_to_standard_output():
+def test_standard_input_to_standard_output(fmt):
     assert fmt("-", stdin=b"go\x1a").stdout == b"GO\n\x1a"
 
 
-def test_what_does_not_parse_is_left_and_told(tmp_path):
+def test_what_does_not_parse_is_left_and_told(fmt, tmp_path):
     bad, good = tmp_path / "bad.CMD", tmp_path / "good.CMD"
     bad.write_text("vel 1\n")
     good.write_text("go\n")

@@ -1,12 +1,12 @@
 """Statements, the oddities of DOS files, and every fault told at its place."""
 
 from fractions import Fraction
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers.paths import DATA
 from mopro.errors import MoproError, SourceError
 from mopro.language import ast, load, parse, source_from_bytes
 from mopro.language.load import MOST_BYTES
@@ -14,7 +14,7 @@ from mopro.program import lower
 from mopro.source import Span
 from mopro.testing import program_texts
 
-BAD_PROGRAMS = sorted((Path(__file__).parents[1] / "data" / "err").glob("*.CMD"))
+BAD_PROGRAMS = sorted((DATA / "err").glob("*.CMD"))
 
 
 def tree(data, grammar="attested"):

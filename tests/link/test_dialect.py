@@ -3,11 +3,11 @@
 from importlib import resources
 
 import pytest
-from bench_of_link import SHORT, bench
 from hypothesis import given
 from hypothesis import strategies as st
 
 import mopro
+from helpers.bench_of_link import SHORT, bench
 from mopro.errors import ModelError
 from mopro.link import builtin_dialects, load_dialect
 from mopro.link.dialect import read_dialect

@@ -1,9 +1,9 @@
 """Flashing, with both ends in memory and the wire damaged."""
 
 import pytest
-from bench_of_link import DIALECTS, OLD, SHORT, bench, old_in
 
 import mopro
+from helpers.bench_of_link import DIALECTS, OLD, SHORT, bench, old_in
 from mopro.controller import FolderStore, MemoryStore
 from mopro.controller.faults import Fault
 from mopro.errors import LinkError, VerifyError

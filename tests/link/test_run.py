@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bench_of_link import DIALECTS, SHORT, bench
 
 import mopro
+from helpers.bench_of_link import DIALECTS, SHORT, bench
 from mopro.controller.faults import Fault, PlantFault
 from mopro.errors import MotionError, SourceError
 from mopro.machine import load_machine

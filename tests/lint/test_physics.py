@@ -3,9 +3,9 @@
 import re
 
 import pytest
-from agreement import agreement
 
 import mopro
+from helpers.lint_agreement import agreement
 from mopro.lint import Settings, lint
 from mopro.lint.check import subject_of
 from mopro.lint.energy_bound import EnergyBound, Pendulum, greatest_step_m_s2

@@ -2,10 +2,10 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
+from helpers.paths import DATA, ROOT
 from mopro.language import load
 from mopro.lint import Settings, lint
 from mopro.lint.config import lengths
@@ -13,8 +13,7 @@ from mopro.lint.explain import explain, page
 from mopro.lint.rules import RULES
 from mopro.source import Source
 
-DATA = Path(__file__).parents[1] / "data" / "lint"
-ROOT = Path(__file__).parents[2]
+FAULTY = DATA / "lint"
 EXPECTATION = re.compile(r"; expect (?:(\d+:\d+) )?.*?(?: with (.*))?$")
 
 
@@ -33,7 +32,7 @@ def rule_settings(rule):
 
 @pytest.mark.parametrize("name", RULES)
 def test_bad_program_gives_exactly_its_finding(name):
-    source = load(DATA / "bad" / f"{name}.CMD")
+    source = load(FAULTY / "bad" / f"{name}.CMD")
     place, options = EXPECTATION.match(source.line(1)).groups()
     found = lint(source, settings_of(options))
     assert [(str(f.span), f.rule) for f in found] == [(place, name)]
@@ -41,14 +40,14 @@ def test_bad_program_gives_exactly_its_finding(name):
 
 @pytest.mark.parametrize("name", RULES)
 def test_near_miss_gives_nothing(name):
-    source = load(DATA / "near" / f"{name}.CMD")
+    source = load(FAULTY / "near" / f"{name}.CMD")
     options = EXPECTATION.match(source.line(1))[2]
     assert lint(source, settings_of(options)) == []
 
 
 def test_every_data_file_belongs_to_a_rule():
     for folder in ("bad", "near"):
-        assert {path.stem for path in (DATA / folder).iterdir()} == set(RULES)
+        assert {path.stem for path in (FAULTY / folder).iterdir()} == set(RULES)
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda r: r.name)
@@ -68,7 +67,7 @@ def test_docs_page_is_what_explain_prints():
 @pytest.mark.parametrize("path", sorted((ROOT / "programs").glob("*.CMD")), ids=lambda p: p.stem)
 def test_programs_of_the_thesis_give_only_what_is_explained(path):
     """`expected` has a line `place rule: why it is true` for each finding."""
-    lines = (DATA / "expected" / f"{path.stem}.txt").read_text("utf-8").splitlines()
+    lines = (FAULTY / "expected" / f"{path.stem}.txt").read_text("utf-8").splitlines()
     expected = [line.partition(":  ")[0] for line in lines]
     assert all(line.partition(":  ")[2] for line in lines)
     found = lint(load(path), Settings(select=frozenset(RULES)))

@@ -2,11 +2,12 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-PROGRAM = Path(__file__).parents[2] / "programs" / "LVDT3.CMD"
+from helpers.paths import PROGRAMS
+
+PROGRAM = PROGRAMS / "LVDT3.CMD"
 RUN = """
 import sys
 sys.argv = ["mopro", *{words!r}]

@@ -1,7 +1,6 @@
 """The language server as an editor has it: a process at the other end of a pipe."""
 
 import sys
-from pathlib import Path
 
 import pytest
 import pytest_lsp
@@ -9,8 +8,9 @@ from lsprotocol import types as lsp
 from pytest_lsp import ClientServerConfig, LanguageClient, client_capabilities
 
 import mopro
+from helpers.paths import PROGRAMS
 
-LVDT2 = (Path(__file__).parents[2] / "programs" / "LVDT2.CMD").read_text("ascii")
+LVDT2 = (PROGRAMS / "LVDT2.CMD").read_text("ascii")
 LOOP = "UU012500/1\nVEL0 40.0\nACC0 0.25\n:B1\nMRI1 15.0\nWX1\nMRI1 -15.0\nWX1\nJUMP b1\n"
 
 

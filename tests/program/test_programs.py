@@ -1,15 +1,15 @@
 """The six programs of the source: their statements as attested, and their IR as text."""
 
 import json
-from pathlib import Path
 
 import pytest
 
+from helpers.paths import DATA
 from mopro.language import load, parse
 from mopro.program import text
 from mopro.program.compile import compile_file
 
-GOLDEN = Path(__file__).parents[1] / "data" / "ir"
+GOLDEN = DATA / "ir"
 
 _LVDT = """UU012500/1 VEL2_0.00008 ACC2_0.00008 VEL1_40.0 ACC1_{acc} PARA1{para}
 :B1 MRI1_15.0 WX1 WT2000 MRI1_-15.0 WX1"""

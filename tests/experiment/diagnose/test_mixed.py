@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from thermal_table import MACHINE, table
 
 import mopro
+from helpers.thermal_table import MACHINE, table
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.experiment.diagnose.quantisation import thinned

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from laboratory import LASER
-from laboratory import PROGRAMS as PROGRAMS_OF_LAB
-from paths import PROGRAMS
 
 import mopro
+from helpers.laboratory import LASER
+from helpers.laboratory import PROGRAMS as PROGRAMS_OF_LAB
+from helpers.paths import PROGRAMS
 from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.errors import DataError
 from mopro.experiment import load_experiment
@@ -202,11 +202,11 @@ def test_a_stated_payload_is_simulated(lab):
 
 
 @pytest.fixture
-def lvdt(lab, mopro_command):
+def lvdt(lab, mopro):
     """LVDT1 and LVDT3 as `mopro measure` stores them."""
     for name, seed in (("LVDT1", 1), ("LVDT3", 3)):
         shutil.copy(PROGRAMS / f"{name}.CMD", lab.folder)
-        done = mopro_command("measure", f"{name}.CMD", "--out", f"{name}.DAT", "--seed", seed)
+        done = mopro("measure", f"{name}.CMD", "--out", f"{name}.DAT", "--seed", seed)
         assert (done.returncode, done.stderr) == (0, "")
     return lab
 
@@ -227,9 +227,9 @@ def test_raw_files_of_the_lvdt_are_read_back(lvdt):
     assert found.verdict == "no disagreement"
 
 
-def test_the_bend_of_a_real_lvdt_is_a_disagreement_of_a_straight_one(lvdt, mopro_command):
+def test_the_bend_of_a_real_lvdt_is_a_disagreement_of_a_straight_one(lvdt, mopro):
     lvdt.experiment(['program = "LVDT3.CMD"\ndata = "LVDT3.DAT"'], '[[sensor]]\nkind = "lvdt"\n')
-    done = mopro_command("compare", "e.toml", "--json")
+    done = mopro("compare", "e.toml", "--json")
     assert done.returncode == 1
     answer = json.loads(done.stdout)
     assert (answer["verdict"], answer["machine"]) == ("disagreement", "chow1992")
@@ -266,9 +266,9 @@ def hot(lab):
     return lab
 
 
-def test_what_mopro_measure_stores_of_the_heat_agrees(lab, mopro_command):
+def test_what_mopro_measure_stores_of_the_heat_agrees(lab, mopro):
     shutil.copy(PROGRAMS / "TEMP2.CMD", lab.folder)
-    done = mopro_command(
+    done = mopro(
         "measure", "TEMP2.CMD", "--instrument", "thermocouple", "--for", "3min", "--out", "T.DAT"
     )
     assert done.returncode == 0, done.stderr
@@ -354,16 +354,16 @@ def test_a_coarse_converter_leaves_white_noise(noise):
 # -- the command ---------------------------------------------------------------------------
 
 
-def test_the_command_says_that_nothing_disagrees(lab, mopro_command):
+def test_the_command_says_that_nothing_disagrees(lab, mopro):
     lab.two_runs()
-    done = mopro_command("compare", "e.toml")
+    done = mopro("compare", "e.toml")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.rstrip().endswith("no disagreement")
 
 
-def test_the_command_has_the_worst_places_first_and_exits_with_1(lab, mopro_command):
+def test_the_command_has_the_worst_places_first_and_exits_with_1(lab, mopro):
     lab.two_runs({"viscous_drag": {"b": 20.0}})
-    done = mopro_command("compare", "e.toml")
+    done = mopro("compare", "e.toml")
     assert done.returncode == 1
     assert "disagreement in " in done.stdout
     rows = [line.split() for line in done.stdout.splitlines() if "cruise" in line]
@@ -379,18 +379,18 @@ def test_the_command_has_the_worst_places_first_and_exits_with_1(lab, mopro_comm
         (lambda rows: [*rows[:9], "x,y", *rows[10:]], "fast.csv:10:1: 'x' is no number"),
     ],
 )
-def test_the_command_refuses_bad_data_without_a_traceback(lab, mopro_command, spoil, message):
+def test_the_command_refuses_bad_data_without_a_traceback(lab, mopro, spoil, message):
     lab.two_runs()
     rows = lab.path("fast.csv").read_text().splitlines()
     lab.write("fast.csv", "\n".join(spoil(rows)) + "\n")
-    done = mopro_command("compare", "e.toml")
+    done = mopro("compare", "e.toml")
     assert (done.returncode, done.stdout) == (2, "")
     assert message in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_a_seed_below_0_is_refused(mopro_command):
-    done = mopro_command("compare", "experiment.toml", "--seed", "-1")
+def test_a_seed_below_0_is_refused(mopro):
+    done = mopro("compare", "experiment.toml", "--seed", "-1")
     assert done.returncode == 2
     assert "--seed" in done.stderr
     assert "Traceback" not in done.stderr

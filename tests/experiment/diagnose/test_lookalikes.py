@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from one_run import LASER, of
 
 import mopro
+from helpers.one_run import LASER, of
 from mopro.diagnosis import reconcile
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.series import series_of

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from one_run import of
 
+from helpers.one_run import of
 from mopro.experiment.predict import forward_model
 from mopro.experiment.predict.forward_model import COARSE, ForwardModel
 from mopro.machine import load_machine

@@ -8,7 +8,6 @@ import pytest
 
 import mopro
 from mopro.experiment.conclude.machine_file import machine_with
-from mopro.experiment.diagnose import diagnosis
 from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial
 from mopro.experiment.predict import forward_model as motor
@@ -237,19 +236,15 @@ def test_an_effect_that_the_machine_has_already_is_measured_against_it():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_microsteps_do_not_show_by_taking_a_little_off_what_nothing_accounts_for(monkeypatch, sign):
+def test_microsteps_do_not_show_by_taking_a_little_off_what_nothing_accounts_for(sign):
     """One sign of a random walk or the other seems to have some of them in it."""
-    judged, judge = [], diagnosis._judged
-    monkeypatch.setattr(
-        diagnosis, "_judged", lambda model, *how: judged.append(model) or judge(model, *how)
-    )
 
     def walk(stamps, _):
         steps = np.random.default_rng(len(stamps)).standard_normal(len(stamps))
         return sign * 1e-4 * np.cumsum(steps)
 
-    assert verdict({}, sensor=SHARP, extra=walk).verdict == "unexplained"
-    assert [model.resolved for model in judged] == [False]
+    found = diagnose(experiment({}, sensor=SHARP, extra=walk))
+    assert (found.verdict.verdict, found.resolved) == ("unexplained", False)
 
 
 def tolerant(**tolerances):

@@ -3,8 +3,8 @@
 import csv
 
 import numpy as np
-from paths import PROGRAMS
 
+from helpers.paths import PROGRAMS
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.model import Experiment, SteadyTable
 from mopro.experiment.predict.forward_model import ForwardModel

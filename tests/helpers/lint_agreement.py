@@ -48,7 +48,7 @@ def judge(text: str, payload_kg: float) -> Verdict:
     subject = subject_of(Source("random.CMD", text), Settings(payload_kg=payload_kg))
     margins = subject.stall_margins.each
     assert not subject.stall_margins.unchecked
-    run = mopro.emulate(subject.program, payload_kg=payload_kg, rate_hz=50.0).run
+    run = mopro.emulate(subject.program, payload_kg=payload_kg, rate_hz=50.0, compiled=True).run
     stalled = next((move.line for move in run.moves if move.slipped), None)
     called = min((s.move.span.line for s in margins if s.slips), default=None)
     passed = min(s.margin for s in margins) >= SAFE_MARGIN

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from analytic import (
+
+from helpers.closed_forms import (
     AXIS,
     CASES,
     integrated,

@@ -7,14 +7,18 @@ import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 import mopro
+from helpers.commands import LIMIT_S
 from mopro.effects import Active, Domain, Effect, Parameter, catalogue
+from mopro.plant.kernel import cache
 from mopro.plant.kernel.build import kernel
-from mopro.plant.kernel.cache import UnknownCodeError, fingerprint
+from mopro.plant.kernel.cache import KernelCache, UnknownCodeError, fingerprint
 from mopro.plant.kernel.terms import TermSet
 
 BODY = "UU012500/1\nVEL1 15.0\nACC1 50.0\nMRI1 0.1\nWX1\n"
@@ -43,7 +47,7 @@ def start(home, *names):
 
 def answers(process):
     """For each set: kernels found in the cache, kernels compiled, a hash of the motion's bits."""
-    out, err = process.communicate(timeout=300)
+    out, err = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 0, err
     lines = [line.split() for line in out.splitlines()]
     return [(int(hits), int(misses), bits) for hits, misses, bits in lines]
@@ -100,9 +104,18 @@ def flipped(content):
     [lambda c: b"", lambda c: c[:-100], lambda c: c[:40], flipped, lambda c: b"junk \x00\x80"],
     ids=["empty", "truncated", "no digest", "one bit", "foreign"],
 )
-def test_damaged_files_are_replaced(copied, bits, damage):
+def test_a_damaged_file_is_as_good_as_none(tmp_path, monkeypatch, damage):
+    monkeypatch.setattr(cache, "rebuild", lambda context, *parts: parts)
+    kept = KernelCache(tmp_path / "x.kernel", "key")
+    kept.save_overload(None, SimpleNamespace(_reduce=lambda: ("what", "numba", "makes") * 100))
+    assert kept.load_overload(None, Mock()) == ("what", "numba", "makes") * 100
+    (tmp_path / "x.kernel").write_bytes(damage((tmp_path / "x.kernel").read_bytes()))
+    assert kept.load_overload(None, Mock()) is None
+
+
+def test_a_damaged_file_is_replaced(copied, bits):
     (victim,) = copied.rglob("*.kernel")
-    victim.write_bytes(damage(victim.read_bytes()))
+    victim.write_bytes(flipped(victim.read_bytes()))
     assert answers(start(copied)) == [(0, 1, bits)]
     assert answers(start(copied)) == [(1, 0, bits)]
 

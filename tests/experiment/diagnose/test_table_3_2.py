@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from thermal_table import AIR, CYCLE_M, MACHINE, offered, table
 
 import mopro
+from helpers.thermal_table import AIR, CYCLE_M, MACHINE, offered, table
 from mopro.experiment.diagnose.thermal import series
 from mopro.experiment.predict.steady import rises
 

@@ -1,8 +1,8 @@
 """The check cases of the plant that have a closed form: got against expected.
 
-    python tests/emulator/analytic.py
+    python tests/helpers/closed_forms.py
 
-prints them; test_analytic.py holds each to its tolerance.
+prints them; tests/plant/test_closed_forms.py holds each to its tolerance.
 """
 
 import math

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from laboratory import LASER
 
+from helpers.laboratory import LASER
 from mopro.errors import ModelError, MotionError
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor

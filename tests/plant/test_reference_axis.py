@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-import reference
 
 import mopro
+from helpers import reference_axis as reference
 from mopro.program.compile import compile_file
 
 UM, NM = 1e-6, 1e-9

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from paths import PROGRAMS
 
 import mopro
+from helpers.paths import PROGRAMS
 from mopro.effects import Active, Domain, Effect, catalogue
 from mopro.machine import load_machine
 from mopro.motion import plan

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from thermal_table import AIR, CYCLE_M, INCH, MACHINE, offered, source_table, table
 
+from helpers.thermal_table import AIR, CYCLE_M, INCH, MACHINE, offered, source_table, table
 from mopro.experiment.diagnose.thermal import series
 from mopro.experiment.model import SteadyTable
 from mopro.experiment.predict.steady import HOTTEST_RISE_K, rises
