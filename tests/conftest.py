@@ -2,6 +2,7 @@
 
 import functools
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,16 @@ from helpers.paths import PROGRAMS
 
 # Two workers on two cores: threads of linear algebra would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# A shell starts background jobs with these ignored, which processes inherit: tests that send
+# them need what a terminal has.
+for _number, _action in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGHUP, signal.SIG_DFL),
+    (signal.SIGQUIT, signal.SIG_DFL),
+):
+    if signal.getsignal(_number) is signal.SIG_IGN:
+        signal.signal(_number, _action)
 
 # Seeded, so that a run can be repeated; noisy machines make deadlines meaningless.
 settings.register_profile("mopro", derandomize=True, deadline=None)

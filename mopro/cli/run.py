@@ -20,6 +20,7 @@ from mopro.cli.programs import compiled_program, refuse_unrunnable
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
+    from mopro.machine import Machine
     from mopro.program import Program
     from mopro.recording import Header, Run, Sink
     from mopro.recording.record import Columns
@@ -126,29 +127,45 @@ def command(
             _only_with("--port", "baud", "trace", "from_line", "deadline")
             backend = Emulator(load_machine(machine), payload, rate, seed)
         else:
-            from mopro.link import SerialBackend, Signals
-
             _only_with("--emulate", "payload", "rate", "seed")
             plant = load_machine(machine)
             if from_line is not None:
                 program = _from_line(program, from_line, yes)
             refuse_unrunnable(program, machine, for_s)
-            begun_s = time.monotonic()
-            signals = outer.enter_context(Signals())
-            session = files.enter_context(connected_session(port, dialect, baud, trace))
-            backend = SerialBackend(
-                session,
-                plant,
-                deadline_s=deadline,
-                begun_s=begun_s,
-                signals=signals,
-                warn=lambda text: click.echo(f"warning: {text} [no-heartbeat]", err=True),
-            )
+            link = (port, dialect, baud, trace)
+            backend = _on_controller(outer, files, link, plant, deadline)
         run = _recorded(backend, program, for_s, out, pictures)
         files.close()
         all_drawn = pictures.draw(backend.header(program), run)
         _tell(run, program, out, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
+
+
+def _on_controller(
+    outer: ExitStack,
+    files: ExitStack,
+    link: tuple[str, str, int | None, Path | None],
+    plant: Machine,
+    deadline_s: float | None,
+) -> SerialBackend:
+    """The controller at the end of `link`: its port, dialect, baud rate and trace file.
+
+    `outer` holds signals back until the run has been reported, `files` the open port. The
+    deadline counts from before the port is opened.
+    """
+    from mopro.link import SerialBackend, Signals
+
+    begun_s = time.monotonic()
+    signals = outer.enter_context(Signals())
+    session = files.enter_context(connected_session(*link))
+    return SerialBackend(
+        session,
+        plant,
+        deadline_s=deadline_s,
+        begun_s=begun_s,
+        signals=signals,
+        warn=lambda text: click.echo(f"warning: {text} [no-heartbeat]", err=True),
+    )
 
 
 def _recorded(
