@@ -17,7 +17,7 @@ class ConstantForce(Effect):
 
     name = "constant_force"
     domain = Domain.DYNAMICS
-    kernel_group = "slow forces"
+    kernel_group = "forces"
     parameters = (Parameter("F_b", "N", "force", 1.0, (-5.0, 5.0), -100.0, 100.0, "force"),)
 
     @staticmethod

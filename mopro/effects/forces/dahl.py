@@ -26,6 +26,8 @@ class DahlFriction(Effect):
     P. R. Dahl's model.
     """
 
+    kernel_group = "forces"
+
     @staticmethod
     def slide(z: float, dx: float, force_N: float, delta: float, *others: float) -> float:
         if dx >= 0.0:

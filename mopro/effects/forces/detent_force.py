@@ -22,6 +22,7 @@ class DetentForce(Effect):
 
     name = "detent_force"
     domain = Domain.DYNAMICS
+    kernel_group = "forces"
     parameters = (
         Parameter("Fd", "N", "force", 5.0, (2.2, 11.0), 0.0, 100.0, "amplitude"),
         Parameter(

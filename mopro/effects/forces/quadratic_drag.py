@@ -16,7 +16,7 @@ class QuadraticDrag(Effect):
 
     name = "quadratic_drag"
     domain = Domain.DYNAMICS
-    kernel_group = "slow forces"
+    kernel_group = "forces"
     parameters = (Parameter("c", "N s2/m2", "quadratic drag", 3.0, (0.5, 8.0), 0.0, 500.0, "drag"),)
 
     @staticmethod

@@ -21,7 +21,7 @@ class UmbilicalSpring(Effect):
 
     name = "umbilical_spring"
     domain = Domain.DYNAMICS
-    kernel_group = "slow forces"
+    kernel_group = "forces"
     families = ("scale",)
     parameters = (
         Parameter("k_h", "N/m", "stiffness", 20.0, (5.0, 50.0), 0.0, 1000.0, "stiffness"),

@@ -16,7 +16,7 @@ class ViscousDrag(Effect):
 
     name = "viscous_drag"
     domain = Domain.DYNAMICS
-    kernel_group = "slow forces"
+    kernel_group = "forces"
     families = ("delay",)
     parameters = (Parameter("b", "N s/m", "drag", 5.0, (0.5, 15.0), 0.0, 500.0, "drag"),)
 
