@@ -1,12 +1,14 @@
 """Imports that import-linter cannot state: what a room may use, and what the tests may."""
 
 import ast
+import pkgutil
+import re
 import sys
 
 import grimp
 import pytest
 
-from helpers.paths import TESTS
+from helpers.paths import ROOT, TESTS
 
 # Room -> modules outside of the room and of the standard library that it may import.
 ALLOWED = {
@@ -108,3 +110,16 @@ def test_an_import_of_another_test_is_found(line):
 def test_what_tests_share_stands_in_one_folder():
     others = [p for p in TESTS.rglob("*.py") if p.parent.name != "helpers"]
     assert [p for p in others if not p.name.startswith("test_") and p.name != "conftest.py"] == []
+
+
+PAGE = ROOT / "docs" / "architecture.md"
+NAMED = sorted(set(re.findall(r"`(mopro(?:\.\w+)+)`", PAGE.read_text("utf-8"))))
+
+
+def test_the_architecture_page_names_functions():
+    assert len(NAMED) > 40
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_what_the_architecture_page_names_is_there(name):
+    assert pkgutil.resolve_name(name) is not None
