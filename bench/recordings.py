@@ -22,6 +22,7 @@ import mopro
 from mopro.effects import catalogue
 from mopro.effects.resolve import active_effects
 from mopro.errors import MoproError
+from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.plant import measure
@@ -29,12 +30,12 @@ from mopro.program.compile import compile_file
 
 ROOT = Path(__file__).resolve().parents[1] / "programs"
 RATE_HZ, ENDLESS_S, MOST_M = 500.0, 20.0, 1e-12
-POSITION, OTHER = "positions, m", "others"
+PLACES, OTHERS = "positions, m", "others"
 # name -> quantity, axis and column of a sensor
 SENSORS = {
-    "position": ("position", 1, "position_1_m"),
-    "position2": ("position", 2, "position_2_m"),
-    "temperature": ("temperature", 1, "temperature_C"),
+    "position": (POSITION, 1, "position_1_m"),
+    "position2": (POSITION, 2, "position_2_m"),
+    "temperature": (TEMPERATURE, 1, "temperature_C"),
 }
 
 
@@ -71,13 +72,13 @@ def differences(path: Path, effect: str | None, folder: Path) -> Iterator[tuple[
     with np.load(folder / f"{path.stem}-{effect}.npz") as before:
         for name in sorted({*now, *before} - {"moves"}):
             one, other = now.get(name), before.get(name)
-            kind = POSITION if "position" in name or name.startswith("command") else OTHER
+            kind = PLACES if "position" in name or name.startswith("command") else OTHERS
             if one is None or other is None or one.shape != other.shape:
                 difference = np.inf
             elif one.dtype.kind != "f":
                 difference = 0.0 if (one == other).all() else np.inf
             else:
-                scale = 1.0 if kind == POSITION else float(np.max(np.abs(other), initial=1e-300))
+                scale = 1.0 if kind == PLACES else float(np.max(np.abs(other), initial=1e-300))
                 difference = float(np.max(np.abs(one - other), initial=0.0)) / scale
             yield kind, difference, f"{effect} {name}"
 
@@ -88,21 +89,23 @@ def main() -> int:
     parser.add_argument("--against", type=Path, metavar="DIR")
     told = parser.parse_args()
     sets = [None, *sorted(catalogue())]
-    worst = {POSITION: 0.0, OTHER: 0.0}
+    worst = {PLACES: 0.0, OTHERS: 0.0}
     for path in programs():
         if told.write:
             told.write.mkdir(exist_ok=True)
             for effect in sets:
                 np.savez(told.write / f"{path.stem}-{effect}.npz", **columns(path, effect))
         if told.against:
-            found = [d for effect in sets for d in differences(path, effect, told.against)]
+            # An effect that the other checkout does not have has nothing to be held against.
+            both = [s for s in sets if (told.against / f"{path.stem}-{s}.npz").exists()]
+            found = [d for effect in both for d in differences(path, effect, told.against)]
             for kind in worst:
                 _, difference, where = max((d for d in found if d[0] == kind), key=lambda d: d[1])
                 print(f"{path.name:12} {kind:12} {difference:.2e}  {where}", flush=True)
                 worst[kind] = max(worst[kind], difference)
     if told.against:
         print(*(f"worst {kind}: {difference:.2e}" for kind, difference in worst.items()), sep="\n")
-    return int(worst[POSITION] > MOST_M)
+    return int(worst[PLACES] > MOST_M)
 
 
 if __name__ == "__main__":
