@@ -1,4 +1,4 @@
-"""How long one integration step takes, plain and compiled, nominal and with ten sets of effects.
+"""Time of one integration step, plain and compiled, nominal and with ten sets of effects.
 
     python bench/kernel.py
 
@@ -45,7 +45,7 @@ SETS = (
 
 
 def engine(names: tuple[str, ...], compiled: bool) -> Engine:
-    """What moves the axis of PROGRAM with these effects at their defaults."""
+    """The engine of the axis of PROGRAM with these effects at their defaults."""
     machine = load_machine("chow1992")
     active = active_effects(machine.with_effects({name: {} for name in names}), catalogue())
     run = simulate(plan(PROGRAM), machine, active, Stepping(STEP_S), compiled=compiled)

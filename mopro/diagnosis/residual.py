@@ -49,11 +49,11 @@ class Residuals:
         self.count = int(self.mask.sum()) - self.basis.shape[1]
 
     def subset(self, mask: Mask) -> Residuals:
-        """The same problem with the samples in `mask` alone."""
+        """This problem restricted to the samples in `mask`."""
         return Residuals(self._simulate, self.data, mask, self.sigmas)
 
     def with_inflated_noise(self, residual: Floats) -> Residuals:
-        """The same problem with the long-run variance of `residual` (all samples) as noise.
+        """This problem with the long-run variance of `residual` (all samples) as noise.
 
         The sigma that a series states counts where it is larger.
         """

@@ -1,4 +1,4 @@
-"""What one effect of heat does: the reference plant and the emulator, written apart, agree."""
+"""Each effect of heat: the reference plant and the emulator, written apart, agree."""
 
 import numpy as np
 import pytest

@@ -91,7 +91,7 @@ class HoldCurrentStartFinder:
         return [(slice(*span), move.end_s) for span, move in zip(spans, moves, strict=True)]
 
     def lower_current(self, fit: ResidualView) -> Iterator[Values]:
-        """The most likely values of t_h (s) and h."""
+        """Likely values of t_h (s) and h, best first."""
         begun_s = self._begun_s(fit)
         if begun_s is None:
             return
