@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from mopro.diagnosis.model import Candidate
-from mopro.effects.base import Domain, Effect, Parameter, View
-from mopro.effects.command.scaled import scaled
-from mopro.program import Program, ir
+from mopro.effects.base import Parameter, View
+from mopro.effects.command.scaled import ScaledSetting
+from mopro.program import ir
 
 
-class VelocityScale(Effect):
+class VelocityScale(ScaledSetting):
     """The controller's velocity differs from the one that the program sets.
 
     v' = v (1 + e); e is a ratio. Distances stay, durations follow. Source: chapter 4.3,
@@ -19,20 +18,9 @@ class VelocityScale(Effect):
     """
 
     name = "velocity_scale"
-    domain = Domain.COMMAND
+    operation = ir.SetVelocity
+    setting = "velocity_uu_s"
     parameters = (Parameter("e", "1", "ratio", 0.01, (-0.02, 0.02), -0.5, 1.0, "relative excess"),)
-
-    def program(self, program: Program, *p: float) -> Program:
-        ops = tuple(
-            replace(op, velocity_uu_s=scaled(op.velocity_uu_s, p[0]))
-            if isinstance(op, ir.SetVelocity)
-            else op
-            for op in program.ops
-        )
-        return replace(program, ops=ops)
-
-    def fastest(self) -> tuple[float, ...]:
-        return (self.parameter("e").plausible[1],)
 
     def forms(self, view: View) -> Iterator[Candidate]:
         yield self.form(self.fitted("e", 1e-3, -0.01, 0.015))
