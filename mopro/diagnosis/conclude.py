@@ -8,14 +8,18 @@ from itertools import pairwise
 
 import numpy as np
 
+from mopro.diagnosis.alternatives import Alternative
 from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.heldout import HeldOut
+from mopro.diagnosis.hypotheses import Hypotheses
 from mopro.diagnosis.model import Candidate, Floats, Mask, Series
 from mopro.diagnosis.remainder import Remainder
-from mopro.diagnosis.search import Search
+from mopro.diagnosis.screening import Screening
 from mopro.diagnosis.verdict import (
     BelowResolution,
+    Draft,
     Estimate,
+    Explained,
     Gap,
     Named,
     Rejected,
@@ -23,73 +27,120 @@ from mopro.diagnosis.verdict import (
     Signature,
     Verdict,
     Where,
+    rms,
 )
 
 _NO_EVIDENCE = "lowers chi-squared by less than the penalty of its parameters"
 
 
 def conclude(
-    first: Search,
-    search: Search,
+    sets: Hypotheses,
+    screening: Screening,
     fit: Fit,
     held: HeldOut | None,
     remainder: Remainder,
+    others: Sequence[Alternative],
     dropped: Sequence[Rejected],
+    notes: Sequence[str],
 ) -> Verdict:
     """The verdict on `fit`, with all that the evidence says for and against.
 
-    `first` has the data with the noise as stated, `search` those that `fit` was fitted to
-    (with the noise inflated beside an unexplained residual). `dropped` are the effects that
-    the search found and later passes dropped.
+    `others` are the sets that do as well; `dropped` the effects that passes after the search
+    dropped.
     """
-    believed = [(c, _named(search, fit, held, c)) for c in fit.candidates]
-    effects = tuple(effect for c, effect in believed if not fit.calibrated(c))
-    unseen, rejected = _not_found(search, fit)
+    believed = [(c, _named(sets, fit, held, c, others)) for c in fit.candidates if not c.law]
+    calibrated = sets.evidence.calibrated
+    effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
+    unseen, rejected = _not_found(sets, screening, fit)
+    data = sets.residuals.data
     return Verdict(
-        verdict=verdict_of(effects, remainder),
+        verdict=verdict_of(effects, remainder, others),
         effects=effects,
         rejected=(*dropped, *rejected),
         below_resolution=unseen,
-        where=tuple(_where(first)),
-        gap=_gap(search, fit, held, first.fits.residuals.data),
+        where=tuple(_where(sets)),
+        gap=_gap(sets, fit, held),
         remainder=remainder,
-        settings=fit.settings,
-        before=tuple(_in_units(search, search.fits.null.residual)),
-        after=tuple(_in_units(search, fit.residual)),
-        signatures=tuple(_signature(search, fit, name) for name in sorted(fit.names)),
-        calibration=tuple(effect for c, effect in believed if fit.calibrated(c)),
+        settings=fit.settings_without(_laws(fit)),
+        before=tuple(_in_units(sets, sets.null.residual)),
+        after=tuple(_in_units(sets, fit.residual)),
+        signatures=tuple(_signature(sets, fit, name) for name in sorted(fit.names)),
+        calibration=tuple(effect for c, effect in believed if calibrated(fit, c)),
+        explained=_explained(sets, fit, held),
+        alternatives=tuple(tuple(sorted(other.names)) for other in others),
+        base={p: e for c in fit.base for p, e in _estimates(sets, fit, c).items()},
+        base_before=sets.null.settings,
+        drafts=tuple(_draft(sets, fit, held, c) for c in fit.candidates if c.law),
+        notes=tuple(notes),
+        nuisances=tuple(_nuisances(sets, fit, data)),
+        correlations=_correlations(sets, fit),
     )
 
 
-def verdict_of(effects: Sequence[Named], remainder: Remainder) -> str:
+def verdict_of(
+    effects: Sequence[Named], remainder: Remainder, others: Sequence[Alternative]
+) -> str:
     """`unexplained`, `none`, `ambiguous` or `named`."""
     if remainder.significant:
         return "unexplained"
     if not effects:
         return "none"
-    return "ambiguous" if any(n.indistinguishable_from for n in effects) else "named"
+    return "ambiguous" if others else "named"
 
 
-def _named(search: Search, fit: Fit, held: HeldOut | None, candidate: Candidate) -> Named:
-    without = search.fits.without(fit, candidate.name)
-    delta_ebic = search.fits.ebic(without) - search.fits.ebic(fit)
-    alternatives = search.alternatives.of(fit, candidate.name)
+def _named(
+    sets: Hypotheses,
+    fit: Fit,
+    held: HeldOut | None,
+    candidate: Candidate,
+    others: Sequence[Alternative],
+) -> Named:
+    rivals: dict[str, Alternative] = {}
+    for other in others:
+        if candidate.name not in other.names:
+            for name in sorted(other.names - fit.names - other.laws):
+                rivals.setdefault(name, other)
+    without = sets.without(fit, candidate.name)
     return Named(
         name=candidate.name,
         form=candidate.form,
-        parameters=_estimates(fit, candidate),
-        indistinguishable_from=[other.name for other in alternatives],
-        rivals={other.name: other.delta_ebic for other in alternatives},
-        alternatives={other.name: other.settings for other in alternatives},
-        log10_bayes_factor=delta_ebic / (2 * math.log(10)),
-        sigmas=math.sqrt(max(without.rss - fit.rss, 0.0) / fit.noise_variance),
+        parameters=_estimates(sets, fit, candidate),
+        indistinguishable_from=list(rivals),
+        rivals={name: other.delta_ebic for name, other in rivals.items()},
+        alternatives={name: other.settings for name, other in rivals.items()},
+        log10_bayes_factor=(sets.ebic(without) - sets.ebic(fit)) / (2 * math.log(10)),
+        sigmas=_sigmas(sets, fit, without),
         held_out=held is not None and held.supports(candidate.name),
     )
 
 
-def _estimates(fit: Fit, candidate: Candidate) -> dict[str, Estimate]:
-    intervals = dict(zip(fit.order, fit.intervals(), strict=True))
-    values, bounds = fit.settings[candidate.name], fit.at_bound()
+def _laws(fit: Fit) -> frozenset[str]:
+    """The names of its free-form terms."""
+    return frozenset(c.name for c in fit.candidates if c.law)
+
+
+def _sigmas(sets: Hypotheses, fit: Fit, without: Fit) -> float:
+    """Root of the fall of chi-squared by an effect, in standard deviations of the noise."""
+    return math.sqrt(max(without.rss - fit.rss, 0.0) / sets.scale(fit))
+
+
+def _draft(sets: Hypotheses, fit: Fit, held: HeldOut | None, candidate: Candidate) -> Draft:
+    law = candidate.law
+    assert law is not None, "only free-form terms are drafts"
+    return Draft(
+        name=candidate.name,
+        enters=law.enters,
+        of=law.of,
+        law=law.formula(fit.settings[candidate.name]),
+        unit=law.unit,
+        sigmas=_sigmas(sets, fit, sets.without(fit, candidate.name)),
+        held_out=held is not None and held.supports(candidate.name),
+    )
+
+
+def _estimates(sets: Hypotheses, fit: Fit, candidate: Candidate) -> dict[str, Estimate]:
+    intervals = dict(zip(fit.order, sets.evidence.intervals(fit), strict=True))
+    values, bounds = fit.settings[candidate.name], sets.evidence.at_bound(fit)
     estimates = {}
     for p in candidate.parameters:
         # A value that a search found has no interval.
@@ -99,7 +150,56 @@ def _estimates(fit: Fit, candidate: Candidate) -> dict[str, Estimate]:
     return estimates
 
 
-def _not_found(search: Search, fit: Fit) -> tuple[tuple[BelowResolution, ...], list[Rejected]]:
+def _correlations(sets: Hypotheses, fit: Fit) -> dict[str, dict[str, float]]:
+    """Correlations of the estimates; empty where a parameter is not identifiable."""
+    covariance = sets.evidence.covariance(fit)
+    deviations = np.sqrt(np.diag(covariance))
+    if not np.isfinite(covariance).all() or not deviations.all():
+        return {}
+    correlation = covariance / np.outer(deviations, deviations)
+    names = [f"{effect}.{p.name}" for effect, p in fit.order]
+    return {
+        one: dict(zip(names, row, strict=True))
+        for one, row in zip(names, correlation.round(4).tolist(), strict=True)
+    }
+
+
+def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
+    """Share of the excess over the noise that the listed effects take away.
+
+    None where there is no excess.
+    """
+    laws = _laws(fit)
+    listed = sets.switched_off(fit, laws) if laws else fit
+    noise = fit.count * (1.0 if sets.residuals.known_noise else fit.rss / max(fit.count, 1))
+    before = sets.null.rss - noise
+    if before <= 0:
+        return Explained(None, None)
+
+    def share(rss: float, before: float) -> float:
+        return min(max(1 - max(rss - noise, 0.0) / before, 0.0), 1.0)
+
+    held_share = None
+    if held is not None and not laws:
+        samples = len(fit.residual)
+        held_before = held.before * samples - noise
+        held_share = share(held.after * samples, held_before) if held_before > 0 else None
+    return Explained(share(listed.rss, before), held_share)
+
+
+def _nuisances(sets: Hypotheses, fit: Fit, data: Sequence[Series]) -> list[Floats]:
+    """Coefficients of the nuisances of each series, in its unit, by least squares."""
+    residuals = sets.residuals
+    raw = residuals.split(residuals.measured - residuals.predicted(fit.settings))
+    return [
+        np.asarray(np.linalg.lstsq(s.nuisance_shapes(), own, rcond=None)[0], dtype=float)
+        for s, own in zip(data, raw, strict=True)
+    ]
+
+
+def _not_found(
+    sets: Hypotheses, screening: Screening, fit: Fit
+) -> tuple[tuple[BelowResolution, ...], list[Rejected]]:
     """The candidates that are not in `fit`: those that nobody could see, and the others.
 
     An effect is below the resolution of the sensors if the largest plausible one would lower
@@ -107,11 +207,12 @@ def _not_found(search: Search, fit: Fit) -> tuple[tuple[BelowResolution, ...], l
     """
     unseen: dict[str, BelowResolution] = {}
     rejected: dict[str, Rejected] = {}
-    at = search.fits.null if fit.candidates else fit
-    for score in search.screening.scores(fit, at):
+    for score in screening.beside(fit, sets.null):
         candidate = score.candidate
-        expected = search.screening.expected_sigmas(at, candidate)
-        needed = math.sqrt(search.screening.penalty(fit, [candidate]))
+        if candidate.law:
+            continue
+        expected = screening.expected_sigmas(sets.null, candidate)
+        needed = math.sqrt(sets.evidence.added_penalty(fit, [candidate]))
         if expected is not None and expected < needed:
             unseen.setdefault(candidate.name, BelowResolution(candidate.name, expected, needed))
         else:
@@ -120,47 +221,47 @@ def _not_found(search: Search, fit: Fit) -> tuple[tuple[BelowResolution, ...], l
     return tuple(unseen.values()), list(rejected.values())
 
 
-def _where(search: Search) -> list[Where]:
+def _where(sets: Hypotheses) -> list[Where]:
     """RMS of the residual of each series without any effect."""
-    residuals = _in_units(search, search.fits.null.residual)
+    residuals = _in_units(sets, sets.null.residual)
     return [
-        Where(series.run, series.sensor, math.sqrt(float(np.mean(own**2))), series.sigma)
-        for series, own in zip(search.fits.residuals.data, residuals, strict=True)
+        Where(series.run, series.sensor, rms(own), series.sigma)
+        for series, own in zip(sets.residuals.data, residuals, strict=True)
     ]
 
 
-def _in_units(search: Search, whitened: Floats) -> list[Floats]:
+def _in_units(sets: Hypotheses, whitened: Floats) -> list[Floats]:
     """A whitened vector as one array for each series, in its unit."""
-    return search.fits.residuals.split(whitened / search.fits.residuals.weights)
+    return sets.residuals.split(whitened / sets.residuals.weights)
 
 
-def _signature(search: Search, fit: Fit, name: str) -> Signature:
+def _signature(sets: Hypotheses, fit: Fit, name: str) -> Signature:
     """Change of the prediction of each series by an effect, nuisances projected out."""
-    reduced = search.fits.without(fit, name)
-    others = {n: values for n, values in fit.settings.items() if n != name}
-    change = search.fits.residuals.at(others) - fit.residual
-    return Signature(name, tuple(_in_units(search, change)), reduced.rss - fit.rss)
+    reduced = sets.without(fit, name)
+    change = sets.switched_off(fit, frozenset({name})).residual - fit.residual
+    return Signature(name, tuple(_in_units(sets, change)), reduced.rss - fit.rss)
 
 
-def _gap(search: Search, fit: Fit, held: HeldOut | None, data: Sequence[Series]) -> Gap:
+def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
     """RMS residuals of each series, and over all series in the unit of the first."""
+    data = sets.residuals.data
     unit = data[0].unit
     counted = np.concatenate([np.full(len(s), s.unit == unit) for s in data])
-    weights, null = search.fits.residuals.weights, search.fits.null.residual
+    weights, null = sets.residuals.weights, sets.null.residual
 
-    def rms(residual: Floats, mask: Mask = counted) -> float:
-        return math.sqrt(float(np.mean((residual / weights)[mask] ** 2)))
+    def of(residual: Floats, mask: Mask = counted) -> float:
+        return rms((residual / weights)[mask])
 
     return Gap(
         unit=unit,
-        before_rms=rms(null),
-        after_rms=rms(fit.residual),
+        before_rms=of(null),
+        after_rms=of(fit.residual),
         noise_rms=_noise_rms([s for s in data if s.unit == unit]),
-        held_out_rms=None if held is None else rms(held.residual),
+        held_out_rms=None if held is None else of(held.residual),
         runs=tuple(
             RunGap(
-                s.run, s.sensor, s.unit, rms(null, mask), rms(fit.residual, mask),
-                None if held is None else rms(held.residual, mask), s.sigma,
+                s.run, s.sensor, s.unit, of(null, mask), of(fit.residual, mask),
+                None if held is None else of(held.residual, mask), s.sigma,
             )
             for s, mask in zip(data, _masks(data), strict=True)
         ),

@@ -2,37 +2,85 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mopro.diagnosis.alternatives import Alternative, alternatives
 from mopro.diagnosis.conclude import conclude
+from mopro.diagnosis.evidence import NAMING_MARGIN
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.fit_cache import FitCache, Progress
-from mopro.diagnosis.heldout import HeldOut
-from mopro.diagnosis.model import Candidate, Series, Simulate
-from mopro.diagnosis.remainder import examine
+from mopro.diagnosis.heldout import HeldOut, held_out
+from mopro.diagnosis.hypotheses import Hypotheses, Progress
+from mopro.diagnosis.laws import WithLaws, measurement_laws
+from mopro.diagnosis.model import Candidate, Parameter, Series, Simulate
+from mopro.diagnosis.noise import Noise, coloured_deviance
+from mopro.diagnosis.remainder import NOISE_TOLERANCE, NOTHING_LEFT, Remainder, examine
 from mopro.diagnosis.residual import Residuals, difference_variance
-from mopro.diagnosis.search import Search
+from mopro.diagnosis.screening import Screening
+from mopro.diagnosis.search import search
 from mopro.diagnosis.verdict import Rejected, Verdict
 
+# The name of the model's own free numbers in the settings.
+BASE = "base"
 # Chi-squared by which a finer simulation must move a prediction to be used: less cannot tell two
 # explanations apart.
 _STEP_ERROR = 1.0
 # The same as a share of the unexplained excess: a change of δ takes at most 2 δ √excess away, so
 # this is what could account for a tenth of it. Doubled, a seventh.
 _STEP_ERROR_SHARE = 0.05**2
-# An effect is believed beside an unexplained residual if its reduction of chi-squared is this many
-# times the unexplained excess: of any slow disturbance, one or another signature of a catalogue
-# takes three quarters, which is three times what it leaves.
-_MASKED_FACTOR = 10.0
+# Least variance of a series, in that of the stated noise, from which its noise is taken: what is
+# below is a sensor that shows none, as at rest. Halved, statements off by a factor of 10 count.
+_QUIETEST = 0.01
+# Standard errors by which a variance must be below the stated one to replace it.
+_CLEARLY_QUIET = 4.0
 
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
-_MIMICS = "is flexible enough to be a part of what remains unexplained"
-_MASKED = (
-    f"explains less than {_MASKED_FACTOR:g} times what remains unexplained, and may be a part of it"
+_IMITATED = (
+    "may be a part of what remains unexplained, which has as much power where it has its own"
 )
+_NO_GAIN = "lowers the EBIC by less than a Bayes factor of 10 beside what remains"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is asked: a model, with smaller steps as well, a catalogue, data and free numbers."""
+
+    simulate: Simulate
+    finer: Simulate | None
+    catalogue: tuple[Candidate, ...]
+    base: tuple[Candidate, ...]
+    data: tuple[Series, ...]
+    jobs: int
+    progress: Progress
+
+    def sets(self) -> Hypotheses:
+        residuals = Residuals(self.simulate, self.data)
+        return Hypotheses(residuals, self.catalogue, self.base, self.jobs, self.progress)
+
+
+@dataclass(frozen=True)
+class State:
+    """What is known between two passes: the fitted sets, and the answer so far."""
+
+    problem: Problem
+    sets: Hypotheses
+    screening: Screening
+    fit: Fit
+    held: HeldOut | None = None
+    remainder: Remainder = NOTHING_LEFT
+    alternatives: tuple[Alternative, ...] = ()
+    rejected: tuple[Rejected, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(problem: Problem) -> State:
+        sets = problem.sets()
+        return State(problem, sets, Screening(sets), sets.null)
+
+
+Pass = Callable[[State], State]
 
 
 def reconcile(
@@ -40,6 +88,7 @@ def reconcile(
     effects: Sequence[Candidate],
     data: Sequence[Series],
     *,
+    base: Sequence[Parameter] = (),
     finer: Simulate | None = None,
     jobs: int = 1,
     progress: Progress = lambda _: None,
@@ -47,19 +96,24 @@ def reconcile(
     """Find which of `effects` the model lacks, if any, with the evidence for each.
 
     `simulate(settings)` predicts every series of `data` with the effects in `settings` on; it
-    must be deterministic. `finer` is the same model with smaller steps of integration, asked
-    before anything is called unexplained. `jobs` simulations run at once, in threads, and
-    `progress` is called with a line about each fit. Raises ValueError for data that are not
-    finite numbers and for predictions of another length.
+    must be deterministic. `base` are free numbers of the model itself, found in
+    `settings["base"]`: fitted with every set of effects, from their `starts`. `finer` is the
+    same model with smaller steps of integration, asked before anything is called unexplained.
+    `jobs` simulations run at once, in threads, and `progress` is called with a line about each
+    fit. Raises ValueError for data or predictions that are not finite numbers and for
+    predictions of another length.
     """
     _check(effects, data)
-    search = Search(FitCache(Residuals(simulate, data), effects, jobs, progress))
-    fit = search.run()
-    if finer is not None and _step_error_matters(search, fit, finer):
-        progress("refitting with a finer simulation")
-        search = Search(FitCache(Residuals(finer, data), effects, jobs, progress))
-        fit = search.run()
-    return _judged(search, fit)
+    own = (Candidate(BASE, tuple(base)),) if base else ()
+    simulate = WithLaws(simulate, data, ())
+    problem = Problem(simulate, finer, tuple(effects), own, tuple(data), jobs, progress)
+    state = State.of(problem)
+    for each in PASSES:
+        state = each(state)
+    return conclude(
+        state.sets, state.screening, state.fit, state.held, state.remainder,
+        state.alternatives, state.rejected, state.notes,
+    )  # fmt: skip
 
 
 def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:
@@ -75,103 +129,201 @@ def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:
     keys = [effect.key for effect in effects]
     if len(set(keys)) < len(keys):
         raise ValueError("two effects have the same name and form")
+    if BASE in {effect.name for effect in effects}:
+        raise ValueError(f'"{BASE}" is the name of the free numbers of the model')
 
 
-def _step_error_matters(search: Search, fit: Fit, finer: Simulate) -> bool:
+# -- passes ------------------------------------------------------------------------------
+
+
+def search_catalogue(state: State) -> State:
+    """The set of listed effects of the lowest EBIC."""
+    search(state.sets, state.screening)
+    return replace(state, fit=state.sets.best())
+
+
+def refine_steps(state: State) -> State:
+    """The search again with a finer simulation, where its steps may be what remains."""
+    finer = state.problem.finer
+    if finer is None or state.sets.is_noise(state.fit) or not _steps_matter(state, finer):
+        return state
+    state.problem.progress("refitting with a finer simulation")
+    finer = WithLaws(finer, state.problem.data, ())
+    return search_catalogue(State.of(replace(state.problem, simulate=finer, finer=None)))
+
+
+def _steps_matter(state: State, finer: Simulate) -> bool:
     """True if a residual beyond noise may come from the steps of the coarse simulation."""
-    if not examine(search.fits.residuals, fit.residual, len(fit.order)).significant:
-        return False
-    fine = Residuals(finer, search.fits.residuals.data).at(fit.settings)
-    least = max(
-        _STEP_ERROR * fit.noise_variance,
-        _STEP_ERROR_SHARE * (fit.rss - _white_noise_rss(search, fit)),
-    )
+    fit, residuals = state.fit, state.sets.residuals
+    fine = Residuals(finer, residuals.data).at(fit.settings)
+    # Sensor noise that wanders is not white, hides no effect, and looks like one.
+    most = 1.0 if residuals.known_noise else np.inf
+    parts = residuals.split(fit.residual)
+    white = sum(len(own) * min(difference_variance(own), most) for own in parts)
+    least = max(_STEP_ERROR * state.sets.scale(fit), _STEP_ERROR_SHARE * (fit.rss - white))
     return float(np.sum((fine - fit.residual) ** 2)) > least
 
 
-def _judged(search: Search, fit: Fit) -> Verdict:
-    """The verdict on the set of effects that the search found.
+def restate_quiet_noise(state: State) -> State:
+    """The search again with the noise that the data show, where they are quieter than stated."""
+    sets = state.sets
+    mean = sets.evidence.noise.sums(state.fit.residual) / np.array(sets.evidence.noise.counts)
+    samples = np.array(Noise.as_stated(sets.residuals).like(state.fit.residual).effective)
+    below = mean * (1 + _CLEARLY_QUIET * np.sqrt(2 / samples)) < (1 + NOISE_TOLERANCE) ** -2
+    quiet = [
+        bool(b) and m > _QUIETEST and series.sigma is not None
+        for b, m, series in zip(below, mean, state.problem.data, strict=True)
+    ]
+    if not any(quiet):
+        return state
+    data, notes = [], list(state.notes)
+    for series, is_quiet, m in zip(state.problem.data, quiet, mean, strict=True):
+        if is_quiet and series.sigma is not None:
+            series = replace(series, sigma=series.sigma * float(np.sqrt(m)))
+            notes.append(
+                f"{series.sensor} in {series.run} is quieter than stated: its noise is "
+                f"{series.sigma:.3g} {series.unit}, {np.sqrt(m):.2g} times as much"
+            )
+        data.append(series)
+    again = State.of(replace(state.problem, data=tuple(data)))
+    return replace(search_catalogue(again), notes=tuple(notes))
 
-    Effects that held-out data or an unexplained residual speak against are dropped; beside such
-    a residual the others are weighed again with noise as strong as that.
+
+def add_laws(state: State) -> State:
+    """The search again with free-form terms beside the catalogue, where something is left.
+
+    A set that needs several effects, or a flexible one, may stand for one that nobody listed.
     """
-    fit, held, rejected = drop_if_cv_fails(search, fit)
-    remainder = examine(search.fits.residuals, fit.residual, len(fit.order))
-    if not remainder.significant:
-        return conclude(search, search, fit, held, remainder, rejected)
-    fit, masked = drop_if_masked(search, fit)
-    remainder = examine(search.fits.residuals, fit.residual, len(fit.order))
-    again, fit = _with_inflated_noise(search, fit)
-    held = again.fits.held_out(fit) if fit.candidates else None
-    return conclude(search, again, fit, held, remainder, [*rejected, *masked])
+    doubtful = len(state.fit.candidates) > 1 or any(c.flexible for c in state.fit.candidates)
+    if state.sets.is_noise(state.fit) and not doubtful:
+        return state
+    laws = measurement_laws(state.problem.data)
+    if not laws:
+        return state
+    state.sets.join(laws, WithLaws(state.problem.simulate, state.problem.data, laws))
+    search(state.sets, state.screening, [state.fit])
+    return replace(state, fit=state.sets.best())
 
 
-def drop_if_cv_fails(search: Search, fit: Fit) -> tuple[Fit, HeldOut | None, list[Rejected]]:
-    """Drop effects that cross-validation does not support, one at a time, the worst first."""
-    rejected: list[Rejected] = []
+def eliminate(state: State) -> State:
+    """The answer without effects that save less than a Bayes factor of 10."""
+    fit, rejected = state.fit, list(state.rejected)
     while fit.candidates:
-        held = search.fits.held_out(fit)
-        failing = [name for name in sorted(fit.names) if held and not held.supports(name)]
-        if not held or not failing:
-            return fit, held, rejected
-        worst = min(failing, key=lambda name: held.without[name])
-        reduced = search.fits.without(fit, worst)
-        rejected.append(Rejected(worst, reduced.rss - fit.rss, _FAILS_CV))
+        reduced = [(state.sets.without(fit, name), name) for name in sorted(fit.names)]
+        best, name = min(reduced, key=lambda pair: state.sets.ebic(pair[0]))
+        if state.sets.ebic(best) > state.sets.ebic(fit) + NAMING_MARGIN:
+            break
+        rejected.append(Rejected(name, best.rss - fit.rss, _NO_GAIN))
+        fit = best
+    return replace(state, fit=fit, rejected=tuple(rejected))
+
+
+def weigh_against_colour(state: State) -> State:
+    """The answer without effects that noise with the memory of what is left could imitate.
+
+    Only where the noise is not the stated one. The effect that falls short most is dropped
+    first.
+    """
+    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
+    while fit.candidates and not sets.evidence.noise.exact:
+        gains = {}
+        for candidate in fit.candidates:
+            reduced = sets.without(fit, candidate.name)
+            change = reduced.residual - fit.residual
+            deviance = coloured_deviance(change, fit.residual, sets.evidence.noise)
+            price = sets.evidence.penalty(fit) - sets.evidence.penalty(reduced)
+            gains[candidate.name] = deviance - max(price, 0.0)
+        least = min(gains, key=lambda name: (gains[name], name))
+        if gains[least] > NAMING_MARGIN:
+            break
+        reduced = sets.without(fit, least)
+        rejected.append(Rejected(least, reduced.rss - fit.rss, _IMITATED))
         fit = reduced
-    return fit, None, rejected
+    return replace(state, fit=fit, rejected=tuple(rejected))
 
 
-def drop_if_masked(search: Search, fit: Fit) -> tuple[Fit, list[Rejected]]:
-    """Drop effects that may be a part of the unexplained residual, the smallest first.
-
-    First the flexible ones, then those whose reduction of chi-squared is less than ten times
-    the excess that the rigid ones together leave.
-    """
-    rejected: list[Rejected] = []
-
-    def smallest_dropped(fit: Fit, reductions: Mapping[str, float], reason: str) -> Fit:
-        least = min(reductions, key=lambda name: reductions[name])
-        rejected.append(Rejected(least, reductions[least], reason))
-        return search.fits.without(fit, least)
-
-    def reductions(names: Iterable[str]) -> dict[str, float]:
-        return {name: search.fits.without(fit, name).rss - fit.rss for name in sorted(names)}
-
-    while flexible := reductions(c.name for c in fit.candidates if c.flexible):
-        fit = smallest_dropped(fit, flexible, _MIMICS)
-    least = _MASKED_FACTOR * (fit.rss - _white_noise_rss(search, fit))
-    while masked := {n: fall for n, fall in reductions(fit.names).items() if fall < least}:
-        fit = smallest_dropped(fit, masked, _MASKED)
-    return fit, rejected
+def hold_out(state: State) -> State:
+    """The answer without effects that held-out parts do not support, the worst dropped first."""
+    fit, rejected = state.fit, list(state.rejected)
+    while fit.candidates:
+        without = {name: state.sets.without(fit, name) for name in sorted(fit.names)}
+        sets = state.sets
+        held = held_out(sets.residuals, sets.evidence.noise, sets.null, fit, without)
+        failing = [name for name in without if held is not None and not held.supports(name)]
+        if held is None or not failing:
+            return replace(state, fit=fit, held=held, rejected=tuple(rejected))
+        worst = min(failing, key=lambda name: held.gains[name])
+        rejected.append(Rejected(worst, without[worst].rss - fit.rss, _FAILS_CV))
+        fit = without[worst]
+    return replace(state, fit=fit, held=None, rejected=tuple(rejected))
 
 
-def _with_inflated_noise(search: Search, fit: Fit) -> tuple[Search, Fit]:
-    """A search with noise as strong as the residual, and the effects of `fit` fitted to it.
+def examine_remainder(state: State) -> State:
+    """Whether what is left is noise, of whatever size and memory, or something unexplained."""
+    sets, fit = state.sets, state.fit
+    remainder = examine(sets.residuals, fit.residual, len(fit.order))
+    drafted = any(c.law for c in fit.candidates)
+    if drafted:
+        return replace(state, remainder=_drafted(state, remainder))
+    if not remainder.significant:
+        return replace(state, remainder=remainder)
+    note = _as_noise(state, remainder)
+    if note is None:
+        return replace(state, remainder=remainder)
+    remainder = replace(remainder, significant=False)
+    return replace(state, remainder=remainder, notes=(*state.notes, note))
 
-    An unexplained residual adds to the error of every parameter, the more the slower it varies:
-    taken for white noise it would tell alternatives apart that it does not, and give intervals
-    that are too narrow.
-    """
-    if not fit.candidates:
-        return search, fit
-    known = search.fits
-    again = Search(
-        FitCache(
-            known.residuals.with_inflated_noise(fit.residual),
-            known.catalogue,
-            known.jobs,
-            known.progress,
+
+def _drafted(state: State, remainder: Remainder) -> Remainder:
+    """The remainder beside the listed effects, of which free-form terms are a part."""
+    laws = frozenset(c.name for c in state.fit.candidates if c.law)
+    listed = state.sets.switched_off(state.fit, laws)
+    left = examine(state.sets.residuals, listed.residual, len(listed.order))
+    largest = max(laws, key=lambda n: state.sets.without(state.fit, n).rss)
+    (law,) = (c.law for c in state.fit.candidates if c.name == largest)
+    assert law is not None, "it was chosen among the laws"
+    return replace(left, significant=True, variable=law.of)
+
+
+def _as_noise(state: State, remainder: Remainder) -> str | None:
+    """Why a residual that fails the tests may be noise all the same; None if it may not."""
+    residual = state.fit.residual
+    if remainder.only_size:
+        return (
+            f"the noise is {remainder.scatter:.2g} times as much as stated, and white: "
+            "intervals and evidence are those of the larger one"
         )
+    if not state.sets.residuals.known_noise:
+        if state.sets.evidence.noise.exact:
+            return None
+        return "the noise has a memory: neighbouring samples are alike"
+    most = (1 + NOISE_TOLERANCE) ** 2
+    white = sum(
+        len(own) * difference_variance(own) for own in state.sets.residuals.split(residual)
+    ) / len(residual)
+    if float(np.mean(residual**2)) > most or 1 / most < white < most:
+        return None
+    return (
+        "the noise is of the stated size and not white: neighbouring samples are alike, and "
+        "all of them are worth fewer"
     )
-    return again, again.refitted(fit)
 
 
-def _white_noise_rss(search: Search, fit: Fit) -> float:
-    """Sum of squares of the white noise in the residual, by successive differences.
+def find_alternatives(state: State) -> State:
+    """Other sets that the data cannot tell from the answer."""
+    if not state.fit.candidates:
+        return state
+    return replace(state, alternatives=alternatives(state.sets, state.screening, state.fit))
 
-    At most that of the noise that is stated: sensor noise that wanders is not white, and hides
-    no effect, but looks like one.
-    """
-    most = 1.0 if fit.known_noise else math.inf
-    by_series = search.fits.residuals.split(fit.residual)
-    return sum(len(own) * min(difference_variance(own), most) for own in by_series)
+
+PASSES: tuple[Pass, ...] = (
+    search_catalogue,
+    refine_steps,
+    restate_quiet_noise,
+    add_laws,
+    eliminate,
+    weigh_against_colour,
+    hold_out,
+    examine_remainder,
+    find_alternatives,
+)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 from mopro.diagnosis.fit import Fit, least_squares_fit
 from mopro.diagnosis.jacobian import gauss_newton_step
 from mopro.diagnosis.model import Floats, Mask
+from mopro.diagnosis.noise import Noise
 from mopro.diagnosis.residual import Residuals, projected_out
 
 # More folds cost more fits and tell hardly more.
-_FEWEST_FOLDS, _MOST_FOLDS = 2, 12
+_MOST_FOLDS = 12
 # Samples up to which each fold's parameters are refitted; beyond, one Gauss-Newton step from the
 # fit of all data is close, as one fold of many samples changes little.
 _FEW_SAMPLES = 1000
-# Share of the information on a parameter below which the other folds cannot predict this one,
-# which is then cut in time.
+# Share of the information on a parameter, or on a nuisance, below which the other folds cannot
+# predict this one: a parameter's fold is then cut in time, a nuisance fitted in the fold itself.
 _LEAST_INFORMATION = 0.1
 # Chunks that such a fold is cut into.
 _CHUNKS = 4
@@ -29,37 +30,43 @@ _TINY = 1e-300
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Mean squares of the whitened residual of parts that were not fitted.
+    """Parts that were not fitted: how well they are predicted with and without each effect.
 
-    `before`: of the null model; `after`: of the fit; `without`: of the fit without each effect.
-    `residual`: that of the fit (samples).
+    `residual`: whitened residual of the fit (samples); `before`: its mean square for the null
+    model, `after` for the fit. `gains`: fall of the deviance of the held-out parts by each
+    effect.
     """
 
     before: float
     after: float
-    without: dict[str, float]
+    gains: Mapping[str, float]
     residual: Floats
 
     def supports(self, effect: str) -> bool:
         """True if the held-out parts are predicted better with `effect` than without it."""
-        return self.after < self.without[effect]
+        return self.gains[effect] > 0
 
 
-def held_out(residuals: Residuals, null: Fit, fit: Fit, without: dict[str, Fit]) -> HeldOut | None:
+def held_out(
+    residuals: Residuals, noise: Noise, null: Fit, fit: Fit, without: Mapping[str, Fit]
+) -> HeldOut | None:
     """Each fold predicted from the others, by the null model, `fit`, and `fit` `without` each.
 
-    None where there is one fold only.
+    A single fold is cut in time; None where that has too few samples.
     """
     masks = folds(residuals)
-    if len(masks) < _FEWEST_FOLDS:
+    if len(masks) == 1:
+        masks = list(_chunks(masks[0], np.ones(len(masks[0]))))
+    if len(masks) == 1:
         return None
     masks = list(_divided(residuals, masks, fit))
     after = _predicted(residuals, fit, masks)
+    deviance = _deviance(noise, masks, after)
     return HeldOut(
         before=_mean_square(_predicted(residuals, null, masks)),
         after=_mean_square(after),
-        without={
-            name: _mean_square(_predicted(residuals, other, masks))
+        gains={
+            name: _deviance(noise, masks, _predicted(residuals, other, masks)) - deviance
             for name, other in without.items()
         },
         residual=after,
@@ -123,6 +130,26 @@ def _mean_square(residual: Floats) -> float:
     return float(np.mean(residual**2))
 
 
+def _deviance(noise: Noise, masks: Sequence[Mask], residual: Floats) -> float:
+    """Deviance of held-out parts, the size of the noise estimated in each part of each series.
+
+    A part that no set of effects predicts (a move that is cut off) hardly counts, as its
+    deviance grows with the logarithm of its residual.
+    """
+    total = 0.0
+    lengths = np.diff([*noise.starts, len(residual)])
+    samples = np.repeat(noise.samples / lengths, lengths)
+    least = np.repeat(noise.floor, lengths)
+    series = np.repeat(np.arange(len(lengths)), lengths)
+    for mask in masks:
+        for number in np.unique(series[mask]):
+            part = mask & (series == number)
+            mean = max(float(np.mean(residual[part] ** 2)), _TINY)
+            variance = max(mean, float(least[part][0]))
+            total += float(samples[part].sum()) * (np.log(variance) + mean / variance)
+    return total
+
+
 def _predicted(residuals: Residuals, fit: Fit, masks: Sequence[Mask]) -> Floats:
     """Whitened residual of all samples, each fold's from a fit of the others."""
     residual = np.empty(len(residuals.measured))
@@ -135,17 +162,34 @@ def _predicted(residuals: Residuals, fit: Fit, masks: Sequence[Mask]) -> Floats:
 def _by_refit(residuals: Residuals, fit: Fit, mask: Mask) -> Floats:
     """Residual of the fold after a fit of the other folds."""
     settings = fit.settings
-    if fit.candidates:
+    if fit.order:
         others = residuals.subset(~mask)
-        settings = least_squares_fit(others, fit.candidates, [settings]).settings
-    return residuals.subset(mask).at(settings)
+        settings = least_squares_fit(others, fit.candidates, [settings], base=fit.base).settings
+    return _extrapolated(residuals, residuals.at(settings), np.zeros((len(mask), 0)), mask)
 
 
 def _by_step(residuals: Residuals, fit: Fit, mask: Mask) -> Floats:
     """Residual of the fold after one Gauss-Newton step to the fit of the other folds."""
-    inner, outer = residuals.nuisance_basis(mask), residuals.nuisance_basis(~mask)
-    own, others = fit.residual[mask], projected_out(outer, fit.residual[~mask])
-    if not len(fit.order):
-        return projected_out(inner, own)
-    step = gauss_newton_step(projected_out(outer, fit.jacobian[~mask]), others)
-    return projected_out(inner, own + fit.jacobian[mask] @ step)
+    return _extrapolated(residuals, fit.residual, fit.jacobian, mask)
+
+
+def _extrapolated(residuals: Residuals, residual: Floats, jacobian: Floats, mask: Mask) -> Floats:
+    """`residual` of the fold, parameters and nuisances fitted to the others (one linear step).
+
+    A nuisance that the other folds tell nothing of, as that of a run that is held out as a
+    whole, is fitted in the fold.
+    """
+    basis = residuals.basis
+    outside = np.sum(basis[~mask] ** 2, axis=0)
+    known, own = basis[:, outside >= _LEAST_INFORMATION], basis[:, outside < _LEAST_INFORMATION]
+    columns = np.hstack([jacobian, known])
+    left = residual[mask]
+    if columns.shape[1]:
+        others, _ = np.linalg.qr(own[~mask]) if own.shape[1] else (own[~mask], None)
+        fitted = projected_out(others, columns[~mask])
+        step = gauss_newton_step(fitted, projected_out(others, residual[~mask]))
+        left = left + columns[mask] @ step
+    if own.shape[1]:
+        inner, _ = np.linalg.qr(own[mask])
+        left = projected_out(inner, left)
+    return left

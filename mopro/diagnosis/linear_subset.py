@@ -2,99 +2,142 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from mopro.diagnosis.evidence import Evidence
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.model import Floats, Settings
+from mopro.diagnosis.model import Candidate, Floats, Settings
 from mopro.diagnosis.residual import projected_out
 from mopro.diagnosis.signature import ScoreTest, resized
 
-# Subsets of each size from which larger ones are grown. Doubled, the search is twice as wide; it
-# costs no simulation.
+# Subsets of each size from which larger ones are grown, and that are evaluated exactly. Doubled,
+# the search is twice as wide; it costs no simulation.
 _BEAM_WIDTH = 30
 # Share of its size by which the range of an amplitude may cut it before the subset is left out.
 _MOST_CUT = 0.05
-# Smallest eigenvalue of the normalised normal matrix: below it signatures are parallel.
+# Smallest share of a signature that others leave of it: below it signatures are parallel.
 _PARALLEL = 1e-9
 
-# Predicted EBIC of a subset, less its deviance.
-Penalty = Callable[[Sequence[ScoreTest]], float]
+Rows = tuple[int, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearSubset:
-    """Candidates to add together, the settings to start their fit from, and the predicted EBIC."""
+    """Candidates to add to `base`, the start of their fit, and the predicted EBIC.
 
+    `reduction`: predicted fall of the sum of squares.
+    """
+
+    base: Fit
     members: tuple[ScoreTest, ...]
     start: Settings
     ebic: float
+    reduction: float
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        return (*self.base.candidates, *(member.candidate for member in self.members))
+
+    @property
+    def names(self) -> frozenset[str]:
+        return frozenset(candidate.name for candidate in self.candidates)
 
 
 class LinearSubsets:
-    """Evaluates subsets of candidates beside a fit, from the Gram matrix of their signatures.
+    """Subsets of candidates beside the fit `base`, from the Gram matrix of their signatures.
 
-    `tangent` is an orthonormal basis of the Jacobian of `base`, which is projected out.
+    The Jacobian of `base` is projected out, so that its effects may adapt.
     """
 
-    def __init__(self, base: Fit, tangent: Floats, scores: Sequence[ScoreTest]) -> None:
-        self._base = base
+    def __init__(self, base: Fit, scores: Sequence[ScoreTest], evidence: Evidence) -> None:
+        self._base, self._evidence = base, evidence
         self._scores = [s for s in scores if s.group and s.starts]
         ends = np.cumsum([0, *(len(s.group) for s in self._scores)])
         self._columns = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
         changes = [np.zeros((len(base.residual), 0))]
         changes += [probe.change[:, None] for s in self._scores for probe in s.group]
-        apart = projected_out(tangent, np.hstack(changes))
-        self._gram = apart.T @ apart
-        self._with_residual = apart.T @ base.residual
+        apart = projected_out(base.tangent, np.hstack(changes))
+        # By series, as the noise may differ from one to the next.
+        parts = np.split(np.arange(len(base.residual)), evidence.noise.starts[1:])
+        self._grams = np.array([apart[p].T @ apart[p] for p in parts])
+        self._products = np.array([apart[p].T @ base.residual[p] for p in parts])
+        self._gram, self._product = self._grams.sum(axis=0), self._products.sum(axis=0)
+        self._sums = evidence.noise.sums(base.residual)
 
-    def best(self, most: int, penalty: Penalty) -> list[LinearSubset]:
+    def best(self, most: int) -> list[LinearSubset]:
         """Subsets of up to `most` candidates, the lowest predicted EBIC first.
 
         A beam search: larger subsets grow from the best smaller ones.
         """
-        subsets: list[LinearSubset] = []
-        rows_of_size: list[tuple[int, ...]] = [(i,) for i in range(len(self._scores))]
+        found: list[LinearSubset] = []
+        beam: list[Rows] = [()]
         for _ in range(most):
-            evaluated = [
-                (subset, rows) for rows in rows_of_size if (subset := self._subset(rows, penalty))
-            ]
+            evaluated = [(s, rows) for rows in self._larger(beam) if (s := self._subset(rows))]
             evaluated.sort(key=lambda pair: pair[0].ebic)
-            beam = evaluated[:_BEAM_WIDTH]
-            subsets += [subset for subset, _ in beam]
-            rows_of_size = list(self._larger([rows for _, rows in beam]))
-        return sorted(subsets, key=lambda subset: subset.ebic)
+            found += [subset for subset, _ in evaluated[:_BEAM_WIDTH]]
+            beam = [rows for _, rows in evaluated[:_BEAM_WIDTH]]
+        return sorted(found, key=lambda subset: subset.ebic)
 
-    def _larger(self, subsets: Sequence[tuple[int, ...]]) -> Iterator[tuple[int, ...]]:
-        """Each of the subsets with one more candidate of another name, without repeats."""
+    def _larger(self, beam: Sequence[Rows]) -> Iterator[Rows]:
+        """Each of the subsets with the candidates more that reduce the sum of squares most."""
         names = [s.candidate.name for s in self._scores]
-        seen: set[tuple[int, ...]] = set()
-        for rows in subsets:
+        seen: set[Rows] = set()
+        for rows in beam:
             taken = {names[i] for i in rows}
-            for i, name in enumerate(names):
-                more = tuple(sorted((*rows, i)))
-                if name not in taken and more not in seen:
-                    seen.add(more)
-                    yield more
+            gains = self._gains(rows)
+            for i in sorted(range(len(names)), key=lambda i: -gains[i])[:_BEAM_WIDTH]:
+                larger = tuple(sorted((*rows, i)))
+                if names[i] not in taken and larger not in seen:
+                    seen.add(larger)
+                    yield larger
 
-    def _subset(self, rows: tuple[int, ...], penalty: Penalty) -> LinearSubset | None:
+    def _gains(self, rows: Rows) -> Floats:
+        """Reduction by each candidate beside those in `rows`, net of the parameters' penalty."""
+        at = self._at(rows)
+        gram, product = self._gram, self._product
+        if len(at):
+            held = np.linalg.pinv(gram[np.ix_(at, at)], hermitian=True) @ gram[at]
+            product = product - self._product[at] @ held
+            gram = gram - gram[:, at] @ held
+        left = np.diag(gram) > _PARALLEL * np.diag(self._gram)
+        single = np.where(left, product**2 / np.where(left, np.diag(gram), 1.0), 0.0)
+        gains = np.empty(len(self._scores))
+        for i, (score, own) in enumerate(zip(self._scores, self._columns, strict=True)):
+            gain = float(single[own[0]])
+            if len(own) > 1:
+                own = own[left[own]]
+                gain = float(product[own] @ np.linalg.pinv(gram[np.ix_(own, own)]) @ product[own])
+            gains[i] = gain - self._evidence.added_penalty(self._base, [score.candidate])
+        return gains
+
+    def _at(self, rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+        return np.concatenate([np.zeros(0, dtype=np.intp), *(self._columns[i] for i in rows)])
+
+    def _subset(self, rows: Rows) -> LinearSubset | None:
         """The subset at its least-squares sizes; None if those do not exist or are out of range."""
-        at = np.concatenate([self._columns[i] for i in rows])
-        sizes = _solved(self._gram[np.ix_(at, at)], self._with_residual[at])
+        at = self._at(rows)
+        sizes = _solved(self._gram[np.ix_(at, at)], self._product[at])
         if sizes is None:
             return None
         members = tuple(self._scores[i] for i in rows)
         start = _start(members, sizes)
         if start is None:
             return None
-        rss = self._base.rss - float(self._with_residual[at] @ sizes)
-        return LinearSubset(members, start, self._base.deviance_of(rss) + penalty(members))
+        own = self._grams[:, at[:, None], at]
+        change = np.einsum("i,sij,j->s", sizes, own, sizes) - 2 * self._products[:, at] @ sizes
+        deviance = float(self._evidence.noise.deviance_of(self._sums + change))
+        joined = [member.candidate for member in members]
+        penalty = self._evidence.penalty(self._base)
+        penalty += self._evidence.added_penalty(self._base, joined)
+        settings = {**self._base.settings, **start}
+        return LinearSubset(self._base, members, settings, deviance + penalty, -float(change.sum()))
 
 
-def _solved(gram: Floats, with_residual: Floats) -> Floats | None:
+def _solved(gram: Floats, product: Floats) -> Floats | None:
     """Solution of the normal equations, or None where signatures are parallel."""
     scale = np.sqrt(np.diag(gram))
     if not scale.all():
@@ -102,7 +145,7 @@ def _solved(gram: Floats, with_residual: Floats) -> Floats | None:
     unit = gram / np.outer(scale, scale)
     if np.linalg.eigvalsh(unit)[0] < _PARALLEL:
         return None
-    sizes: Floats = np.linalg.solve(unit, with_residual / scale) / scale
+    sizes: Floats = np.linalg.solve(unit, product / scale) / scale
     return sizes
 
 
@@ -130,8 +173,8 @@ def distinct(subsets: Sequence[LinearSubset], most: int) -> list[LinearSubset]:
 
 
 def _equivalent(one: LinearSubset, other: LinearSubset) -> bool:
-    """True if each member of one is, or is a twin of, a member of the other."""
-    if len(one.members) != len(other.members):
+    """True if they add to the same fit, and each member of one is, or has, a twin in the other."""
+    if one.base.key != other.base.key or len(one.members) != len(other.members):
         return False
     return all(
         any(a.candidate.key == b.candidate.key or a.twin_of(b) for b in other.members)

@@ -33,13 +33,16 @@ class Role(StrEnum):
     distance from there. SHAPE: a period or a corner frequency, which decides the form of what
     the amplitudes multiply. PHASE: an angle in radians; the response at any angle is a
     combination of those at 0 and at π/2. SEARCHED: found by the candidate's own search and
-    constant in least squares (a count, the moment of a step).
+    constant in least squares (a count, the moment of a step). CONSTANT: a number that the
+    effect takes from elsewhere (a reference temperature), known to within its plausible range
+    and fitted in it; what the data do not tell about it costs no evidence.
     """
 
     AMPLITUDE = "amplitude"
     SHAPE = "shape"
     PHASE = "phase"
     SEARCHED = "searched"
+    CONSTANT = "constant"
 
 
 @dataclass(frozen=True)
@@ -122,7 +125,7 @@ class ResidualView:
 
     `residuals`: one array a series, in standard deviations of the noise. `sigmas`: those
     standard deviations, in the units of the series. `predictions`: the model's values with
-    the fitted `settings`, in the units of the series. `rss(settings)`: sum of squares of the
+    all that is fitted, in the units of the series. `settings`: those of listed effects. `rss(settings)`: sum of squares of the
     whole whitened residual with `settings` added.
     """
 
@@ -138,6 +141,23 @@ FindStarts = Callable[[ResidualView], Iterable[Mapping[str, float]]]
 
 
 @dataclass(frozen=True)
+class Law:
+    """A free-form term: where it `enters` the model, the variable that it is a function `of`.
+
+    `enters`: force, measurement or command. `of`: v, sgn v, x, x mod, a, t, T, command or
+    sensor. `unit`: of the term's values. `formula`: its text at given values of the
+    parameters. `of_data`: values of the term at every sample of a series, for a term that is
+    added to the predictions; None where `simulate` knows the term as it knows an effect.
+    """
+
+    enters: str
+    of: str
+    unit: str
+    formula: Callable[[Mapping[str, float]], str]
+    of_data: Callable[[Series, Mapping[str, float]], Floats] | None = None
+
+
+@dataclass(frozen=True)
 class Candidate:
     """An effect that the model may lack.
 
@@ -147,7 +167,7 @@ class Candidate:
     extends; it is tried only beside that one, unless it `can_enter_first`. `flexible`: can
     mimic much that is in no catalogue (a free period), and so is believed only if it leaves
     nothing unexplained. `find_starts`: finds values of all parameters in a residual, where a
-    few fixed starts cannot.
+    few fixed starts cannot. `law`: set for a free-form term that is in no catalogue.
     """
 
     name: str
@@ -158,6 +178,7 @@ class Candidate:
     can_enter_first: bool = False
     flexible: bool = False
     find_starts: FindStarts | None = None
+    law: Law | None = None
 
     @property
     def key(self) -> tuple[str, str]:

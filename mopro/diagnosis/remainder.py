@@ -44,20 +44,28 @@ class Remainder:
     """Answer of the tests: whether the residual is more than noise, and its clearest shape.
 
     `scatter`: its RMS in standard deviations of the sensors' noise, 1 where that is unknown.
+    `variable`: what it is a function of (v, sgn v, x, x mod, a or t), if one shape is clearest.
+    `only_size`: no test of a shape fails, and the scatter alone is larger than stated.
     """
 
     significant: bool
     description: str | None
     p_value: float
     scatter: float = 1.0
+    variable: str | None = None
+    only_size: bool = False
+
+
+NOTHING_LEFT = Remainder(False, None, 1.0)
 
 
 @dataclass(frozen=True)
 class _Finding:
-    """Answer of one test: ln of its p-value, and a description of the shape it looks for."""
+    """Answer of one test: ln of its p-value, and the shape it looks for as a function of what."""
 
     log_p: float
     description: str | None
+    variable: str | None = None
 
 
 @dataclass(frozen=True)
@@ -78,8 +86,9 @@ class _Standardised:
 def examine(residuals: Residuals, residual: Floats, parameters: int) -> Remainder:
     """Test a whitened `residual`, to which so many `parameters` were fitted.
 
-    With unknown noise only the shape is tested, against white noise as strong as neighbouring
-    samples differ.
+    Shapes are tested against white noise of the stated size, or as strong as neighbouring
+    samples differ where that is more or nothing is stated. The size is tested where it is
+    stated for all series.
     """
     by_series = zip(residuals.data, residuals.split(residual), residuals.sigmas, strict=True)
     parts = [
@@ -88,10 +97,11 @@ def examine(residuals: Residuals, residual: Floats, parameters: int) -> Remainde
         if len(series) >= FEWEST_SAMPLES
     ]
     known = residuals.known_noise
-    findings = [_excess(residual, parameters)] if known else []
-    findings += [finding for part in parts for finding in _own_shapes(part)]
+    size = _excess(residual, parameters) if known else _Finding(0.0, None)
+    shapes = [finding for part in parts for finding in _own_shapes(part)]
     for _, group in groupby(sorted(parts, key=_sensor), key=_sensor):
-        findings += _common_shapes(list(group))
+        shapes += _common_shapes(list(group))
+    findings = [size, *shapes] if known else shapes
     if not findings:
         return Remainder(False, None, 1.0)
     scatter = math.sqrt(float(np.mean(residual**2))) if known else 1.0
@@ -99,25 +109,21 @@ def examine(residuals: Residuals, residual: Floats, parameters: int) -> Remainde
     p_value = math.exp(min(log_p, 0.0))
     if p_value >= FALSE_ALARMS:
         return Remainder(False, None, p_value, scatter)
-    return Remainder(True, _description(findings, scatter), p_value, scatter)
+    described = [finding for finding in shapes if finding.description]
+    clearest = min(described, key=lambda finding: finding.log_p, default=size)
+    if clearest.description and clearest.log_p < math.log(FALSE_ALARMS / len(findings)):
+        return Remainder(True, clearest.description, p_value, scatter, clearest.variable)
+    words = f"more scatter than the sensor's noise, {scatter:.3g} times as much"
+    return Remainder(True, words, p_value, scatter, only_size=len(parts) == len(residuals.data))
 
 
 def _standardised(series: Series, residual: Floats, sigma: float) -> _Standardised:
-    """In units of the stated noise; where that is unknown, of an upper limit of its estimate."""
-    if series.sigma is not None:
-        return _Standardised(series, residual)
+    """In units of the stated noise, or of an upper limit of its estimate where that is more."""
     upper = 1 + _ESTIMATE_ERRORS / math.sqrt(len(residual))
     scatter = upper * math.sqrt(difference_variance(residual)) or 1.0
+    if series.sigma is not None:
+        scatter = max(scatter, 1.0)
     return _Standardised(replace(series, sigma=sigma * scatter), residual / scatter)
-
-
-def _description(findings: Sequence[_Finding], scatter: float) -> str:
-    described = [finding for finding in findings if finding.description]
-    clearest = min(described, key=lambda finding: finding.log_p, default=None)
-    level = math.log(FALSE_ALARMS / len(findings))
-    if clearest and clearest.description and clearest.log_p < level:
-        return clearest.description
-    return f"more scatter than the sensor's noise, {scatter:.3g} times as much"
 
 
 def _sensor(part: _Standardised) -> str:
@@ -156,7 +162,7 @@ def _autocorrelation(part: _Standardised) -> _Finding:
     if float(np.var(part.z)) < STILL:
         return _Finding(0.0, None)
     shares = cumulative_periodogram(part.z)
-    return _Finding(bartlett_log_p(shares), _wander(part, shares))
+    return _Finding(bartlett_log_p(shares), _wander(part, shares), "t")
 
 
 def _wander(part: _Standardised, shares: Floats) -> str | None:
@@ -179,7 +185,7 @@ def _drift(part: _Standardised, time_s: Floats) -> _Finding:
     strength = abs(slope) * math.sqrt(float(centred @ centred))
     total = part.in_units(slope) * float(np.ptp(time_s))
     words = f"a drift in time of {total:.3g} {series.unit} over {series.run}"
-    return _Finding(normal_log_p(strength), words)
+    return _Finding(normal_log_p(strength), words, "t")
 
 
 def _step(part: _Standardised, time_s: Floats) -> _Finding:
@@ -188,7 +194,7 @@ def _step(part: _Standardised, time_s: Floats) -> _Finding:
     last, contrast = cusum_step(part.z)
     height = part.in_units(-contrast * math.sqrt(n / ((last + 1) * (n - last - 1))))
     words = f"a step of {height:.3g} {series.unit} at {time_s[last]:.3g} s in {series.run}"
-    return _Finding(normal_log_p(contrast, n), words)
+    return _Finding(normal_log_p(contrast, n), words, "t")
 
 
 # -- in all series of one sensor ---------------------------------------------------
@@ -229,7 +235,7 @@ def _line_in_time(parts: Sequence[_Standardised]) -> _Finding:
         f"a line at {frequency:.3g} Hz in time, "
         f"{parts[0].in_units(amplitude):.2g} {series.unit}, in {where}"
     )
-    return _Finding(line_log_p(float(summed[line]), len(summed), len(parts)), words)
+    return _Finding(line_log_p(float(summed[line]), len(summed), len(parts)), words, "t")
 
 
 def _line_in_position(parts: Sequence[_Standardised]) -> _Finding:
@@ -240,7 +246,7 @@ def _line_in_position(parts: Sequence[_Standardised]) -> _Finding:
     line = int(np.argmax(power))
     series = parts[0].series
     words = f"a line in position with a period of {1 / cycles[line]:.3g} {series.position_unit}"
-    return _Finding(line_log_p(float(power[line]), len(cycles), len(parts)), words)
+    return _Finding(line_log_p(float(power[line]), len(cycles), len(parts)), words, "x mod")
 
 
 def _bump(parts: Sequence[_Standardised]) -> _Finding:
@@ -264,22 +270,26 @@ def _bump(parts: Sequence[_Standardised]) -> _Finding:
         f"a local bump of {height:.2g} {series.unit} in position, at {middle:.3g} "
         f"{series.position_unit}, about {width:.2g} {series.position_unit} wide"
     )
-    return _Finding(normal_log_p(strength, trials), words)
+    return _Finding(normal_log_p(strength, trials), words, "x")
 
 
-# description -> (label, function of it)
-_LAWS: dict[str, tuple[str, Callable[[Floats], Floats]]] = {
-    "a law in velocity v": ("velocity", lambda v: v),
-    "a law in velocity v|v|": ("velocity", lambda v: v * np.abs(v)),
-    "the direction of motion sgn v": ("velocity", np.sign),
-    "a law in acceleration a": ("acceleration", lambda a: a),
-    "a law in position x": ("position", lambda x: x),
-    "a law in position x³": ("position", lambda x: (x - (x.max() + x.min()) / 2) ** 3),
+# description -> (label, function of it, variable)
+_LAWS: dict[str, tuple[str, Callable[[Floats], Floats], str]] = {
+    "a law in velocity v": ("velocity", lambda v: v, "v"),
+    "a law in velocity v|v|": ("velocity", lambda v: v * np.abs(v), "v"),
+    "the direction of motion sgn v": ("velocity", np.sign, "sgn v"),
+    "a law in acceleration a": ("acceleration", lambda a: a, "a"),
+    "a law in position x": ("position", lambda x: x, "x"),
+    "a law in position x³": ("position", lambda x: (x - (x.max() + x.min()) / 2) ** 3, "x"),
 }
 
 
 def _law(
-    parts: Sequence[_Standardised], name: str, label: str, shape: Callable[[Floats], Floats]
+    parts: Sequence[_Standardised],
+    name: str,
+    label: str,
+    shape: Callable[[Floats], Floats],
+    variable: str,
 ) -> _Finding:
     """Projection of the residual on a function of a label, its mean in each series taken out."""
     values = [shape(np.asarray(part.label(label))) for part in parts]
@@ -291,4 +301,4 @@ def _law(
     strength = float(centred @ z) / norm
     size = parts[0].in_units(abs(strength) * float(np.abs(centred).max()) / norm)
     words = f"{name}, up to {size:.2g} {parts[0].series.unit}"
-    return _Finding(normal_log_p(strength), words)
+    return _Finding(normal_log_p(strength), words, variable)

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from scipy import fft, linalg
+from scipy import linalg
 
 from mopro.diagnosis.model import Floats, Mask, Series, Settings, Simulate
 
-# The autocorrelation is summed over lags up to this multiple of the integrated autocorrelation
-# time: 5 is the usual choice (Sokal 1997), where the bias is below 1 %. Halved, slow noise is
-# underestimated; doubled, the sum itself is noisier.
-_WINDOW = 5
 # Singular values below this share of the largest are rounding: nuisance shapes that depend on
 # each other.
 _RANK_TOLERANCE = 1e-9
@@ -52,20 +47,9 @@ class Residuals:
         """This problem restricted to the samples in `mask`."""
         return Residuals(self._simulate, self.data, mask, self.sigmas)
 
-    def with_inflated_noise(self, residual: Floats) -> Residuals:
-        """This problem with the long-run variance of `residual` (all samples) as noise.
-
-        The sigma that a series states counts where it is larger.
-        """
-        by_series = zip(self.data, self.split(residual), self.sigmas, strict=True)
-        inflated = [
-            (series, sigma * math.sqrt(long_run_variance(own))) for series, own, sigma in by_series
-        ]
-        return Residuals(
-            self._simulate,
-            [replace(series, sigma=max(sigma, series.sigma or 0.0) or None)
-             for series, sigma in inflated],
-        )  # fmt: skip
+    def of_model(self, simulate: Simulate) -> Residuals:
+        """These data and another model of them."""
+        return Residuals(simulate, self.data, self.mask, self.sigmas)
 
     def _scales(self) -> tuple[float, ...]:
         stated = [series.sigma for series in self.data]
@@ -130,23 +114,3 @@ def difference_variance(values: Floats) -> float:
     Anything slower than the sampling hardly counts (von Neumann et al., 1941).
     """
     return float(np.mean(np.diff(values) ** 2)) / 2 if len(values) > 1 else 0.0
-
-
-def long_run_variance(values: Floats) -> float:
-    """Variance of `values` times their integrated autocorrelation time, at least 1.
-
-    White noise of this variance leaves the mean of many samples as uncertain as `values` do.
-    The autocorrelation is summed up to the first lag M with M >= 5 times the sum (Madras and
-    Sokal, 1988).
-    """
-    centred = values - values.mean()
-    variance = float(np.mean(centred**2))
-    if not variance:
-        return 0.0
-    length = fft.next_fast_len(2 * len(values), real=True)
-    power = np.abs(fft.rfft(centred, length)) ** 2
-    correlation = fft.irfft(power, length)[: len(values)] / (len(values) * variance)
-    times = 2 * np.cumsum(correlation) - 1
-    wide_enough = np.arange(len(times)) >= _WINDOW * times
-    integrated = float(times[np.argmax(wide_enough)])
-    return variance * max(integrated, 1.0)

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mopro.diagnosis.fit import Fit, choice_penalty, parameter_penalty
-from mopro.diagnosis.fit_cache import FitCache, Identity
+from mopro.diagnosis.evidence import ALTERNATIVE_MARGIN
+from mopro.diagnosis.fit import Fit, Identity
+from mopro.diagnosis.hypotheses import Hypotheses
 from mopro.diagnosis.model import Candidate, Role
 from mopro.diagnosis.signature import (
     Group,
@@ -19,12 +20,6 @@ from mopro.diagnosis.signature import (
     signatures,
 )
 
-# EBIC within which two explanations cannot be told apart: a Bayes factor of 150, above which
-# evidence is "very strong" (Kass and Raftery 1995). Halved, families lose true members at odds of
-# 12 to 1; doubled, they gain members at odds of up to 22000 to 1.
-ALTERNATIVE_MARGIN = 10.0
-# Error of the reduction of chi-squared that a signature predicts, as a share of it.
-LINEARITY_ERROR = 0.02
 # Predicted reduction of chi-squared from which on a signature is simulated again at the size that
 # it asks for, if that is far from the size it was simulated at. An effect must gain more than ln n
 # anyway: halved, it costs simulations of what is noise.
@@ -42,88 +37,66 @@ def far_from_linear(fit: Fit) -> bool:
 
 
 class Screening:
-    """Score tests of the catalogue of `fits`; each signature is simulated once for each fit."""
+    """Score tests of the catalogue of `sets`; each signature is simulated once for each fit."""
 
-    def __init__(self, fits: FitCache) -> None:
-        self._fits = fits
-        self._scores: dict[tuple[Identity, Identity], list[ScoreTest]] = {}
+    def __init__(self, sets: Hypotheses) -> None:
+        self._sets = sets
         self._groups: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
+        self._searched: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
 
-    def scores(self, base: Fit, at: Fit | None = None) -> list[ScoreTest]:
+    def beside(self, base: Fit, at: Fit, unabsorbed: Fit | None = None) -> list[ScoreTest]:
         """Score tests of all candidates that may join `base`, the lowest predicted EBIC first.
 
-        Signatures are those at the fit `at`, which is `base` unless given: those at another fit
-        may be known already and so cost no simulation.
+        Signatures are those at the null model, and at the fit `at` those of candidates that
+        may come within the margin of alternatives there. Where the null model is far from
+        linear, all are simulated at `at`. Starts are searched in the residual of `base` and
+        of `unabsorbed`, in which other effects have not adapted to what was dropped.
         """
-        key = base.identity, (at or base).identity
-        if key not in self._scores:
-            self._scores[key] = self._all_scores(base, at or base)
-        return self._scores[key]
+        scores = self._beside(base, at)
+        if unabsorbed is None:
+            return scores
+        return self._sorted(base, [self._with_starts_from(unabsorbed, base, s) for s in scores])
 
-    def has_scores_at(self, base: Fit) -> bool:
-        """True if the signatures at `base` itself are known already."""
-        return (base.identity, base.identity) in self._scores
+    def _with_starts_from(self, other: Fit, base: Fit, score: ScoreTest) -> ScoreTest:
+        groups = self._found(other, score.candidate)
+        another = score_test(base, base.tangent, score.candidate, groups)
+        return max(score, another, key=lambda s: s.predicted_reduction)
 
-    def relinearised(self, base: Fit) -> list[ScoreTest]:
-        """As `scores`, with signatures at `base` for the candidates that may pay for themselves.
-
-        Which those are is told by the signatures at the null model, unless that is far from
-        linear: then all are simulated at `base`.
-        """
-        if base.key == self._fits.null.key or far_from_linear(self._fits.null):
-            return self.scores(base)
-        known = self.scores(base, self._fits.null)
-        limit = self._fits.ebic(base) + ALTERNATIVE_MARGIN
-        promising = [s.candidate for s in known if self.predicted_ebic(base, s) < limit]
-        others = [s for s in known if s.candidate not in promising]
-        return [*self._scores_of(base, base, promising), *others]
-
-    def with_starts_from(
-        self, other: Fit, base: Fit, scores: Sequence[ScoreTest]
-    ) -> list[ScoreTest]:
-        """`scores` beside `base`, with starts searched in the residual of `other` as well."""
-        tangent, _ = np.linalg.qr(base.jacobian)
-
-        def better(score: ScoreTest) -> ScoreTest:
-            groups = searched(self._fits.residuals, other, score.candidate)
-            another = score_test(base, tangent, score.candidate, groups)
-            return max(score, another, key=lambda s: s.predicted_reduction)
-
-        return self._sorted(base, self._fits.each(better, scores))
-
-    def _all_scores(self, base: Fit, at: Fit) -> list[ScoreTest]:
-        others = [
+    def _beside(self, base: Fit, at: Fit) -> list[ScoreTest]:
+        null = self._sets.null
+        joining = [
             c
-            for c in self._fits.catalogue
+            for c in self._sets.catalogue
             if c.name not in base.names and (c.extends is None or c.can_enter_first)
         ]
-        return self._scores_of(base, at, others)
+        if at.key == null.key or far_from_linear(null):
+            return self._scores(base, at, joining)
+        known = self._scores(base, null, joining)
+        limit = self._sets.ebic(at) + ALTERNATIVE_MARGIN
+        promising = [s.candidate for s in known if self.predicted_ebic(base, s) < limit]
+        others = [s for s in known if s.candidate not in promising]
+        return self._sorted(base, [*self._scores(base, at, promising), *others])
 
-    def _scores_of(self, base: Fit, at: Fit, candidates: Sequence[Candidate]) -> list[ScoreTest]:
-        tangent, _ = np.linalg.qr(base.jacobian)
-
+    def _scores(self, base: Fit, at: Fit, candidates: Sequence[Candidate]) -> list[ScoreTest]:
         def scored(candidate: Candidate) -> ScoreTest:
-            groups = self._signatures(at, candidate)
-            groups = [*groups, *searched(self._fits.residuals, base, candidate)]
-            first = score_test(base, tangent, candidate, groups)
+            groups = [*self._signatures(at, candidate), *self._found(base, candidate)]
+            first = score_test(base, base.tangent, candidate, groups)
             if first.predicted_reduction < _WORTH_RELINEARISING or not far_from_probes(first):
                 return first
-            closer = probed_at(self._fits.residuals, at, candidate, first.starts[0])
-            return score_test(base, tangent, candidate, [*groups, closer])
+            closer = probed_at(self._sets.residuals, at, candidate, first.starts[0])
+            return score_test(base, base.tangent, candidate, [*groups, closer])
 
-        return self._sorted(base, self._fits.each(scored, candidates))
+        return self._sorted(base, self._sets.each(scored, candidates))
 
     def _sorted(self, base: Fit, scores: Sequence[ScoreTest]) -> list[ScoreTest]:
         return sorted(scores, key=lambda s: self.predicted_ebic(base, s))
 
     def at_its_start(self, base: Fit, score: ScoreTest) -> ScoreTest:
         """The score test by a signature at the best start itself, where that predicts more."""
-        candidate = score.candidate
-        if not any(p.role is Role.AMPLITUDE for p in candidate.parameters):
+        if not any(p.role is Role.AMPLITUDE for p in score.candidate.parameters):
             return score
-        tangent, _ = np.linalg.qr(base.jacobian)
-        group = probed_at(self._fits.residuals, base, candidate, score.starts[0])
-        closer = score_test(base, tangent, candidate, [group])
+        group = probed_at(self._sets.residuals, base, score.candidate, score.starts[0])
+        closer = score_test(base, base.tangent, score.candidate, [group])
         return max(score, closer, key=lambda s: s.predicted_reduction)
 
     def expected_sigmas(self, at: Fit, candidate: Candidate) -> float | None:
@@ -145,29 +118,23 @@ class Screening:
             strongest = max(strongest, own * max(factors))
         return strongest
 
+    def predicted_ebic(self, base: Fit, score: ScoreTest) -> float:
+        """Predicted EBIC of `base` with a candidate added."""
+        evidence = self._sets.evidence
+        left = base.residual - score.explained if len(score.explained) else base.residual
+        deviance = evidence.noise.deviance(left)
+        return deviance + evidence.penalty(base) + evidence.added_penalty(base, [score.candidate])
+
     def _signatures(self, at: Fit, candidate: Candidate) -> list[Group]:
         key = (at.identity, candidate.key)
         if key not in self._groups:
-            self._fits.progress(f"simulating the signature of {candidate.name}")
-            self._groups[key] = signatures(self._fits.residuals, at, candidate)
+            self._sets.progress(f"simulating the signature of {candidate.name}")
+            self._groups[key] = signatures(self._sets.residuals, at, candidate)
         return self._groups[key]
 
-    def predicted_ebic(self, base: Fit, score: ScoreTest) -> float:
-        """Predicted EBIC of `base` with a candidate added."""
-        deviance = base.deviance_of(max(base.rss - score.predicted_reduction, _TINY))
-        ebic = self._fits.ebic(base)
-        return ebic - base.deviance + deviance + self.penalty(base, [score.candidate])
-
-    def total_penalty(self, base: Fit, members: Sequence[ScoreTest]) -> float:
-        """Predicted EBIC of `base` with `members` added, less their deviance."""
-        joined = [member.candidate for member in members]
-        return self._fits.ebic(base) - base.deviance + self.penalty(base, joined)
-
-    def penalty(self, base: Fit, joined: Sequence[Candidate]) -> float:
-        """Fall of the deviance that candidates must bring beside `base` for EBIC to fall."""
-        own = sum(
-            parameter_penalty(p, base.count) for candidate in joined for p in candidate.parameters
-        )
-        size = len(self._fits.catalogue)
-        together = base.findings + sum(not candidate.calibrates for candidate in joined)
-        return own + choice_penalty(together, size) - choice_penalty(base.findings, size)
+    def _found(self, base: Fit, candidate: Candidate) -> list[Group]:
+        """Starts from the candidate's own search in the residual of `base`."""
+        key = (base.identity, candidate.key)
+        if key not in self._searched:
+            self._searched[key] = searched(self._sets.residuals, base, candidate)
+        return self._searched[key]

@@ -85,7 +85,7 @@ def signatures(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Gr
 def _groups(candidate: Candidate) -> Iterator[list[tuple[dict[str, float], Moved]]]:
     own = candidate.parameters
     amplitudes = [p for p in own if p.role is Role.AMPLITUDE]
-    shapes = [p for p in own if p.role in (Role.SHAPE, Role.SEARCHED)]
+    shapes = [p for p in own if p.role in (Role.SHAPE, Role.SEARCHED, Role.CONSTANT)]
     phases = [p for p in own if p.role is Role.PHASE]
     null = {p.name: p.null for p in amplitudes} | {p.name: 0.0 for p in phases}
     for shape in product(*(p.starts for p in shapes)):
@@ -237,6 +237,6 @@ def _view(residuals: Residuals, base: Fit) -> ResidualView:
         residuals.split(projected_out(residuals.basis, whitened)),
         residuals.sigmas,
         residuals.split(predicted),
-        base.settings,
+        base.settings_without(frozenset(c.name for c in base.candidates if c.law)),
         lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
     )

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-from mopro.diagnosis.model import Floats, Settings
+import numpy as np
+
+from mopro.diagnosis.model import Floats, Series, Settings, Simulate
 from mopro.diagnosis.remainder import Remainder
+from mopro.diagnosis.residual import Residuals
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,31 @@ class Named:
     log10_bayes_factor: float
     sigmas: float
     held_out: bool
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A free-form term that describes what no listed effect explains.
+
+    `enters`: force, measurement or command; `of`: the variable; `law`: its formula, whose
+    values are in `unit`. `held_out` as that of `Named`.
+    """
+
+    name: str
+    enters: str
+    of: str
+    law: str
+    unit: str
+    sigmas: float
+    held_out: bool
+
+
+@dataclass(frozen=True)
+class Explained:
+    """Share of the excess over noise that the effects explain, and that in held-out parts."""
+
+    share: float | None
+    held_out_share: float | None
 
 
 @dataclass(frozen=True)
@@ -116,9 +146,13 @@ class Verdict:
     """`none`, `named`, `ambiguous` or `unexplained`, and the evidence for it.
 
     `before` and `after`: the residual of each series, in its unit, without and with the
-    effects. `settings`: all that was fitted. `next_experiment`: the text of a program that
+    effects. `settings`: all that was fitted but the drafts. `next_experiment`: the text of a program that
     would tell alternatives apart, if the caller writes one. `calibration`: corrections of the
-    model's own numbers within their tolerances, which are no findings.
+    model's own numbers within their tolerances, which are no findings. `alternatives`: sets of
+    effects within 10 of the lowest EBIC, the lowest first. `base`: the model's free numbers,
+    `base_before` those without effects. `drafts`: free-form terms beside the effects. `notes`:
+    remarks on the noise. `nuisances`: the fitted coefficients of each series' nuisances, in
+    its unit. `correlations` of the estimates, by `effect.parameter`.
     """
 
     verdict: str
@@ -134,6 +168,31 @@ class Verdict:
     signatures: tuple[Signature, ...] = ()
     next_experiment: str | None = None
     calibration: tuple[Named, ...] = ()
+    explained: Explained = Explained(None, None)
+    alternatives: tuple[tuple[str, ...], ...] = ()
+    base: Mapping[str, Estimate] = field(default_factory=dict)
+    base_before: Settings = field(default_factory=dict)
+    drafts: tuple[Draft, ...] = ()
+    notes: tuple[str, ...] = ()
+    nuisances: tuple[Floats, ...] = ()
+    correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def predict(self, simulate: Simulate, data: Sequence[Series]) -> tuple[RunGap, ...]:
+        """Gap of each series of runs that were not fitted, before and after the effects.
+
+        `simulate` predicts `data` as it does for `reconcile`. The settings of this verdict are
+        kept; only the nuisances of each series (an offset) are its own.
+        """
+        residuals = Residuals(simulate, data)
+        weights = residuals.weights
+        before, after = (
+            residuals.split(residuals.at(settings) / weights)
+            for settings in (self.base_before, self.settings)
+        )
+        return tuple(
+            RunGap(s.run, s.sensor, s.unit, rms(b), rms(a), None, s.sigma)
+            for s, b, a in zip(data, before, after, strict=True)
+        )
 
     @property
     def fitted(self) -> tuple[Named, ...]:
@@ -159,11 +218,37 @@ class Verdict:
                 "significant": self.remainder.significant,
                 "description": self.remainder.description,
                 "scatter_sigma": self.remainder.scatter,
+                "variable": self.remainder.variable,
             },
             "rejected": [vars(rejected) for rejected in self.rejected],
             "below_resolution": [vars(faint) for faint in self.below_resolution],
             "next_experiment": self.next_experiment,
+            "explained": vars(self.explained),
+            "alternatives": [list(names) for names in self.alternatives],
+            "base": {name: _estimate_json(e) for name, e in self.base.items()},
+            "drafts": [
+                {
+                    "enters": d.enters,
+                    "of": d.of,
+                    "law": d.law,
+                    "unit": d.unit,
+                    "sigmas": d.sigmas,
+                    "held_out": d.held_out,
+                    "confirmed": False,
+                }
+                for d in self.drafts
+            ],
+            "notes": list(self.notes),
+            "correlations": {name: dict(row) for name, row in self.correlations.items()},
         }
+
+
+def rms(values: Floats) -> float:
+    return math.sqrt(float(np.mean(values**2)))
+
+
+def _estimate_json(e: Estimate) -> dict[str, Any]:
+    return {"value": e.value, "unit": e.unit, "ci95": list(e.ci95), "at_bound": e.at_bound}
 
 
 def _effect_json(effect: Named) -> dict[str, Any]:
@@ -171,10 +256,7 @@ def _effect_json(effect: Named) -> dict[str, Any]:
         "name": effect.name,
         "form": effect.form,
         "indistinguishable_from": effect.indistinguishable_from,
-        "parameters": {
-            name: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95), "at_bound": e.at_bound}
-            for name, e in effect.parameters.items()
-        },
+        "parameters": {name: _estimate_json(e) for name, e in effect.parameters.items()},
         "evidence": {
             "log10_bayes_factor": effect.log10_bayes_factor,
             "sigmas": effect.sigmas,

@@ -1,0 +1,209 @@
+"""Evidence for a set of effects: its extended BIC, and the errors of its parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import stats
+
+from mopro.diagnosis.fit import Fit, Identity
+from mopro.diagnosis.model import Candidate, Floats, Parameter, Role
+from mopro.diagnosis.noise import Noise, spectral_variance
+
+# EBIC within which two explanations cannot be told apart: a Bayes factor of 150, above which
+# evidence is "very strong" (Kass and Raftery 1995). Halved, families lose true members at odds of
+# 12 to 1; doubled, they gain members at odds of up to 22000 to 1.
+ALTERNATIVE_MARGIN = 10.0
+# EBIC that an effect must save to be named: a Bayes factor of 10. Doubled, one of 100.
+NAMING_MARGIN = 2 * math.log(10)
+# EBIC below which two sets are equal, so that rounding does not decide between effects whose
+# responses are the same: fits end within 0.01 of their minimum.
+_EQUAL = 0.02
+# Distance from an end of the range, as a share of it, within which a value may be stopped there.
+_NEAR_BOUND = 1e-3
+# Greatest penalty (chi-squared) of one implausible value, and that of one stopped by its range.
+_MOST_IMPLAUSIBLE = ALTERNATIVE_MARGIN
+# Standard deviations by which a value must be outside a range to be clearly so (95 %).
+_CLEARLY_OUTSIDE = 2.0
+# Penalty (chi-squared) of an angle that may be anything: its prior is bounded, and a line that is
+# seen at all determines it to about 0.2 rad. 2 ln(2π / (0.2 √(2π))) = 5.
+_PHASE_PENALTY = 5.0
+# Least number of samples that a parameter's penalty, ln n, is taken for: a handful of precise
+# samples determines a parameter to a tenth of its prior, which the logarithm of their number
+# does not tell. Doubled, each parameter of a small table must gain 0.7 more.
+_LEAST_SAMPLES = 100
+# Penalty (chi-squared) of a free-form term beside that of its parameters: odds of 20 to 1 for an
+# effect that somebody has listed. Doubled, 400 to 1.
+_LAW_PENALTY = 2 * math.log(20)
+# Variance of a number that may be anywhere in a range of width 1.
+_UNIFORM = 1 / 12
+# Smallest sum of squares, in place of 0, where a logarithm or a quotient is taken.
+_TINY = 1e-300
+# Condition number of the normal matrix beyond which parameters are not identifiable.
+_MOST_CONDITION = 1e12
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Judges fits by one noise, out of a catalogue of so many candidates."""
+
+    noise: Noise
+    catalogue_size: int
+    _covariances: dict[Identity, Floats] = field(default_factory=dict)
+
+    def ebic(self, fit: Fit) -> float:
+        """Extended Bayesian information criterion (Chen and Chen 2008); lower is better.
+
+        -2 ln L + the penalty of each parameter + 2 ln of the number of ways to choose so many
+        effects out of the catalogue, plus a penalty for implausible values. Infinite where the
+        noise is unknown and the samples are too few to estimate it.
+        """
+        if not all(self.noise.stated) and len(fit.order) >= fit.count - 1:
+            return math.inf
+        return self.noise.deviance(fit.residual) + self.penalty(fit)
+
+    def penalty(self, fit: Fit) -> float:
+        """EBIC of `fit` less its deviance."""
+        own = sum(self.of_parameter(p, fit.count) for c in fit.candidates for p in c.parameters)
+        laws = sum(_LAW_PENALTY for c in fit.candidates if c.law)
+        choice = self.of_choice(self.findings(fit))
+        return own + laws + choice + self._constants(fit) + self._implausibility(fit)
+
+    def added_penalty(self, base: Fit, joined: Sequence[Candidate]) -> float:
+        """Fall of the deviance that candidates must bring beside `base` for EBIC to fall."""
+        own = sum(self.of_parameter(p, base.count) for c in joined for p in c.parameters)
+        laws = sum(_LAW_PENALTY for c in joined if c.law)
+        known = self.findings(base)
+        together = known + sum(not c.calibrates for c in joined)
+        return own + laws + self.of_choice(together) - self.of_choice(known)
+
+    def of_parameter(self, parameter: Parameter, count: int) -> float:
+        """Penalty of one more parameter with `count` samples."""
+        if parameter.role is Role.CONSTANT:
+            return 0.0
+        if parameter.role is Role.PHASE:
+            return _PHASE_PENALTY
+        return math.log(max(count, _LEAST_SAMPLES))
+
+    def of_choice(self, chosen: int) -> float:
+        """Penalty of having chosen so many effects: 2 ln(catalogue over chosen)."""
+        return 2 * math.log(math.comb(max(self.catalogue_size, chosen), chosen))
+
+    def lowest(self, fits: Sequence[Fit]) -> Fit:
+        """The fit of the lowest EBIC; of equal ones the first in alphabetical order."""
+        least = min(map(self.ebic, fits))
+        equal = [fit for fit in fits if self.ebic(fit) <= least + _EQUAL]
+        return min(equal, key=lambda fit: (len(fit.candidates), sorted(fit.key)))
+
+    # -- findings and calibrations ------------------------------------------------------
+
+    def findings(self, fit: Fit) -> int:
+        """Number of its effects that are findings, and no calibrations."""
+        return sum(not self.calibrated(fit, candidate) for candidate in fit.candidates)
+
+    def calibrated(self, fit: Fit, candidate: Candidate) -> bool:
+        """True if this effect corrects a number of the model within its tolerance only."""
+        if not candidate.calibrates:
+            return False
+        own = [(p, v, d) for (name, p), v, d in self._known(fit) if name == candidate.name]
+        return all(p.tolerates(value, _CLEARLY_OUTSIDE * d) for p, value, d in own)
+
+    # -- plausibility -------------------------------------------------------------------
+
+    def plausible(self, fit: Fit) -> bool:
+        """True if every parameter is within its plausible range, its error allowed for."""
+        furthest = max((p.beyond(v) / d for (_, p), v, d in self._known(fit)), default=0.0)
+        return not self.at_bound(fit) and furthest <= _CLEARLY_OUTSIDE
+
+    def at_bound(self, fit: Fit) -> list[str]:
+        """Parameters (`effect.parameter`) that the data would push out of their range.
+
+        Those within 1/1000 of an end of it, and by less than their standard deviation.
+        """
+        names = []
+        for (effect, p), value, error in self._known(fit):
+            nearest = min((p.low, p.high), key=lambda bound: abs(p.scaled(value) - p.scaled(bound)))
+            near = abs(p.scaled(value) - p.scaled(nearest)) < _NEAR_BOUND
+            bounded = p.role not in (Role.PHASE, Role.CONSTANT)
+            if bounded and near and abs(value - nearest) < error:
+                names.append(f"{effect}.{p.name}")
+        return names
+
+    def _implausibility(self, fit: Fit) -> float:
+        """Rise of chi-squared if every value were moved into its plausible range, to first order.
+
+        It grows continuously up to its limit, so that no fit gains by passing a threshold.
+        """
+        most = math.sqrt(_MOST_IMPLAUSIBLE)
+        distances = (p.beyond(v) / d for (_, p), v, d in self._known(fit))
+        at_bound = _MOST_IMPLAUSIBLE * len(self.at_bound(fit))
+        return at_bound + sum(min(distance, most) ** 2 for distance in distances)
+
+    def _constants(self, fit: Fit) -> float:
+        """Laplace's penalty of what the data tell about assumed constants.
+
+        2 ln(prior / posterior standard deviation) each, which is 0 where they tell nothing.
+        """
+        return sum(
+            max(2 * math.log(math.sqrt(_UNIFORM) * (p.high - p.low) / d), 0.0)
+            for (_, p), _, d in self._known(fit)
+            if p.role is Role.CONSTANT
+        )
+
+    def _known(self, fit: Fit) -> list[tuple[tuple[str, Parameter], float, float]]:
+        """Effect and parameter, value and standard deviation of all that was fitted."""
+        deviations = self.deviations(fit).tolist()
+        return list(zip(fit.order, fit.values.tolist(), deviations, strict=True))
+
+    # -- errors -------------------------------------------------------------------------
+
+    def deviations(self, fit: Fit) -> Floats:
+        """Standard deviations of the parameters, in `order`; infinite if not identifiable."""
+        return np.asarray(np.sqrt(np.diag(self.covariance(fit))))
+
+    def intervals(self, fit: Fit, level: float = 0.95) -> list[tuple[float, float]]:
+        """Confidence intervals of the parameters; Student's t where the noise is estimated."""
+        estimated = not (self.noise.exact and all(self.noise.stated))
+        freedom = max(fit.count - len(fit.order), 1)
+        spread = stats.t(freedom) if estimated else stats.norm
+        half = spread.ppf((1 + level) / 2) * self.deviations(fit)
+        return [(v - h, v + h) for v, h in zip(fit.values.tolist(), half.tolist(), strict=True)]
+
+    def covariance(self, fit: Fit) -> Floats:
+        """Covariance of the parameters (parameters x parameters), in `order`.
+
+        H⁻¹ V H⁻¹, where H is the normal matrix and V the covariance of Jᵀ noise: H itself for
+        white noise of variance 1, and that of noise with the residual's spectrum else. What is
+        known of assumed constants beforehand counts. Infinite where parameters are not
+        identifiable.
+        """
+        if fit.identity not in self._covariances:
+            self._covariances[fit.identity] = self._covariance(fit)
+        return self._covariances[fit.identity]
+
+    def _covariance(self, fit: Fit) -> Floats:
+        spans = np.array([p.high - p.low for _, p in fit.order])
+        scaled = fit.jacobian * spans
+        prior = np.diag([1 / _UNIFORM if p.role is Role.CONSTANT else 0.0 for _, p in fit.order])
+        unknown = np.full((len(spans),) * 2, math.inf)
+        normal = scaled.T @ scaled + prior if len(spans) else prior
+        scale = np.sqrt(np.diag(normal))
+        if not scale.all() or not np.isfinite(normal).all():
+            return unknown
+        unit = normal / np.outer(scale, scale)
+        if len(spans) and np.linalg.cond(unit) > _MOST_CONDITION:
+            return unknown
+        inverse = np.linalg.inv(unit) / np.outer(scale, scale)
+        variance = inverse @ (self._variance(fit, scaled) + prior) @ inverse
+        return np.asarray(variance * np.outer(spans, spans))
+
+    def _variance(self, fit: Fit, scaled: Floats) -> Floats:
+        """Covariance of `scaled`ᵀ noise."""
+        if not self.noise.exact:
+            return spectral_variance(scaled, fit.residual, self.noise)
+        freedom = max(fit.count - len(fit.order), 1)
+        size = 1.0 if all(self.noise.stated) else max(fit.rss / freedom, _TINY)
+        return np.asarray(size * (scaled.T @ scaled))

@@ -1,0 +1,184 @@
+"""Hypotheses: fitted sets of effects, and the evidence by which all of them are judged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from itertools import product
+from typing import TypeVar
+
+import numpy as np
+
+from mopro.diagnosis.evidence import Evidence
+from mopro.diagnosis.fit import Fit, Identity, Key, least_squares_fit
+from mopro.diagnosis.model import Candidate, Settings, Simulate
+from mopro.diagnosis.noise import Noise
+from mopro.diagnosis.remainder import examine
+from mopro.diagnosis.residual import Residuals
+
+# EBIC above that of the best set from which on a set is out of the question: its chi-squared is
+# larger than any saving in penalties.
+OUT_OF_REACH = 100.0
+# Chi-squared by which a start must be below a known fit of the same set to be fitted from too.
+# Below it the two are the same minimum.
+_BETTER_START = 1.0
+
+T = TypeVar("T")
+R = TypeVar("R")
+Progress = Callable[[str], None]
+# A set of effects in their forms, and the settings that its fit starts from.
+Proposal = tuple[Sequence[Candidate], Settings]
+
+
+class Hypotheses:
+    """Sets of effects of `catalogue`, fitted to one problem together with the model's `base`.
+
+    A set is fitted once, from the start that it was first proposed with, and again from any
+    later one that begins lower. `evidence` judges all sets by the same noise. `jobs` fits run
+    at once.
+    """
+
+    def __init__(
+        self,
+        residuals: Residuals,
+        catalogue: Sequence[Candidate],
+        base: Sequence[Candidate] = (),
+        jobs: int = 1,
+        progress: Progress = lambda _: None,
+    ) -> None:
+        self.residuals = residuals
+        self.catalogue = tuple(catalogue)
+        self.base = tuple(base)
+        self.progress = progress
+        self.jobs = jobs
+        self._size = len(catalogue)
+        self.evidence = Evidence(Noise.as_stated(residuals), self._size)
+        self._fits: dict[Key, Fit] = {}
+        self._limits: dict[Key, float] = {}
+        self._stepped: set[tuple[Identity, str]] = set()
+        self.null = self._fit_null()
+
+    def _fit_null(self) -> Fit:
+        """The model without any effect, its base fitted from each combination of its starts."""
+        ranges = [[(c.name, p.name, v) for v in p.starts] for c in self.base for p in c.parameters]
+        starts: list[Settings] = [
+            {c.name: {name: v for of, name, v in values if of == c.name} for c in self.base}
+            for values in product(*ranges)
+        ]
+        fit = least_squares_fit(self.residuals, (), starts, math.inf, self.base)
+        self._fits[fit.key] = fit
+        return fit
+
+    def join(self, laws: Sequence[Candidate], simulate: Simulate) -> None:
+        """Let free-form terms compete, which `simulate` knows beside the catalogue."""
+        self.catalogue = (*self.catalogue, *laws)
+        self.residuals = self.residuals.of_model(simulate)
+
+    # -- judging ------------------------------------------------------------------------
+
+    def ebic(self, fit: Fit) -> float:
+        return self.evidence.ebic(fit)
+
+    def best(self) -> Fit:
+        """The set of the lowest EBIC."""
+        return self.evidence.lowest(self._complete())
+
+    def ranked(self) -> list[Fit]:
+        """All sets that were fitted to their minimum, the lowest EBIC first."""
+        return sorted(self._complete(), key=lambda fit: (self.ebic(fit), sorted(fit.key)))
+
+    def _complete(self) -> list[Fit]:
+        return [fit for fit in self._fits.values() if not fit.abandoned]
+
+    def fullest(self) -> Fit:
+        """The set that leaves the smallest sum of squares."""
+        return min(self._complete(), key=lambda fit: (fit.rss, sorted(fit.key)))
+
+    def is_noise(self, fit: Fit) -> bool:
+        """True if the residual of `fit` passes the tests of noise of the stated size."""
+        return not examine(self.residuals, fit.residual, len(fit.order)).significant
+
+    def judge_by_the_remainder(self) -> None:
+        """Judge by noise like the remainder of the fullest set, unless that is as stated."""
+        fullest, stated = self.fullest(), Noise.as_stated(self.residuals)
+        noise = stated if self.is_noise(fullest) else stated.like(fullest.residual)
+        self.evidence = Evidence(noise, self._size)
+
+    # -- fitting ------------------------------------------------------------------------
+
+    def fit_all(self, proposals: Iterable[Proposal], limit: float = math.inf) -> list[Fit]:
+        """The fits of several sets, each from its own start; see `fitted`."""
+        return self.each(lambda each: self.fitted(*each, limit), proposals)
+
+    def fitted(
+        self, candidates: Sequence[Candidate], start: Settings, limit: float = math.inf
+    ) -> Fit:
+        """The fit of a set of effects; one that cannot come down to `limit` is abandoned.
+
+        `limit` is a sum of squares. An abandoned set is fitted again for a wider limit.
+        """
+        key = frozenset(candidate.key for candidate in candidates)
+        known = self._fits.get(key)
+        if known is not None and known.abandoned and limit <= self._limits[key]:
+            return known
+        if known is not None and not known.abandoned and not self._begins_lower(start, known):
+            return known
+        self.progress("fitting " + " + ".join(sorted(c.name for c in candidates)))
+        fit = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
+        if known is None or known.abandoned or fit.rss < known.rss:
+            self._fits[key], self._limits[key] = fit, limit
+        return self._fits[key]
+
+    def _begins_lower(self, start: Settings, known: Fit) -> bool:
+        if not known.candidates or start == known.settings:
+            return False
+        rss = float(np.sum(self.residuals.at(start) ** 2))
+        return rss < known.rss - _BETTER_START * self.scale(known)
+
+    def without(self, fit: Fit, name: str, limit: float = math.inf) -> Fit:
+        """`fit` without the effect `name`, from where a Gauss-Newton step leads, or as it stands.
+
+        Of the two starts the lower one is taken.
+        """
+        others = [c for c in fit.candidates if c.name != name]
+        if not others:
+            return self.null
+        known = self._fits.get(frozenset(c.key for c in others))
+        once = (fit.identity, name)
+        if known is not None and not known.abandoned and once in self._stepped:
+            return known
+        self._stepped.add(once)
+        starts = [fit.stepped_without(name), fit.settings_without(frozenset({name}))]
+        lowest = min(starts, key=lambda s: float(np.sum(self.residuals.at(s) ** 2)))
+        return self.fitted(others, lowest, limit)
+
+    def switched_off(self, fit: Fit, names: frozenset[str]) -> Fit:
+        """`fit` with the effects `names` off and the others left as they are: no minimum."""
+        kept = tuple(c for c in fit.candidates if c.name not in names)
+        own = [i for i, (effect, _) in enumerate(fit.order) if effect not in names]
+        settings = fit.settings_without(names)
+        return replace(
+            fit, candidates=kept, order=tuple(fit.order[i] for i in own), settings=settings,
+            jacobian=fit.jacobian[:, own], residual=self.residuals.at(settings),
+        )  # fmt: skip
+
+    def scale(self, fit: Fit) -> float:
+        """Variance of the noise in units of the stated one, by the evidence's noise."""
+        return float(np.mean(self.evidence.noise.variances(fit.residual)))
+
+    def limit(self, fit: Fit, delta_ebic: float = OUT_OF_REACH) -> float:
+        """Sum of squares above which no set comes within `delta_ebic` of the EBIC of `fit`."""
+        noise = self.evidence.noise
+        if noise.exact and all(noise.stated):
+            return fit.rss + self.evidence.penalty(fit) + delta_ebic
+        samples = sum(noise.effective or noise.counts)
+        return fit.rss * math.exp((self.evidence.penalty(fit) + delta_ebic) / samples)
+
+    def each(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
+        """`function` of all items, in several threads if there is more than one job."""
+        if self.jobs == 1:
+            return [function(item) for item in items]
+        with ThreadPoolExecutor(self.jobs) as pool:
+            return list(pool.map(function, items))

@@ -1,0 +1,296 @@
+"""Free-form terms of the measurement: functions of time and motion that no catalogue lists.
+
+Each is added to the predictions of one sensor, in all its runs. They stand beside the catalogue
+at a price of their own, and describe what is left where no listed effect does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import groupby
+
+import numpy as np
+from scipy import fft
+
+from mopro.diagnosis.model import (
+    Candidate,
+    Floats,
+    Law,
+    Parameter,
+    ResidualView,
+    Role,
+    Series,
+    Settings,
+    Simulate,
+)
+from mopro.diagnosis.spectrum import position_spectrum
+
+Values = Mapping[str, float]
+
+# Size of a term that is looked for, as a multiple of the largest value measured, and the size at
+# which it is probed.
+_LARGEST, _PROBED = 100.0, 1e-2
+# Cycles in the data below which a line is a bend or a drift.
+_FEWEST_CYCLES = 2
+# Widths of a bump, as shares of the range of positions.
+_BUMP_WIDTHS = (0.02, 0.05, 0.1)
+# Predictions kept: a term that is fitted beside effects asks for the same ones again.
+_KEPT = 16
+
+
+class WithLaws:
+    """The model `simulate`, with the free-form terms in the settings added to its predictions."""
+
+    def __init__(
+        self, simulate: Simulate, data: Sequence[Series], laws: Sequence[Candidate]
+    ) -> None:
+        self._simulate, self._data = simulate, data
+        self._terms = {c.name: c.law.of_data for c in laws if c.law and c.law.of_data}
+        self._predicted: dict[tuple[object, ...], Sequence[Floats]] = {}
+
+    def __call__(self, settings: Settings) -> Sequence[Floats]:
+        plain = {name: values for name, values in settings.items() if name not in self._terms}
+        predicted = self._of_the_model(plain)
+        for name in settings.keys() & self._terms.keys():
+            term = self._terms[name]
+            predicted = [
+                own + term(series, settings[name])
+                for own, series in zip(predicted, self._data, strict=True)
+            ]
+        return predicted
+
+    def _of_the_model(self, settings: Settings) -> Sequence[Floats]:
+        key = tuple((name, tuple(values.items())) for name, values in settings.items())
+        if key not in self._predicted:
+            while len(self._predicted) >= _KEPT:
+                self._predicted.pop(next(iter(self._predicted)), None)
+            self._predicted[key] = [np.asarray(p, dtype=float) for p in self._simulate(settings)]
+        return self._predicted[key]
+
+
+def measurement_laws(data: Sequence[Series]) -> list[Candidate]:
+    """The free-form terms of each sensor that its series have labels for."""
+    answer: list[Candidate] = []
+    ordered = sorted(enumerate(data), key=lambda each: each[1].sensor)
+    for sensor, group in groupby(ordered, key=lambda each: each[1].sensor):
+        rows = dict(group)
+        answer += _of_sensor(sensor, rows)
+    return answer
+
+
+def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
+    series = list(rows.values())
+    for name, label, variable, shape in _SHAPES:
+        if all(label in s.labels for s in series):
+            yield from _proportional(sensor, series, name, label, variable, shape)
+    if all(s.time_s is not None for s in series):
+        yield from _proportional(sensor, series, "t", "", "t", lambda t: t - t.mean())
+        yield _line_in_time(sensor, rows)
+    if all("position" in s.labels for s in series):
+        yield _line_in_position(sensor, rows)
+        yield _bump(sensor, rows)
+
+
+def _direction(velocity: Floats) -> Floats:
+    """Sign of the last motion; 0 before the first."""
+    sign = np.sign(velocity)
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), -1))
+    return np.where(last >= 0, sign[last], 0.0)
+
+
+# name, label, variable, function of the label
+_SHAPES: tuple[tuple[str, str, str, Callable[[Floats], Floats]], ...] = (
+    ("v", "velocity", "v", lambda v: v),
+    ("v|v|", "velocity", "v", lambda v: v * np.abs(v)),
+    ("sgn v", "velocity", "sgn v", _direction),
+    ("a", "acceleration", "a", lambda a: a),
+    ("x", "position", "x", lambda x: x),
+    ("x²", "position", "x", lambda x: x**2),
+    ("x³", "position", "x", lambda x: x**3),
+    ("T", "temperature", "T", lambda T: T),
+)
+
+
+def _values(series: Series, label: str) -> Floats:
+    values = series.time_s if label == "" else series.labels[label]
+    return np.asarray(values, dtype=float)
+
+
+def _largest(series: Sequence[Series]) -> float:
+    return max(float(np.ptp(s.values)) for s in series) or 1.0
+
+
+def _proportional(
+    sensor: str,
+    series: Sequence[Series],
+    name: str,
+    label: str,
+    variable: str,
+    shape: Callable[[Floats], Floats],
+) -> Iterator[Candidate]:
+    """A term in proportion to a function of one label; none where that is constant."""
+    reach = max(float(np.ptp(shape(_values(s, label)))) for s in series)
+    if not reach:
+        return
+    size = _largest(series) / reach
+
+    def of_data(own: Series, values: Values) -> Floats:
+        if own.sensor != sensor:
+            return np.zeros(len(own))
+        return values["c"] * shape(_values(own, label))
+
+    law = Law(
+        "measurement", variable, series[0].unit,
+        lambda values: f"{values['c']:.4g} * {_TEXTS.get(name, name)}", of_data,
+    )  # fmt: skip
+    c = Parameter("c", f"{series[0].unit} per unit of {name}", -_LARGEST * size, _LARGEST * size,
+                  (_PROBED * size,))  # fmt: skip
+    yield Candidate(f"{name} in {sensor}", (c,), law=law)
+
+
+_TEXTS = {"v|v|": "v * abs(v)", "sgn v": "sign(v)", "x²": "x**2", "x³": "x**3"}
+
+
+def _line_in_time(sensor: str, rows: Mapping[int, Series]) -> Candidate:
+    """A line of one frequency in time, with a size and phase of its own in each run."""
+    size = _LARGEST * _largest(list(rows.values()))
+    names = {rows[row].run: (f"s{i}", f"c{i}") for i, row in enumerate(rows)}
+
+    def of_data(own: Series, values: Values) -> Floats:
+        if own.sensor != sensor or own.time_s is None:
+            return np.zeros(len(own))
+        angle = 2 * math.pi * values["f"] * own.time_s
+        sine, cosine = names[own.run]
+        return np.asarray(values[sine] * np.sin(angle) + values[cosine] * np.cos(angle))
+
+    def find(view: ResidualView) -> Iterator[Values]:
+        frequency = _strongest(rows, view)
+        if frequency is None:
+            return
+        values = {"f": frequency}
+        for row, series in rows.items():
+            angle = 2 * math.pi * frequency * _values(series, "")
+            found = _sinusoid(angle, view.residuals[row] * view.sigmas[row])
+            values |= dict(zip(names[series.run], found, strict=True))
+        yield values
+
+    fastest = max(0.5 / _step(series) for series in rows.values())
+    f = Parameter("f", "Hz", 0.0, fastest, role=Role.SHAPE, difference=1e-7)
+    unit = next(iter(rows.values())).unit
+    sizes = [Parameter(n, unit, -size, size) for pair in names.values() for n in pair]
+    law = Law(
+        "measurement", "t", unit,
+        lambda values: f"{math.hypot(values['s0'], values['c0']):.4g} * "
+        f"sin(2 * pi * {values['f']:.5g} * t)", of_data,
+    )  # fmt: skip
+    return Candidate(f"line in time in {sensor}", (f, *sizes), find_starts=find, law=law)
+
+
+def _step(series: Series) -> float:
+    return float(np.median(np.diff(_values(series, "")))) if len(series) > 1 else 1.0
+
+
+def _strongest(rows: Mapping[int, Series], view: ResidualView) -> float | None:
+    """Frequency (Hz) of the strongest line of the periodograms, summed over the series."""
+    length = fft.next_fast_len(2 * max(map(len, rows.values())))
+    steps = {row: _step(series) for row, series in rows.items()}
+    step = min(steps.values())
+    power = np.zeros(length // 2)
+    for row in rows:
+        if math.isclose(steps[row], step, rel_tol=1e-3):
+            power += np.abs(fft.rfft(view.residuals[row], length)[1 : length // 2 + 1]) ** 2
+    longest = max(float(np.ptp(_values(series, ""))) for series in rows.values())
+    frequencies = np.arange(1, len(power) + 1) / (length * step)
+    power[frequencies * longest < _FEWEST_CYCLES] = 0.0
+    return float(frequencies[int(np.argmax(power))]) if power.any() else None
+
+
+def _sinusoid(angle: Floats, values: Floats) -> tuple[float, float]:
+    """Least-squares coefficients of sin(angle) and cos(angle) in `values`, with a constant."""
+    shapes = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(angle))])
+    sine, cosine, _ = np.linalg.lstsq(shapes, values, rcond=None)[0]
+    return float(sine), float(cosine)
+
+
+def _line_in_position(sensor: str, rows: Mapping[int, Series]) -> Candidate:
+    """A line of one period in position, the same in all runs."""
+    series = list(rows.values())
+    size = _LARGEST * _largest(series)
+    reach = max(float(np.ptp(_values(s, "position"))) for s in series) or 1.0
+
+    def of_data(own: Series, values: Values) -> Floats:
+        if own.sensor != sensor:
+            return np.zeros(len(own))
+        angle = 2 * math.pi * _values(own, "position") / values["p"]
+        return np.asarray(values["s"] * np.sin(angle) + values["c"] * np.cos(angle))
+
+    def find(view: ResidualView) -> Iterator[Values]:
+        places = [_values(s, "position") for s in series]
+        if not max(float(np.ptp(x)) for x in places):
+            return
+        cycles, power = position_spectrum(places, [view.residuals[row] for row in rows])
+        power = np.where(cycles * reach < _FEWEST_CYCLES, 0.0, power)
+        if not power.any():
+            return
+        period = 1 / float(cycles[int(np.argmax(power))])
+        angle = 2 * math.pi * np.concatenate(places) / period
+        left = np.concatenate([view.residuals[row] * view.sigmas[row] for row in rows])
+        sine, cosine = _sinusoid(angle, left)
+        yield {"p": period, "s": sine, "c": cosine}
+
+    unit = series[0].unit
+    p = Parameter("p", series[0].position_unit, reach / 5000, reach, role=Role.SHAPE,
+                  inverse=True, difference=1e-6)  # fmt: skip
+    law = Law(
+        "measurement", "x mod", unit,
+        lambda values: f"{math.hypot(values['s'], values['c']):.4g} * "
+        f"sin(2 * pi * x / {values['p']:.5g} + {math.atan2(values['c'], values['s']):.3g})",
+        of_data,
+    )  # fmt: skip
+    sizes = (Parameter("s", unit, -size, size), Parameter("c", unit, -size, size))
+    return Candidate(f"line in position in {sensor}", (p, *sizes), find_starts=find, law=law)
+
+
+def _bump(sensor: str, rows: Mapping[int, Series]) -> Candidate:
+    """A local bump in position, of the shape of Gauss' curve."""
+    series = list(rows.values())
+    size = _LARGEST * _largest(series)
+    places = np.concatenate([_values(s, "position") for s in series])
+    low, reach = float(places.min()), float(np.ptp(places)) or 1.0
+
+    def shape(x: Floats, at: float, width: float) -> Floats:
+        return np.asarray(np.exp(-0.5 * ((x - at) / width) ** 2))
+
+    def of_data(own: Series, values: Values) -> Floats:
+        if own.sensor != sensor:
+            return np.zeros(len(own))
+        return values["h"] * shape(_values(own, "position"), values["at"], values["w"])
+
+    def find(view: ResidualView) -> Iterator[Values]:
+        left = np.concatenate([view.residuals[row] * view.sigmas[row] for row in rows])
+        best: tuple[float, Values] = (0.0, {})
+        for share in _BUMP_WIDTHS:
+            width = share * reach
+            for at in np.arange(low, low + reach, width):
+                form = shape(places, float(at), width)
+                form -= form.mean()
+                norm = float(form @ form)
+                height = float(form @ left) / norm if norm else 0.0
+                if height**2 * norm > best[0]:
+                    best = height**2 * norm, {"h": height, "at": float(at), "w": width}
+        if best[1]:
+            yield best[1]
+
+    unit, place = series[0].unit, series[0].position_unit
+    law = Law(
+        "measurement", "x", unit,
+        lambda values: f"{values['h']:.4g} * exp(-((x - {values['at']:.4g}) / "
+        f"{values['w']:.3g})**2 / 2)", of_data,
+    )  # fmt: skip
+    parameters = (
+        Parameter("h", unit, -size, size),
+        Parameter("at", place, low, low + reach, role=Role.SHAPE),
+        Parameter("w", place, reach / 500, reach, role=Role.SHAPE, inverse=True),
+    )
+    return Candidate(f"bump in {sensor}", parameters, find_starts=find, law=law)
