@@ -37,6 +37,7 @@ def conclude(
     sets: Hypotheses,
     screening: Screening,
     fit: Fit,
+    drafted: Fit | None,
     held: HeldOut | None,
     remainder: Remainder,
     others: Sequence[Alternative],
@@ -45,10 +46,11 @@ def conclude(
 ) -> Verdict:
     """The verdict on `fit`, with all that the evidence says for and against.
 
+    `drafted`: the same effects with free-form terms beside them, to which `held` belongs then.
     `others` are the sets that do as well; `dropped` the effects that passes after the search
     dropped.
     """
-    believed = [(c, _named(sets, fit, held, c, others)) for c in fit.candidates if not c.law]
+    believed = [(c, _named(sets, fit, held, c, others)) for c in fit.candidates]
     calibrated = sets.evidence.calibrated
     effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
     unseen, rejected = _not_found(sets, screening, fit)
@@ -61,7 +63,7 @@ def conclude(
         where=tuple(_where(sets)),
         gap=_gap(sets, fit, held),
         remainder=remainder,
-        settings=fit.settings_without(_laws(fit)),
+        settings=fit.settings,
         before=tuple(_in_units(sets, sets.null.residual)),
         after=tuple(_in_units(sets, fit.residual)),
         signatures=tuple(_signature(sets, fit, name) for name in sorted(fit.names)),
@@ -70,7 +72,7 @@ def conclude(
         alternatives=tuple(tuple(sorted(other.names)) for other in others),
         base={p: e for c in fit.base for p, e in _estimates(sets, fit, c).items()},
         base_before=sets.null.settings,
-        drafts=tuple(_draft(sets, fit, held, c) for c in fit.candidates if c.law),
+        drafts=() if drafted is None else _drafts(sets, drafted, held),
         notes=tuple(notes),
         nuisances=tuple(_nuisances(sets, fit, data)),
         correlations=_correlations(sets, fit),
@@ -114,27 +116,25 @@ def _named(
     )
 
 
-def _laws(fit: Fit) -> frozenset[str]:
-    """The names of its free-form terms."""
-    return frozenset(c.name for c in fit.candidates if c.law)
-
-
 def _sigmas(sets: Hypotheses, fit: Fit, without: Fit) -> float:
     """Root of the fall of chi-squared by an effect, in standard deviations of the noise."""
     return math.sqrt(max(without.rss - fit.rss, 0.0) / sets.scale(fit))
 
 
-def _draft(sets: Hypotheses, fit: Fit, held: HeldOut | None, candidate: Candidate) -> Draft:
-    law = candidate.law
-    assert law is not None, "only free-form terms are drafts"
-    return Draft(
-        name=candidate.name,
-        enters=law.enters,
-        of=law.of,
-        law=law.formula(fit.settings[candidate.name]),
-        unit=law.unit,
-        sigmas=_sigmas(sets, fit, sets.without(fit, candidate.name)),
-        held_out=held is not None and held.supports(candidate.name),
+def _drafts(sets: Hypotheses, drafted: Fit, held: HeldOut | None) -> tuple[Draft, ...]:
+    """The free-form terms of a fit."""
+    return tuple(
+        Draft(
+            name=c.name,
+            enters=c.law.enters,
+            of=c.law.of,
+            law=c.law.formula(drafted.settings[c.name]),
+            unit=c.law.unit,
+            sigmas=_sigmas(sets, drafted, sets.without(drafted, c.name)),
+            held_out=held is not None and held.supports(c.name),
+        )
+        for c in drafted.candidates
+        if c.law is not None
     )
 
 
@@ -169,8 +169,6 @@ def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
 
     None where there is no excess.
     """
-    laws = _laws(fit)
-    listed = sets.switched_off(fit, laws) if laws else fit
     noise = fit.count * (1.0 if sets.residuals.known_noise else fit.rss / max(fit.count, 1))
     before = sets.null.rss - noise
     if before <= 0:
@@ -180,11 +178,11 @@ def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
         return min(max(1 - max(rss - noise, 0.0) / before, 0.0), 1.0)
 
     held_share = None
-    if held is not None and not laws:
+    if held is not None:
         samples = len(fit.residual)
         held_before = held.before * samples - noise
         held_share = share(held.after * samples, held_before) if held_before > 0 else None
-    return Explained(share(listed.rss, before), held_share)
+    return Explained(share(fit.rss, before), held_share)
 
 
 def _nuisances(sets: Hypotheses, fit: Fit, data: Sequence[Series]) -> list[Floats]:

@@ -14,7 +14,7 @@ from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.heldout import HeldOut, held_out
 from mopro.diagnosis.hypotheses import Hypotheses, Progress
 from mopro.diagnosis.laws import WithLaws, measurement_laws
-from mopro.diagnosis.model import Candidate, Parameter, Series, Simulate
+from mopro.diagnosis.model import Candidate, Law, Parameter, Series, Simulate
 from mopro.diagnosis.noise import Noise, coloured_deviance
 from mopro.diagnosis.remainder import NOISE_TOLERANCE, NOTHING_LEFT, Remainder, examine
 from mopro.diagnosis.residual import Residuals, difference_variance
@@ -62,12 +62,16 @@ class Problem:
 
 @dataclass(frozen=True)
 class State:
-    """What is known between two passes: the fitted sets, and the answer so far."""
+    """What is known between two passes: the fitted sets, and the answer so far.
+
+    `drafted`: the answer with the free-form terms that stand beside it.
+    """
 
     problem: Problem
     sets: Hypotheses
     screening: Screening
     fit: Fit
+    drafted: Fit | None = None
     held: HeldOut | None = None
     remainder: Remainder = NOTHING_LEFT
     alternatives: tuple[Alternative, ...] = ()
@@ -111,7 +115,7 @@ def reconcile(
     for each in PASSES:
         state = each(state)
     return conclude(
-        state.sets, state.screening, state.fit, state.held, state.remainder,
+        state.sets, state.screening, state.fit, state.drafted, state.held, state.remainder,
         state.alternatives, state.rejected, state.notes,
     )  # fmt: skip
 
@@ -258,13 +262,29 @@ def hold_out(state: State) -> State:
     return replace(state, fit=fit, held=None, rejected=tuple(rejected))
 
 
+def set_laws_apart(state: State) -> State:
+    """The listed effects by themselves, with the free-form terms as drafts of what they leave.
+
+    A term that is fitted together with an effect may take a part of it.
+    """
+    laws = frozenset(c.name for c in state.fit.candidates if c.law)
+    if not laws:
+        return state
+    fit = state.fit
+    for name in sorted(laws):
+        fit = state.sets.without(fit, name)
+    return replace(state, fit=fit, drafted=state.fit)
+
+
 def examine_remainder(state: State) -> State:
     """Whether what is left is noise, of whatever size and memory, or something unexplained."""
     sets, fit = state.sets, state.fit
     remainder = examine(sets.residuals, fit.residual, len(fit.order))
-    drafted = any(c.law for c in fit.candidates)
-    if drafted:
-        return replace(state, remainder=_drafted(state, remainder))
+    if state.drafted is not None:
+        variable = _main_law(sets, state.drafted).of
+        described = remainder.description or f"a law of {variable}"
+        remainder = replace(remainder, description=described, variable=variable)
+        return replace(state, remainder=replace(remainder, significant=True))
     if not remainder.significant:
         return replace(state, remainder=remainder)
     note = _as_noise(state, remainder)
@@ -274,15 +294,10 @@ def examine_remainder(state: State) -> State:
     return replace(state, remainder=remainder, notes=(*state.notes, note))
 
 
-def _drafted(state: State, remainder: Remainder) -> Remainder:
-    """The remainder beside the listed effects, of which free-form terms are a part."""
-    laws = frozenset(c.name for c in state.fit.candidates if c.law)
-    listed = state.sets.switched_off(state.fit, laws)
-    left = examine(state.sets.residuals, listed.residual, len(listed.order))
-    largest = max(laws, key=lambda n: state.sets.without(state.fit, n).rss)
-    (law,) = (c.law for c in state.fit.candidates if c.name == largest)
-    assert law is not None, "it was chosen among the laws"
-    return replace(left, significant=True, variable=law.of)
+def _main_law(sets: Hypotheses, drafted: Fit) -> Law:
+    """The free-form term that explains most."""
+    laws = {c.name: c.law for c in drafted.candidates if c.law}
+    return laws[max(laws, key=lambda name: (sets.without(drafted, name).rss, name))]
 
 
 def _as_noise(state: State, remainder: Remainder) -> str | None:
@@ -324,6 +339,7 @@ PASSES: tuple[Pass, ...] = (
     eliminate,
     weigh_against_colour,
     hold_out,
+    set_laws_apart,
     examine_remainder,
     find_alternatives,
 )

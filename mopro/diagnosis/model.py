@@ -125,7 +125,8 @@ class ResidualView:
 
     `residuals`: one array a series, in standard deviations of the noise. `sigmas`: those
     standard deviations, in the units of the series. `predictions`: the model's values with
-    all that is fitted, in the units of the series. `settings`: those of listed effects. `rss(settings)`: sum of squares of the
+    all that is fitted, in their units. `settings`: those of the effects, without laws.
+    `rss(settings)`: sum of squares of the
     whole whitened residual with `settings` added.
     """
 

@@ -63,7 +63,7 @@ def _next(sets: Hypotheses, best: Fit, expanded: set[Identity]) -> Fit | None:
     limit = sets.limit(best)
     for fit in sets.ranked():
         near = fit.rss < max(limit, _MAIN_EFFECT_LEAVES * sets.null.rss)
-        if near and fit.candidates and fit.identity not in expanded and not fit.names > best.names:
+        if near and fit.candidates and fit.identity not in expanded:
             return fit
     return None
 

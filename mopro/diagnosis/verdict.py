@@ -146,7 +146,7 @@ class Verdict:
     """`none`, `named`, `ambiguous` or `unexplained`, and the evidence for it.
 
     `before` and `after`: the residual of each series, in its unit, without and with the
-    effects. `settings`: all that was fitted but the drafts. `next_experiment`: the text of a program that
+    effects. `settings`: all that was fitted but drafts. `next_experiment`: a program that
     would tell alternatives apart, if the caller writes one. `calibration`: corrections of the
     model's own numbers within their tolerances, which are no findings. `alternatives`: sets of
     effects within 10 of the lowest EBIC, the lowest first. `base`: the model's free numbers,
