@@ -9,7 +9,7 @@ import numpy as np
 
 from mopro.diagnosis.alternatives import Alternative, alternatives
 from mopro.diagnosis.conclude import conclude
-from mopro.diagnosis.evidence import NAMING_MARGIN
+from mopro.diagnosis.evidence import ALTERNATIVE_MARGIN, NAMING_MARGIN
 from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.heldout import HeldOut, held_out
 from mopro.diagnosis.hypotheses import Hypotheses, Progress
@@ -19,7 +19,7 @@ from mopro.diagnosis.noise import Noise, coloured_deviance
 from mopro.diagnosis.remainder import NOISE_TOLERANCE, NOTHING_LEFT, Remainder, examine
 from mopro.diagnosis.residual import Residuals, difference_variance
 from mopro.diagnosis.screening import Screening
-from mopro.diagnosis.search import search
+from mopro.diagnosis.search import FIRST_ROUNDS, search
 from mopro.diagnosis.verdict import Rejected, Verdict
 
 # The name of the model's own free numbers in the settings.
@@ -141,8 +141,8 @@ def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:
 
 
 def search_catalogue(state: State) -> State:
-    """The set of listed effects of the lowest EBIC."""
-    search(state.sets, state.screening)
+    """The set of listed effects of the lowest EBIC, as far as a few rounds lead."""
+    search(state.sets, state.screening, rounds=FIRST_ROUNDS)
     return replace(state, fit=state.sets.best())
 
 
@@ -153,7 +153,7 @@ def refine_steps(state: State) -> State:
         return state
     state.problem.progress("refitting with a finer simulation")
     finer = WithLaws(finer, state.problem.data, ())
-    return search_catalogue(State.of(replace(state.problem, simulate=finer, finer=None)))
+    return add_laws(search_catalogue(State.of(replace(state.problem, simulate=finer, finer=None))))
 
 
 def _steps_matter(state: State, finer: Simulate) -> bool:
@@ -190,11 +190,11 @@ def restate_quiet_noise(state: State) -> State:
             )
         data.append(series)
     again = State.of(replace(state.problem, data=tuple(data)))
-    return replace(search_catalogue(again), notes=tuple(notes))
+    return replace(add_laws(search_catalogue(again)), notes=tuple(notes))
 
 
 def add_laws(state: State) -> State:
-    """The search again with free-form terms beside the catalogue, where something is left.
+    """The search continued with free-form terms beside the catalogue, where something is left.
 
     A set that needs several effects, or a flexible one, may stand for one that nobody listed.
     """
@@ -202,11 +202,12 @@ def add_laws(state: State) -> State:
     if state.sets.is_noise(state.fit) and not doubtful:
         return state
     laws = measurement_laws(state.problem.data)
-    if not laws:
-        return state
     state.sets.join(laws, WithLaws(state.problem.simulate, state.problem.data, laws))
     search(state.sets, state.screening, [state.fit])
-    return replace(state, fit=state.sets.best())
+    best, listed = state.sets.best(), state.sets.best_listed()
+    # What somebody has listed has the benefit of the doubt.
+    doubt = state.sets.ebic(listed) - state.sets.ebic(best) < ALTERNATIVE_MARGIN
+    return replace(state, fit=listed if doubt else best)
 
 
 def eliminate(state: State) -> State:
@@ -333,9 +334,9 @@ def find_alternatives(state: State) -> State:
 
 PASSES: tuple[Pass, ...] = (
     search_catalogue,
+    add_laws,
     refine_steps,
     restate_quiet_noise,
-    add_laws,
     eliminate,
     weigh_against_colour,
     hold_out,

@@ -44,7 +44,7 @@ class HeldOut:
 
     def supports(self, effect: str) -> bool:
         """True if the held-out parts are predicted better with `effect` than without it."""
-        return self.gains[effect] > 0
+        return bool(self.gains[effect] > 0)
 
 
 def held_out(

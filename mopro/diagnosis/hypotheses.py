@@ -85,6 +85,11 @@ class Hypotheses:
         """The set of the lowest EBIC."""
         return self.evidence.lowest(self._complete())
 
+    def best_listed(self) -> Fit:
+        """The set of the lowest EBIC without free-form terms."""
+        listed = [f for f in self._complete() if not any(c.law for c in f.candidates)]
+        return self.evidence.lowest(listed)
+
     def ranked(self) -> list[Fit]:
         """All sets that were fitted to their minimum, the lowest EBIC first."""
         return sorted(self._complete(), key=lambda fit: (self.ebic(fit), sorted(fit.key)))

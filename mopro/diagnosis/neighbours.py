@@ -9,7 +9,7 @@ from itertools import combinations
 from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.linear_subset import LinearSubset, LinearSubsets
-from mopro.diagnosis.model import Candidate
+from mopro.diagnosis.model import Candidate, Settings
 from mopro.diagnosis.screening import Screening, far_from_linear
 
 # Effects in one set. Doubled, harmonics of many lines are told, and pure noise costs no more.
@@ -18,6 +18,9 @@ MOST_EFFECTS = 6
 # deeper minima and takes twice as long.
 _MOST_DROPPED = 2
 _MOST_MORE = 2
+# Share of what an effect brings that a substitute must bring to be fitted in wider forms, and how
+# many of those are. Half as many, and the second of two substitutes is not looked at.
+_MOST_OF_GAIN, _WIDER_FITTED = 0.5, 4
 # Share of the sum of squares with an effect switched off, below which the others have absorbed it
 # when they are fitted again: a search for starts must then look at the residual before that.
 _ABSORBED = 0.8
@@ -84,12 +87,38 @@ def in_other_forms(sets: Hypotheses, fit: Fit) -> list[Proposal]:
     ]
 
 
+def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
+    """Single substitutes for one effect of `near.fit`, in the forms that extend them.
+
+    Those that by themselves bring at least half of what the effect brings: a number that the
+    plain form takes for granted may keep it from the rest.
+    """
+    proposals: list[Proposal] = []
+    for subset in sorted(near.subsets, key=lambda s: -s.reduction):
+        base = subset.base
+        single = len(subset.members) == 1 and len(base.candidates) == len(near.fit.candidates) - 1
+        if not single or subset.reduction < _MOST_OF_GAIN * (base.rss - near.fit.rss):
+            continue
+        (member,) = subset.members
+        proposals += [
+            ((*base.candidates, form), {**subset.start, **_in_form(form, subset.start)})
+            for form in _neighbouring_forms(member.candidate, sets.catalogue)
+            if form.name not in near.fit.names
+        ]
+    return proposals[:_WIDER_FITTED]
+
+
 def _in_another_form(fit: Fit, form: Candidate) -> Proposal:
     others = [c for c in fit.candidates if c.name != form.name]
+    return (*others, form), {**fit.settings, **_in_form(form, fit.settings)}
+
+
+def _in_form(form: Candidate, settings: Settings) -> Settings:
+    """Settings of a form: those that are known of its effect, else its first starts."""
     values = {p.name: p.null for p in form.parameters}
     start = {**values, **{p.name: p.starts[0] for p in form.parameters if p.starts}}
-    own = {n: v for n, v in fit.settings[form.name].items() if n in start}
-    return (*others, form), {**fit.settings, **form.settings(start | own)}
+    own = {n: v for n, v in settings[form.name].items() if n in start}
+    return form.settings(start | own)
 
 
 def _neighbouring_forms(candidate: Candidate, catalogue: Sequence[Candidate]) -> list[Candidate]:

@@ -27,6 +27,9 @@ _WORTH_RELINEARISING = 6.0
 # Chi-squared per sample above which the model may be too far from the data for signatures, which
 # are linear, to rank candidates.
 _FAR_FROM_LINEAR = 100.0
+# Signatures simulated again beside one fit. Doubled, an unexplained residual, which many effects
+# may explain a part of, takes twice as long.
+_MOST_RELINEARISED = 12
 # Smallest sum of squares that is predicted.
 _TINY = 1e-300
 
@@ -47,9 +50,9 @@ class Screening:
     def beside(self, base: Fit, at: Fit, unabsorbed: Fit | None = None) -> list[ScoreTest]:
         """Score tests of all candidates that may join `base`, the lowest predicted EBIC first.
 
-        Signatures are those at the null model, and at the fit `at` those of candidates that
-        may come within the margin of alternatives there. Where the null model is far from
-        linear, all are simulated at `at`. Starts are searched in the residual of `base` and
+        Signatures are those at the null model, and at the fit `at` those of the likeliest
+        candidates that may come within the margin of alternatives there. Far from linear,
+        all are simulated at `at`. Starts are searched in the residual of `base` and
         of `unabsorbed`, in which other effects have not adapted to what was dropped.
         """
         scores = self._beside(base, at)
@@ -74,6 +77,7 @@ class Screening:
         known = self._scores(base, null, joining)
         limit = self._sets.ebic(at) + ALTERNATIVE_MARGIN
         promising = [s.candidate for s in known if self.predicted_ebic(base, s) < limit]
+        promising = promising[:_MOST_RELINEARISED]
         others = [s for s in known if s.candidate not in promising]
         return self._sorted(base, [*self._scores(base, at, promising), *others])
 

@@ -11,7 +11,12 @@ from collections.abc import Sequence
 from mopro.diagnosis.fit import Fit, Identity
 from mopro.diagnosis.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.linear_subset import LinearSubset, distinct
-from mopro.diagnosis.neighbours import Neighbourhood, in_other_forms, neighbourhood
+from mopro.diagnosis.neighbours import (
+    Neighbourhood,
+    in_other_forms,
+    in_wider_forms,
+    neighbourhood,
+)
 from mopro.diagnosis.screening import Screening, far_from_linear
 
 # Sets fitted in one round; far from linear, where predictions are worth less, twice as many.
@@ -19,8 +24,11 @@ from mopro.diagnosis.screening import Screening, far_from_linear
 _FITTED = 5
 # Of these the first are fitted to their minimum, the others only if they can come near it.
 _FITTED_TO_MINIMUM = 2
-# Sets beside the best one that are expanded while the remainder is more than noise, and rounds.
-_MOST_OTHERS, _MOST_ROUNDS = 2, 12
+# Sets beside the best one that are expanded while the remainder is more than noise.
+_MOST_OTHERS = 2
+# Rounds after which free-form terms join the search, and those of a whole search. Doubled, a
+# disturbance that nobody listed is described by several effects first, which takes long.
+FIRST_ROUNDS, _MOST_ROUNDS = 3, 10
 # Error of the reduction of chi-squared that a signature predicts, as a share of it.
 _LINEARITY_ERROR = 0.02
 # Share of the sum of squares that a main effect leaves by itself, if it is the main one.
@@ -34,17 +42,19 @@ _MOST_OF_GAIN = 0.5
 _ONE_EFFECT = 40.0
 
 
-def search(sets: Hypotheses, screening: Screening, also: Sequence[Fit] = ()) -> None:
+def search(
+    sets: Hypotheses, screening: Screening, also: Sequence[Fit] = (), rounds: int = _MOST_ROUNDS
+) -> None:
     """Fit sets of effects to `sets` until none near the best one has a lower EBIC.
 
-    Begins with the null model and the sets in `also`.
+    Begins with the null model and the sets in `also`, and takes so many `rounds` at most.
     """
     expanded: set[Identity] = set()
     others = 0
     for start in (sets.null, *also):
         expanded.add(start.identity)
         _round(sets, screening, start)
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(rounds):
         best = sets.best()
         front = best if best.identity not in expanded else _next(sets, best, expanded)
         if front is None:
@@ -71,12 +81,13 @@ def _next(sets: Hypotheses, best: Fit, expanded: set[Identity]) -> Fit | None:
 def _round(sets: Hypotheses, screening: Screening, front: Fit) -> None:
     """Fit the sets near `front` that may lower the EBIC, and the best one in other forms."""
     before = sets.best()
-    proposed = _proposed(sets, neighbourhood(sets, screening, front))
+    near = neighbourhood(sets, screening, front)
+    proposed = _proposed(sets, near)
     sets.fit_all(_proposals(proposed[:_FITTED_TO_MINIMUM]))
     limit = sets.limit(sets.best())
     if far_from_linear(sets.null):
         limit = max(limit, _MAIN_EFFECT_LEAVES * sets.null.rss)
-    sets.fit_all(_proposals(proposed[_FITTED_TO_MINIMUM:]), limit)
+    sets.fit_all([*_proposals(proposed[_FITTED_TO_MINIMUM:]), *in_wider_forms(sets, near)], limit)
     sets.judge_by_the_remainder()
     best = sets.best()
     while best is not before:
