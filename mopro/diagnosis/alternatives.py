@@ -13,6 +13,7 @@ from mopro.diagnosis.fit_cache import FitCache, Identity
 from mopro.diagnosis.model import Settings
 from mopro.diagnosis.screening import ALTERNATIVE_MARGIN, LINEARITY_ERROR, Screening
 from mopro.diagnosis.signature import ScoreTest
+from mopro.diagnosis.ties import lowest_first
 
 # Alternatives that are fitted in the place of one effect, one or two fits each. Fewer, and larger
 # families lose members.
@@ -80,7 +81,10 @@ class Alternatives:
             for weak in self._fits.each(lambda s: self._weak(fit, name, s), promising):
                 if weak:
                     alternatives.setdefault(weak.name, weak)
-        return sorted(alternatives.values(), key=_delta_ebic)
+        names = [candidate.name for candidate in self._fits.catalogue]
+        return lowest_first(
+            alternatives.values(), _delta_ebic, lambda other: names.index(other.name)
+        )
 
     def _among(self, swaps: list[Fit], fit: Fit) -> dict[str, Alternative]:
         """The best alternative of each name among fits with one effect of `fit` replaced."""

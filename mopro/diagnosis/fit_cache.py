@@ -16,6 +16,7 @@ from mopro.diagnosis.heldout import HeldOut, held_out
 from mopro.diagnosis.model import Candidate, Settings
 from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.signature import ScoreTest
+from mopro.diagnosis.ties import TIE, lowest_first
 
 # EBIC by which another form may at first be worse, as it may make an effect superfluous: that
 # saves its penalty, a parameter's and a choice's, in any but the largest data. Halved, some forms
@@ -52,6 +53,7 @@ class FitCache:
         self.catalogue = tuple(catalogue)
         self.progress = progress
         self.jobs = jobs
+        self._places = {c.key: place for place, c in enumerate(self.catalogue)}
         self._lock = Lock()
         # Each with the limit that it was fitted for.
         self._fits: dict[Key, tuple[Fit, float]] = {}
@@ -65,6 +67,22 @@ class FitCache:
     def ebic(self, fit: Fit) -> float:
         """Extended BIC of `fit` with this catalogue; lower is better."""
         return fit.ebic(len(self.catalogue))
+
+    def place(self, candidate: Candidate) -> int:
+        """Place of `candidate` in the catalogue."""
+        return self._places[candidate.key]
+
+    def lowest_first(self, fits: Iterable[Fit]) -> list[Fit]:
+        """`fits`, the lowest EBIC first; a tie goes by the places in the catalogue."""
+        return lowest_first(fits, self.ebic, lambda fit: sorted(map(self.place, fit.candidates)))
+
+    def lowest(self, fits: Iterable[Fit], default: Fit) -> Fit:
+        """The first of `lowest_first`; `default` if there are no fits."""
+        return next(iter(self.lowest_first(fits)), default)
+
+    def is_lower(self, fit: Fit, other: Fit) -> bool:
+        """True if the EBIC of `fit` is below that of `other` by more than a tie."""
+        return self.ebic(fit) < self.ebic(other) - TIE
 
     def fitted(
         self,
@@ -154,8 +172,8 @@ class FitCache:
             for form in self._neighbouring_forms(candidate)
         ]
         close = [t for t in trials if self.ebic(t) < self.ebic(fit) + _ONE_EFFECT]
-        best = min(map(self.eliminated, close), key=self.ebic, default=fit)
-        return self.with_best_forms(best, rss_limit) if self.ebic(best) < self.ebic(fit) else fit
+        best = self.lowest(map(self.eliminated, close), default=fit)
+        return self.with_best_forms(best, rss_limit) if self.is_lower(best, fit) else fit
 
     def _in_another_form(self, fit: Fit, form: Candidate, rss_limit: float) -> Fit:
         others = [c for c in fit.candidates if c.name != form.name]
@@ -183,7 +201,7 @@ class FitCache:
         while fit.candidates:
             rss_limit = self.rss_limit(fit, least_delta)
             reduced = [self.without(fit, name, rss_limit) for name in sorted(fit.names)]
-            best = min(reduced, key=self.ebic)
+            best = self.lowest(reduced, default=fit)
             if self.ebic(best) > self.ebic(fit) + least_delta:
                 break
             fit = best

@@ -12,6 +12,7 @@ from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.model import Floats, Settings
 from mopro.diagnosis.residual import projected_out
 from mopro.diagnosis.signature import ScoreTest, resized
+from mopro.diagnosis.ties import lowest_first
 
 # Subsets of each size from which larger ones are grown. Doubled, the search is twice as wide; it
 # costs no simulation.
@@ -56,17 +57,16 @@ class LinearSubsets:
 
         A beam search: larger subsets grow from the best smaller ones.
         """
-        subsets: list[LinearSubset] = []
+        subsets: list[tuple[LinearSubset, tuple[int, ...]]] = []
         rows_of_size: list[tuple[int, ...]] = [(i,) for i in range(len(self._scores))]
         for _ in range(most):
             evaluated = [
                 (subset, rows) for rows in rows_of_size if (subset := self._subset(rows, penalty))
             ]
-            evaluated.sort(key=lambda pair: pair[0].ebic)
-            beam = evaluated[:_BEAM_WIDTH]
-            subsets += [subset for subset, _ in beam]
+            beam = _in_order(evaluated)[:_BEAM_WIDTH]
+            subsets += beam
             rows_of_size = list(self._larger([rows for _, rows in beam]))
-        return sorted(subsets, key=lambda subset: subset.ebic)
+        return [subset for subset, _ in _in_order(subsets)]
 
     def _larger(self, subsets: Sequence[tuple[int, ...]]) -> Iterator[tuple[int, ...]]:
         """Each of the subsets with one more candidate of another name, without repeats."""
@@ -92,6 +92,13 @@ class LinearSubsets:
             return None
         rss = self._base.rss - float(self._with_residual[at] @ sizes)
         return LinearSubset(members, start, self._base.deviance_of(rss) + penalty(members))
+
+
+def _in_order(
+    subsets: Sequence[tuple[LinearSubset, tuple[int, ...]]],
+) -> list[tuple[LinearSubset, tuple[int, ...]]]:
+    """Subsets with their rows, the lowest predicted EBIC first."""
+    return lowest_first(subsets, lambda pair: pair[0].ebic, lambda pair: pair[1])
 
 
 def _solved(gram: Floats, with_residual: Floats) -> Floats | None:

@@ -18,6 +18,7 @@ from mopro.diagnosis.signature import (
     searched,
     signatures,
 )
+from mopro.diagnosis.ties import lowest_first
 
 # EBIC within which two explanations cannot be told apart: a Bayes factor of 150, above which
 # evidence is "very strong" (Kass and Raftery 1995). Halved, families lose true members at odds of
@@ -114,7 +115,11 @@ class Screening:
         return self._sorted(base, self._fits.each(scored, candidates))
 
     def _sorted(self, base: Fit, scores: Sequence[ScoreTest]) -> list[ScoreTest]:
-        return sorted(scores, key=lambda s: self.predicted_ebic(base, s))
+        return lowest_first(
+            scores,
+            lambda s: self.predicted_ebic(base, s),
+            lambda s: self._fits.place(s.candidate),
+        )
 
     def at_its_start(self, base: Fit, score: ScoreTest) -> ScoreTest:
         """The score test by a signature at the best start itself, where that predicts more."""

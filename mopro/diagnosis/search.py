@@ -81,7 +81,7 @@ class Search:
         best = self._forward(self.fits.null)
         if far_from_linear(self.fits.null) and not self._is_noise(best):
             for start in self._restarts(best):
-                best = min(best, self._forward(start), key=self.fits.ebic)
+                best = self.fits.lowest([best, self._forward(start)], best)
                 if self._is_noise(best):
                     break
         return self.swapped_in_pairs(self._several_replaced(best))
@@ -93,7 +93,7 @@ class Search:
         best = base
         for _ in range(_MOST_FORWARD_STEPS):
             step = self._forward_step(base, best)
-            if self.fits.ebic(step) >= self.fits.ebic(best):
+            if not self.fits.is_lower(step, best):
                 if base is best or not far_from_linear(best):
                     break
                 # Where the residual is still large, an effect below the excess may be real.
@@ -103,7 +103,7 @@ class Search:
             if self._complete(best):
                 break
             base = self._swapped(self._above_excess(best))
-            best = min(best, base, key=self.fits.ebic)
+            best = self.fits.lowest([best, base], best)
         return self._swapped(best)
 
     def _forward_step(self, base: Fit, best: Fit) -> Fit:
@@ -111,7 +111,7 @@ class Search:
         steps = self._with_one_more(base) if far_from_linear(base) else self._with_subset(base)
         # In order, not in threads: fits share sets, and which start comes first must not vary.
         in_best_forms = map(self.fits.with_best_forms, self._distinct(steps))
-        lowest = min([*steps, *in_best_forms], key=self.fits.ebic, default=best)
+        lowest = self.fits.lowest([*steps, *in_best_forms], default=best)
         return self.fits.eliminated(lowest)
 
     def _best_single(self) -> Fit:
@@ -190,7 +190,7 @@ class Search:
             for single in self._with_one_more(null)
             if single.rss < _MAIN_EFFECT_LEAVES * null.rss and not single.names <= fit.names
         ]
-        return sorted(singles, key=self.fits.ebic)[:_MOST_RESTARTS]
+        return self.fits.lowest_first(singles)[:_MOST_RESTARTS]
 
     # -- backward ----------------------------------------------------------------------
 
@@ -215,7 +215,7 @@ class Search:
         for _ in range(_MOST_SWAPS):
             swaps = self._swaps(fit, fit.names, _ONE_PENALTY)
             eliminated = [self.fits.eliminated(swap) for swap in swaps]
-            best = min(eliminated, key=self.fits.ebic, default=fit)
+            best = self.fits.lowest(eliminated, default=fit)
             if self.fits.ebic(best) > self.fits.ebic(fit) - _SWAP_GAIN:
                 break
             fit = self.fits.eliminated(self.fits.with_best_forms(best))
@@ -235,7 +235,7 @@ class Search:
                 for half in halfway
                 for swap in self._swaps(half, half.names & fit.names, OUT_OF_REACH)
             ]
-            best = min(pairs, key=self.fits.ebic, default=fit)
+            best = self.fits.lowest(pairs, default=fit)
             if self.fits.ebic(best) > self.fits.ebic(fit) - _SWAP_GAIN:
                 break
             fit = self._swapped(self.fits.eliminated(self.fits.with_best_forms(best)))
@@ -261,8 +261,8 @@ class Search:
         limit = self.fits.rss_limit(fit, OUT_OF_REACH)
         fewer = [other for base in bases for other in self._substitutes(base, fit, limit)]
         in_best_forms = [self.fits.with_best_forms(other, limit) for other in self._distinct(fewer)]
-        best = min(in_best_forms, key=self.fits.ebic, default=fit)
-        return self._swapped(best) if self.fits.ebic(best) < self.fits.ebic(fit) else fit
+        best = self.fits.lowest(in_best_forms, default=fit)
+        return self._swapped(best) if self.fits.is_lower(best, fit) else fit
 
     def _only(self, fit: Fit, name: str) -> Fit:
         """The effect `name` of `fit` without the others."""
@@ -298,7 +298,7 @@ class Search:
     def _distinct(self, fits: list[Fit]) -> list[Fit]:
         """The fits whose residuals differ by more than 10 in chi-squared, the lowest EBIC first."""
         chosen: list[Fit] = []
-        for fit in sorted(fits, key=self.fits.ebic):
+        for fit in self.fits.lowest_first(fits):
             distances = (float(np.sum((fit.residual - c.residual) ** 2)) for c in chosen)
             if all(distance > ALTERNATIVE_MARGIN * fit.noise_variance for distance in distances):
                 chosen.append(fit)
