@@ -19,7 +19,7 @@ from mopro.diagnosis.residual import Residuals
 _NEAR_BOUND = 1e-3
 # Chi-squared by which a fit may be above its minimum. Doubled, it saves a simulation now and then;
 # evidence is compared in steps of 1 at the least.
-_CHI2_TOLERANCE = 0.01
+CHI2_TOLERANCE = 0.01
 # Greatest penalty (chi-squared) of one implausible value, and that of one stopped by its range: a
 # Bayes factor of 150, "very strong" (Kass and Raftery 1995).
 _MOST_IMPLAUSIBLE = 10.0
@@ -276,7 +276,7 @@ class _Problem:
             residual = self._residual(scaled)
             return self._fit(scaled, residual, np.zeros((len(residual), 0)))
         descent = Descent(self._residual, [p.difference for _, p in self._order], rss_limit)
-        tolerance = _CHI2_TOLERANCE / max(self._residuals.count, 1)
+        tolerance = CHI2_TOLERANCE / max(self._residuals.count, 1)
         reached = descent.run(scaled, low, high, tolerance)
         fit = self._fit(reached.x, reached.residual, reached.jacobian)
         return replace(fit, abandoned=descent.abandoned)

@@ -1,4 +1,4 @@
-"""Order by EBIC in which rounding decides nothing: near ties go by the catalogue's order."""
+"""Order by EBIC in which rounding and the end of a fit decide nothing: ties go by a fixed order."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-# EBIC within which two explanations tie: a Bayes factor of 1.0005, which is no evidence. Rounding
-# parts effects that are the same function of the motion by 1e-8 at most (at an EBIC of 2e5).
-TIE = 1e-3
+from mopro.diagnosis.fit import CHI2_TOLERANCE
+
+# EBIC within which two explanations tie: as far as a fit may stop above its minimum. Rounding
+# parts effects that are the same function of the motion by 1e-8 at an EBIC of 2e5.
+TIE = CHI2_TOLERANCE
 
 T = TypeVar("T")
 
