@@ -8,19 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.grid import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.equivalent import equivalents
 from mopro.benchmark.hidden import HIDDEN_EFFECTS, Parameters
 from mopro.benchmark.programs import PositionRange, ProgramWriter
 from mopro.benchmark.reference.nominal import INCH_M, THESIS, Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
 from mopro.benchmark.sizes import SIZE_CLASSES, NoiselessRuns, class_of, strength_for
+from mopro.benchmark.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.variables import EFFECT_VARIABLES
 
 _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
 _TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}
 _NEXT_COARSER = {LASER: ENCODER, ENCODER: LVDT}
 _ATTEMPTS = 5
 _DISTURBANCE_RMS = (0.3, 1.0, 2.0, 3.0)  # in σ of the sensor
+
+# Groups of cases with one effect, of a size that the sensor is chosen for.
+_SINGLE = ("single", "deleted")
 
 Generator = np.random.Generator
 
@@ -32,6 +37,7 @@ class Case:
     `effects` maps each hidden effect to its parameters (SI), `sizes` to its total size (σ),
     `alone` to the size (σ) of the part that the other effects cannot mimic. `offsets` are the
     sensors' zeros in their units, `files` the SHA-256 of the experiment's files by name.
+    `equivalent` are the effects that can stand in for deleted ones.
     """
 
     number: str
@@ -46,6 +52,7 @@ class Case:
     offsets: list[float] = field(default_factory=list)
     total_sigma: float = 0.0
     files: dict[str, str] = field(default_factory=dict)
+    equivalent: list[str] = field(default_factory=list)
 
     @property
     def as_wanted(self) -> bool:
@@ -75,7 +82,24 @@ class Case:
             "offsets": self.offsets,
             "instruments": [asdict(i) for i in self.instruments],
             "files": self.files,
+            **self._of_deleted(),
         }
+
+    def _of_deleted(self) -> dict[str, Any]:
+        """What the answer of a case with deleted effects has in addition."""
+        if not self.spec.deleted:
+            return {}
+        change = self.noiseless().change(self.effects)
+        return {
+            "without": list(self.effects),
+            "equivalent": self.equivalent,
+            "variables": sorted({v for name in self.effects for v in EFFECT_VARIABLES[name]}),
+            "visible_sigma": math.inf if change is None else float(np.linalg.norm(change)),
+        }
+
+    def noiseless(self) -> NoiselessRuns:
+        """The runs without noise."""
+        return NoiselessRuns(self.runs, self.instruments, self.nominal)
 
 
 def draw_case(seed: int, number: str, spec: CaseSpec, nominal: Nominal = THESIS) -> Case:
@@ -93,6 +117,9 @@ def draw_case(seed: int, number: str, spec: CaseSpec, nominal: Nominal = THESIS)
             break
     if spec.disturbance:
         _disturb(g, case)
+    if spec.deleted:
+        rivals = np.random.default_rng([seed, 5, int(number)])
+        case.equivalent = equivalents(case.noiseless(), case.effects, rivals)
     case.offsets = _offsets(g, case)
     return case
 
@@ -101,7 +128,7 @@ def _attempt(g: Generator, number: str, spec: CaseSpec, nominal: Nominal) -> Cas
     """One draw of programs and effects, each as close to its wanted size as possible."""
     runs = _runs(g, spec, nominal)
     case = Case(number, spec, runs, case_instruments(spec.sensor, spec.style), nominal)
-    noiseless = NoiselessRuns(case.runs, case.instruments, nominal)
+    noiseless = case.noiseless()
     for name, size in spec.effects:
         drawn_effect = HIDDEN_EFFECTS[name].draw(g, nominal)
         target = _target(g, size)
@@ -119,7 +146,7 @@ def _attempt(g: Generator, number: str, spec: CaseSpec, nominal: Nominal) -> Cas
 def _with_coarser_sensor(case: Case) -> CaseSpec | None:
     """The specification with the next coarser sensor if a single effect is too large; else None."""
     spec = case.spec
-    if spec.group != "single" or spec.sensor not in _NEXT_COARSER:
+    if spec.group not in _SINGLE or spec.sensor not in _NEXT_COARSER:
         return None
     (size,) = (size for _, size in spec.effects)
     (total,) = case.sizes.values()
@@ -168,7 +195,7 @@ def _target(g: Generator, size: str) -> float:
 def _disturb(g: Generator, case: Case) -> None:
     """Put a disturbance into the case that is in no catalogue, scaled to a drawn rms."""
     instrument = case.instruments[0]
-    series = NoiselessRuns(case.runs, case.instruments, case.nominal)
+    series = case.noiseless()
     plain = series.clean(ReferencePlant({}, nominal=case.nominal))
     within = g.uniform(plain[0].min(), plain[0].max()) * instrument.unit
     numbers = {

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 
 from mopro.benchmark.case import Case, Generator, draw_case
-from mopro.benchmark.grid import CaseSpec, case_specs
+from mopro.benchmark.grid import case_specs, spread
 from mopro.benchmark.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
 from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument, stored
+from mopro.benchmark.spec import CaseSpec
 
 _MACHINE = "machine.toml"
 
@@ -51,14 +52,17 @@ def make(
     only: frozenset[str] = frozenset(),
     jobs: int = 1,
     machine: BenchmarkMachine = BenchmarkMachine(),
+    sample: int | None = None,
 ) -> Iterator[str]:
     """Write the grid's cases under `out`; yields each case's number, last the answers' SHA-256.
 
-    `only` limits the work to the cases with these numbers, which do not depend on the others.
+    `only` limits the work to the cases with these numbers, which do not depend on the others,
+    `sample` to so many of them, evenly spread.
     Raises DataError, before anything is written, if files of other origin are in the way.
     """
     numbered = [(f"{i:03d}", spec) for i, spec in enumerate(case_specs(grid, seed), start=1)]
-    chosen = [(number, spec) for number, spec in numbered if not only or number in only]
+    wanted = spread([number for number, _ in numbered if not only or number in only], sample)
+    chosen = [(number, spec) for number, spec in numbered if number in wanted]
     made = Manifest.read(out)
     made.refuse_foreign([number for number, _ in chosen])
     answers: dict[str, Any] = {}

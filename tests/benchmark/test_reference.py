@@ -26,6 +26,8 @@ HIDDEN = [
     {"voltage_saturation": {"Vb": 45.0}},
     {"detent_force": {"Fd": 8.0, "phi": 1.0}, "quadratic_drag": {"c": 5.0}},
     {"current_third_harmonic": {"s": 0.04}, "phase_gain_imbalance": {"eps": 0.1}},
+    {"stribeck_friction": {"Fc": 3.0, "Fs": 6.0, "vs": 0.05, "delta": 3e-6}},
+    {"load_dependent_friction": {"mu": 0.2, "delta": 3e-6}},
     {"umbilical_spring": {"k_h": 40.0, "x_h": 0.1}, "viscous_drag": {"b": 9.0}},
 ]
 

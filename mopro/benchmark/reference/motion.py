@@ -25,11 +25,13 @@ NAMES = (
     "wave", "force", "mass", "damping", "viscous", "quadratic", "friction", "presliding",
     "spring", "spring_at", "constant", "detent", "detent_phase", "gain", "quadrature",
     "offset_a", "offset_b", "third", "lag_s", "supply", "ohm", "henry", "current", "emf", "loop_s",
+    "breakaway", "breakaway_speed", "pressed",
 )  # fmt: skip
 (
     WAVE, FORCE, MASS, DAMPING, VISCOUS, QUADRATIC, FRICTION, PRESLIDING,
     SPRING, SPRING_AT, CONSTANT, DETENT, DETENT_PHASE, GAIN, QUADRATURE,
     OFFSET_A, OFFSET_B, THIRD, LAG_S, SUPPLY, OHM, HENRY, CURRENT, EMF, LOOP_S,
+    BREAKAWAY, BREAKAWAY_SPEED, PRESSED,
 ) = range(len(NAMES))  # fmt: skip
 # Columns of the command's rows: from t0 to t1, x + v τ + a τ²/2 + j τ³/6 with τ = t - t0;
 # the current's share at both ends; the force constant's factor at both ends; the axis
@@ -59,11 +61,14 @@ def setpoints(theta, share, p):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def loads(x, v, z, p):  # type: ignore[no-untyped-def]
     """Sum of the other forces on the forcer (N)."""
+    friction = p[FRICTION]
+    if p[BREAKAWAY] != 0:
+        friction += p[BREAKAWAY] * math.exp(-((v / p[BREAKAWAY_SPEED]) ** 2))
     return (
         p[CONSTANT]
         - p[VISCOUS] * v
         - p[QUADRATIC] * v * abs(v)
-        - p[FRICTION] * z
+        - friction * z
         - p[SPRING] * (x - p[SPRING_AT])
         - p[DETENT] * math.sin(4 * p[WAVE] * x + p[DETENT_PHASE])
     )
@@ -94,7 +99,8 @@ def slope(t, y, row, p, out):  # type: ignore[no-untyped-def]
         ia, ib = y[IA], y[IB]
     done = (t - row[T0]) / (row[T1] - row[T0])
     strength = p[FORCE] * (row[F_FROM] + (row[F_TO] - row[F_FROM]) * done)
-    pull = strength * (ib * cosine - ia * sine) + p[DAMPING] * (vc - v)
+    motor = strength * (ib * cosine - ia * sine)
+    pull = motor + p[DAMPING] * (vc - v) - p[PRESSED] * abs(motor) * y[Z]
     out[X] = v
     out[V] = (pull + loads(x, v, y[Z], p)) / p[MASS]
     out[Z] = (v - abs(v) * y[Z]) / p[PRESLIDING]
