@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from mopro.benchmark.equivalent import equivalents
+from mopro.benchmark.foreign_kinds import FOREIGN_KINDS, of_size
 from mopro.benchmark.hidden import HIDDEN_EFFECTS, Parameters
 from mopro.benchmark.programs import PositionRange, ProgramWriter
+from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.nominal import INCH_M, THESIS, Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
@@ -22,6 +24,7 @@ _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
 _TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}
 _NEXT_COARSER = {LASER: ENCODER, ENCODER: LVDT}
 _ATTEMPTS = 5
+_FOREIGN_SIGMA = (40.0, 400.0)  # total size of something foreign
 _DISTURBANCE_RMS = (0.3, 1.0, 2.0, 3.0)  # in σ of the sensor
 
 # Groups of cases with one effect, of a size that the sensor is chosen for.
@@ -49,10 +52,12 @@ class Case:
     sizes: dict[str, float] = field(default_factory=dict)
     alone: dict[str, float] = field(default_factory=dict)
     disturbance: Disturbance | None = None
+    foreign: Foreign | None = None
     offsets: list[float] = field(default_factory=list)
     total_sigma: float = 0.0
     files: dict[str, str] = field(default_factory=dict)
     equivalent: list[str] = field(default_factory=list)
+    foreign_sigma: float = 0.0
 
     @property
     def as_wanted(self) -> bool:
@@ -83,6 +88,21 @@ class Case:
             "instruments": [asdict(i) for i in self.instruments],
             "files": self.files,
             **self._of_deleted(),
+            **self._of_foreign(),
+        }
+
+    def _of_foreign(self) -> dict[str, Any]:
+        """What the answer of a case with something foreign has in addition."""
+        if self.foreign is None:
+            return {}
+        kind = FOREIGN_KINDS[self.foreign.name]
+        return {
+            "foreign": asdict(self.foreign),
+            "foreign_sigma": self.foreign_sigma,
+            "coloured": kind.coloured,
+            "same": list(kind.same),
+            "akin": list(kind.akin),
+            "variables": list(kind.variables),
         }
 
     def _of_deleted(self) -> dict[str, Any]:
@@ -117,6 +137,8 @@ def draw_case(seed: int, number: str, spec: CaseSpec, nominal: Nominal = THESIS)
             break
     if spec.disturbance:
         _disturb(g, case)
+    if spec.foreign:
+        _estrange(g, case)
     if spec.deleted:
         rivals = np.random.default_rng([seed, 5, int(number)])
         case.equivalent = equivalents(case.noiseless(), case.effects, rivals)
@@ -216,6 +238,24 @@ def _disturb(g: Generator, case: Case) -> None:
     )
     samples = sum(len(a) for a in plain)
     case.total_sigma = rms_m / instrument.unit / instrument.sigma * math.sqrt(samples)
+
+
+def _estrange(g: Generator, case: Case) -> None:
+    """Put something foreign into the case, of a drawn size where it has one."""
+    series = case.noiseless()
+    target = float(np.exp(g.uniform(*np.log(_FOREIGN_SIGMA))))
+
+    def size_of(numbers: Parameters) -> float:
+        """Its size; infinite if an axis stalls, alone or with the effect beside it."""
+        foreign = Foreign(case.spec.foreign, numbers)
+        change = series.change_of(ReferencePlant({}, None, case.nominal, foreign))
+        both = ReferencePlant(case.effects, None, case.nominal, foreign)
+        if change is None or (case.effects and series.change_of(both) is None):
+            return math.inf
+        return float(np.linalg.norm(change))
+
+    numbers, case.foreign_sigma = of_size(FOREIGN_KINDS[case.spec.foreign], target, size_of, g)
+    case.foreign = Foreign(case.spec.foreign, numbers)
 
 
 def _offsets(g: Generator, case: Case) -> list[float]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from mopro.benchmark.grids import deleted, standard
+from mopro.benchmark.grids import deleted, foreign, standard
 from mopro.benchmark.spec import CaseSpec
 
 GRIDS: dict[str, Callable[[np.random.Generator], Iterator[CaseSpec]]] = {
@@ -14,6 +14,7 @@ GRIDS: dict[str, Callable[[np.random.Generator], Iterator[CaseSpec]]] = {
     "small": standard.small,
     "full": standard.full,
     "deleted": deleted.deleted,
+    "foreign": foreign.foreign,
 }
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from mopro.benchmark.outcome import FAILED, GOOD, NONE, UNEXPLAINED, family, outcome, variables_said
 from mopro.benchmark.outcome_deleted import outcome_deleted
+from mopro.benchmark.outcome_foreign import outcome_foreign, size_is_right
 from mopro.benchmark.reference.nominal import INCH_M
 
 _VERDICTS = ("named", "ambiguous", NONE, UNEXPLAINED)
@@ -40,6 +41,8 @@ class Judgement:
     `gap_after` are the rms residual over the noise, `seconds` the time that the case took.
     `variables` are those that the verdict states for what remains, `right_variable` if one of
     them is right. `visible_sigma` is the size of all effects without an offset of each series.
+    `foreign` is the kind of what no catalogue has, `coloured` if it is noise of the stated size.
+    `size_is_right` if each hidden effect is named with its size.
     """
 
     number: str
@@ -59,6 +62,9 @@ class Judgement:
     variables: tuple[str, ...] = ()
     right_variable: bool = False
     visible_sigma: float = 0.0
+    foreign: str = ""
+    coloured: bool = False
+    size_is_right: bool = False
 
     @property
     def good(self) -> bool:
@@ -89,6 +95,9 @@ def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> J
         variables=variables,
         right_variable=bool({*variables} & {*(answer.get("variables") or [])}),
         visible_sigma=float(answer.get("visible_sigma") or 0.0),
+        foreign=str((answer.get("foreign") or {}).get("name", "")),
+        coloured=bool(answer.get("coloured")),
+        size_is_right=size_is_right(answer, named),
         note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
     )
 
@@ -104,8 +113,9 @@ def _outcome(
 ) -> str:
     if reply.get("verdict") not in _VERDICTS:
         return FAILED
-    judged = outcome_deleted if "without" in answer else outcome
-    return judged(answer, reply, named)
+    if "without" in answer:
+        return outcome_deleted(answer, reply, named)
+    return (outcome_foreign if answer.get("foreign") else outcome)(answer, reply, named)
 
 
 def _coverage(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> list[IntervalCheck]:

@@ -105,7 +105,7 @@ def experiment(
     Their SHA-256 are put into the case.
     """
     contents = {} if machine.text is None else {machine.stated: machine.text}
-    plant = ReferencePlant(case.effects, case.disturbance, case.nominal)
+    plant = ReferencePlant(case.effects, case.disturbance, case.nominal, case.foreign)
     for i, run in enumerate(case.runs, start=1):
         contents[f"run{i}.CMD"] = run.text.encode("ascii")
         data = measured(plant, run, case.instruments, case.offsets, generator)
@@ -139,7 +139,7 @@ def measured(
     """Time stamps (s, shape (n,)) and each sensor's readings (its unit, shape (n,)), with noise."""
     stamps, clean = plant.readings(run, sensors, generator)
     readings = [
-        stored(series + offset, sensor, generator)
+        stored(series + offset, sensor, generator, plant.foreign)
         for series, sensor, offset in zip(clean, sensors, offsets, strict=True)
     ]
     return stamps, readings

@@ -30,7 +30,7 @@ def share(
     holds: Callable[[T], bool],
     at_most: bool = False,
 ) -> TableRow:
-    """The share of `cases` for which `holds`, against a target that is a least or a most, if any."""
+    """The share of `cases` for which `holds`; the target, if any, is a least or a most."""
     count = sum(map(holds, cases))
     if target is None:
         return TableRow(what, "-", len(cases), percent(count, len(cases)), None)

@@ -81,13 +81,19 @@ class NoiselessRuns:
 
     def _change(self, effects: dict[str, dict[str, float]], whole_of: str = "") -> Floats | None:
         """The same; that of the effect `whole_of` alone with its mean."""
+        plant = ReferencePlant(effects, nominal=self.nominal)
+        return self.change_of(plant, whole=set(effects) == {whole_of})
+
+    def change_of(self, plant: ReferencePlant, whole: bool = False) -> Floats | None:
+        """Change of all readings in σ by all that is in `plant`; None if an axis stalls.
+
+        Each series is less its mean, unless the `whole` change is asked for.
+        """
         if self._plain is None:
             self._plain = self.clean(ReferencePlant({}, nominal=self.nominal))
-        plant = ReferencePlant(effects, nominal=self.nominal)
         shown = self.clean(plant)
         if plant.stalled:
             return None
-        whole = set(effects) == {whole_of}
         sigmas = [i.sigma for _ in self.runs for i in self.instruments]
         changes = []
         for series, plain, sigma in zip(shown, self._plain, sigmas, strict=True):

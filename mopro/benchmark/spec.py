@@ -32,6 +32,7 @@ class CaseSpec:
     `effects` are pairs of a name and a class of size (`sizes.SIZE_CLASSES`, or "ends" for an
     end of the plausible range); `style` is the kind of program; there are `runs` of about
     `run_s` seconds. If the effects are `deleted`, the question leaves them out.
+    `foreign` is a kind of physics or fault that is in no catalogue.
     """
 
     group: str
@@ -42,6 +43,7 @@ class CaseSpec:
     runs: int = 5
     run_s: float = 5.0
     deleted: bool = False
+    foreign: str = ""
 
 
 def single(

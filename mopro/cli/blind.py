@@ -16,7 +16,7 @@ from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 
 T = TypeVar("T")
 
-_GRIDS = ("smoke", "small", "full", "deleted")
+_GRIDS = ("smoke", "small", "full", "deleted", "foreign")
 _MOST_SEED = 2**63 - 1
 
 

@@ -113,7 +113,7 @@ def test_scipy_s_own_solver_agrees(hidden):
     assert row[motion.T1] < times[-1]
 
     def slope(t, y):
-        rate = np.empty(motion.STATES)
+        rate = np.empty(motion.PLAIN_STATES)
         at = int(np.searchsorted(command[:, motion.T0], t, side="right")) - 1
         motion.slope(t, y, command[max(at, 0)], numbers, rate)
         return rate

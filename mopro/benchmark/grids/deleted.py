@@ -9,7 +9,7 @@ import numpy as np
 from mopro.benchmark.hidden import HIDDEN_EFFECTS
 from mopro.benchmark.spec import LASER, CaseSpec, single
 
-# Fewer and shorter runs than in other grids, as what each rival can fit is computed when a case is made.
+# Fewer and shorter runs than in other grids, as each rival is fitted when a case is made.
 _RUNS, _RUN_S = 3, 4.0
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mopro.benchmark.reference import motion as m
+from mopro.benchmark.reference.foreign import Foreign
+from mopro.benchmark.reference.foreign.mechanics import mechanics
 from mopro.benchmark.reference.listing import Controller, Stroke, Timeline
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import LOOP_S, THESIS, Nominal
@@ -34,7 +36,9 @@ def controller(hidden: Hidden) -> Controller:
     )
 
 
-def numbers(hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS) -> Floats:
+def numbers(
+    hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS, foreign: Foreign | None = None
+) -> Floats:
     """The numbers of the equation of motion in the order of `motion.NAMES`, SI."""
     stiffness = n.wave_1_m * n.force_N
     zeta = _of(hidden, "electrical_damping", "zeta", n.damping_ratio)
@@ -63,7 +67,9 @@ def numbers(hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS) -> Flo
         "current": n.current_A,
         "emf": n.force_N / n.current_A,
         "loop_s": LOOP_S,
+        "states": m.PLAIN_STATES,
     }
+    values |= mechanics(foreign, values["mass"])
     return np.array([values[name] for name in m.NAMES])
 
 
