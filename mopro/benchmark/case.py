@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -10,9 +11,11 @@ import numpy as np
 
 from mopro.benchmark.equivalent import equivalents
 from mopro.benchmark.foreign_kinds import FOREIGN_KINDS, of_size
+from mopro.benchmark.grids.base import DEVIATION
 from mopro.benchmark.hidden import HIDDEN_EFFECTS, Parameters
 from mopro.benchmark.programs import PositionRange, ProgramWriter
 from mopro.benchmark.reference.foreign import Foreign
+from mopro.benchmark.reference.listing import timeline
 from mopro.benchmark.reference.nominal import INCH_M, THESIS, Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
@@ -24,6 +27,7 @@ _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
 _TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}
 _NEXT_COARSER = {LASER: ENCODER, ENCODER: LVDT}
 _ATTEMPTS = 5
+_CUT = (0.4, 0.9)  # share of a program that is recorded if it is cut off
 _FOREIGN_SIGMA = (40.0, 400.0)  # total size of something foreign
 _DISTURBANCE_RMS = (0.3, 1.0, 2.0, 3.0)  # in σ of the sensor
 
@@ -60,6 +64,11 @@ class Case:
     foreign_sigma: float = 0.0
 
     @property
+    def cut_off(self) -> bool:
+        """The recordings end before their programs, which do not loop."""
+        return self.spec.cut and self.spec.style != "cycles"
+
+    @property
     def as_wanted(self) -> bool:
         """Each effect is at least as large as its class demands, and no axis stalls."""
         least = [
@@ -89,6 +98,7 @@ class Case:
             "files": self.files,
             **self._of_deleted(),
             **self._of_foreign(),
+            **({} if self.spec.noise_factor == 1 else {"noise_factor": self.spec.noise_factor}),
         }
 
     def _of_foreign(self) -> dict[str, Any]:
@@ -122,12 +132,21 @@ class Case:
         return NoiselessRuns(self.runs, self.instruments, self.nominal)
 
 
-def draw_case(seed: int, number: str, spec: CaseSpec, nominal: Nominal = THESIS) -> Case:
+def draw_case(
+    seed: int,
+    number: str,
+    spec: CaseSpec,
+    nominal: Nominal = THESIS,
+    tolerated: Sequence[str] = (),
+) -> Case:
     """The case `number` of a grid; depends on no other case.
 
     An effect too large for its class moves the case to a coarser sensor; one too small, or one
-    that makes an axis lose steps, is drawn again a few times.
+    that makes an axis lose steps, is drawn again a few times. In a case on the `base` of a
+    machine the numbers of `nominal` with the names `tolerated` are off.
     """
+    if spec.base:
+        nominal = _off(np.random.default_rng([seed, 6, int(number)]), nominal, tolerated)
     g = np.random.default_rng([seed, 2, int(number)])
     for _ in range(_ATTEMPTS):
         case = _attempt(g, number, spec, nominal)
@@ -144,6 +163,12 @@ def draw_case(seed: int, number: str, spec: CaseSpec, nominal: Nominal = THESIS)
         case.equivalent = equivalents(case.noiseless(), case.effects, rivals)
     case.offsets = _offsets(g, case)
     return case
+
+
+def _off(g: Generator, nominal: Nominal, names: Sequence[str]) -> Nominal:
+    """The machine with each number of `names` larger or smaller than stated."""
+    factors = {name: 1 + DEVIATION * float(g.choice([-1.0, 1.0])) for name in names}
+    return replace(nominal, **{n: getattr(nominal, n) * f for n, f in factors.items()})
 
 
 def _attempt(g: Generator, number: str, spec: CaseSpec, nominal: Nominal) -> Case:
@@ -197,6 +222,14 @@ def _runs(g: Generator, spec: CaseSpec, nominal: Nominal) -> list[ProgramRun]:
 
 
 def _run(g: Generator, spec: CaseSpec, writer: ProgramWriter) -> ProgramRun:
+    run = _whole_run(g, spec, writer)
+    if not spec.cut:
+        return run
+    whole_s = run.until_s or timeline(run.text, microstep_m=INCH_M / writer.per_inch).duration_s
+    return replace(run, until_s=round(whole_s * float(g.uniform(*_CUT)), 3))
+
+
+def _whole_run(g: Generator, spec: CaseSpec, writer: ProgramWriter) -> ProgramRun:
     if spec.style == "cycles":
         return ProgramRun(writer.cycles(g, bool(g.random() < 0.3)), 0.0, spec.run_s)
     if spec.style == "one speed":

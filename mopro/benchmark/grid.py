@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from mopro.benchmark.grids import deleted, foreign, standard
+from mopro.benchmark.grids import base, deleted, foreign, noise, short, standard
 from mopro.benchmark.spec import CaseSpec
 
 GRIDS: dict[str, Callable[[np.random.Generator], Iterator[CaseSpec]]] = {
@@ -15,7 +15,13 @@ GRIDS: dict[str, Callable[[np.random.Generator], Iterator[CaseSpec]]] = {
     "full": standard.full,
     "deleted": deleted.deleted,
     "foreign": foreign.foreign,
+    "short": short.short,
+    "noise": noise.noise,
+    "base": base.base,
 }
+
+# Tolerance that the machine file states in the cases of a grid, as a share of each number.
+TOLERANCES = {"base": base.TOLERANCE}
 
 
 def case_specs(grid: str, seed: int) -> list[CaseSpec]:

@@ -7,7 +7,7 @@ import io
 import json
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,16 +33,20 @@ class BenchmarkMachine:
     """The machine of all cases: its numbers, and the name that experiment files state.
 
     `text` is the content of its file, copied to each experiment; None for a built-in machine.
+    `tolerated` are the fields of `nominal` for which the file states a tolerance.
     """
 
     nominal: Nominal = THESIS
     stated: str = "chow1992"
     text: bytes | None = None
+    tolerated: tuple[str, ...] = ()
 
     @classmethod
-    def of_file(cls, nominal: Nominal, text: bytes) -> BenchmarkMachine:
+    def of_file(
+        cls, nominal: Nominal, text: bytes, tolerated: tuple[str, ...] = ()
+    ) -> BenchmarkMachine:
         """A machine with a file of its own."""
-        return cls(nominal, _MACHINE, text)
+        return cls(nominal, _MACHINE, text, tolerated)
 
 
 def make(
@@ -92,7 +96,7 @@ def _task(
     task: tuple[int, str, CaseSpec, BenchmarkMachine],
 ) -> tuple[str, dict[str, Any], Contents]:
     seed, number, spec, machine = task
-    case = draw_case(seed, number, spec, machine.nominal)
+    case = draw_case(seed, number, spec, machine.nominal, machine.tolerated)
     contents = experiment(case, np.random.default_rng([seed, 3, int(number)]), machine)
     return number, case.answer(), contents
 
@@ -166,9 +170,11 @@ def data_file(name: str, sensors: list[Instrument], stamps: Floats, series: list
 
 def experiment_text(case: Case, machine: str) -> str:
     """Content of experiment.toml."""
-    parts = [f'machine = "{machine}"\n', *map(_sensor_text, case.instruments)]
+    factor = case.spec.noise_factor
+    stated = [replace(i, noise_rms=float(f"{i.noise_rms * factor:.6g}")) for i in case.instruments]
+    parts = [f'machine = "{machine}"\n', *map(_sensor_text, stated)]
     for i, run in enumerate(case.runs, start=1):
-        parts.append(run_text(f"run{i}", run.payload_kg, case.instruments))
+        parts.append(run_text(f"run{i}", run.payload_kg, case.instruments, case.cut_off))
     return "\n".join(parts)
 
 
@@ -182,7 +188,9 @@ def _sensor_text(s: Instrument) -> str:
     )
 
 
-def run_text(name: str, payload_kg: float, sensors: list[Instrument]) -> str:
-    """The [[run]] table of experiment.toml."""
+def run_text(name: str, payload_kg: float, sensors: list[Instrument], partial: bool = False) -> str:
+    """The [[run]] table of experiment.toml; `partial` if the recording ends before the program."""
     data = data_name(name, sensors)
-    return f'[[run]]\nprogram = "{name}.CMD"\ndata = "{data}"\npayload_kg = {payload_kg}\n'
+    return f'[[run]]\nprogram = "{name}.CMD"\ndata = "{data}"\npayload_kg = {payload_kg}\n' + (
+        "partial = true\n" if partial else ""
+    )

@@ -33,6 +33,8 @@ def outcome(answer: Document, reply: Document, named: Sequence[Document]) -> str
     if verdict == UNEXPLAINED:
         return UNEXPLAINED
     if not visible <= set(matched):
+        if _is_alternative(visible, truths, reply):
+            return FAMILY
         return PARTLY if matched else NONE
     if not visible and not named:
         return RIGHT

@@ -22,6 +22,7 @@ from mopro.benchmark.outcome import (
 from mopro.benchmark.rows import CLEAR_SIGMA, TableRow, percent, share
 from mopro.benchmark.rows_deleted import deleted_rows
 from mopro.benchmark.rows_foreign import foreign_rows
+from mopro.benchmark.rows_short import short_rows
 from mopro.benchmark.sizes import RESOLUTION_SIGMA
 from mopro.benchmark.spec import LASER
 
@@ -32,7 +33,7 @@ _DISTINGUISHED_SIGMA = 6.0
 
 
 # Tables of grids that are not judged as the grid `full` is.
-_TABLES = {"deleted": deleted_rows, "foreign": foreign_rows}
+_TABLES = {"deleted": deleted_rows, "foreign": foreign_rows, "short": short_rows}
 
 
 @dataclass(frozen=True)

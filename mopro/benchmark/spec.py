@@ -33,6 +33,8 @@ class CaseSpec:
     end of the plausible range); `style` is the kind of program; there are `runs` of about
     `run_s` seconds. If the effects are `deleted`, the question leaves them out.
     `foreign` is a kind of physics or fault that is in no catalogue.
+    Recordings that are `cut` end before their program. The experiment states the sensors' noise
+    times `noise_factor`. With `base` the machine's numbers are off within their tolerance.
     """
 
     group: str
@@ -44,6 +46,9 @@ class CaseSpec:
     run_s: float = 5.0
     deleted: bool = False
     foreign: str = ""
+    cut: bool = False
+    noise_factor: float = 1.0
+    base: bool = False
 
 
 def single(

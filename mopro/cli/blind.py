@@ -16,7 +16,7 @@ from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 
 T = TypeVar("T")
 
-_GRIDS = ("smoke", "small", "full", "deleted", "foreign")
+_GRIDS = ("smoke", "small", "full", "deleted", "foreign", "short", "noise", "base")
 _MOST_SEED = 2**63 - 1
 
 
@@ -55,13 +55,13 @@ def make(
 
     Example: mopro blind make --seed 1 --grid small --out cases
     """
-    from mopro.benchmark.grid import case_specs
+    from mopro.benchmark.grid import TOLERANCES, case_specs
     from mopro.benchmark.machine import read_machine
     from mopro.benchmark.make import make as write_cases
     from mopro.benchmark.manifest import ANSWERS
 
-    only, stated = _case_numbers(cases), read_machine(machine)
-    if stated.text is not None and out.resolve() in Path(machine).resolve().parents:
+    only, stated = _case_numbers(cases), read_machine(machine, TOLERANCES.get(grid, 0.0))
+    if Path(machine).is_file() and out.resolve() in Path(machine).resolve().parents:
         raise click.UsageError(f"--machine {machine} lies in the folder that --out would fill")
     count = len(case_specs(grid, seed))
     if beyond := sorted(c for c in only if not 1 <= int(c) <= count):
