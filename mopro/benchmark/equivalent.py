@@ -2,8 +2,8 @@
 
 A rival is equivalent if its best fit to the hidden response leaves less than the margin of
 evidence: chi-squared below 10, with an offset free in each series. Both are simulated by the
-reference plant. Parameters of the rival stay within 1.5 times their plausible range, as those
-of a diagnosis do.
+reference plant. The rival is at most 1.5 times as strong as the far end of its range, as in a
+diagnosis.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from scipy.optimize import least_squares
 from mopro.benchmark.hidden import HIDDEN_EFFECTS, HiddenEffect, Parameters
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.sizes import NoiselessRuns
-from mopro.effects import catalogue
 
 # Chi-squared by which evidence tells two effects apart.
 MARGIN = 10.0
@@ -35,21 +34,25 @@ _HOPELESS = 0.3
 _EVALUATIONS = 8
 _STEP = 1e-3
 _STALLED = 1e6
-# Parameters that a diagnosis fits although their strength does not depend on them.
+_ANY = (-np.inf, np.inf)
+# Parameters to fit that do not depend on the strength, with their ends (SI) but for angles.
 _SHAPES = {
-    "coulomb_friction": ("delta",),
-    "stribeck_friction": ("delta", "vs"),
-    "load_dependent_friction": ("delta",),
-    "umbilical_spring": ("x_h",),
-    "detent_force": ("phi",),
-    "hold_current_reduction": ("t_h",),
-    "periodic_error": ("lambda", "phi"),
-    "sensor_nonlinearity": ("mid",),
-    "hum": ("phi", "phi2", "phi3"),
-    "platen_conduction": ("g",),
-    "resistance_tempco": ("alpha",),
+    "coulomb_friction": {"delta": (1e-6, 2e-5)},
+    "stribeck_friction": {"delta": (1e-6, 2e-5), "vs": (2.5e-3, 0.45)},
+    "load_dependent_friction": {"delta": (1e-6, 2e-5)},
+    "umbilical_spring": {"x_h": (-0.3, 0.3)},
+    "detent_force": {"phi": _ANY},
+    "hold_current_reduction": {"t_h": (0.025, 0.75)},
+    "periodic_error": {"lambda": (1.5e-4, 0.075), "phi": _ANY},
+    "sensor_nonlinearity": {"mid": (-0.1, 0.1)},
+    "hum": {"phi": _ANY, "phi2": _ANY, "phi3": _ANY},
+    "platen_conduction": {"g": (0.0, 60.0)},
+    "resistance_tempco": {"alpha": (0.0, 6e-3)},
 }
-_ANGLES = ("phi", "phi2", "phi3")
+# Physical ends of parameters that depend on the strength.
+_PHYSICAL = {"h": (0.0, 1.0), "zeta": (0.0, 0.15)}
+# A rival may be this much stronger than the far end of its range; draws that show both signs.
+_WIDER, _FAINT, _SIGNS = 1.5, 1e-6, 8
 # Fractions of a pitch in which forces and currents repeat, for a rival with a wavelength.
 _WAVELENGTH, _PITCH_SHARES = "lambda", (1.0, 0.5, 0.25)
 
@@ -146,16 +149,18 @@ class Fit:
         return self.start[1]
 
     def _ends(self, name: str) -> tuple[float, float]:
-        if name in _ANGLES:
-            return -np.inf, np.inf
-        parameter = catalogue()[self.name].parameter(name)
-        low, high = parameter.plausible
-        low, high = min(low, parameter.null), max(high, parameter.null)
-        low, high = low - 0.5 * abs(low), high + 0.5 * abs(high)
-        return max(low, parameter.low), min(high, parameter.high)
+        if name in (shapes := _SHAPES.get(self.name, {})):
+            return shapes[name]
+        if name in _PHYSICAL:
+            return _PHYSICAL[name]
+        rival, nominal = HIDDEN_EFFECTS[self.name], self.noiseless.nominal
+        draws = [rival.draw(np.random.default_rng(i), nominal) for i in range(_SIGNS)]
+        ends = [drawn(strength)[name] for drawn in draws for strength in (_FAINT, _WIDER)]
+        return min(ends), max(ends)
 
     def _scale(self, name: str) -> float:
-        return 1.0 if name in _ANGLES else abs(self.start[0][name]) or 1e-3 * self._ends(name)[1]
+        ends = self._ends(name)
+        return 1.0 if ends == _ANY else abs(self.start[0][name]) or 1e-3 * max(map(abs, ends))
 
     def _residual(self, values: Floats) -> Floats:
         settings = dict(self.start[0]) | dict(zip(self._free, values.tolist(), strict=True))

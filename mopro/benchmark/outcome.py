@@ -27,13 +27,14 @@ def outcome(answer: Document, reply: Document, named: Sequence[Document]) -> str
         return WRONG if named else (RIGHT if verdict == UNEXPLAINED else str(verdict))
     truths = {e["name"] for e in answer["effects"]}
     visible = {e["name"] for e in answer["effects"] if e["total_sigma"] >= RESOLUTION_SIGMA}
+    offset = {"sensor_offset"} if any(answer["offsets"]) else set()
     matched = matched_names(truths, named)
     if len(matched) < len(named):
-        return FAMILY if _is_alternative(visible, truths, reply) else WRONG
+        return FAMILY if _is_alternative(visible, truths | offset, reply) else WRONG
     if verdict == UNEXPLAINED:
         return UNEXPLAINED
     if not visible <= set(matched):
-        if _is_alternative(visible, truths, reply):
+        if _is_alternative(visible, truths | offset, reply):
             return FAMILY
         return PARTLY if matched else NONE
     if not visible and not named:

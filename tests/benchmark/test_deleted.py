@@ -7,7 +7,7 @@ import pytest
 
 from mopro.benchmark.case import case_instruments
 from mopro.benchmark.equivalent import MARGIN, equivalents, least_left
-from mopro.benchmark.grid import case_specs, spread
+from mopro.benchmark.grid import GRIDS, case_specs, spread
 from mopro.benchmark.hidden import HIDDEN_EFFECTS
 from mopro.benchmark.judge import judge
 from mopro.benchmark.make import make
@@ -17,7 +17,7 @@ from mopro.benchmark.score import Score
 from mopro.benchmark.sizes import NoiselessRuns
 from mopro.benchmark.spec import ENCODER
 from mopro.benchmark.variables import EFFECT_VARIABLES, said
-from mopro.effects import catalogue
+from mopro.cli.blind import make as make_command
 
 MOVE = "UU012500/1\nVEL1 {}\nACC1 0.2\nMRI1 3.0\nWX1\nWT200\nMRI1 -2.0\nWX1\nWT200\n"
 VARIABLES = {"v", "sgn v", "x", "x mod", "a", "t", "T", "command", "sensor"}
@@ -57,16 +57,21 @@ def test_equivalents_are_listed_and_others_are_not(runs, monkeypatch):
     assert found == ["pitch_scale"]
 
 
-def test_all_effects_of_the_catalogue_are_left_out_once():
+def test_all_effects_that_can_be_hidden_are_left_out_once():
     specs = case_specs("deleted", 1)
-    assert sorted(name for s in specs for name, _ in s.effects) == sorted(catalogue())
+    assert sorted(name for s in specs for name, _ in s.effects) == sorted(HIDDEN_EFFECTS)
     assert all(s.deleted and len(s.effects) == 1 for s in specs)
 
 
 def test_each_effect_has_right_variables():
-    assert set(EFFECT_VARIABLES) == set(catalogue())
+    assert set(EFFECT_VARIABLES) == set(HIDDEN_EFFECTS)
     assert {v for variables in EFFECT_VARIABLES.values() for v in variables} <= VARIABLES
     assert said(" sgn  v ") == "sgn v"
+
+
+def test_the_command_knows_all_grids():
+    (grid,) = (p for p in make_command.params if p.name == "grid")
+    assert list(grid.type.choices) == list(GRIDS)
 
 
 def test_a_sample_is_evenly_spread():
