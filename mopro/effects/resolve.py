@@ -78,13 +78,13 @@ class _Resolver:
 
     def _near(self, name: str, known: Iterable[str]) -> str | None:
         """A suggestion, only while a report would show it, as comparing names takes long."""
-        return _near(name, known) if len(self.faults) < MOST_SHOWN else None
+        return suggestion(name, known) if len(self.faults) < MOST_SHOWN else None
 
     def _report(self, rule: str, message: str, span: Span, hint: str | None = None) -> None:
         self.faults.append(Diagnostic(rule, message, span, hint=hint))
 
 
-def _near(name: str, known: Iterable[str]) -> str:
+def suggestion(name: str, known: Iterable[str]) -> str:
     """A suggestion for `name`, compared without regard to case."""
     by_lower = {each.lower(): each for each in known}
     near = get_close_matches(name.lower(), by_lower, n=1)
