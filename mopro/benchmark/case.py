@@ -3,24 +3,36 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.grid import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.equivalent import equivalents
+from mopro.benchmark.foreign_kinds import FOREIGN_KINDS, of_size
+from mopro.benchmark.grids.base import DEVIATION
 from mopro.benchmark.hidden import HIDDEN_EFFECTS, Parameters
 from mopro.benchmark.programs import PositionRange, ProgramWriter
+from mopro.benchmark.reference.foreign import Foreign
+from mopro.benchmark.reference.listing import timeline
 from mopro.benchmark.reference.nominal import INCH_M, THESIS, Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
 from mopro.benchmark.sizes import SIZE_CLASSES, NoiselessRuns, class_of, strength_for
+from mopro.benchmark.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.variables import EFFECT_VARIABLES
 
 _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
 _TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}
 _NEXT_COARSER = {LASER: ENCODER, ENCODER: LVDT}
 _ATTEMPTS = 5
+_CUT = (0.4, 0.9)  # share of a program that is recorded if it is cut off
+_FOREIGN_SIGMA = (40.0, 400.0)  # total size of something foreign
 _DISTURBANCE_RMS = (0.3, 1.0, 2.0, 3.0)  # in σ of the sensor
+
+# Groups of cases with one effect, of a size that the sensor is chosen for.
+_SINGLE = ("single", "deleted")
 
 Generator = np.random.Generator
 
@@ -32,6 +44,7 @@ class Case:
     `effects` maps each hidden effect to its parameters (SI), `sizes` to its total size (σ),
     `alone` to the size (σ) of the part that the other effects cannot mimic. `offsets` are the
     sensors' zeros in their units, `files` the SHA-256 of the experiment's files by name.
+    `equivalent` are the effects that can stand in for deleted ones.
     """
 
     number: str
@@ -43,9 +56,17 @@ class Case:
     sizes: dict[str, float] = field(default_factory=dict)
     alone: dict[str, float] = field(default_factory=dict)
     disturbance: Disturbance | None = None
+    foreign: Foreign | None = None
     offsets: list[float] = field(default_factory=list)
     total_sigma: float = 0.0
     files: dict[str, str] = field(default_factory=dict)
+    equivalent: list[str] = field(default_factory=list)
+    foreign_sigma: float = 0.0
+
+    @property
+    def cut_off(self) -> bool:
+        """The recordings end before their programs, which do not loop."""
+        return self.spec.cut and self.spec.style != "cycles"
 
     @property
     def as_wanted(self) -> bool:
@@ -75,15 +96,57 @@ class Case:
             "offsets": self.offsets,
             "instruments": [asdict(i) for i in self.instruments],
             "files": self.files,
+            **self._of_deleted(),
+            **self._of_foreign(),
+            **({} if self.spec.noise_factor == 1 else {"noise_factor": self.spec.noise_factor}),
         }
 
+    def _of_foreign(self) -> dict[str, Any]:
+        """What the answer of a case with something foreign has in addition."""
+        if self.foreign is None:
+            return {}
+        kind = FOREIGN_KINDS[self.foreign.name]
+        return {
+            "foreign": asdict(self.foreign),
+            "foreign_sigma": self.foreign_sigma,
+            "coloured": kind.coloured,
+            "same": list(kind.same),
+            "akin": list(kind.akin),
+            "variables": list(kind.variables),
+        }
 
-def draw_case(seed: int, number: str, spec: CaseSpec, nominal: Nominal = THESIS) -> Case:
+    def _of_deleted(self) -> dict[str, Any]:
+        """What the answer of a case with deleted effects has in addition."""
+        if not self.spec.deleted:
+            return {}
+        change = self.noiseless().change(self.effects)
+        return {
+            "without": list(self.effects),
+            "equivalent": self.equivalent,
+            "variables": sorted({v for name in self.effects for v in EFFECT_VARIABLES[name]}),
+            "visible_sigma": math.inf if change is None else float(np.linalg.norm(change)),
+        }
+
+    def noiseless(self) -> NoiselessRuns:
+        """The runs without noise."""
+        return NoiselessRuns(self.runs, self.instruments, self.nominal)
+
+
+def draw_case(
+    seed: int,
+    number: str,
+    spec: CaseSpec,
+    nominal: Nominal = THESIS,
+    tolerated: Sequence[str] = (),
+) -> Case:
     """The case `number` of a grid; depends on no other case.
 
     An effect too large for its class moves the case to a coarser sensor; one too small, or one
-    that makes an axis lose steps, is drawn again a few times.
+    that makes an axis lose steps, is drawn again a few times. In a case on the `base` of a
+    machine the numbers of `nominal` with the names `tolerated` are off.
     """
+    if spec.base:
+        nominal = _off(np.random.default_rng([seed, 6, int(number)]), nominal, tolerated)
     g = np.random.default_rng([seed, 2, int(number)])
     for _ in range(_ATTEMPTS):
         case = _attempt(g, number, spec, nominal)
@@ -93,15 +156,26 @@ def draw_case(seed: int, number: str, spec: CaseSpec, nominal: Nominal = THESIS)
             break
     if spec.disturbance:
         _disturb(g, case)
+    if spec.foreign:
+        _estrange(g, case)
+    if spec.deleted:
+        rivals = np.random.default_rng([seed, 5, int(number)])
+        case.equivalent = equivalents(case.noiseless(), case.effects, rivals)
     case.offsets = _offsets(g, case)
     return case
+
+
+def _off(g: Generator, nominal: Nominal, names: Sequence[str]) -> Nominal:
+    """The machine with each number of `names` larger or smaller than stated."""
+    factors = {name: 1 + DEVIATION * float(g.choice([-1.0, 1.0])) for name in names}
+    return replace(nominal, **{n: getattr(nominal, n) * f for n, f in factors.items()})
 
 
 def _attempt(g: Generator, number: str, spec: CaseSpec, nominal: Nominal) -> Case:
     """One draw of programs and effects, each as close to its wanted size as possible."""
     runs = _runs(g, spec, nominal)
     case = Case(number, spec, runs, case_instruments(spec.sensor, spec.style), nominal)
-    noiseless = NoiselessRuns(case.runs, case.instruments, nominal)
+    noiseless = case.noiseless()
     for name, size in spec.effects:
         drawn_effect = HIDDEN_EFFECTS[name].draw(g, nominal)
         target = _target(g, size)
@@ -119,7 +193,7 @@ def _attempt(g: Generator, number: str, spec: CaseSpec, nominal: Nominal) -> Cas
 def _with_coarser_sensor(case: Case) -> CaseSpec | None:
     """The specification with the next coarser sensor if a single effect is too large; else None."""
     spec = case.spec
-    if spec.group != "single" or spec.sensor not in _NEXT_COARSER:
+    if spec.group not in _SINGLE or spec.sensor not in _NEXT_COARSER:
         return None
     (size,) = (size for _, size in spec.effects)
     (total,) = case.sizes.values()
@@ -148,6 +222,14 @@ def _runs(g: Generator, spec: CaseSpec, nominal: Nominal) -> list[ProgramRun]:
 
 
 def _run(g: Generator, spec: CaseSpec, writer: ProgramWriter) -> ProgramRun:
+    run = _whole_run(g, spec, writer)
+    if not spec.cut:
+        return run
+    whole_s = run.until_s or timeline(run.text, microstep_m=INCH_M / writer.per_inch).duration_s
+    return replace(run, until_s=round(whole_s * float(g.uniform(*_CUT)), 3))
+
+
+def _whole_run(g: Generator, spec: CaseSpec, writer: ProgramWriter) -> ProgramRun:
     if spec.style == "cycles":
         return ProgramRun(writer.cycles(g, bool(g.random() < 0.3)), 0.0, spec.run_s)
     if spec.style == "one speed":
@@ -168,7 +250,7 @@ def _target(g: Generator, size: str) -> float:
 def _disturb(g: Generator, case: Case) -> None:
     """Put a disturbance into the case that is in no catalogue, scaled to a drawn rms."""
     instrument = case.instruments[0]
-    series = NoiselessRuns(case.runs, case.instruments, case.nominal)
+    series = case.noiseless()
     plain = series.clean(ReferencePlant({}, nominal=case.nominal))
     within = g.uniform(plain[0].min(), plain[0].max()) * instrument.unit
     numbers = {
@@ -189,6 +271,24 @@ def _disturb(g: Generator, case: Case) -> None:
     )
     samples = sum(len(a) for a in plain)
     case.total_sigma = rms_m / instrument.unit / instrument.sigma * math.sqrt(samples)
+
+
+def _estrange(g: Generator, case: Case) -> None:
+    """Put something foreign into the case, of a drawn size where it has one."""
+    series = case.noiseless()
+    target = float(np.exp(g.uniform(*np.log(_FOREIGN_SIGMA))))
+
+    def size_of(numbers: Parameters) -> float:
+        """Its size; infinite if an axis stalls, alone or with the effect beside it."""
+        foreign = Foreign(case.spec.foreign, numbers)
+        change = series.change_of(ReferencePlant({}, None, case.nominal, foreign))
+        both = ReferencePlant(case.effects, None, case.nominal, foreign)
+        if change is None or (case.effects and series.change_of(both) is None):
+            return math.inf
+        return float(np.linalg.norm(change))
+
+    numbers, case.foreign_sigma = of_size(FOREIGN_KINDS[case.spec.foreign], target, size_of, g)
+    case.foreign = Foreign(case.spec.foreign, numbers)
 
 
 def _offsets(g: Generator, case: Case) -> list[float]:

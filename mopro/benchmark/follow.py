@@ -10,6 +10,7 @@ import numpy as np
 
 from mopro.benchmark.make import data_file, data_name, measured, run_text
 from mopro.benchmark.manifest import EXPERIMENT, Manifest
+from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.nominal import Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
@@ -56,4 +57,6 @@ def hidden_plant(answer: Mapping[str, Any]) -> ReferencePlant:
     effects = {e["name"]: e["parameters"] for e in answer["effects"]}
     disturbance = Disturbance(**answer["strange"]) if answer["strange"] else None
     # Answers without a machine are older than --machine and belong to the default one.
-    return ReferencePlant(effects, disturbance, Nominal(**answer.get("machine", {})))
+    nominal = Nominal(**answer.get("machine", {}))
+    foreign = Foreign(**answer["foreign"]) if answer.get("foreign") else None
+    return ReferencePlant(effects, disturbance, nominal, foreign)

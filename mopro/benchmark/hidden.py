@@ -24,7 +24,8 @@ Draw = Callable[[Generator, Nominal], Drawn]
 class HiddenEffect:
     """One effect: `draw` gives its parameters as a function of strength, for a machine.
 
-    Effects of one `family` look alike and are not hidden together.
+    Effects of one `family` look alike and are not hidden together. One that is not `standard`
+    is in none of the grids smoke, small and full, whose cases stay the same.
     """
 
     name: str
@@ -32,6 +33,7 @@ class HiddenEffect:
     least: float = 1e-3
     family: str = ""
     thermal: bool = False
+    standard: bool = True
 
 
 def _sized(
@@ -128,6 +130,13 @@ def _periodic(g: Generator, n: Nominal) -> Drawn:
     return lambda s: {"A": 1e-4 * s, "lambda": wavelength, "phi": phi}
 
 
+def _stribeck(g: Generator, n: Nominal) -> Drawn:
+    over, speed, delta = g.uniform(1.3, 1.5), _uniform(0.02, 0.1)(g), _uniform(2e-6, 1e-5)(g)
+    return lambda s: {
+        "Fc": 10.0 * s, "delta": float(delta), "Fs": float(10.0 * s * over), "vs": float(speed),
+    }  # fmt: skip
+
+
 def _copper(g: Generator, n: Nominal) -> Drawn:
     return lambda s: {"alpha": 0.00393, "T0": n.air_C}
 
@@ -196,7 +205,13 @@ HIDDEN_EFFECTS = {
             "ambient_drift", _sized("r", 5.6e-4, signed=True), family="drift", thermal=True
         ),
         HiddenEffect("thermocouple_lag", _sized("tau", 60.0), 2 / 60, "early", True),
+        HiddenEffect("stribeck_friction", _stribeck, 0.05, "friction", standard=False),
+        HiddenEffect(
+            "load_dependent_friction", _sized("mu", 0.3, delta=_uniform(2e-6, 1e-5)), 0.01 / 0.3,
+            "friction", standard=False,
+        ),
     )
 }  # fmt: skip
-POSITION = tuple(e.name for e in HIDDEN_EFFECTS.values() if not e.thermal)
+STANDARD = tuple(e.name for e in HIDDEN_EFFECTS.values() if e.standard)
+POSITION = tuple(e.name for e in HIDDEN_EFFECTS.values() if not e.thermal and e.standard)
 THERMAL = tuple(e.name for e in HIDDEN_EFFECTS.values() if e.thermal)

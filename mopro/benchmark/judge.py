@@ -1,4 +1,4 @@
-"""Comparison of one verdict with the hidden truth: right, right family, wrong or missed."""
+"""Judgement of one verdict: outcome, intervals, residuals and time."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from mopro.benchmark.outcome import FAILED, GOOD, NONE, UNEXPLAINED, family, outcome, variables_said
+from mopro.benchmark.outcome_deleted import outcome_deleted
+from mopro.benchmark.outcome_foreign import outcome_foreign, size_is_right
 from mopro.benchmark.reference.nominal import INCH_M
-from mopro.benchmark.sizes import RESOLUTION_SIGMA
 
-RIGHT, FAMILY, PARTLY, WRONG = "right", "family", "partly", "wrong"
-NONE, UNEXPLAINED, FAILED = "none", "unexplained", "failed"
-GOOD = (RIGHT, FAMILY)
+_VERDICTS = ("named", "ambiguous", NONE, UNEXPLAINED)
 _ANGLES = ("phi", "phi2", "phi3")
 
 
@@ -39,6 +39,10 @@ class Judgement:
     or failed. `truth` are the hidden effects, `least_sigma` the total size of the smallest,
     `said` the effects named, each with its family after slashes. `gap_before` and
     `gap_after` are the rms residual over the noise, `seconds` the time that the case took.
+    `variables` are those that the verdict states for what remains, `right_variable` if one of
+    them is right. `visible_sigma` is the size of all effects without an offset of each series.
+    `foreign` is the kind of what no catalogue has, `coloured` if it is noise of the stated size.
+    `size_is_right` if each hidden effect is named with its size.
     """
 
     number: str
@@ -55,6 +59,12 @@ class Judgement:
     gap_after: float | None
     seconds: float | None
     note: str = ""
+    variables: tuple[str, ...] = ()
+    right_variable: bool = False
+    visible_sigma: float = 0.0
+    foreign: str = ""
+    coloured: bool = False
+    size_is_right: bool = False
 
     @property
     def good(self) -> bool:
@@ -67,7 +77,7 @@ def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> J
     named = [e for e in reply.get("effects") or [] if not _is_true_offset(e, answer)]
     sizes = [e["total_sigma"] for e in answer["effects"]]
     gap = reply.get("gap") or {}
-    noise = gap.get("noise_rms")
+    noise, variables = gap.get("noise_rms"), variables_said(reply)
     return Judgement(
         number=number,
         group=answer["group"],
@@ -75,19 +85,21 @@ def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> J
         truth=tuple(e["name"] for e in answer["effects"]),
         least_sigma=min(sizes, default=0.0),
         outcome=_outcome(answer, reply, named),
-        said=tuple("/".join([e["name"], *_family(e)]) for e in named),
+        said=tuple("/".join([e["name"], *family(e)]) for e in named),
         verdict=str(reply.get("verdict", FAILED)),
         described=bool((reply.get("remainder") or {}).get("description")),
         covered=tuple(c for e in named for c in _coverage(e, answer)),
         gap_before=_ratio(gap.get("before_rms"), noise),
         gap_after=_ratio(gap.get("after_rms"), noise),
         seconds=reply.get("seconds"),
+        variables=variables,
+        right_variable=bool({*variables} & {*(answer.get("variables") or [])}),
+        visible_sigma=float(answer.get("visible_sigma") or 0.0),
+        foreign=str((answer.get("foreign") or {}).get("name", "")),
+        coloured=bool(answer.get("coloured")),
+        size_is_right=size_is_right(answer, named),
         note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
     )
-
-
-def _family(effect: Mapping[str, Any]) -> list[str]:
-    return list(effect.get("indistinguishable_from") or [])
 
 
 def _is_true_offset(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> bool:
@@ -99,35 +111,11 @@ def _is_true_offset(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> boo
 def _outcome(
     answer: Mapping[str, Any], reply: Mapping[str, Any], named: list[Mapping[str, Any]]
 ) -> str:
-    verdict = reply.get("verdict", FAILED)
-    if verdict not in ("named", "ambiguous", NONE, UNEXPLAINED):
+    if reply.get("verdict") not in _VERDICTS:
         return FAILED
-    if answer["strange"]:
-        return WRONG if named else (RIGHT if verdict == UNEXPLAINED else str(verdict))
-    truths = {e["name"] for e in answer["effects"]}
-    visible = {e["name"] for e in answer["effects"] if e["total_sigma"] >= RESOLUTION_SIGMA}
-    matched = _matched(truths, named)
-    if len(matched) < len(named):
-        return WRONG
-    if verdict == UNEXPLAINED:
-        return UNEXPLAINED
-    if not visible <= set(matched):
-        return PARTLY if matched else NONE
-    if not visible and not named:
-        return RIGHT
-    return RIGHT if all(name == effect for name, effect in matched.items()) else FAMILY
-
-
-def _matched(truths: set[str], named: list[Mapping[str, Any]]) -> dict[str, str]:
-    """The effect named for each truth; exact names first, then families, each used once."""
-    matched = {e["name"]: e["name"] for e in named if e["name"] in truths}
-    for effect in named:
-        if effect["name"] in matched:
-            continue
-        free = [name for name in _family(effect) if name in truths and name not in matched]
-        if free:
-            matched[free[0]] = effect["name"]
-    return matched
+    if "without" in answer:
+        return outcome_deleted(answer, reply, named)
+    return (outcome_foreign if answer.get("foreign") else outcome)(answer, reply, named)
 
 
 def _coverage(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> list[IntervalCheck]:

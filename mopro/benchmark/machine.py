@@ -6,32 +6,59 @@ itself gets plain numbers.
 
 from __future__ import annotations
 
+import re
+from dataclasses import fields
 from pathlib import Path
 
+import mopro.machine
 from mopro.benchmark.make import BenchmarkMachine
 from mopro.benchmark.reference.nominal import Nominal
 from mopro.errors import DataError
 from mopro.machine import builtin_machines, load_machine
-from mopro.machine.model import FULL_STEPS_PER_PITCH, Machine
+from mopro.machine.model import FULL_STEPS_PER_PITCH, Axis, Machine
 from mopro.units import INCH_M
 
 # Programs of the grids stay within this distance of their start, the platen's middle.
 _TRAVEL_IN = 15.0
 _TRAVEL_TOLERANCE_IN = 1e-6
+_BUILTIN = Path(mopro.machine.__file__).parent / "machines"
+# The fields of the reference plant's numbers, by the key of the machine file.
+_BASE = {
+    "moving_mass": "mass_kg", "pull_out_force": "force_N", "damping_ratio": "damping_ratio",
+}  # fmt: skip
 
 
-def read_machine(name: str) -> BenchmarkMachine:
+def read_machine(name: str, tolerance: float = 0.0) -> BenchmarkMachine:
     """The built-in machine `name`, or the one in the file of that name.
 
+    With a `tolerance` its file states this share for each number of the axis that may have one.
     Raises ModelError for a bad machine file, DataError for a machine with something that the
     reference plant does not simulate.
     """
     machine = load_machine(name)
     if reason := _unsupported(machine):
         raise DataError(f"{name}: {reason}", "unsupported-machine")
-    if name in builtin_machines():
+    builtin = name in builtin_machines()
+    if builtin and not tolerance:
         return BenchmarkMachine(_nominal(machine), name)
-    return BenchmarkMachine.of_file(_nominal(machine), Path(name).read_bytes())
+    text = (_BUILTIN / f"{name}.toml").read_bytes() if builtin else Path(name).read_bytes()
+    if not tolerance:
+        return BenchmarkMachine.of_file(_nominal(machine), text)
+    keys = [f.metadata["key"] for f in fields(Axis) if f.metadata.get("tolerated")]
+    text = _with_tolerance(name, text.decode("utf-8"), keys, tolerance).encode()
+    tolerated = tuple(number for key, number in _BASE.items() if key in keys)
+    return BenchmarkMachine.of_file(_nominal(machine), text, tolerated)
+
+
+def _with_tolerance(name: str, text: str, keys: list[str], tolerance: float) -> str:
+    """`text` with the tolerance of each key, which must be stated on one line of its own."""
+    for key in keys:
+        stated = re.compile(rf"(?m)^(\s*{key}\s*=\s*{{[^}}\n]*?)(?:,\s*tolerance\s*=[^,}}]*)?\s*}}")
+        text, count = stated.subn(rf"\1, tolerance = {tolerance} }}", text)
+        if count != 1:
+            message = f"{name}: expected `{key} = {{ value = ..., ... }}` on one line"
+            raise DataError(message, "unsupported-machine")
+    return text
 
 
 def _unsupported(machine: Machine) -> str | None:

@@ -7,19 +7,20 @@ import io
 import json
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mopro.benchmark.case import Case, Generator, draw_case
-from mopro.benchmark.grid import CaseSpec, case_specs
+from mopro.benchmark.grid import case_specs, spread
 from mopro.benchmark.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
 from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument, stored
+from mopro.benchmark.spec import CaseSpec
 
 _MACHINE = "machine.toml"
 
@@ -32,16 +33,20 @@ class BenchmarkMachine:
     """The machine of all cases: its numbers, and the name that experiment files state.
 
     `text` is the content of its file, copied to each experiment; None for a built-in machine.
+    `tolerated` are the fields of `nominal` for which the file states a tolerance.
     """
 
     nominal: Nominal = THESIS
     stated: str = "chow1992"
     text: bytes | None = None
+    tolerated: tuple[str, ...] = ()
 
     @classmethod
-    def of_file(cls, nominal: Nominal, text: bytes) -> BenchmarkMachine:
+    def of_file(
+        cls, nominal: Nominal, text: bytes, tolerated: tuple[str, ...] = ()
+    ) -> BenchmarkMachine:
         """A machine with a file of its own."""
-        return cls(nominal, _MACHINE, text)
+        return cls(nominal, _MACHINE, text, tolerated)
 
 
 def make(
@@ -51,14 +56,17 @@ def make(
     only: frozenset[str] = frozenset(),
     jobs: int = 1,
     machine: BenchmarkMachine = BenchmarkMachine(),
+    sample: int | None = None,
 ) -> Iterator[str]:
     """Write the grid's cases under `out`; yields each case's number, last the answers' SHA-256.
 
-    `only` limits the work to the cases with these numbers, which do not depend on the others.
+    `only` limits the work to the cases with these numbers, which do not depend on the others,
+    `sample` to so many of them, evenly spread.
     Raises DataError, before anything is written, if files of other origin are in the way.
     """
     numbered = [(f"{i:03d}", spec) for i, spec in enumerate(case_specs(grid, seed), start=1)]
-    chosen = [(number, spec) for number, spec in numbered if not only or number in only]
+    wanted = spread([number for number, _ in numbered if not only or number in only], sample)
+    chosen = [(number, spec) for number, spec in numbered if number in wanted]
     made = Manifest.read(out)
     made.refuse_foreign([number for number, _ in chosen])
     answers: dict[str, Any] = {}
@@ -88,7 +96,7 @@ def _task(
     task: tuple[int, str, CaseSpec, BenchmarkMachine],
 ) -> tuple[str, dict[str, Any], Contents]:
     seed, number, spec, machine = task
-    case = draw_case(seed, number, spec, machine.nominal)
+    case = draw_case(seed, number, spec, machine.nominal, machine.tolerated)
     contents = experiment(case, np.random.default_rng([seed, 3, int(number)]), machine)
     return number, case.answer(), contents
 
@@ -101,7 +109,7 @@ def experiment(
     Their SHA-256 are put into the case.
     """
     contents = {} if machine.text is None else {machine.stated: machine.text}
-    plant = ReferencePlant(case.effects, case.disturbance, case.nominal)
+    plant = ReferencePlant(case.effects, case.disturbance, case.nominal, case.foreign)
     for i, run in enumerate(case.runs, start=1):
         contents[f"run{i}.CMD"] = run.text.encode("ascii")
         data = measured(plant, run, case.instruments, case.offsets, generator)
@@ -135,7 +143,7 @@ def measured(
     """Time stamps (s, shape (n,)) and each sensor's readings (its unit, shape (n,)), with noise."""
     stamps, clean = plant.readings(run, sensors, generator)
     readings = [
-        stored(series + offset, sensor, generator)
+        stored(series + offset, sensor, generator, plant.foreign)
         for series, sensor, offset in zip(clean, sensors, offsets, strict=True)
     ]
     return stamps, readings
@@ -162,9 +170,11 @@ def data_file(name: str, sensors: list[Instrument], stamps: Floats, series: list
 
 def experiment_text(case: Case, machine: str) -> str:
     """Content of experiment.toml."""
-    parts = [f'machine = "{machine}"\n', *map(_sensor_text, case.instruments)]
+    factor = case.spec.noise_factor
+    stated = [replace(i, noise_rms=float(f"{i.noise_rms * factor:.6g}")) for i in case.instruments]
+    parts = [f'machine = "{machine}"\n', *map(_sensor_text, stated)]
     for i, run in enumerate(case.runs, start=1):
-        parts.append(run_text(f"run{i}", run.payload_kg, case.instruments))
+        parts.append(run_text(f"run{i}", run.payload_kg, case.instruments, case.cut_off))
     return "\n".join(parts)
 
 
@@ -178,7 +188,9 @@ def _sensor_text(s: Instrument) -> str:
     )
 
 
-def run_text(name: str, payload_kg: float, sensors: list[Instrument]) -> str:
-    """The [[run]] table of experiment.toml."""
+def run_text(name: str, payload_kg: float, sensors: list[Instrument], partial: bool = False) -> str:
+    """The [[run]] table of experiment.toml; `partial` if the recording ends before the program."""
     data = data_name(name, sensors)
-    return f'[[run]]\nprogram = "{name}.CMD"\ndata = "{data}"\npayload_kg = {payload_kg}\n'
+    return f'[[run]]\nprogram = "{name}.CMD"\ndata = "{data}"\npayload_kg = {payload_kg}\n' + (
+        "partial = true\n" if partial else ""
+    )

@@ -11,16 +11,18 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from mopro.benchmark.follow import FOLDER, add_proposed_run
-from mopro.benchmark.judge import FAILED, Judgement, judge
+from mopro.benchmark.grid import spread
+from mopro.benchmark.judge import Judgement, judge
 from mopro.benchmark.make import hashes
 from mopro.benchmark.manifest import ANSWERS, EXPERIMENT, Manifest, is_case_number, is_file_name
+from mopro.benchmark.outcome import FAILED
 from mopro.benchmark.score import FollowUp, pair_key
 from mopro.errors import DataError
 from mopro.files import write
@@ -40,10 +42,13 @@ class CaseFolder:
     folder: Path
     seed: int
     cases: Mapping[str, Mapping[str, Any]]
+    grid: str
 
     @classmethod
-    def read(cls, folder: Path, only: frozenset[str] = frozenset()) -> CaseFolder:
-        """The cases with the numbers `only`, or all of them.
+    def read(
+        cls, folder: Path, only: frozenset[str] = frozenset(), sample: int | None = None
+    ) -> CaseFolder:
+        """The cases with the numbers `only`, or all of them; of these `sample`, evenly spread.
 
         Raises DataError if answers.json cannot be used, if one of these cases is missing, or
         if a case's files differ from those that were made.
@@ -51,15 +56,16 @@ class CaseFolder:
         file = folder / ANSWERS
         try:
             document = json.loads(file.read_text(encoding="utf-8"))
-            found = cls(folder, document["seed"], _checked(document["cases"]))
+            cases, grid = _checked(document["cases"]), str(document.get("grid", ""))
+            found = cls(folder, document["seed"], cases, grid)
         except OSError as error:
             raise DataError(f"{file}: cannot be read: {error.strerror}", "unreadable") from error
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise DataError(f"{file}: not what `mopro blind make` writes", "bad-answers") from error
         if missing := sorted(only - set(found.cases)):
             raise DataError(f"{file}: there is no case {missing[0]}", "no-such-case")
-        if only:
-            found = replace(found, cases={n: found.cases[n] for n in only})
+        chosen = spread(sorted(only or found.cases), sample)
+        found = replace(found, cases={n: found.cases[n] for n in chosen})
         for number, answer in found.cases.items():
             _check_unchanged(folder / number, answer["files"])
         return found
@@ -108,25 +114,30 @@ class VerdictSource:
     patience_s: float = 600.0
     replies: Path | None = None
 
-    def ask(self, number: str, experiment: Path) -> Reply:
-        """The reply to one experiment, with `seconds`; DataError for a bad recorded reply."""
+    def ask(self, number: str, experiment: Path, without: Sequence[str] = ()) -> Reply:
+        """The reply to one experiment, with `seconds`; DataError for a bad recorded reply.
+
+        Effects in `without` are left out of the candidates.
+        """
         if self.replies is not None:
             return _read_reply(self.replies / f"{number}.json")
         file = experiment.with_name(VERDICT)
         files = hashes(experiment.parent)
         known = None if self.again else _read_kept(file)
-        if known is not None and known["files"] == files:
+        asked = {"files": files, "without": list(without)}
+        if known is not None and asked == {"files": known["files"], "without": without_of(known)}:
             return known
-        reply = {**_reconcile(experiment, self.patience_s), "files": files}
+        reply = {**_reconcile(experiment, self.patience_s, without), **asked}
         if reply["verdict"] != FAILED:
             write(file, (json.dumps(reply, indent=1) + "\n").encode())
         return reply
 
 
-def _reconcile(experiment: Path, patience_s: float) -> Reply:
+def _reconcile(experiment: Path, patience_s: float, without: Sequence[str]) -> Reply:
     """The JSON that `mopro reconcile` prints, with its time (s), exit code and messages."""
     start = time.perf_counter()
     command = [sys.executable, "-m", "mopro", "reconcile", str(experiment), "--json"]
+    command += [part for name in without for part in ("--without", name)]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, check=False, timeout=patience_s
@@ -175,8 +186,9 @@ def judge_cases(cases: CaseFolder, source: VerdictSource, jobs: int) -> Iterator
     """The judgement of each case in order of number, `jobs` asked at a time."""
 
     def judge_one(number: str) -> Judgement:
-        reply = source.ask(number, cases.folder / number / EXPERIMENT)
-        return judge(number, cases.cases[number], reply)
+        answer = cases.cases[number]
+        folder = cases.folder / number
+        return judge(number, answer, source.ask(number, folder / EXPERIMENT, without_of(answer)))
 
     with ThreadPoolExecutor(jobs) as pool:
         yield from pool.map(judge_one, sorted(cases.cases))
@@ -185,7 +197,10 @@ def judge_cases(cases: CaseFolder, source: VerdictSource, jobs: int) -> Iterator
 def follow_up_cases(
     cases: CaseFolder, source: VerdictSource, judgements: Iterable[Judgement], jobs: int
 ) -> Iterator[FollowUp]:
-    """Each ambiguous case judged again with its proposed experiment added as one more run."""
+    """Each ambiguous case judged again with its proposed experiment added as one more run.
+
+    A case whose effect was left out is not: of its alternatives none can be the right one.
+    """
     kept = replace(source, again=False)
 
     def follow_up(first: Judgement) -> FollowUp:
@@ -199,7 +214,14 @@ def follow_up_cases(
         return FollowUp(first, predicted, second)
 
     with ThreadPoolExecutor(jobs) as pool:
-        yield from pool.map(follow_up, [j for j in judgements if j.verdict == "ambiguous"])
+        ambiguous = [j for j in judgements if j.verdict == "ambiguous"]
+        asked = [j for j in ambiguous if not without_of(cases.cases[j.number])]
+        yield from pool.map(follow_up, asked)
+
+
+def without_of(document: Mapping[str, Any]) -> list[str]:
+    """The effects that a question leaves out, from a case's answer or a kept verdict."""
+    return list(document.get("without") or [])
 
 
 def _ask_again(cases: CaseFolder, source: VerdictSource, number: str, reply: Reply) -> Reply:

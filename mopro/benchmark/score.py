@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
-from typing import Any, TypeVar
+from typing import Any
 
-from mopro.benchmark.grid import LASER
-from mopro.benchmark.judge import (
+from mopro.benchmark.judge import Judgement
+from mopro.benchmark.outcome import (
     FAILED,
     FAMILY,
     GOOD,
@@ -18,28 +18,22 @@ from mopro.benchmark.judge import (
     RIGHT,
     UNEXPLAINED,
     WRONG,
-    Judgement,
 )
+from mopro.benchmark.rows import CLEAR_SIGMA, TableRow, percent, share
+from mopro.benchmark.rows_deleted import deleted_rows
+from mopro.benchmark.rows_foreign import foreign_rows
+from mopro.benchmark.rows_short import short_rows
 from mopro.benchmark.sizes import RESOLUTION_SIGMA
+from mopro.benchmark.spec import LASER
 
 OUTCOMES = (RIGHT, FAMILY, PARTLY, WRONG, NONE, UNEXPLAINED, FAILED)
-_CLEAR_SIGMA = 20.0
 _LARGEST_RESIDUAL = 1.1  # held-out rms over the noise, at most
 # A proposed experiment predicted to separate two effects by this much should distinguish them.
 _DISTINGUISHED_SIGMA = 6.0
 
-T = TypeVar("T")
 
-
-@dataclass(frozen=True)
-class TableRow:
-    """One statistic over `count` cases; `met` is None if there is no target or no case."""
-
-    what: str
-    target: str
-    count: int
-    reached: str
-    met: bool | None
+# Tables of grids that are not judged as the grid `full` is.
+_TABLES = {"deleted": deleted_rows, "foreign": foreign_rows, "short": short_rows}
 
 
 @dataclass(frozen=True)
@@ -111,9 +105,12 @@ class Score:
 
     cases: tuple[Judgement, ...]
     followed: tuple[FollowUp, ...]
+    grid: str = ""
 
     def rows(self) -> list[TableRow]:
-        """The table of statistics."""
+        """The table of statistics of the grid; that of the grid `full` if it has none."""
+        if self.grid in _TABLES:
+            return [*_TABLES[self.grid](self.cases), _times(self.cases)]
         return [
             *_single_effects(self.cases),
             *_other_groups(self.cases),
@@ -156,17 +153,17 @@ def _single(cases: Sequence[Judgement], low: float, high: float = float("inf")) 
 
 
 def _single_effects(cases: Sequence[Judgement]) -> list[TableRow]:
-    clear = _single(cases, _CLEAR_SIGMA)
-    faint = _single(cases, RESOLUTION_SIGMA, _CLEAR_SIGMA)
+    clear = _single(cases, CLEAR_SIGMA)
+    faint = _single(cases, RESOLUTION_SIGMA, CLEAR_SIGMA)
     below = _single(cases, 0.0, RESOLUTION_SIGMA)
     null = [j for j in cases if j.group == "none"]
     seen = [*clear, *faint]
     return [
-        _share("one effect, 20 σ or more: right name or family", clear, 0.98, lambda j: j.good),
-        _share("one effect, 8 to 20 σ: right name or family", faint, 0.85, lambda j: j.good),
-        _share("one effect, 8 σ or more: a wrong name", seen, 0.01, _is_wrong, at_most=True),
-        _share("one effect below 8 σ: no wrong name", below, 0.99, lambda j: not _is_wrong(j)),
-        _share("nothing hidden: none", null, 0.99, lambda j: j.verdict == NONE),
+        share("one effect, 20 σ or more: right name or family", clear, 0.98, lambda j: j.good),
+        share("one effect, 8 to 20 σ: right name or family", faint, 0.85, lambda j: j.good),
+        share("one effect, 8 σ or more: a wrong name", seen, 0.01, _is_wrong, at_most=True),
+        share("one effect below 8 σ: no wrong name", below, 0.99, lambda j: not _is_wrong(j)),
+        share("nothing hidden: none", null, 0.99, lambda j: j.verdict == NONE),
     ]
 
 
@@ -176,11 +173,11 @@ def _is_wrong(j: Judgement) -> bool:
 
 def _other_groups(cases: Sequence[Judgement]) -> Iterator[TableRow]:
     for count, name, target in ((2, "two effects", 0.92), (3, "three effects", 0.75)):
-        several = [j for j in cases if len(j.truth) == count and j.least_sigma >= _CLEAR_SIGMA]
+        several = [j for j in cases if len(j.truth) == count and j.least_sigma >= CLEAR_SIGMA]
         what = f"{name}, each 20 σ or more: all right"
-        yield _share(what, several, target, lambda j: j.good)
+        yield share(what, several, target, lambda j: j.good)
     unknown = [j for j in cases if j.group == "off catalogue"]
-    yield _share(
+    yield share(
         "off the catalogue: unexplained and described", unknown, 0.90,
         lambda j: j.verdict == UNEXPLAINED and j.described,
     )  # fmt: skip
@@ -192,16 +189,16 @@ def _intervals(cases: Sequence[Judgement]) -> list[TableRow]:
     met = 0.90 <= sum(sizes) / len(sizes) <= 0.99 if sizes else None
     return [
         TableRow("95 % intervals of the size that contain the true value", "90 to 99 %",
-                 len(sizes), _percent(sum(sizes), len(sizes)), met),
+                 len(sizes), percent(sum(sizes), len(sizes)), met),
         TableRow("95 % intervals of all parameters that contain it", "-",
-                 len(every), _percent(sum(every), len(every)), None),
+                 len(every), percent(sum(every), len(every)), None),
     ]  # fmt: skip
 
 
 def _residuals(cases: Sequence[Judgement]) -> list[TableRow]:
     named = [j for j in cases if j.truth and j.outcome in GOOD and j.gap_after is not None]
     return [
-        _share("held-out residual after the fit, at most 1.1 × noise", named, 1.0,
+        share("held-out residual after the fit, at most 1.1 × noise", named, 1.0,
                lambda j: (j.gap_after or 0.0) <= _LARGEST_RESIDUAL),
         TableRow("residual before → after, median (worst after), × noise", "-",
                  len(named), _median_residuals(named), None),
@@ -234,28 +231,13 @@ def _follow_ups(followed: Sequence[FollowUp]) -> Iterator[TableRow]:
     named = sum(f.named for f in followed)
     yield TableRow(
         "ambiguous, named once the proposed experiment (if any) is run", "-", len(followed),
-        _percent(named, len(followed)), None,
+        percent(named, len(followed)), None,
     )  # fmt: skip
-    yield _share(
+    yield share(
         f"the same, if each alternative was predicted to differ by {_DISTINGUISHED_SIGMA:g} σ",
         distinguishable, 0.90, lambda f: f.named,
     )  # fmt: skip
-    yield _share(
+    yield share(
         f"alternatives predicted to differ by {_DISTINGUISHED_SIGMA:g} σ: excluded",
         excluded, 0.90, lambda e: e,
     )  # fmt: skip
-
-
-def _share(
-    what: str, cases: Sequence[T], target: float, holds: Callable[[T], bool], at_most: bool = False
-) -> TableRow:
-    """The share of `cases` for which `holds`, against a target that is a least or a most."""
-    count = sum(map(holds, cases))
-    share = count / len(cases) if cases else 0.0
-    met = (share <= target if at_most else share >= target) if cases else None
-    sign = "≤" if at_most else "≥"
-    return TableRow(what, f"{sign} {target:.0%}", len(cases), _percent(count, len(cases)), met)
-
-
-def _percent(count: int, of: int) -> str:
-    return f"{count / of:.1%} ({count} of {of})" if of else "-"

@@ -56,12 +56,14 @@ class NoiselessRuns:
 
         Δ is the change of the readings. The mean of a sensor's offset alone is not subtracted.
         """
-        change = self._change(effects)
+        change = self._change(effects, "sensor_offset")
         return math.inf if change is None else float(np.linalg.norm(change))
 
     def alone_sigma(self, effects: dict[str, dict[str, float]]) -> dict[str, float]:
         """Size (σ) of the part of each effect's change that is orthogonal to the other effects."""
-        shown = {name: self._change({name: values}) for name, values in effects.items()}
+        shown = {
+            name: self._change({name: values}, "sensor_offset") for name, values in effects.items()
+        }
         found = {}
         for name, own in shown.items():
             others = [c for other, c in shown.items() if other != name and c is not None]
@@ -73,15 +75,25 @@ class NoiselessRuns:
             found[name] = float(np.linalg.norm(own - basis @ share))
         return found
 
-    def _change(self, effects: dict[str, dict[str, float]]) -> Floats | None:
+    def change(self, effects: dict[str, dict[str, float]]) -> Floats | None:
         """Change of all readings in σ, each series less its mean; None if an axis stalls."""
+        return self._change(effects)
+
+    def _change(self, effects: dict[str, dict[str, float]], whole_of: str = "") -> Floats | None:
+        """The same; that of the effect `whole_of` alone with its mean."""
+        plant = ReferencePlant(effects, nominal=self.nominal)
+        return self.change_of(plant, whole=set(effects) == {whole_of})
+
+    def change_of(self, plant: ReferencePlant, whole: bool = False) -> Floats | None:
+        """Change of all readings in σ by all that is in `plant`; None if an axis stalls.
+
+        Each series is less its mean, unless the `whole` change is asked for.
+        """
         if self._plain is None:
             self._plain = self.clean(ReferencePlant({}, nominal=self.nominal))
-        plant = ReferencePlant(effects, nominal=self.nominal)
         shown = self.clean(plant)
         if plant.stalled:
             return None
-        whole = set(effects) == {"sensor_offset"}
         sigmas = [i.sigma for _ in self.runs for i in self.instruments]
         changes = []
         for series, plain, sigma in zip(shown, self._plain, sigmas, strict=True):

@@ -16,7 +16,7 @@ from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 
 T = TypeVar("T")
 
-_GRIDS = ("smoke", "small", "full")
+_GRIDS = ("smoke", "small", "full", "deleted", "foreign", "short", "noise", "base")
 _MOST_SEED = 2**63 - 1
 
 
@@ -35,9 +35,18 @@ def command() -> None:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True)
 @click.option("--grid", type=click.Choice(_GRIDS), default="small", show_default=True)
 @click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
+@click.option("--sample", type=click.IntRange(1), help="Only so many cases, evenly spread.")
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True)
-def make(seed: int, out: Path, grid: str, cases: str | None, machine: str, jobs: int) -> None:
+def make(
+    seed: int,
+    out: Path,
+    grid: str,
+    cases: str | None,
+    sample: int | None,
+    machine: str,
+    jobs: int,
+) -> None:
     """Write a grid of experiments under --out, and their answers apart.
 
     Each case is a folder with experiment.toml, programs and data. answers.json holds
@@ -46,21 +55,22 @@ def make(seed: int, out: Path, grid: str, cases: str | None, machine: str, jobs:
 
     Example: mopro blind make --seed 1 --grid small --out cases
     """
-    from mopro.benchmark.grid import case_specs
+    from mopro.benchmark.grid import TOLERANCES, case_specs
     from mopro.benchmark.machine import read_machine
     from mopro.benchmark.make import make as write_cases
     from mopro.benchmark.manifest import ANSWERS
 
-    only, stated = _case_numbers(cases), read_machine(machine)
-    if stated.text is not None and out.resolve() in Path(machine).resolve().parents:
+    only, stated = _case_numbers(cases), read_machine(machine, TOLERANCES.get(grid, 0.0))
+    if Path(machine).is_file() and out.resolve() in Path(machine).resolve().parents:
         raise click.UsageError(f"--machine {machine} lies in the folder that --out would fill")
     count = len(case_specs(grid, seed))
     if beyond := sorted(c for c in only if not 1 <= int(c) <= count):
         raise click.BadParameter(
             f"{beyond[0]}: the grid {grid} has cases 1 to {count}", param_hint="--cases"
         )
-    steps = write_cases(seed, grid, out, only, jobs, stated)
-    *made, seal = _shown(steps, (len(only) or count) + 1, "making")
+    steps = write_cases(seed, grid, out, only, jobs, stated, sample)
+    expected = min(len(only) or count, sample or count)
+    *made, seal = _shown(steps, expected + 1, "making")
     click.echo(f"{len(made)} cases in {out}")
     click.echo(f"{out / ANSWERS} sha256 {seal}")
 
@@ -84,6 +94,7 @@ def _case_numbers(cases: str | None) -> frozenset[str]:
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
 @click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
+@click.option("--sample", type=click.IntRange(1), help="Only so many cases, evenly spread.")
 @click.option("--again", is_flag=True, help="Ask again even if a verdict is kept.")
 @click.option("--follow/--no-follow", default=True, help="Run the experiments proposed.")
 @click.option(
@@ -100,6 +111,7 @@ def score(
     folder: Path,
     jobs: int,
     cases: str | None,
+    sample: int | None,
     again: bool,
     follow: bool,
     patience: float,
@@ -119,7 +131,7 @@ def score(
     from mopro.benchmark.run import CaseFolder, VerdictSource, follow_up_cases, judge_cases
     from mopro.benchmark.score import Score
 
-    found = CaseFolder.read(folder, _case_numbers(cases))
+    found = CaseFolder.read(folder, _case_numbers(cases), sample)
     keep_inputs([("--report", report)], [("FOLDER", file) for file in found.files])
     if follow:
         found.refuse_foreign_follow_ups()
@@ -128,7 +140,7 @@ def score(
         judged = _shown(judge_cases(found, source, jobs), len(found.cases), "asking")
         follow_ups = follow_up_cases(found, source, judged, jobs) if follow else ()
         followed = _shown(follow_ups, 0, "following up")
-    result = Score(tuple(judged), tuple(followed))
+    result = Score(tuple(judged), tuple(followed), found.grid)
     all_drawn = drawn(report, lambda _: page_bytes(page(result)))
     click.echo(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)
     return 0 if all_drawn else EXIT_FAILED

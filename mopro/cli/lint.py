@@ -10,7 +10,6 @@ import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import Quantity
-from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.texts import read_text, show_difference, write_text
 from mopro.errors import MoproError
 from mopro.language.parse import GRAMMARS
@@ -57,6 +56,8 @@ def command(
     if not files:
         raise click.UsageError("name a file, or - for standard input")
     if fix:
+        from mopro.cli.outputs import keep_inputs, machine_file
+
         machine = machine_file(chosen["machine"])
         keep_inputs([("--fix", file) for file in files], [("--machine", machine)])
     reports: list[Report] = []

@@ -52,6 +52,21 @@ class OutputFile(click.ParamType[Path]):
         return path
 
 
+class EffectName(click.ParamType[str]):
+    """The name of an effect of the catalogue."""
+
+    name = "effect"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        from mopro.effects import catalogue
+        from mopro.effects.resolve import suggestion
+
+        if value not in catalogue():
+            near = suggestion(value, catalogue())
+            self.fail(f"there is no effect called '{value}'; {near}", param, ctx)
+        return str(value)
+
+
 def program_argument() -> Callable[[Any], Any]:
     return click.argument("file", type=click.Path())
 

@@ -12,7 +12,6 @@ from pathlib import Path
 import click
 
 from mopro.errors import MoproError
-from mopro.files import claim, write
 
 # An option (or argument) as the person writes it, and the file that it was given.
 Named = tuple[str, str | Path | None]
@@ -62,6 +61,8 @@ def _same(one: Path, other: Path) -> bool:
 @contextmanager
 def claimed(*paths: Path | None) -> Iterator[None]:
     """Hold the places of outputs during the work; DataError first for one that takes no file."""
+    from mopro.files import claim
+
     with ExitStack() as held:
         for path in paths:
             if path is not None:
@@ -76,6 +77,8 @@ def drawn(path: Path | None, draw: Callable[[str], bytes]) -> bool:
     """
     if path is None:
         return True
+    from mopro.files import write
+
     try:
         write(path, draw(path.suffix[1:].lower()))
     except _DRAWING_ERRORS as error:

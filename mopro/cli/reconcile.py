@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
-from mopro.cli.options import OutputFile
+from mopro.cli.options import EffectName, OutputFile
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 from mopro.errors import DataError
 from mopro.files import write
@@ -32,12 +32,21 @@ _GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise"
 @click.option("--out", type=OutputFile(".toml"), help="The machine file with the effects added.")
 @click.option("--report", type=OutputFile(".html"), help="An HTML page with the evidence.")
 @click.option("--jobs", type=click.IntRange(1, 64), help="Simulations at once (as many as cores).")
+@click.option("--without", type=EffectName(), multiple=True, help="Leave this effect out.")
+@click.option("--only", type=EffectName(), multiple=True, help="Try this effect, no others.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
-    experiment: str, out: Path | None, report: Path | None, jobs: int | None, as_json: bool
+    experiment: str,
+    out: Path | None,
+    report: Path | None,
+    jobs: int | None,
+    without: tuple[str, ...],
+    only: tuple[str, ...],
+    as_json: bool,
 ) -> int:
     """Find the effects that the machine's model lacks, add them, and show the gap shrink.
 
+    --without and --only may be given several times, and together.
     Exits with 1 if a significant residual remains that no effect of the catalogue explains.
 
     Example: mopro reconcile experiment.toml --out machine.toml --report why.html
@@ -46,6 +55,7 @@ def command(
     from mopro.experiment.conclude.conclusion import conclude
     from mopro.experiment.read.file import read_entries
 
+    left_out = _left_out(without, only)
     outputs = [("--out", out), ("--report", report)]
     keep_inputs(outputs, [("EXPERIMENT", experiment)])
     keep_inputs(outputs, [("EXPERIMENT", file) for file in read_entries(experiment).files])
@@ -53,7 +63,7 @@ def command(
     for note in loaded.notes:
         click.echo(note, err=True)
     with claimed(out, report), _progress() as progress:
-        conclusion = conclude(loaded, jobs or os.cpu_count() or 1, progress)
+        conclusion = conclude(loaded, jobs or os.cpu_count() or 1, progress, left_out)
     code = _written(conclusion, out, report)
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine.name, **conclusion.as_json()}
@@ -61,6 +71,16 @@ def command(
     else:
         _tell(conclusion)
     return max(code, EXIT_FAILED if conclusion.verdict.verdict == "unexplained" else 0)
+
+
+def _left_out(without: tuple[str, ...], only: tuple[str, ...]) -> frozenset[str]:
+    """The effects that are no candidates; UsageError if that leaves none."""
+    from mopro.effects import catalogue
+
+    candidates = frozenset(only or catalogue()) - frozenset(without)
+    if not candidates:
+        raise click.UsageError("--without leaves no effect to try: it names each of --only")
+    return frozenset(catalogue()) - candidates
 
 
 def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> int:
@@ -103,6 +123,7 @@ def _tell(conclusion: Conclusion) -> None:
         NO_PROPOSAL,
         calibration_words,
         faint_words,
+        left_out_words,
         place_words,
         reservations,
         sentence,
@@ -123,6 +144,7 @@ def _tell(conclusion: Conclusion) -> None:
         *calibration_words(verdict),
         *undecided_words(verdict),
         *reservations(verdict, conclusion.runs),
+        *left_out_words(conclusion.left_out),
     ):
         click.echo(note)
     if verdict.below_resolution:

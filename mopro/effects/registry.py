@@ -6,7 +6,7 @@ applied in this order, except those that act last.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
@@ -63,26 +63,61 @@ OWN = (
 )
 
 
+_TARGETS = {target.partition(":")[0].rpartition(".")[2]: target for target in OWN}
+
+# Those of mopro's own effects that have a `stated_by`.
+STATED_ELSEWHERE = ("voltage_saturation",)
+
+
+class Catalogue(Mapping[str, Effect]):
+    """Effects by name: mopro's own, each loaded when first asked for, then `packaged` ones.
+
+    To load all takes a good part of the time of a short run, which needs few or none.
+    """
+
+    def __init__(self, packaged: Mapping[str, Effect]) -> None:
+        self._effects: dict[str, Effect | None] = {**dict.fromkeys(_TARGETS), **packaged}
+
+    def __getitem__(self, name: str) -> Effect:
+        effect = self._effects[name]
+        if effect is None:
+            point = EntryPoint(name, f"mopro.effects.{_TARGETS[name]}", ENTRY_POINTS)
+            effect = self._effects[name] = _effect(point)
+        return effect
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._effects
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._effects)
+
+    def __len__(self) -> int:
+        return len(self._effects)
+
+    def stated_elsewhere(self) -> list[Effect]:
+        """The effects that a machine file may state outside of `[effects]`."""
+        return [self[name] for name in self if name not in _TARGETS or name in STATED_ELSEWHERE]
+
+
 @cache
-def catalogue() -> dict[str, Effect]:
+def catalogue() -> Catalogue:
     """All effects by name: mopro's own, then those of installed packages.
 
     Raises MoproError for an entry point that is no effect or takes a name twice.
     """
-    effects = dict(own_effects())
+    packaged: dict[str, Effect] = {}
     for point in entry_points(group=ENTRY_POINTS):
         effect = _effect(point)
-        if effect.name in effects:
+        if effect.name in _TARGETS or effect.name in packaged:
             message = f"entry point {point.name} = {point.value}: {effect.name} exists already"
             raise MoproError(message, "bad-effect")
-        effects[effect.name] = effect
-    return effects
+        packaged[effect.name] = effect
+    return Catalogue(packaged)
 
 
-def own_effects() -> dict[str, Effect]:
+def own_effects() -> Catalogue:
     """Effects of mopro itself, by name."""
-    points = (EntryPoint("", f"mopro.effects.{target}", ENTRY_POINTS) for target in OWN)
-    return {effect.name: effect for effect in map(_effect, points)}
+    return Catalogue({})
 
 
 def _effect(point: EntryPoint) -> Effect:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 
 from mopro.effects.base import Active, Effect, Parameter
-from mopro.effects.registry import in_order
+from mopro.effects.registry import Catalogue, in_order
 from mopro.errors import MOST_SHOWN, Diagnostic, ModelError
 from mopro.machine import Machine, StatedEffect, StatedValue
 from mopro.program import AXES
@@ -14,7 +14,7 @@ from mopro.source import Source, Span
 from mopro.units import to_si
 
 
-def active_effects(machine: Machine, catalogue: dict[str, Effect]) -> tuple[Active, ...]:
+def active_effects(machine: Machine, catalogue: Catalogue) -> tuple[Active, ...]:
     """The effects that `machine` switches on, in the order in which they act.
 
     An effect that the file states outside of `[effects]` is added unless it is listed there as
@@ -25,7 +25,7 @@ def active_effects(machine: Machine, catalogue: dict[str, Effect]) -> tuple[Acti
     if resolver.faults:
         raise ModelError(machine.source or Source(machine.name, ""), resolver.faults)
     names = {a.name for a in active}
-    for effect in catalogue.values():
+    for effect in catalogue.stated_elsewhere():
         values = effect.stated_by(machine)
         if values is not None and effect.name not in names:
             active.append(Active(effect, values, AXES))
@@ -41,7 +41,7 @@ def with_values(
 
 
 class _Resolver:
-    def __init__(self, catalogue: dict[str, Effect]) -> None:
+    def __init__(self, catalogue: Catalogue) -> None:
         self.faults: list[Diagnostic] = []
         self._catalogue = catalogue
 
@@ -78,13 +78,13 @@ class _Resolver:
 
     def _near(self, name: str, known: Iterable[str]) -> str | None:
         """A suggestion, only while a report would show it, as comparing names takes long."""
-        return _near(name, known) if len(self.faults) < MOST_SHOWN else None
+        return suggestion(name, known) if len(self.faults) < MOST_SHOWN else None
 
     def _report(self, rule: str, message: str, span: Span, hint: str | None = None) -> None:
         self.faults.append(Diagnostic(rule, message, span, hint=hint))
 
 
-def _near(name: str, known: Iterable[str]) -> str:
+def suggestion(name: str, known: Iterable[str]) -> str:
     """A suggestion for `name`, compared without regard to case."""
     by_lower = {each.lower(): each for each in known}
     near = get_close_matches(name.lower(), by_lower, n=1)

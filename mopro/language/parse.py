@@ -22,7 +22,6 @@ from lark import __version__ as lark_version
 
 from mopro.cachefolder import cache_folder, read_kept, with_digest
 from mopro.errors import DataError, Diagnostic, SourceError
-from mopro.files import write
 from mopro.language import ast
 from mopro.source import Source, Span
 
@@ -144,6 +143,8 @@ def _parser(grammar: str) -> Lark:
         return Lark.load(io.BytesIO(data))
     made, pickled = _made_parser(grammar), io.BytesIO()
     made.save(pickled)
+    from mopro.files import write
+
     with suppress(DataError):  # a full or read-only cache: made anew the next time
         write(kept, with_digest(pickled.getvalue()))
     return made

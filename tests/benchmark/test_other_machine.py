@@ -11,11 +11,11 @@ import mopro
 from mopro.benchmark import hidden
 from mopro.benchmark.case import draw_case
 from mopro.benchmark.follow import hidden_plant
-from mopro.benchmark.grid import LASER, THERMOCOUPLE, CaseSpec
 from mopro.benchmark.machine import read_machine
 from mopro.benchmark.make import BenchmarkMachine, write
 from mopro.benchmark.reference.nominal import THESIS
 from mopro.benchmark.reference.readings import ReferencePlant
+from mopro.benchmark.spec import LASER, THERMOCOUPLE, CaseSpec
 from mopro.experiment.check.load import load_experiment
 from mopro.experiment.diagnose.diagnosis import Model
 from mopro.machine import load_machine

@@ -26,6 +26,8 @@ HIDDEN = [
     {"voltage_saturation": {"Vb": 45.0}},
     {"detent_force": {"Fd": 8.0, "phi": 1.0}, "quadratic_drag": {"c": 5.0}},
     {"current_third_harmonic": {"s": 0.04}, "phase_gain_imbalance": {"eps": 0.1}},
+    {"stribeck_friction": {"Fc": 3.0, "Fs": 6.0, "vs": 0.05, "delta": 3e-6}},
+    {"load_dependent_friction": {"mu": 0.2, "delta": 3e-6}},
     {"umbilical_spring": {"k_h": 40.0, "x_h": 0.1}, "viscous_drag": {"b": 9.0}},
 ]
 
@@ -111,7 +113,7 @@ def test_scipy_s_own_solver_agrees(hidden):
     assert row[motion.T1] < times[-1]
 
     def slope(t, y):
-        rate = np.empty(motion.STATES)
+        rate = np.empty(motion.PLAIN_STATES)
         at = int(np.searchsorted(command[:, motion.T0], t, side="right")) - 1
         motion.slope(t, y, command[max(at, 0)], numbers, rate)
         return rate

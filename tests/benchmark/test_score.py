@@ -48,6 +48,16 @@ def test_right_family_wrong_none_and_unexplained():
     assert outcome(truth, {}) == "failed"
 
 
+def test_a_set_of_effects_that_does_as_well_is_right_if_it_is_the_hidden_one():
+    both = answer(HIDDEN, OTHER, group="pair", offsets=[1e-4])
+    sets = [["hum", "backlash"], ["detent_force", "viscous_drag", "sensor_offset"]]
+    assert outcome(both, reply("ambiguous", "hum", "backlash", alternatives=sets)) == "family"
+    assert outcome(both, reply("ambiguous", "viscous_drag", alternatives=sets)) == "family"
+    assert outcome(both, reply("ambiguous", "hum", "backlash", alternatives=sets[:1])) == "wrong"
+    none = answer(group="none")
+    assert outcome(none, reply("ambiguous", "hum", alternatives=[["hum"], []])) == "wrong"
+
+
 def test_nothing_hidden():
     nothing = answer(group="none")
     assert outcome(nothing, reply("none")) == "right"

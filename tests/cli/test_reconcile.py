@@ -164,6 +164,43 @@ def drag(tmp_path_factory):
     return folder, reconciled(folder, "--out", "machine.toml", "--report", "why.html")
 
 
+class TestCandidatesLeftOut:
+    def test_without_the_true_effect_it_is_not_named(self, drag):
+        folder, _ = drag
+        answer = reconciled(folder, "--without", "viscous_drag", "--without", "trigger_delay")
+        assert answer["left_out"] == ["trigger_delay", "viscous_drag"]
+        said = {e["name"] for e in answer["effects"]}
+        said |= {name for e in answer["effects"] for name in e["indistinguishable_from"]}
+        assert not said & {"trigger_delay", "viscous_drag"}
+
+    def test_only_the_asked_effects_are_tried(self, drag):
+        folder, _ = drag
+        only = ("--only", "viscous_drag", "--only", "hum", "--without", "hum")
+        done = run_here(folder, "reconcile", "experiment.toml", "--report", "only.html", *only)
+        assert done.returncode == 0, done.stderr
+        said = "No effects were tried but viscous_drag."
+        assert "Named: viscous_drag." in done.stdout
+        assert said in done.stdout
+        assert said in (folder / "only.html").read_text()
+
+    def test_effects_that_the_sensor_cannot_show_leave_no_candidate(self, drag):
+        folder, _ = drag
+        answer = reconciled(folder, "--only", "platen_conduction")
+        assert (answer["verdict"], answer["effects"], answer["exit"]) == ("unexplained", [], 1)
+
+    def test_an_unknown_name_gets_a_suggestion(self, drag):
+        done = run_here(drag[0], "reconcile", "experiment.toml", "--without", "viscous_drga")
+        assert done.returncode == 2
+        assert "there is no effect called 'viscous_drga'; did you mean `viscous_drag`?" in (
+            done.stderr
+        )
+
+    def test_nothing_left_to_try_is_refused(self, drag):
+        both = ("--only", "hum", "--without", "hum")
+        done = run_here(drag[0], "reconcile", "experiment.toml", *both)
+        assert (done.returncode, "leaves no effect to try" in done.stderr) == (2, True)
+
+
 class TestADrag:
     def test_is_named_with_its_size(self, drag):
         _, answer = drag

@@ -14,8 +14,9 @@ import mopro
 from helpers.paths import PROGRAMS, TESTS
 from mopro import effects
 from mopro.effects import catalogue
+from mopro.effects.base import Effect
 from mopro.effects.document import markdown
-from mopro.effects.registry import OWN, in_order, own_effects
+from mopro.effects.registry import OWN, STATED_ELSEWHERE, in_order, own_effects
 from mopro.effects.resolve import with_values
 from mopro.errors import ModelError
 
@@ -53,6 +54,25 @@ def test_effects_load_no_scipy():
         [sys.executable, "-c", script], check=True, capture_output=True, text=True
     )
     assert done.stdout == "False\n"
+
+
+def test_a_machine_without_effects_loads_none_but_those_stated_elsewhere():
+    script = (
+        "import sys; from mopro.effects import catalogue; from mopro.machine import load_machine\n"
+        "from mopro.effects.resolve import active_effects\n"
+        "print(active_effects(load_machine('chow1992'), catalogue()))\n"
+        "print(*(name for name in catalogue() if any(m.endswith('.' + name) for m in sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True
+    )
+    assert done.stdout.splitlines() == ["()", " ".join(STATED_ELSEWHERE)]
+
+
+def test_effects_stated_elsewhere_are_those_that_say_so():
+    own = own_effects().values()
+    stating = [e.name for e in own if type(e).stated_by is not Effect.stated_by]
+    assert sorted(stating) == sorted(STATED_ELSEWHERE)
 
 
 def test_the_catalogue_s_order_is_that_of_acting_but_for_what_acts_last():

@@ -4,7 +4,8 @@
 
 SciPy's DOP853 tableau (Dormand and Prince, 8(5,3)) with its own step control, compiled:
 steps adapt to the error and end at every sample and corner of the command. State:
-x (m), v (m/s), the friction's z, the phase currents over I.
+x (m), v (m/s), the friction's z, the phase currents over I; with foreign mechanics also the
+deflection of the bristles (m), the spring's loop, x and v of a second mass.
 """
 
 from __future__ import annotations
@@ -18,18 +19,28 @@ from scipy.integrate import DOP853
 
 Floats = NDArray[np.float64]
 
-STATES = 5
-X, V, Z, IA, IB = range(STATES)
+STATES = 9
+X, V, Z, IA, IB, W, H, XM, VM = range(STATES)
+# The states without foreign mechanics, in the number `states`; others are not integrated.
+PLAIN_STATES = 5
 # Names of the equation's numbers, and their indices in the vector p.
 NAMES = (
     "wave", "force", "mass", "damping", "viscous", "quadratic", "friction", "presliding",
     "spring", "spring_at", "constant", "detent", "detent_phase", "gain", "quadrature",
     "offset_a", "offset_b", "third", "lag_s", "supply", "ohm", "henry", "current", "emf", "loop_s",
+    "breakaway", "breakaway_speed", "pressed", "states",
+    "grip", "grip_static", "grip_speed", "bristle", "bristle_damping",
+    "rough", "rough_wave", "rough_phase", "fade", "fade_s",
+    "loop", "loop_reach", "mode_mass", "mode_stiffness", "mode_damping", "lopsided",
 )  # fmt: skip
 (
     WAVE, FORCE, MASS, DAMPING, VISCOUS, QUADRATIC, FRICTION, PRESLIDING,
     SPRING, SPRING_AT, CONSTANT, DETENT, DETENT_PHASE, GAIN, QUADRATURE,
     OFFSET_A, OFFSET_B, THIRD, LAG_S, SUPPLY, OHM, HENRY, CURRENT, EMF, LOOP_S,
+    BREAKAWAY, BREAKAWAY_SPEED, PRESSED, USED,
+    GRIP, GRIP_STATIC, GRIP_SPEED, BRISTLE, BRISTLE_DAMPING,
+    ROUGH, ROUGH_WAVE, ROUGH_PHASE, FADE, FADE_S,
+    LOOP, LOOP_REACH, MODE_MASS, MODE_STIFFNESS, MODE_DAMPING, LOPSIDED,
 ) = range(len(NAMES))  # fmt: skip
 # Columns of the command's rows: from t0 to t1, x + v τ + a τ²/2 + j τ³/6 with τ = t - t0;
 # the current's share at both ends; the force constant's factor at both ends; the axis
@@ -39,7 +50,7 @@ T0, T1, X0, V0, A0, J0, SHARE, F_FROM, F_TO, SLIP = range(COLUMNS := 10)
 _STAGES = DOP853.n_stages
 _A, _B, _C = DOP853.A[:_STAGES, :_STAGES].copy(), DOP853.B.copy(), DOP853.C[:_STAGES].copy()
 _E3, _E5 = DOP853.E3.copy(), DOP853.E5.copy()
-TOLERANCE = np.array([1e-12, 1e-9, 1e-7, 1e-8, 1e-8])
+TOLERANCE = np.array([1e-12, 1e-9, 1e-7, 1e-8, 1e-8, 1e-13, 1e-7, 1e-12, 1e-9])
 
 
 @njit(cache=True)
@@ -59,14 +70,38 @@ def setpoints(theta, share, p):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def loads(x, v, z, p):  # type: ignore[no-untyped-def]
     """Sum of the other forces on the forcer (N)."""
+    friction = p[FRICTION]
+    if p[BREAKAWAY] != 0:
+        friction += p[BREAKAWAY] * math.exp(-((v / p[BREAKAWAY_SPEED]) ** 2))
     return (
         p[CONSTANT]
         - p[VISCOUS] * v
         - p[QUADRATIC] * v * abs(v)
-        - p[FRICTION] * z
+        - friction * z
         - p[SPRING] * (x - p[SPRING_AT])
         - p[DETENT] * math.sin(4 * p[WAVE] * x + p[DETENT_PHASE])
     )
+
+
+@njit(cache=True)
+def foreign(t, y, p, out):  # type: ignore[no-untyped-def]
+    """Force (N) of the foreign mechanics; writes the derivatives of their states to `out`."""
+    x, v, force = y[X], y[V], 0.0
+    out[W] = out[H] = out[XM] = out[VM] = 0.0
+    if p[GRIP] > 0:
+        limit = p[GRIP] + p[GRIP_STATIC] * math.exp(-((v / p[GRIP_SPEED]) ** 2))
+        out[W] = v - p[BRISTLE] * abs(v) / limit * y[W]
+        share = 1 + p[ROUGH] * math.sin(p[ROUGH_WAVE] * x + p[ROUGH_PHASE])
+        share *= 1 - p[FADE] * (1 - math.exp(-t / p[FADE_S]))
+        force -= share * (p[BRISTLE] * y[W] + p[BRISTLE_DAMPING] * out[W])
+    if p[LOOP] > 0:
+        out[H] = (v - abs(v) * y[H]) / p[LOOP_REACH]
+        force -= p[LOOP] * y[H]
+    if p[MODE_MASS] > 0:
+        pull = p[MODE_STIFFNESS] * (x - y[XM]) + p[MODE_DAMPING] * (v - y[VM])
+        out[XM], out[VM] = y[VM], pull / p[MODE_MASS]
+        force -= pull
+    return force
 
 
 @njit(cache=True)
@@ -94,8 +129,13 @@ def slope(t, y, row, p, out):  # type: ignore[no-untyped-def]
         ia, ib = y[IA], y[IB]
     done = (t - row[T0]) / (row[T1] - row[T0])
     strength = p[FORCE] * (row[F_FROM] + (row[F_TO] - row[F_FROM]) * done)
-    pull = strength * (ib * cosine - ia * sine) + p[DAMPING] * (vc - v)
+    if p[LOPSIDED] != 0 and vc != 0:
+        strength *= 1 + (p[LOPSIDED] if vc > 0 else -p[LOPSIDED])
+    motor = strength * (ib * cosine - ia * sine)
+    pull = motor + p[DAMPING] * (vc - v) - p[PRESSED] * abs(motor) * y[Z]
     out[X] = v
+    if p[USED] > PLAIN_STATES:
+        pull += foreign(t, y, p, out)
     out[V] = (pull + loads(x, v, y[Z], p)) / p[MASS]
     out[Z] = (v - abs(v) * y[Z]) / p[PRESLIDING]
 
@@ -103,15 +143,16 @@ def slope(t, y, row, p, out):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _step(t, y, h, row, p, k, trial, tolerance):  # type: ignore[no-untyped-def]
     """One trial step from k[0] = slope(t, y); returns the error over the tolerance (≤ 1: good)."""
+    states = int(p[USED])
     for stage in range(1, _STAGES + 1):
-        for n in range(STATES):
+        for n in range(states):
             total = 0.0
             for i in range(stage):
                 total += (_B[i] if stage == _STAGES else _A[stage, i]) * k[i, n]
             trial[n] = y[n] + h * total
         slope(t + (h if stage == _STAGES else _C[stage] * h), trial, row, p, k[stage])
     five = three = 0.0
-    for n in range(STATES):
+    for n in range(states):
         e5 = e3 = 0.0
         for i in range(_STAGES + 1):
             e5 += _E5[i] * k[i, n]
@@ -120,14 +161,14 @@ def _step(t, y, h, row, p, k, trial, tolerance):  # type: ignore[no-untyped-def]
         three += (e3 / tolerance[n]) ** 2
     if five == 0.0 and three == 0.0:
         return 0.0
-    return h * five / math.sqrt((five + 0.01 * three) * STATES)
+    return h * five / math.sqrt((five + 0.01 * three) * states)
 
 
 @njit(cache=True)
 def _leap(start, end, y, row, p, h, tolerance):  # type: ignore[no-untyped-def]
     """Integrate `y` from `start` to `end` in place; returns the last accepted step size."""
     k = np.empty((_STAGES + 1, STATES))
-    trial = np.empty(STATES)
+    trial = np.zeros(STATES)
     t = start
     slope(t, y, row, p, k[0])
     while t < end:
@@ -151,7 +192,9 @@ def response(times, rows, p, start, tolerance, out):  # type: ignore[no-untyped-
 
     Before the first row the axis rests in the state `start`; the last row has no end.
     """
-    y = start.copy()
+    y = np.zeros(STATES)
+    y[: len(start)] = start
+    y[XM] = start[X]
     rate = np.empty(STATES)
     n, count = 0, len(times)
     h = 1e-5

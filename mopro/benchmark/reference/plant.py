@@ -13,6 +13,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mopro.benchmark.reference import motion as m
+from mopro.benchmark.reference.foreign import Foreign
+from mopro.benchmark.reference.foreign.mechanics import mechanics
 from mopro.benchmark.reference.listing import Controller, Stroke, Timeline
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import LOOP_S, THESIS, Nominal
@@ -34,7 +36,9 @@ def controller(hidden: Hidden) -> Controller:
     )
 
 
-def numbers(hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS) -> Floats:
+def numbers(
+    hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS, foreign: Foreign | None = None
+) -> Floats:
     """The numbers of the equation of motion in the order of `motion.NAMES`, SI."""
     stiffness = n.wave_1_m * n.force_N
     zeta = _of(hidden, "electrical_damping", "zeta", n.damping_ratio)
@@ -45,8 +49,7 @@ def numbers(hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS) -> Flo
         "damping": 2 * zeta * math.sqrt(stiffness * n.mass_kg),
         "viscous": _of(hidden, "viscous_drag", "b"),
         "quadratic": _of(hidden, "quadratic_drag", "c"),
-        "friction": _of(hidden, "coulomb_friction", "Fc"),
-        "presliding": _of(hidden, "coulomb_friction", "delta", 1.0),
+        **_friction(hidden),
         "spring": _of(hidden, "umbilical_spring", "k_h"),
         "spring_at": _of(hidden, "umbilical_spring", "x_h"),
         "constant": _of(hidden, "constant_force", "F_b"),
@@ -64,8 +67,24 @@ def numbers(hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS) -> Flo
         "current": n.current_A,
         "emf": n.force_N / n.current_A,
         "loop_s": LOOP_S,
+        "states": m.PLAIN_STATES,
     }
+    values |= mechanics(foreign, values["mass"])
     return np.array([values[name] for name in m.NAMES])
+
+
+def _friction(hidden: Hidden) -> dict[str, float]:
+    """The numbers of the laws of dry friction, which share one presliding."""
+    falling = hidden.get("stribeck_friction", {})
+    laws = ("coulomb_friction", "stribeck_friction", "load_dependent_friction")
+    presliding = [hidden[law]["delta"] for law in laws if law in hidden]
+    return {
+        "friction": _of(hidden, "coulomb_friction", "Fc") + falling.get("Fc", 0.0),
+        "breakaway": falling.get("Fs", 0.0) - falling.get("Fc", 0.0),
+        "breakaway_speed": falling.get("vs", 1.0),
+        "pressed": _of(hidden, "load_dependent_friction", "mu"),
+        "presliding": presliding[0] if presliding else 1.0,
+    }
 
 
 def rows(

@@ -10,6 +10,9 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from mopro.benchmark.reference import disturbances, heat, plant, sensors
+from mopro.benchmark.reference.foreign import Foreign
+from mopro.benchmark.reference.foreign.instrument import clock, signal
+from mopro.benchmark.reference.foreign.mechanics import with_lost_microsteps
 from mopro.benchmark.reference.listing import Timeline, timeline
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
@@ -46,11 +49,12 @@ class ProgramRun:
 
 @dataclass
 class ReferencePlant:
-    """A machine with hidden effects; `stalled` is set once an axis stalls."""
+    """A machine with hidden effects and something foreign; `stalled` once an axis stalls."""
 
     hidden: Hidden
     disturbance: Disturbance | None = None
     nominal: Nominal = THESIS
+    foreign: Foreign | None = None
     stalled: bool = field(default=False, init=False)
 
     def readings(
@@ -92,7 +96,7 @@ class ReferencePlant:
         stamps: Floats,
         generator: np.random.Generator,
     ) -> Floats:
-        taken = sensors.sampled_at(stamps, self.hidden)
+        taken = clock(sensors.sampled_at(stamps, self.hidden), self.foreign, generator)
         lag_s = sensors.lag_s("position", self.hidden)
         step_s = 1 / (instrument.rate_hz * _OVERSAMPLING)
         times = taken
@@ -109,6 +113,7 @@ class ReferencePlant:
         if dense:
             seen = sensors.resampled(step_s, seen, taken)
         seen = sensors.with_hum(seen, taken, self.hidden)
+        seen = signal(seen, stamps, self._bowing_K(real, stamps), self.foreign, generator)
         if self.disturbance:
             seen = seen + self.disturbance.size_m * disturbances.disturbance(
                 self.disturbance.name,
@@ -137,7 +142,8 @@ class ReferencePlant:
 
         pitch_m = self.nominal.pitch_m
         command = plant.rows(real, axis, self.hidden, temperature, pitch_m)
-        numbers = plant.numbers(self.hidden, run.payload_kg, self.nominal)
+        command = with_lost_microsteps(command, self.foreign, self.nominal.microstep_m)
+        numbers = plant.numbers(self.hidden, run.payload_kg, self.nominal, self.foreign)
         found = plant.axis_response(times, command, numbers)
         self.stalled |= plant.has_stalled(found, self.hidden, pitch_m)
         return found
@@ -146,6 +152,12 @@ class ReferencePlant:
         if not self.hidden.get("platen_expansion", {}).get("share"):
             return 0.0
         return self._temperature(real, np.maximum(times, 0.0)) - self.nominal.air_C
+
+    def _bowing_K(self, real: Timeline, stamps: Floats) -> Floats | None:
+        """The rise of the temperature if it matters to what is foreign; else None."""
+        if self.foreign is None or self.foreign.name != "thermal_bow":
+            return None
+        return self._temperature(real, stamps) - self.nominal.air_C
 
     def _temperature(self, real: Timeline, at_s: Floats) -> Floats:
         return heat.temperature_C(real, at_s, self.hidden, self.nominal)

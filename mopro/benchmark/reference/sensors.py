@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit
 from scipy.interpolate import CubicSpline
 
+from mopro.benchmark.reference.foreign import Foreign
+from mopro.benchmark.reference.foreign.instrument import noise, stored_badly
 from mopro.benchmark.reference.motion import Floats
 
 Hidden = Mapping[str, Mapping[str, float]]
@@ -119,9 +121,15 @@ def with_hum(seen: Floats, taken_s: Floats, hidden: Hidden) -> Floats:
     return noisy
 
 
-def stored(reading: Floats, instrument: Instrument, generator: np.random.Generator) -> Floats:
+def stored(
+    reading: Floats,
+    instrument: Instrument,
+    generator: np.random.Generator,
+    foreign: Foreign | None = None,
+) -> Floats:
     """The reading with noise added, rounded to steps of the converter; in the column's unit."""
-    noisy = reading + generator.normal(0.0, instrument.noise_rms, len(reading))
+    noisy = reading + noise(len(reading), instrument.noise_rms, foreign, generator)
     if instrument.adc_step:
         noisy = np.rint(noisy / instrument.adc_step) * instrument.adc_step
-    return np.asarray(noisy, dtype=np.float64)
+    kept = stored_badly(noisy, instrument.sigma, instrument.rate_hz, foreign, generator)
+    return np.asarray(kept, dtype=np.float64)

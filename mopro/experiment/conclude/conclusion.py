@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -27,7 +27,8 @@ class Conclusion:
     """A verdict and what follows from it.
 
     `rerun_rms` is the RMS residual of each series, in its unit, when the experiment is
-    simulated again on the machine that `machine_text` describes.
+    simulated again on the machine that `machine_text` describes. `left_out` are the effects
+    that were no candidates.
     """
 
     experiment: Experiment
@@ -37,6 +38,7 @@ class Conclusion:
     machine_text: str
     rerun_rms: tuple[float, ...]
     next_experiment: Proposal | None
+    left_out: tuple[str, ...] = ()
 
     @property
     def runs(self) -> tuple[str, ...]:
@@ -45,6 +47,7 @@ class Conclusion:
 
     def as_json(self) -> dict[str, Any]:
         answer = self.verdict.as_json()
+        answer["left_out"] = list(self.left_out)
         answer["where"] = [asdict(place) for place in self.where]
         answer["reservations"] = list(reservations(self.verdict, self.runs))
         answer["gap"]["runs"] = [
@@ -63,12 +66,18 @@ class Conclusion:
 
 
 def conclude(
-    experiment: Experiment, jobs: int = 1, progress: Callable[[str], None] = lambda _: None
+    experiment: Experiment,
+    jobs: int = 1,
+    progress: Callable[[str], None] = lambda _: None,
+    left_out: Collection[str] = (),
 ) -> Conclusion:
-    """Diagnose `experiment` and derive what follows; raises MotionError, ModelError."""
+    """Diagnose `experiment`, without the effects in `left_out`, and derive what follows.
+
+    Raises MotionError, ModelError.
+    """
     progress("comparing")
     places = compare(experiment, np.random.default_rng(_SEED)).where
-    diagnosis = diagnose(experiment, jobs, progress)
+    diagnosis = diagnose(experiment, jobs, progress, left_out)
     verdict, series = diagnosis.verdict, diagnosis.series
     progress("simulating the experiment again with the effects found")
     machine = machine_with(experiment, verdict)
@@ -85,6 +94,7 @@ def conclude(
         machine_text=machine_text(experiment, verdict),
         rerun_rms=tuple(_rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)),
         next_experiment=proposal,
+        left_out=tuple(sorted(left_out)),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from mopro.diagnosis import Estimate, Named, Verdict
 from mopro.effects import catalogue
@@ -110,6 +110,15 @@ def faint_words(verdict: Verdict) -> list[str]:
         f"{f.name} (at most {f.expected_sigmas:.2g} σ in all, {f.needed_sigmas:.2g} σ are needed)"
         for f in nearest
     ]
+
+
+def left_out_words(left_out: Collection[str]) -> Iterator[str]:
+    """A line on the effects that were no candidates, or on the few that were; none if all were."""
+    tried = [name for name in catalogue() if name not in left_out]
+    if len(left_out) > len(tried):
+        yield f"No effects were tried but {', '.join(tried)}."
+    elif left_out:
+        yield f"Not tried, as asked: {', '.join(sorted(left_out))}."
 
 
 def undecided_words(verdict: Verdict) -> Iterator[str]:

@@ -7,7 +7,7 @@ already, and numbers that it states with a tolerance.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from mopro.diagnosis import Candidate, Parameter, Role
@@ -22,8 +22,11 @@ from mopro.machine import Machine
 _START_DISTANCE = 0.1
 
 
-def candidates(model: ForwardModel) -> list[Candidate]:
-    """Candidates that the experiment's sensors can show, in all their forms."""
+def candidates(model: ForwardModel, left_out: Collection[str] = ()) -> list[Candidate]:
+    """Candidates that the experiment's sensors can show, in all their forms.
+
+    Effects whose names are in `left_out` are no candidates.
+    """
     experiment = model.experiment
     quantities = {r.sensor.quantity for t in experiment.trials for r in t.readings}
     selected: list[Candidate] = []
@@ -34,7 +37,8 @@ def candidates(model: ForwardModel) -> list[Candidate]:
         selected += _of_heat(model, lasting=True)
     if slow:
         selected += _of_heat(model, lasting=False)
-    return [_on_the_machine(candidate, model) for candidate in selected]
+    kept = [candidate for candidate in selected if candidate.name not in left_out]
+    return [_on_the_machine(candidate, model) for candidate in kept]
 
 
 def _of_motion(model: ForwardModel) -> Iterator[Candidate]:

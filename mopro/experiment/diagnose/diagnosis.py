@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,37 +66,44 @@ class Diagnosis:
 
 
 def diagnose(
-    experiment: Experiment, jobs: int = 1, progress: Callable[[str], None] = lambda _: None
+    experiment: Experiment,
+    jobs: int = 1,
+    progress: Callable[[str], None] = lambda _: None,
+    left_out: Collection[str] = (),
 ) -> Diagnosis:
     """Find the effects that the machine's model lacks and the experiment's data show.
+
+    Effects whose names are in `left_out` are no candidates and no alternatives.
 
     The model without microsteps is diagnosed first, then the one with them if it fits
     clearly better. Readings whose noise is below a converter's step are `thinned`.
     Raises MotionError for a program that cannot be run.
     """
     experiment = thinned(experiment)
-    smooth = _judged(Model(experiment), jobs, progress)
+    smooth = _judged(Model(experiment), jobs, progress, left_out)
     if not any(trial.follows_motion for trial in experiment.trials):
         return smooth
     stepped, chi2 = Model(experiment, resolved=True), _chi2(smooth, Model(experiment))
     mean_square = max(chi2 / sum(map(len, smooth.series)), 1.0)
     if chi2 - _chi2(smooth, stepped) < _MICROSTEP_GAIN * mean_square:
         return smooth
-    return _judged(stepped, jobs, progress)
+    return _judged(stepped, jobs, progress, left_out)
 
 
-def _judged(model: Model, jobs: int, progress: Callable[[str], None]) -> Diagnosis:
+def _judged(
+    model: Model, jobs: int, progress: Callable[[str], None], left_out: Collection[str]
+) -> Diagnosis:
     data = model.series()
     verdict = reconcile(
         model,
-        candidates(model.forward),
+        candidates(model.forward, left_out),
         data,
         finer=Model(model.experiment, FINE, model.resolved),
         jobs=jobs,
         progress=progress,
     )
     if verdict.verdict == "none":
-        verdict = _with_offset(verdict, data, model)
+        verdict = _with_offset(verdict, data, model, left_out)
     return Diagnosis(model.experiment, verdict, tuple(data), model.resolved)
 
 
@@ -106,11 +113,12 @@ def _chi2(diagnosis: Diagnosis, model: Model) -> float:
     return float(np.sum(residuals.at(diagnosis.verdict.settings) ** 2))
 
 
-def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verdict:
+def _with_offset(
+    verdict: Verdict, data: Sequence[Series], model: Model, left_out: Collection[str]
+) -> Verdict:
     """`verdict` (none) with the sensor offsets that all runs share, if there are any."""
-    offset_in = next(
-        ((e, e.constant_offset) for e in catalogue().values() if e.constant_offset), None
-    )
+    kept = [effect for effect in catalogue().values() if effect.name not in left_out]
+    offset_in = next(((e, e.constant_offset) for e in kept if e.constant_offset), None)
     if offset_in is None:
         return verdict
     offsets, predicted = [], model(verdict.settings)
@@ -119,7 +127,7 @@ def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verd
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
         offset = _common_offset(*offset_in, [data[i] for i in rows], [predicted[i] for i in rows])
         if offset:
-            rivals = _deflections(offset, sensors.get(sensor), model.experiment.machine)
+            rivals = _deflections(offset, sensors.get(sensor), model.experiment.machine, kept)
             offsets.append(
                 replace(offset, form=sensor, rivals=rivals, indistinguishable_from=[*rivals])
             )
@@ -129,8 +137,10 @@ def _with_offset(verdict: Verdict, data: Sequence[Series], model: Model) -> Verd
     return replace(verdict, verdict=word, effects=tuple(offsets))
 
 
-def _deflections(offset: Named, sensor: Sensor | None, machine: Machine) -> dict[str, float]:
-    """The effects that shift all readings as far by a plausible force, each with ΔEBIC zero.
+def _deflections(
+    offset: Named, sensor: Sensor | None, machine: Machine, effects: Iterable[Effect]
+) -> dict[str, float]:
+    """Those of `effects` that shift all readings as far by a plausible force, each with ΔEBIC zero.
 
     Empty for a table, which has no sensor, and for a quantity that a force does not change.
     """
@@ -141,7 +151,7 @@ def _deflections(offset: Named, sensor: Sensor | None, machine: Machine) -> dict
     stiffness_N_m = machine.axis.stiffness_N_m
     return {
         effect.name: 0.0
-        for effect in catalogue().values()
+        for effect in effects
         if nearest <= under_load(effect.static_deflection_m(machine), stiffness_N_m)
     }
 

@@ -1,0 +1,123 @@
+"""Cases with short recordings, a wrong noise stated, or a machine off within its tolerance."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mopro.benchmark.case import draw_case
+from mopro.benchmark.grid import TOLERANCES, case_specs
+from mopro.benchmark.judge import judge
+from mopro.benchmark.machine import read_machine
+from mopro.benchmark.make import make, write
+from mopro.benchmark.reference.nominal import THESIS
+from mopro.benchmark.score import Score
+from mopro.benchmark.spec import ENCODER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.errors import DataError
+from mopro.experiment.check.load import load_experiment
+from mopro.machine import load_machine
+
+
+def number_of(grid, fits):
+    return next(f"{i:03d}" for i, s in enumerate(case_specs(grid, 1), 1) if fits(s))
+
+
+def made(grid, fits, folder, **how):
+    """The folder and the answer of the first case that fits."""
+    number, _ = make(1, grid, folder, frozenset([number_of(grid, fits)]), **how)
+    return folder / number, json.loads((folder / "answers.json").read_text())["cases"][number]
+
+
+class TestShort:
+    def test_the_grid(self):
+        specs = case_specs("short", 1)
+        assert len(specs) == 200
+        assert {s.runs for s in specs} == {1}
+        assert {s.sensor for s in specs} == {LVDT, ENCODER, THERMOCOUPLE}
+        assert 40 <= sum(s.cut for s in specs) <= 80
+        assert 25 <= sum(s.style == "one speed" for s in specs) <= 65
+
+    def test_a_recording_is_cut_off_and_says_so(self, tmp_path):
+        folder, _ = made("short", lambda s: s.cut and s.style == "strokes", tmp_path)
+        assert "partial = true" in (folder / "experiment.toml").read_text()
+        (trial,) = load_experiment(folder / "experiment.toml").trials
+        assert trial.partial
+
+    def test_a_whole_one_does_not(self, tmp_path):
+        folder, _ = made("short", lambda s: not s.cut and s.sensor == LVDT, tmp_path)
+        assert "partial" not in (folder / "experiment.toml").read_text()
+
+    def test_the_table(self):
+        hum = {"name": "hum", "parameters": {"A": 1.0}, "total_sigma": 9.0}
+        answer = {"group": "short", "sensor": "lvdt", "strange": None, "offsets": [0.0]}
+        answer["effects"] = [hum]
+        others = [["backlash"], ["hum"]]
+        replies = [
+            {"verdict": "named", "effects": [{"name": "hum"}]},
+            {"verdict": "ambiguous", "effects": [{"name": "backlash"}], "alternatives": others},
+            {"verdict": "ambiguous", "effects": [{"name": "backlash"}], "alternatives": [["x"]]},
+            {"verdict": "unexplained", "effects": []},
+        ]
+        cases = [judge(f"{i:03d}", answer, reply) for i, reply in enumerate(replies)]
+        rows = Score(tuple(cases), (), "short").rows()
+        assert [r.reached for r in rows[:3]] == [
+            "25.0% (1 of 4)", "50.0% (2 of 4)", "25.0% (1 of 4)",
+        ]  # fmt: skip
+        assert [r.target for r in rows[:3]] == ["≤ 1.5%", "≥ 95%", "≤ 3%"]
+
+
+class TestNoise:
+    @pytest.mark.parametrize("factor", [0.3, 3.0])
+    def test_the_stated_noise_is_wrong_by_the_factor(self, factor, tmp_path):
+        def fits(spec):
+            return spec.noise_factor == factor and spec.sensor == ENCODER and not spec.effects
+
+        folder, answer = made("noise", fits, tmp_path)
+        assert answer["noise_factor"] == factor
+        assert f"noise_rms = {2e-4 * factor:.6g}\n" in (folder / "experiment.toml").read_text()
+        data = np.genfromtxt(folder / "run1.csv", delimiter=",", names=True)
+        rest = data["position_1_in"][-100:]
+        assert rest.std() == pytest.approx(2e-4, rel=0.4)
+
+
+class TestBase:
+    def test_numbers_are_off_by_a_tenth_and_the_file_states_its_tolerance(self, tmp_path):
+        machine = read_machine("chow1992", TOLERANCES["base"])
+        folder, answer = made("base", lambda s: not s.effects, tmp_path, machine=machine)
+        for name in machine.tolerated:
+            off = answer["machine"][name] / getattr(THESIS, name) - 1
+            assert abs(off) == pytest.approx(0.1)
+        stated = load_machine(str(folder / "machine.toml"))
+        assert stated.provenance["axis.pull_out_force"].tolerance == pytest.approx(0.15)
+        assert stated.axis == load_machine("chow1992").axis
+
+    def test_signs_are_drawn(self):
+        spec = CaseSpec("none", ENCODER, runs=1, run_s=1.0, base=True)
+        cases = [draw_case(1, f"{i:03d}", spec, tolerated=("force_N",)) for i in range(1, 9)]
+        forces = {round(c.nominal.force_N, 6) for c in cases}
+        assert forces == {round(111.0 * 0.9, 6), round(111.0 * 1.1, 6)}
+        plain = draw_case(1, "001", replace(spec, base=False), tolerated=("force_N",))
+        assert plain.nominal == THESIS
+
+    def test_a_tolerance_that_is_there_is_replaced(self, tmp_path):
+        once = read_machine("chow1992", 0.3)
+        (tmp_path / "own.toml").write_bytes(once.text)
+        again = read_machine(str(tmp_path / "own.toml"), 0.15)
+        assert again.text == read_machine("chow1992", 0.15).text
+
+    def test_a_number_in_another_form_is_refused(self, tmp_path):
+        text = read_machine("chow1992", 0.3).text.decode()
+        file = tmp_path / "own.toml"
+        file.write_text(text.replace("pull_out_force", '"pull_out_force"', 1))
+        with pytest.raises(DataError, match="pull_out_force"):
+            read_machine(str(file), 0.15)
+
+
+def test_other_cases_say_nothing_more(tmp_path):
+    spec = CaseSpec("none", ENCODER, runs=1, run_s=1.0)
+    case = draw_case(1, "001", spec)
+    write(case, tmp_path, np.random.default_rng(1))
+    extra = {"without", "foreign", "noise_factor", "partial"}
+    assert not extra & set(case.answer())
+    assert "partial" not in (tmp_path / "experiment.toml").read_text()
