@@ -114,7 +114,7 @@ def _fit_likely(
             close.append((subset.ebic + subset.reduction - reached, subset))
     close.sort(key=lambda pair: pair[0])
     limit = sets.limit(best)
-    for fit in sets.fit_all([(s.candidates, s.start) for _, s in close[:_MOST_FITTED]], limit):
+    for fit in sets.fit_all([(s.candidates, s.starts) for _, s in close[:_MOST_FITTED]], limit):
         if not fit.abandoned:
             sets.fit_all(in_other_forms(sets, fit), limit)
 
@@ -133,8 +133,14 @@ def _needed(sets: Hypotheses, screening: Screening, best: Fit, base: Fit) -> flo
     if reduction < _WEAK:
         return min(reduction, predicted)
     error = min(_MOST_LINEARITY_ERROR, _LINEARITY_ERROR + 2 * abs(predicted / reduction - 1))
-    margin = 4 * ALTERNATIVE_MARGIN * sets.scale(best)
+    margin = 4 * ALTERNATIVE_MARGIN * _density(sets, best, base)
     return min(reduction, predicted) - margin - error * reduction
+
+
+def _density(sets: Hypotheses, best: Fit, base: Fit) -> float:
+    """Power density of the noise where the effects that `base` lacks have their power."""
+    noise = sets.evidence.noise
+    return 1.0 if noise.exact else noise.in_spectrum(base.residual - best.residual)[0]
 
 
 def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[Alternative]:
@@ -145,7 +151,7 @@ def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[
     """
     limit, answer = sets.limit(best), []
     for subset in subsets:
-        close = subset.ebic < sets.ebic(best) + ALTERNATIVE_MARGIN
+        close = subset.ebic < sets.white.ebic(best) + ALTERNATIVE_MARGIN
         if not close or len(subset.members) != 1 or not _plausible(subset.members[0]):
             continue
         deviance = sets.evidence.noise.deviance(sets.residuals.at(subset.start))

@@ -39,6 +39,7 @@ def conclude(
     fit: Fit,
     drafted: Fit | None,
     held: HeldOut | None,
+    drafted_held: HeldOut | None,
     remainder: Remainder,
     others: Sequence[Alternative],
     dropped: Sequence[Rejected],
@@ -46,7 +47,7 @@ def conclude(
 ) -> Verdict:
     """The verdict on `fit`, with all that the evidence says for and against.
 
-    `drafted`: the same effects with free-form terms beside them, to which `held` belongs then.
+    `drafted`: the same effects with free-form terms beside them, which `drafted_held` judges.
     `others` are the sets that do as well; `dropped` the effects that passes after the search
     dropped.
     """
@@ -72,7 +73,7 @@ def conclude(
         alternatives=tuple(tuple(sorted(other.names)) for other in others),
         base={p: e for c in fit.base for p, e in _estimates(sets, fit, c).items()},
         base_before=sets.null.settings,
-        drafts=() if drafted is None else _drafts(sets, drafted, held),
+        drafts=() if drafted is None else _drafts(sets, drafted, drafted_held),
         notes=tuple(notes),
         nuisances=tuple(_nuisances(sets, fit, data)),
         correlations=_correlations(sets, fit),

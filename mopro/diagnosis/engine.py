@@ -15,7 +15,7 @@ from mopro.diagnosis.heldout import HeldOut, held_out
 from mopro.diagnosis.hypotheses import Hypotheses, Progress
 from mopro.diagnosis.laws import WithLaws, measurement_laws
 from mopro.diagnosis.model import Candidate, Law, Parameter, Series, Simulate
-from mopro.diagnosis.noise import Noise, coloured_deviance
+from mopro.diagnosis.noise import Noise
 from mopro.diagnosis.remainder import NOISE_TOLERANCE, NOTHING_LEFT, Remainder, examine
 from mopro.diagnosis.residual import Residuals, difference_variance
 from mopro.diagnosis.screening import Screening
@@ -37,9 +37,6 @@ _QUIETEST = 0.01
 _CLEARLY_QUIET = 4.0
 
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
-_IMITATED = (
-    "may be a part of what remains unexplained, which has as much power where it has its own"
-)
 _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 10 beside what remains"
 
 
@@ -56,7 +53,8 @@ class Problem:
     progress: Progress
 
     def sets(self) -> Hypotheses:
-        residuals = Residuals(self.simulate, self.data)
+        first = {c.name: {p.name: p.starts[0] for p in c.parameters} for c in self.base}
+        residuals = Residuals(self.simulate, self.data, scaled_at=first)
         return Hypotheses(residuals, self.catalogue, self.base, self.jobs, self.progress)
 
 
@@ -73,6 +71,7 @@ class State:
     fit: Fit
     drafted: Fit | None = None
     held: HeldOut | None = None
+    drafted_held: HeldOut | None = None
     remainder: Remainder = NOTHING_LEFT
     alternatives: tuple[Alternative, ...] = ()
     rejected: tuple[Rejected, ...] = ()
@@ -115,8 +114,8 @@ def reconcile(
     for each in PASSES:
         state = each(state)
     return conclude(
-        state.sets, state.screening, state.fit, state.drafted, state.held, state.remainder,
-        state.alternatives, state.rejected, state.notes,
+        state.sets, state.screening, state.fit, state.drafted, state.held, state.drafted_held,
+        state.remainder, state.alternatives, state.rejected, state.notes,
     )  # fmt: skip
 
 
@@ -153,7 +152,7 @@ def refine_steps(state: State) -> State:
         return state
     state.problem.progress("refitting with a finer simulation")
     finer = WithLaws(finer, state.problem.data, ())
-    return add_laws(search_catalogue(State.of(replace(state.problem, simulate=finer, finer=None))))
+    return search_catalogue(State.of(replace(state.problem, simulate=finer, finer=None)))
 
 
 def _steps_matter(state: State, finer: Simulate) -> bool:
@@ -172,7 +171,7 @@ def restate_quiet_noise(state: State) -> State:
     """The search again with the noise that the data show, where they are quieter than stated."""
     sets = state.sets
     mean = sets.evidence.noise.sums(state.fit.residual) / np.array(sets.evidence.noise.counts)
-    samples = np.array(Noise.as_stated(sets.residuals).like(state.fit.residual).effective)
+    samples = Noise.as_stated(sets.residuals).like(state.fit.residual).samples
     below = mean * (1 + _CLEARLY_QUIET * np.sqrt(2 / samples)) < (1 + NOISE_TOLERANCE) ** -2
     quiet = [
         bool(b) and m > _QUIETEST and series.sigma is not None
@@ -223,58 +222,43 @@ def eliminate(state: State) -> State:
     return replace(state, fit=fit, rejected=tuple(rejected))
 
 
-def weigh_against_colour(state: State) -> State:
-    """The answer without effects that noise with the memory of what is left could imitate.
-
-    Only where the noise is not the stated one. The effect that falls short most is dropped
-    first.
-    """
-    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
-    while fit.candidates and not sets.evidence.noise.exact:
-        gains = {}
-        for candidate in fit.candidates:
-            reduced = sets.without(fit, candidate.name)
-            change = reduced.residual - fit.residual
-            deviance = coloured_deviance(change, fit.residual, sets.evidence.noise)
-            price = sets.evidence.penalty(fit) - sets.evidence.penalty(reduced)
-            gains[candidate.name] = deviance - max(price, 0.0)
-        least = min(gains, key=lambda name: (gains[name], name))
-        if gains[least] > NAMING_MARGIN:
-            break
-        reduced = sets.without(fit, least)
-        rejected.append(Rejected(least, reduced.rss - fit.rss, _IMITATED))
-        fit = reduced
-    return replace(state, fit=fit, rejected=tuple(rejected))
-
-
 def hold_out(state: State) -> State:
     """The answer without effects that held-out parts do not support, the worst dropped first."""
     fit, rejected = state.fit, list(state.rejected)
     while fit.candidates:
-        without = {name: state.sets.without(fit, name) for name in sorted(fit.names)}
-        sets = state.sets
-        held = held_out(sets.residuals, sets.evidence.noise, sets.null, fit, without)
-        failing = [name for name in without if held is not None and not held.supports(name)]
+        held = _held(state.sets, fit)
+        failing = [n for n in sorted(fit.names) if held is not None and not held.supports(n)]
         if held is None or not failing:
             return replace(state, fit=fit, held=held, rejected=tuple(rejected))
         worst = min(failing, key=lambda name: held.gains[name])
-        rejected.append(Rejected(worst, without[worst].rss - fit.rss, _FAILS_CV))
-        fit = without[worst]
+        without = state.sets.without(fit, worst)
+        rejected.append(Rejected(worst, without.rss - fit.rss, _FAILS_CV))
+        fit = without
     return replace(state, fit=fit, held=None, rejected=tuple(rejected))
+
+
+def _held(sets: Hypotheses, fit: Fit) -> HeldOut | None:
+    """Prediction of held-out parts with and without each effect of `fit`."""
+    without = {name: sets.without(fit, name) for name in sorted(fit.names)}
+    return held_out(sets.residuals, sets.evidence.noise, sets.null, fit, without)
 
 
 def set_laws_apart(state: State) -> State:
     """The listed effects by themselves, with the free-form terms as drafts of what they leave.
 
-    A term that is fitted together with an effect may take a part of it.
+    A term that is fitted together with an effect may take a part of it. From here on the noise
+    is what the listed effects leave.
     """
-    laws = frozenset(c.name for c in state.fit.candidates if c.law)
+    sets, fit = state.sets, state.fit
+    laws = frozenset(c.name for c in fit.candidates if c.law)
+    for name in sorted(laws):
+        fit = sets.without(fit, name)
+    sets.judge_by(fit)
     if not laws:
         return state
-    fit = state.fit
-    for name in sorted(laws):
-        fit = state.sets.without(fit, name)
-    return replace(state, fit=fit, drafted=state.fit)
+    return replace(
+        state, fit=fit, drafted=state.fit, drafted_held=state.held, held=_held(sets, fit)
+    )
 
 
 def examine_remainder(state: State) -> State:
@@ -334,11 +318,10 @@ def find_alternatives(state: State) -> State:
 
 PASSES: tuple[Pass, ...] = (
     search_catalogue,
-    add_laws,
     refine_steps,
+    add_laws,
     restate_quiet_noise,
     eliminate,
-    weigh_against_colour,
     hold_out,
     set_laws_apart,
     examine_remainder,

@@ -11,7 +11,7 @@ from scipy import stats
 
 from mopro.diagnosis.fit import Fit, Identity
 from mopro.diagnosis.model import Candidate, Floats, Parameter, Role
-from mopro.diagnosis.noise import Noise, spectral_variance
+from mopro.diagnosis.noise import Noise
 
 # EBIC within which two explanations cannot be told apart: a Bayes factor of 150, above which
 # evidence is "very strong" (Kass and Raftery 1995). Halved, families lose true members at odds of
@@ -35,6 +35,8 @@ _PHASE_PENALTY = 5.0
 # samples determines a parameter to a tenth of its prior, which the logarithm of their number
 # does not tell. Doubled, each parameter of a small table must gain 0.7 more.
 _LEAST_SAMPLES = 100
+# The same of independent samples, where the noise has a memory.
+_LEAST_INDEPENDENT = 10
 # Penalty (chi-squared) of a free-form term beside that of its parameters: odds of 20 to 1 for an
 # effect that somebody has listed. Doubled, 400 to 1.
 _LAW_PENALTY = 2 * math.log(20)
@@ -48,10 +50,10 @@ _MOST_CONDITION = 1e12
 
 @dataclass(frozen=True)
 class Evidence:
-    """Judges fits by one noise, out of a catalogue of so many candidates."""
+    """Judges fits by one noise, out of a `catalogue` (the keys of the candidates)."""
 
     noise: Noise
-    catalogue_size: int
+    catalogue: Sequence[tuple[str, str]]
     _covariances: dict[Identity, Floats] = field(default_factory=dict)
 
     def ebic(self, fit: Fit) -> float:
@@ -86,17 +88,23 @@ class Evidence:
             return 0.0
         if parameter.role is Role.PHASE:
             return _PHASE_PENALTY
+        if not self.noise.exact:
+            return math.log(max(float(self.noise.samples.sum()), _LEAST_INDEPENDENT))
         return math.log(max(count, _LEAST_SAMPLES))
 
     def of_choice(self, chosen: int) -> float:
         """Penalty of having chosen so many effects: 2 ln(catalogue over chosen)."""
-        return 2 * math.log(math.comb(max(self.catalogue_size, chosen), chosen))
+        return 2 * math.log(math.comb(max(len(self.catalogue), chosen), chosen))
 
     def lowest(self, fits: Sequence[Fit]) -> Fit:
-        """The fit of the lowest EBIC; of equal ones the first in alphabetical order."""
+        """The fit of the lowest EBIC; of equal ones the first by the catalogue's order."""
         least = min(map(self.ebic, fits))
-        equal = [fit for fit in fits if self.ebic(fit) <= least + _EQUAL]
-        return min(equal, key=lambda fit: (len(fit.candidates), sorted(fit.key)))
+        return min((f for f in fits if self.ebic(f) <= least + _EQUAL), key=self.place)
+
+    def place(self, fit: Fit) -> list[int]:
+        """The places of its effects in the catalogue, free-form terms last."""
+        places = {key: i for i, key in enumerate(self.catalogue)}
+        return sorted(places.get(key, len(places)) for key in fit.key)
 
     # -- findings and calibrations ------------------------------------------------------
 
@@ -201,9 +209,10 @@ class Evidence:
         return np.asarray(variance * np.outer(spans, spans))
 
     def _variance(self, fit: Fit, scaled: Floats) -> Floats:
-        """Covariance of `scaled`ᵀ noise."""
+        """Covariance of `scaled`ᵀ noise: Σ ĵ ĵᵀ S over the frequencies, S being its spectrum."""
         if not self.noise.exact:
-            return spectral_variance(scaled, fit.residual, self.noise)
+            coloured = self.noise.like(fit.residual).transformed(scaled)
+            return np.asarray(coloured.T @ coloured)
         freedom = max(fit.count - len(fit.order), 1)
         size = 1.0 if all(self.noise.stated) else max(fit.rss / freedom, _TINY)
         return np.asarray(size * (scaled.T @ scaled))

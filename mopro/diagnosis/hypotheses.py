@@ -13,7 +13,7 @@ import numpy as np
 
 from mopro.diagnosis.evidence import Evidence
 from mopro.diagnosis.fit import Fit, Identity, Key, least_squares_fit
-from mopro.diagnosis.model import Candidate, Settings, Simulate
+from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
 from mopro.diagnosis.noise import Noise
 from mopro.diagnosis.remainder import examine
 from mopro.diagnosis.residual import Residuals
@@ -25,19 +25,22 @@ OUT_OF_REACH = 100.0
 # Below it the two are the same minimum.
 _BETTER_START = 1.0
 
+# Size of an effect that is hardly there, as a share of that at which its signature is simulated.
+_FAINT = 1e-2
+
 T = TypeVar("T")
 R = TypeVar("R")
 Progress = Callable[[str], None]
-# A set of effects in their forms, and the settings that its fit starts from.
-Proposal = tuple[Sequence[Candidate], Settings]
+# A set of effects in their forms, and settings that its fit may start from.
+Proposal = tuple[Sequence[Candidate], Sequence[Settings]]
 
 
 class Hypotheses:
     """Sets of effects of `catalogue`, fitted to one problem together with the model's `base`.
 
     A set is fitted once, from the start that it was first proposed with, and again from any
-    later one that begins lower. `evidence` judges all sets by the same noise. `jobs` fits run
-    at once.
+    later one that begins lower. `evidence` judges all sets by the same noise; `white`, by the
+    stated one, predicts which of them are worth a fit. `jobs` fits run at once.
     """
 
     def __init__(
@@ -48,17 +51,20 @@ class Hypotheses:
         jobs: int = 1,
         progress: Progress = lambda _: None,
     ) -> None:
-        self.residuals = residuals
         self.catalogue = tuple(catalogue)
         self.base = tuple(base)
         self.progress = progress
         self.jobs = jobs
-        self._size = len(catalogue)
-        self.evidence = Evidence(Noise.as_stated(residuals), self._size)
+        self._keys = [candidate.key for candidate in catalogue]
+        self.white = self.evidence = Evidence(Noise.as_stated(residuals), self._keys)
         self._fits: dict[Key, Fit] = {}
         self._limits: dict[Key, float] = {}
         self._stepped: set[tuple[Identity, str]] = set()
+        self.residuals = residuals
         self.null = self._fit_null()
+        if base and not residuals.known_noise:
+            self.residuals = residuals.scaled_at(self.null.settings)
+            self.null = self._fit_null()
 
     def _fit_null(self) -> Fit:
         """The model without any effect, its base fitted from each combination of its starts."""
@@ -92,7 +98,7 @@ class Hypotheses:
 
     def ranked(self) -> list[Fit]:
         """All sets that were fitted to their minimum, the lowest EBIC first."""
-        return sorted(self._complete(), key=lambda fit: (self.ebic(fit), sorted(fit.key)))
+        return sorted(self._complete(), key=lambda fit: (self.ebic(fit), self.evidence.place(fit)))
 
     def _complete(self) -> list[Fit]:
         return [fit for fit in self._fits.values() if not fit.abandoned]
@@ -105,17 +111,23 @@ class Hypotheses:
         """True if the residual of `fit` passes the tests of noise of the stated size."""
         return not examine(self.residuals, fit.residual, len(fit.order)).significant
 
-    def judge_by_the_remainder(self) -> None:
-        """Judge by noise like the remainder of the fullest set, unless that is as stated."""
-        fullest, stated = self.fullest(), Noise.as_stated(self.residuals)
-        noise = stated if self.is_noise(fullest) else stated.like(fullest.residual)
-        self.evidence = Evidence(noise, self._size)
+    def judge_by(self, fit: Fit) -> None:
+        """Judge by noise like the remainder of `fit`, unless that is as stated."""
+        stated = Noise.as_stated(self.residuals)
+        noise = stated if self.is_noise(fit) else stated.like(fit.residual)
+        self.evidence = Evidence(noise, self._keys)
 
     # -- fitting ------------------------------------------------------------------------
 
     def fit_all(self, proposals: Iterable[Proposal], limit: float = math.inf) -> list[Fit]:
-        """The fits of several sets, each from its own start; see `fitted`."""
-        return self.each(lambda each: self.fitted(*each, limit), proposals)
+        """The fits of several sets, each from the lowest of its own starts; see `fitted`."""
+        return self.each(lambda each: self.fitted(each[0], self._lowest(each[1]), limit), proposals)
+
+    def _lowest(self, starts: Sequence[Settings]) -> Settings:
+        """The start that leaves the smallest sum of squares."""
+        if len(starts) == 1:
+            return starts[0]
+        return min(starts, key=lambda s: float(np.sum(self.residuals.at(s) ** 2)))
 
     def fitted(
         self, candidates: Sequence[Candidate], start: Settings, limit: float = math.inf
@@ -132,9 +144,21 @@ class Hypotheses:
             return known
         self.progress("fitting " + " + ".join(sorted(c.name for c in candidates)))
         fit = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
+        smaller = self._lower_subset(fit)
+        if smaller is not None:
+            start = {**_faint(candidates), **smaller.settings}
+            again = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
+            fit = min(fit, again, key=lambda f: f.rss)
         if known is None or known.abandoned or fit.rss < known.rss:
             self._fits[key], self._limits[key] = fit, limit
         return self._fits[key]
+
+    def _lower_subset(self, fit: Fit) -> Fit | None:
+        """A part of the set that leaves less by itself, as the fit ended in a local minimum."""
+        if fit.abandoned:
+            return None
+        parts = (f for f in self._complete() if f.key < fit.key and f.rss < fit.rss)
+        return min(parts, key=lambda f: f.rss, default=None)
 
     def _begins_lower(self, start: Settings, known: Fit) -> bool:
         if not known.candidates or start == known.settings:
@@ -156,8 +180,7 @@ class Hypotheses:
             return known
         self._stepped.add(once)
         starts = [fit.stepped_without(name), fit.settings_without(frozenset({name}))]
-        lowest = min(starts, key=lambda s: float(np.sum(self.residuals.at(s) ** 2)))
-        return self.fitted(others, lowest, limit)
+        return self.fitted(others, self._lowest(starts), limit)
 
     def switched_off(self, fit: Fit, names: frozenset[str]) -> Fit:
         """`fit` with the effects `names` off and the others left as they are: no minimum."""
@@ -175,11 +198,14 @@ class Hypotheses:
 
     def limit(self, fit: Fit, delta_ebic: float = OUT_OF_REACH) -> float:
         """Sum of squares above which no set comes within `delta_ebic` of the EBIC of `fit`."""
-        noise = self.evidence.noise
+        noise, more = self.evidence.noise, self.evidence.penalty(fit) + delta_ebic
         if noise.exact and all(noise.stated):
-            return fit.rss + self.evidence.penalty(fit) + delta_ebic
-        samples = sum(noise.effective or noise.counts)
-        return fit.rss * math.exp((self.evidence.penalty(fit) + delta_ebic) / samples)
+            return fit.rss + more
+        if noise.exact:
+            return fit.rss * math.exp(more / sum(noise.counts))
+        # Where the noise is strongest, an excess counts least.
+        strongest = max(float(density.max()) for _, density, _ in noise.spectra)
+        return max(fit.rss + more * strongest, 2 * fit.rss)
 
     def each(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         """`function` of all items, in several threads if there is more than one job."""
@@ -187,3 +213,18 @@ class Hypotheses:
             return [function(item) for item in items]
         with ThreadPoolExecutor(self.jobs) as pool:
             return list(pool.map(function, items))
+
+
+def _faint(candidates: Sequence[Candidate]) -> Settings:
+    """Settings at which each of the effects is hardly there."""
+    faint: dict[str, dict[str, float]] = {}
+    for c in candidates:
+        faint |= c.settings({p.name: _faint_value(p) for p in c.parameters})
+    return faint
+
+
+def _faint_value(parameter: Parameter) -> float:
+    start = parameter.starts[0] if parameter.starts else parameter.value(0.5)
+    if parameter.role is Role.AMPLITUDE:
+        return parameter.within(parameter.multiplied(start, _FAINT))
+    return start

@@ -70,7 +70,10 @@ class WithLaws:
 
 
 def measurement_laws(data: Sequence[Series]) -> list[Candidate]:
-    """The free-form terms of each sensor that its series have labels for."""
+    """The free-form terms of each sensor that its series have labels for.
+
+    A label that repeats the series' own values describes nothing.
+    """
     answer: list[Candidate] = []
     ordered = sorted(enumerate(data), key=lambda each: each[1].sensor)
     for sensor, group in groupby(ordered, key=lambda each: each[1].sensor):
@@ -82,14 +85,20 @@ def measurement_laws(data: Sequence[Series]) -> list[Candidate]:
 def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
     series = list(rows.values())
     for name, label, variable, shape in _SHAPES:
-        if all(label in s.labels for s in series):
+        if _labelled(series, label):
             yield from _proportional(sensor, series, name, label, variable, shape)
     if all(s.time_s is not None for s in series):
         yield from _proportional(sensor, series, "t", "", "t", lambda t: t - t.mean())
         yield _line_in_time(sensor, rows)
-    if all("position" in s.labels for s in series):
+    if _labelled(series, "position"):
         yield _line_in_position(sensor, rows)
         yield _bump(sensor, rows)
+
+
+def _labelled(series: Sequence[Series], label: str) -> bool:
+    return all(
+        label in s.labels and not np.array_equal(_values(s, label), s.values) for s in series
+    )
 
 
 def _direction(velocity: Floats) -> Floats:

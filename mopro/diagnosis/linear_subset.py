@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mopro.diagnosis.evidence import Evidence
 from mopro.diagnosis.fit import Fit
+from mopro.diagnosis.jacobian import gauss_newton_step
 from mopro.diagnosis.model import Candidate, Floats, Settings
 from mopro.diagnosis.residual import projected_out
 from mopro.diagnosis.signature import ScoreTest, resized
@@ -23,18 +25,20 @@ _MOST_CUT = 0.05
 _PARALLEL = 1e-9
 
 Rows = tuple[int, ...]
+Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
 class LinearSubset:
     """Candidates to add to `base`, the start of their fit, and the predicted EBIC.
 
-    `reduction`: predicted fall of the sum of squares.
+    `sizes`: of the members' probes. `reduction`: predicted fall of the sum of squares.
     """
 
     base: Fit
     members: tuple[ScoreTest, ...]
     start: Settings
+    sizes: Floats
     ebic: float
     reduction: float
 
@@ -46,27 +50,41 @@ class LinearSubset:
     def names(self) -> frozenset[str]:
         return frozenset(candidate.name for candidate in self.candidates)
 
+    @property
+    def starts(self) -> list[Settings]:
+        """The start, and one in which what is in `base` has adapted (a Gauss-Newton step)."""
+        if not self.base.order:
+            return [self.start]
+        probes = [probe.change for member in self.members for probe in member.group]
+        change = -np.column_stack(probes) @ self.sizes
+        steps = gauss_newton_step(self.base.jacobian, change).tolist()
+        adapted = {effect: dict(values) for effect, values in self.start.items()}
+        for (effect, p), step in zip(self.base.order, steps, strict=True):
+            adapted[effect][p.name] = p.within(adapted[effect][p.name] + step)
+        return [self.start, adapted]
+
 
 class LinearSubsets:
     """Subsets of candidates beside the fit `base`, from the Gram matrix of their signatures.
 
-    The Jacobian of `base` is projected out, so that its effects may adapt.
+    The Jacobian of `base` is projected out, so that its effects may adapt. `evidence` is that
+    of white noise.
     """
 
     def __init__(self, base: Fit, scores: Sequence[ScoreTest], evidence: Evidence) -> None:
         self._base, self._evidence = base, evidence
-        self._scores = [s for s in scores if s.group and s.starts]
+        self._scores = [s for s in scores if s.group]
         ends = np.cumsum([0, *(len(s.group) for s in self._scores)])
         self._columns = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
         changes = [np.zeros((len(base.residual), 0))]
         changes += [probe.change[:, None] for s in self._scores for probe in s.group]
         apart = projected_out(base.tangent, np.hstack(changes))
-        # By series, as the noise may differ from one to the next.
+        self._sums = evidence.noise.sums(base.residual)
+        # By series, as those of unknown noise are judged each by itself.
         parts = np.split(np.arange(len(base.residual)), evidence.noise.starts[1:])
         self._grams = np.array([apart[p].T @ apart[p] for p in parts])
         self._products = np.array([apart[p].T @ base.residual[p] for p in parts])
         self._gram, self._product = self._grams.sum(axis=0), self._products.sum(axis=0)
-        self._sums = evidence.noise.sums(base.residual)
 
     def best(self, most: int) -> list[LinearSubset]:
         """Subsets of up to `most` candidates, the lowest predicted EBIC first.
@@ -114,7 +132,7 @@ class LinearSubsets:
             gains[i] = gain - self._evidence.added_penalty(self._base, [score.candidate])
         return gains
 
-    def _at(self, rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    def _at(self, rows: Rows) -> Index:
         return np.concatenate([np.zeros(0, dtype=np.intp), *(self._columns[i] for i in rows)])
 
     def _subset(self, rows: Rows) -> LinearSubset | None:
@@ -127,14 +145,15 @@ class LinearSubsets:
         start = _start(members, sizes)
         if start is None:
             return None
-        own = self._grams[:, at[:, None], at]
-        change = np.einsum("i,sij,j->s", sizes, own, sizes) - 2 * self._products[:, at] @ sizes
-        deviance = float(self._evidence.noise.deviance_of(self._sums + change))
+        own = np.einsum("i,sij,j->s", sizes, self._grams[:, at[:, None], at], sizes)
+        change = own - 2 * self._products[:, at] @ sizes
+        deviance = self._evidence.noise.of_sums(self._sums + change)
         joined = [member.candidate for member in members]
         penalty = self._evidence.penalty(self._base)
         penalty += self._evidence.added_penalty(self._base, joined)
         settings = {**self._base.settings, **start}
-        return LinearSubset(self._base, members, settings, deviance + penalty, -float(change.sum()))
+        reduction = -float(change.sum())
+        return LinearSubset(self._base, members, settings, sizes, deviance + penalty, reduction)
 
 
 def _solved(gram: Floats, product: Floats) -> Floats | None:

@@ -116,7 +116,7 @@ class Parameter:
         """`value` clipped to the range; an angle is turned into ±π first."""
         if self.role is Role.PHASE:
             value = math.remainder(value, 2 * math.pi)
-        return min(max(value, self.low), self.high)
+        return float(min(max(value, self.low), self.high))
 
 
 @dataclass(frozen=True)
@@ -165,10 +165,10 @@ class Candidate:
     `form`: an effect that is written in several ways has one candidate for each, with the same
     name, and the evidence picks one. `fixed`: parameters of the effect that this form does not
     fit, with their values. `extends`: the form with fewer free parameters that this one
-    extends; it is tried only beside that one, unless it `can_enter_first`. `flexible`: can
-    mimic much that is in no catalogue (a free period), and so is believed only if it leaves
-    nothing unexplained. `find_starts`: finds values of all parameters in a residual, where a
-    few fixed starts cannot. `law`: set for a free-form term that is in no catalogue.
+    extends ("" for the one without a name); it is tried only beside that one, unless it
+    `can_enter_first`. `flexible`: can mimic much that is in no catalogue (a free period).
+    `find_starts`: finds values of all parameters in a residual, where a few fixed starts
+    cannot. `law`: set for a free-form term that is in no catalogue.
     """
 
     name: str
@@ -209,7 +209,8 @@ class Series:
     numbers the parts of the run (moves) that can be held out, alike in all its series.
     `nuisances` (samples x shapes): shapes that are always fitted and never an effect; a
     constant offset unless given. `labels`: further arrays of that length (`position` in
-    `position_unit`, `velocity`, `acceleration`) used to describe an unexplained residual.
+    `position_unit`, `velocity`, `acceleration`, `temperature`) used to describe an unexplained
+    residual; what was commanded, or measured by another sensor.
     """
 
     run: str

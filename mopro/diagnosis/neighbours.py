@@ -47,7 +47,7 @@ def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbour
             min(dropped, _MOST_DROPPED) + _more(reduced, fit),
             MOST_EFFECTS - len(reduced.candidates),
         )
-        subsets += LinearSubsets(reduced, scores, sets.evidence).best(room)
+        subsets += LinearSubsets(reduced, scores, sets.white).best(room)
     return Neighbourhood(fit, tuple(sorted(subsets, key=lambda subset: subset.ebic)))
 
 
@@ -101,7 +101,7 @@ def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
             continue
         (member,) = subset.members
         proposals += [
-            ((*base.candidates, form), {**subset.start, **_in_form(form, subset.start)})
+            ((*base.candidates, form), [{**subset.start, **_in_form(form, subset.start)}])
             for form in _neighbouring_forms(member.candidate, sets.catalogue)
             if form.name not in near.fit.names
         ]
@@ -110,7 +110,7 @@ def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
 
 def _in_another_form(fit: Fit, form: Candidate) -> Proposal:
     others = [c for c in fit.candidates if c.name != form.name]
-    return (*others, form), {**fit.settings, **_in_form(form, fit.settings)}
+    return (*others, form), [{**fit.settings, **_in_form(form, fit.settings)}]
 
 
 def _in_form(form: Candidate, settings: Settings) -> Settings:

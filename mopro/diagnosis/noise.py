@@ -1,14 +1,12 @@
-"""Noise that residuals are judged by: in each series its size, and how many samples count.
+"""Noise that residuals are judged by: in each series its size, spectrum and independent samples.
 
 Stated noise is white and of the stated size. What a model leaves of real data seldom is: it has
 a memory, so that a thousand samples are as good as fifty independent ones, and nobody knows its
-size beforehand. The likelihood is then that of as many independent samples, whose variance is
-estimated and at least the stated one.
+size beforehand. Its spectrum is then taken from what the fullest set of effects leaves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,16 +25,17 @@ _TINY = 1e-300
 
 @dataclass(frozen=True)
 class Noise:
-    """Size and memory of the noise in each series, in whitened units.
+    """Size and spectrum of the noise in each series, in whitened units.
 
-    `counts`: samples less nuisances. `effective`: independent samples among them, None where the
-    noise is the stated one. `stated`: whether the series states its noise.
+    `counts`: samples less nuisances. `starts`: the first sample of each. `stated`: whether the
+    series states its noise. `remainder`: the residual (samples) whose spectrum the noise has,
+    None where the noise is white and of the stated size.
     """
 
     counts: tuple[int, ...]
     starts: tuple[int, ...]
     stated: tuple[bool, ...]
-    effective: tuple[float, ...] | None = None
+    remainder: Floats | None = None
 
     @staticmethod
     def as_stated(residuals: Residuals) -> Noise:
@@ -49,42 +48,90 @@ class Noise:
             tuple(series.sigma is not None for series in residuals.data),
         )
 
-    def like(self, residual: Floats) -> Noise:
-        """Noise with the memory of `residual` (whitened samples), of a size to be estimated."""
-        parts = np.split(residual, self.starts[1:])
-        return replace(
-            self,
-            effective=tuple(
-                min(effective_samples(part), n) for part, n in zip(parts, self.counts, strict=True)
-            ),
-        )
+    def like(self, remainder: Floats) -> Noise:
+        """Noise with the size and spectrum of `remainder`."""
+        return replace(self, remainder=remainder)
 
     @property
     def exact(self) -> bool:
         """True if the noise is white and of the stated sizes."""
-        return self.effective is None
+        return self.remainder is None
 
     def sums(self, residual: Floats) -> Floats:
         """Sum of squares of `residual` in each series."""
         return np.asarray(np.add.reduceat(residual**2, self.starts), dtype=float)
 
     def deviance(self, residual: Floats) -> float:
-        """-2 ln likelihood of a whitened residual, up to a constant."""
-        return float(self.deviance_of(self.sums(residual)))
+        """-2 ln likelihood of a whitened residual, up to a constant.
 
-    def deviance_of(self, sums: Floats) -> Floats:
-        """The deviance at sums of squares (..., series).
-
-        Of n independent samples with mean square m: n m for known variance 1, and
-        n (ln v + m / v) for a variance v that is estimated, v = max(m, 1), or m where no size
-        is stated.
+        Where the noise is not the stated one, that of the excess over the `remainder`: see
+        `of_excess`.
         """
-        mean = np.maximum(sums, 0.0) / self._counts
-        variance = np.maximum(mean, self.floor)
-        estimated = self.samples * (np.log(variance) + mean / variance)
-        if not self.exact:
-            return np.asarray(estimated.sum(axis=-1))
-        return np.asarray(np.where(self._stated, sums, estimated).sum(axis=-1))
+        if self.remainder is None:
+            return self.of_sums(self.sums(residual))
+        change = residual - self.remainder
+        excess = float(residual @ residual - self.remainder @ self.remainder)
+        return self.of_excess(excess, *self.in_spectrum(change))
+
+    def of_sums(self, sums: Floats) -> float:
+        """The deviance at a sum of squares of each series, for white noise.
+
+        The sum itself for variance 1; n ln(sum / n) where the size is not stated.
+        """
+        estimated = self._counts * np.log(np.maximum(sums, _TINY) / self._counts)
+        return float(np.where(self._stated, sums, estimated).sum())
+
+    @staticmethod
+    def of_excess(excess: float, density: float, freedom: float) -> float:
+        """Deviance of an `excess` (sum of squares) where the noise has a power of `density`.
+
+        (ν + 1) ln(1 + excess / (S ν)), Student's, with the density S known from ν degrees of
+        freedom: against what wanders slowly, a slow change counts little, however many the
+        samples.
+        """
+        return float((freedom + 1) * np.log1p(max(excess, 0.0) / (density * freedom)))
+
+    def in_spectrum(self, change: Floats) -> tuple[float, float]:
+        """Mean power density of the noise where `change` has its power; its degrees of freedom."""
+        size = own = spread = 0.0
+        for part, density, freedom in self.spectra:
+            power = fft.dct(change[part], norm="ortho") ** 2
+            size += float(power.sum())
+            own += float(power @ density)
+            spread += float((power * density) @ (power * density / freedom))
+        if not own:
+            return 1.0, 1.0
+        return own / size, own**2 / max(spread, _TINY)
+
+    @cached_property
+    def spectra(self) -> list[tuple[slice, Floats, Floats]]:
+        """For each series its samples, the spectrum of the remainder, and its degrees of freedom.
+
+        The mean of the squared cosine transform over a band of half an octave about each
+        frequency, of three at least, and at least the stated noise. The number of frequencies
+        in the band are its degrees of freedom.
+        """
+        assert self.remainder is not None, "stated noise is white"
+        ends = [*self.starts[1:], len(self.remainder)]
+        answer = []
+        for a, b, least in zip(self.starts, ends, self.floor.tolist(), strict=True):
+            power = fft.dct(self.remainder[a:b], norm="ortho") ** 2
+            index = np.arange(b - a)
+            half = np.maximum(index // _BAND, 1)
+            low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, b - a)
+            sums = np.concatenate([[0.0], np.cumsum(power)])
+            width = (high - low).astype(float)
+            density = np.maximum((sums[high] - sums[low]) / width, least)
+            answer.append((slice(a, b), density, width))
+        return answer
+
+    def transformed(self, columns: Floats) -> Floats:
+        """Cosine transform of `columns` (samples x any), times the root of the density."""
+        parts = [
+            fft.dct(columns[part], axis=0, norm="ortho") * np.sqrt(density)[:, None]
+            for part, density, _ in self.spectra
+        ]
+        return np.concatenate(parts)
 
     def variances(self, residual: Floats) -> Floats:
         """Estimated variance of the noise at each sample, at least the stated one."""
@@ -95,22 +142,26 @@ class Noise:
         return np.repeat(np.maximum(mean, self.floor), lengths)
 
     @cached_property
-    def _counts(self) -> Floats:
-        return np.array(self.counts, dtype=float)
-
-    @cached_property
     def samples(self) -> Floats:
         """Independent samples in each series."""
-        return self._counts if self.effective is None else np.array(self.effective)
-
-    @cached_property
-    def _stated(self) -> Mask:
-        return np.array(self.stated)
+        if self.remainder is None:
+            return self._counts
+        parts = np.split(self.remainder, self.starts[1:])
+        worth = np.array([effective_samples(part) for part in parts])
+        return np.asarray(np.minimum(worth, self._counts))
 
     @cached_property
     def floor(self) -> Floats:
         """Least variance of the noise of each series."""
         return np.where(self._stated, 1.0, _TINY)
+
+    @cached_property
+    def _counts(self) -> Floats:
+        return np.array(self.counts, dtype=float)
+
+    @cached_property
+    def _stated(self) -> Mask:
+        return np.array(self.stated)
 
 
 def effective_samples(values: Floats) -> float:
@@ -124,55 +175,3 @@ def effective_samples(values: Floats) -> float:
         return float(len(values))
     powers = fft.dct(values, norm="ortho") ** 2
     return float(min(len(values), 3 * powers.sum() ** 2 / max(float(powers @ powers), _TINY)))
-
-
-def spectral_variance(jacobian: Floats, residual: Floats, noise: Noise) -> Floats:
-    """Covariance of `jacobian`ᵀ z, for noise z with the spectrum of `residual`.
-
-    Σ over series and frequencies of ĵ ĵᵀ S, ĵ being the cosine transform of the Jacobian
-    (samples x parameters) and S that spectrum.
-    """
-    total = np.zeros((jacobian.shape[1],) * 2)
-    for part, density, _ in _spectra(residual, noise):
-        columns = fft.dct(jacobian[part], axis=0, norm="ortho")
-        total += (columns * density[:, None]).T @ columns
-    return total
-
-
-def coloured_deviance(change: Floats, residual: Floats, noise: Noise) -> float:
-    """Fall of the deviance by a `change` that was fitted, for noise with the residual's spectrum.
-
-    (ν + 1) ln(1 + z²/ν), Student's, where z is the size of the change in standard errors, and
-    ν the degrees of freedom from which the spectrum is known where the change has its power:
-    against what wanders slowly, a slow change counts little, however many the samples.
-    """
-    size = own = spread = 0.0
-    for part, density, freedom in _spectra(residual, noise):
-        power = fft.dct(change[part], norm="ortho") ** 2
-        size += float(power.sum())
-        own += float(power @ density)
-        spread += float((power * density) @ (power * density / freedom))
-    if not size:
-        return 0.0
-    known_from = own**2 / max(spread, _TINY)
-    z2 = size**2 / max(own, _TINY)
-    return float((known_from + 1) * np.log1p(z2 / known_from))
-
-
-def _spectra(residual: Floats, noise: Noise) -> Iterator[tuple[slice, Floats, Floats]]:
-    """For each series its samples, the spectrum of its residual, and what that is known from.
-
-    The mean of the squared cosine transform over a band of half an octave about each
-    frequency, of three at least, and at least the stated noise; the number of frequencies in
-    the band are its degrees of freedom.
-    """
-    for a, b, least in zip(
-        noise.starts, [*noise.starts[1:], len(residual)], noise.floor, strict=True
-    ):
-        power = fft.dct(residual[a:b], norm="ortho") ** 2
-        index = np.arange(b - a)
-        half = np.maximum(index // _BAND, 1)
-        low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, b - a)
-        sums = np.concatenate([[0.0], np.cumsum(power)])
-        width = (high - low).astype(float)
-        yield slice(a, b), np.maximum((sums[high] - sums[low]) / width, least), width

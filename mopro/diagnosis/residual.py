@@ -32,13 +32,14 @@ class Residuals:
         data: Sequence[Series],
         mask: Mask | None = None,
         sigmas: Sequence[float] = (),
+        scaled_at: Settings | None = None,
     ) -> None:
         self._simulate = simulate
         self.data = data
         self.known_noise = all(series.sigma is not None for series in data)
         self.mask = np.ones(sum(map(len, data)), dtype=bool) if mask is None else mask
         self.measured = np.concatenate([series.values for series in data])
-        self.sigmas = tuple(sigmas) or self._scales()
+        self.sigmas = tuple(sigmas) or self._scales(scaled_at or {})
         self.weights = np.repeat([1 / sigma for sigma in self.sigmas], [len(s) for s in data])
         self.basis = self.nuisance_basis(self.mask)
         self.count = int(self.mask.sum()) - self.basis.shape[1]
@@ -51,11 +52,15 @@ class Residuals:
         """These data and another model of them."""
         return Residuals(simulate, self.data, self.mask, self.sigmas)
 
-    def _scales(self) -> tuple[float, ...]:
+    def scaled_at(self, settings: Settings) -> Residuals:
+        """These data, noise that is not stated taken from the residual at `settings`."""
+        return Residuals(self._simulate, self.data, self.mask, scaled_at=settings)
+
+    def _scales(self, settings: Settings) -> tuple[float, ...]:
         stated = [series.sigma for series in self.data]
         if None not in stated:
             return tuple(sigma for sigma in stated if sigma is not None)
-        residuals = self.split(self.measured - self.predicted({}))
+        residuals = self.split(self.measured - self.predicted(settings))
         estimated = [math.sqrt(difference_variance(own)) or 1.0 for own in residuals]
         return tuple(sigma or scale for sigma, scale in zip(stated, estimated, strict=True))
 

@@ -75,7 +75,7 @@ class Screening:
         if at.key == null.key or far_from_linear(null):
             return self._scores(base, at, joining)
         known = self._scores(base, null, joining)
-        limit = self._sets.ebic(at) + ALTERNATIVE_MARGIN
+        limit = self._sets.white.ebic(at) + ALTERNATIVE_MARGIN
         promising = [s.candidate for s in known if self.predicted_ebic(base, s) < limit]
         promising = promising[:_MOST_RELINEARISED]
         others = [s for s in known if s.candidate not in promising]
@@ -123,8 +123,8 @@ class Screening:
         return strongest
 
     def predicted_ebic(self, base: Fit, score: ScoreTest) -> float:
-        """Predicted EBIC of `base` with a candidate added."""
-        evidence = self._sets.evidence
+        """Predicted EBIC of `base` with a candidate added, for white noise."""
+        evidence = self._sets.white
         left = base.residual - score.explained if len(score.explained) else base.residual
         deviance = evidence.noise.deviance(left)
         return deviance + evidence.penalty(base) + evidence.added_penalty(base, [score.candidate])

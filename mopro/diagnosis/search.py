@@ -88,7 +88,7 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit) -> None:
     if far_from_linear(sets.null):
         limit = max(limit, _MAIN_EFFECT_LEAVES * sets.null.rss)
     sets.fit_all([*_proposals(proposed[_FITTED_TO_MINIMUM:]), *in_wider_forms(sets, near)], limit)
-    sets.judge_by_the_remainder()
+    sets.judge_by(sets.fullest())
     best = sets.best()
     while best is not before:
         before = best
@@ -106,16 +106,18 @@ def _fit_forms(sets: Hypotheses, fit: Fit) -> None:
 
 
 def _proposals(subsets: Sequence[LinearSubset]) -> list[Proposal]:
-    return [(subset.candidates, subset.start) for subset in subsets]
+    return [(subset.candidates, subset.starts) for subset in subsets]
 
 
 def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
     """The sets to fit: those of the lowest predicted EBIC that may be below that of the best.
 
+    Both for white noise: of what noise with a memory allows, the fit itself is the judge.
+
     Where a single effect is predicted to leave next to nothing it is fitted alone: a signature
     may misjudge a strong effect by more than a second one would gain.
     """
-    best = sets.ebic(sets.best())
+    best = sets.white.ebic(sets.best())
     hopeful = [s for s in near.subsets if s.ebic - _LINEARITY_ERROR * s.reduction < best]
     first = next((s for s in near.subsets if len(s.members) == 1), None)
     if not near.fit.candidates and first is not None and first.ebic < best:

@@ -53,6 +53,8 @@ class ScoreTest:
 
     def twin_of(self, other: ScoreTest) -> bool:
         """True if both would take away the same, to within 1 in chi-squared."""
+        if not self.starts or not other.starts:
+            return False
         return float(np.sum((self.explained - other.explained) ** 2)) < _SAME_PREDICTION
 
 
@@ -133,7 +135,9 @@ def score_test(
     trials.sort(key=lambda trial: -trial[0])
     best = [trial for trial in trials[:_MOST_STARTS] if trial[0] > 0]
     if not best:
-        return ScoreTest(candidate, 0.0, (), np.zeros(0, dtype=np.float32))
+        # It may still lower chi-squared beside another effect.
+        group = trials[0][3] if trials else ()
+        return ScoreTest(candidate, 0.0, (), np.zeros(0, dtype=np.float32), group)
     starts = tuple(candidate.settings(values) for _, values, _, _ in best)
     reduction, _, explained, group = best[0]
     return ScoreTest(candidate, reduction, starts, explained.astype(np.float32), group)
