@@ -123,6 +123,13 @@ class Hypotheses:
         """The fits of several sets, each from the lowest of its own starts; see `fitted`."""
         return self.each(lambda each: self.fitted(each[0], self._lowest(each[1]), limit), proposals)
 
+    def knows(self, candidates: Sequence[Candidate], ebic: float) -> bool:
+        """True if the set is fitted, and no more than `OUT_OF_REACH` above the predicted `ebic`."""
+        known = self._fits.get(frozenset(candidate.key for candidate in candidates))
+        if known is None or known.abandoned:
+            return False
+        return self.white.ebic(known) < ebic + OUT_OF_REACH
+
     def _lowest(self, starts: Sequence[Settings]) -> Settings:
         """The start that leaves the smallest sum of squares."""
         if len(starts) == 1:

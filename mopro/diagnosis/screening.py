@@ -50,10 +50,11 @@ class Screening:
     def beside(self, base: Fit, at: Fit, unabsorbed: Fit | None = None) -> list[ScoreTest]:
         """Score tests of all candidates that may join `base`, the lowest predicted EBIC first.
 
-        Signatures are those at the null model, and at the fit `at` those of the likeliest
-        candidates that may come within the margin of alternatives there. Far from linear,
-        all are simulated at `at`. Starts are searched in the residual of `base` and
-        of `unabsorbed`, in which other effects have not adapted to what was dropped.
+        Signatures are those at the null model. If `base` is `at` itself, those of the
+        likeliest candidates that may come within the margin of alternatives are simulated
+        there, and all of them where the null model is far from linear. Starts are searched in
+        the residual of `base` and of `unabsorbed`, in which other effects have not adapted to
+        what was dropped.
         """
         scores = self._beside(base, at)
         if unabsorbed is None:
@@ -72,6 +73,8 @@ class Screening:
             for c in self._sets.catalogue
             if c.name not in base.names and (c.extends is None or c.can_enter_first)
         ]
+        if base.key != at.key:
+            return self._scores(base, null, joining)
         if at.key == null.key or far_from_linear(null):
             return self._scores(base, at, joining)
         known = self._scores(base, null, joining)

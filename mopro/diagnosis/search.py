@@ -118,7 +118,11 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
     may misjudge a strong effect by more than a second one would gain.
     """
     best = sets.white.ebic(sets.best())
-    hopeful = [s for s in near.subsets if s.ebic - _LINEARITY_ERROR * s.reduction < best]
+    hopeful = [
+        s
+        for s in near.subsets
+        if s.ebic - _LINEARITY_ERROR * s.reduction < best and not sets.knows(s.candidates, s.ebic)
+    ]
     first = next((s for s in near.subsets if len(s.members) == 1), None)
     if not near.fit.candidates and first is not None and first.ebic < best:
         excess = near.fit.rss - near.fit.count * sets.scale(near.fit)
