@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -26,6 +27,7 @@ _PLACES = (
     "sigma",
     "",
 )
+_APPLIED = ("run", "sensor", "before", "after", "noise")
 _SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "whiteness p", "only noise")
 
 
@@ -38,30 +40,78 @@ _SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "white
     show_default=True,
     help="Of the random values for a coarse ADC's rounding.",
 )
+@click.option(
+    "--apply",
+    "applied",
+    metavar="MACHINE",
+    help="Compare with this machine instead, and show the gap of each run before and after.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(experiment: str, seed: int, as_json: bool) -> int:
+def command(experiment: str, seed: int, applied: str | None, as_json: bool) -> int:
     """Show where simulation and data disagree: by run, line, phase, direction and axis.
 
     A residual is measured minus simulated, without each sensor's offset. Exits with 1 if the
-    residuals exceed the sensors' noise.
+    residuals exceed the sensors' noise. With --apply a machine that `mopro reconcile --out`
+    repaired is tried on runs that it has not seen.
 
-    Example: mopro compare experiment.toml
+    Example: mopro compare unseen.toml --apply repaired.toml
     """
+    from dataclasses import replace
+
     import numpy as np
 
     from mopro.experiment import load_experiment
     from mopro.experiment.compare.comparison import DISAGREEMENT, compare
+    from mopro.machine import load_machine
 
     loaded = load_experiment(experiment)
     for note in loaded.notes:
         click.echo(note, err=True)
     comparison = compare(loaded, np.random.default_rng(seed))
+    gaps: list[dict[str, object]] = []
+    if applied is not None:
+        before = comparison
+        loaded = replace(loaded, machine=load_machine(applied))
+        comparison = compare(loaded, np.random.default_rng(seed))
+        gaps = list(_gaps(before, comparison))
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine.name, **comparison.as_json()}
+        if applied is not None:
+            answer["applied"] = gaps
         click.echo(json.dumps(answer, indent=1))
     else:
         _print(comparison)
+        _print_gaps(gaps)
     return EXIT_FAILED if comparison.verdict == DISAGREEMENT else 0
+
+
+def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, object]]:
+    """The gap of each series with the experiment's machine, and with the applied one."""
+    for first, second in zip(before.series, after.series, strict=True):
+        yield {
+            "run": first.run,
+            "sensor": first.sensor,
+            "unit": first.unit,
+            "before_rms": first.rms,
+            "after_rms": second.rms,
+            "noise_rms": first.noise_rms,
+        }
+
+
+def _print_gaps(gaps: Sequence[dict[str, object]]) -> None:
+    from mopro.cli.table import print_table
+
+    if gaps:
+        keys = ("before_rms", "after_rms", "noise_rms")
+        rows = [
+            [str(gap["run"]), str(gap["sensor"]), *(_size(gap[key], gap["unit"]) for key in keys)]
+            for gap in gaps
+        ]
+        print_table(_APPLIED, rows, _MOST_ROWS)
+
+
+def _size(value: object, unit: object) -> str:
+    return "-" if value is None else f"{value:.3g} {unit}"
 
 
 def _print(comparison: Comparison) -> None:

@@ -122,6 +122,7 @@ def _tell(conclusion: Conclusion) -> None:
     from mopro.experiment.conclude.wording import (
         NO_PROPOSAL,
         calibration_words,
+        draft_words,
         faint_words,
         left_out_words,
         place_words,
@@ -141,6 +142,7 @@ def _tell(conclusion: Conclusion) -> None:
         size = f"{worst.rms:.3g} {worst.unit}" + (f", {worst.sigma:.3g} σ" if worst.sigma else "")
         click.echo(f"Largest disagreement: {worst.run}, {place_words(worst)}: {size}.")
     for note in (
+        *draft_words(verdict),
         *calibration_words(verdict),
         *undecided_words(verdict),
         *reservations(verdict, conclusion.runs),

@@ -13,6 +13,7 @@ from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.conclude.wording import (
     NO_PROPOSAL,
     calibration_words,
+    draft_words,
     effect_words,
     held_out_words,
     interval_words,
@@ -67,6 +68,7 @@ def _name(conclusion: Conclusion) -> str:
 
 def _effects(conclusion: Conclusion) -> Iterator[str]:
     yield heading("Effects found")
+    yield from map(paragraph, draft_words(conclusion.verdict))
     if not conclusion.verdict.fitted:
         yield paragraph(_UNDECIDED)
         return

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from mopro.diagnosis.fit_cache import FitCache
 
 import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import candidates, diagnosed, family, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Series
 from mopro.diagnosis.alternatives import Alternatives
-from mopro.diagnosis.fit_cache import FitCache
 from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.screening import Screening
 

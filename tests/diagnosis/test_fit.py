@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from mopro.diagnosis.fit_cache import FitCache
 
 from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.descent import Descent
 from mopro.diagnosis.fit import least_squares_fit
-from mopro.diagnosis.fit_cache import FitCache
 from mopro.diagnosis.jacobian import SecantJacobian
 from mopro.diagnosis.residual import Residuals
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from mopro.diagnosis.fit_cache import FitCache
 
 from mopro.diagnosis import Candidate, Parameter, Series
-from mopro.diagnosis.fit_cache import FitCache
 from mopro.diagnosis.heldout import folds
 from mopro.diagnosis.residual import Residuals
 

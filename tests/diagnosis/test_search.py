@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from mopro.diagnosis.fit_cache import FitCache
 
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.fit_cache import FitCache
 from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.search import Search
 

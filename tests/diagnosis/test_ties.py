@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from mopro.diagnosis.ties import TIE, lowest_first
 
 from helpers.signals import candidates, diagnosed, of_size, sizes, times
-from mopro.diagnosis.ties import TIE, lowest_first
 
 TWINS = ("stretched", "amplified")
 

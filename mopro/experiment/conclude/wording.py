@@ -21,7 +21,7 @@ def sentence(verdict: Verdict) -> str:
     """The verdict in one sentence."""
     names = ", ".join(" or ".join([e.name, *e.indistinguishable_from]) for e in verdict.effects)
     if verdict.verdict == "unexplained":
-        beside = f" beside {names}" if names else ""
+        beside = f" beside {names}{_share_words(verdict)}" if names else ""
         return f"Unexplained{beside}: what is left looks like {verdict.remainder.description}."
     if verdict.verdict == "none" and verdict.gap.noise_rms is None:
         return "None: no effect is called for, as far as that shows with unknown noise."
@@ -31,6 +31,29 @@ def sentence(verdict: Verdict) -> str:
     if verdict.verdict == "none":
         return "None: simulation and data agree within the sensors' noise."
     return f"{verdict.verdict.capitalize()}: {names}."
+
+
+def _share_words(verdict: Verdict) -> str:
+    """Share of the disagreement that the effects explain, and that in held-out parts."""
+    share, held_out = verdict.explained.share, verdict.explained.held_out_share
+    if share is None:
+        return ""
+    held = "" if held_out is None else f" ({held_out:.1%} in held-out parts)"
+    return f", {share:.1%} of the disagreement explained{held}"
+
+
+def draft_words(verdict: Verdict) -> Iterator[str]:
+    """A line for each free-form term, for each free number of the model and each note."""
+    for draft in verdict.drafts:
+        held = ", held out" if draft.held_out else ""
+        yield (
+            f"Not listed: a term of {draft.of} in the {draft.enters}, {draft.law} {draft.unit} "
+            f"({draft.sigmas:.3g} σ in all{held})."
+        )
+    for name, estimate in verdict.base.items():
+        yield f"Fitted: {name} = {value_words(estimate)} ({interval_words(estimate)})."
+    for note in verdict.notes:
+        yield f"{note[:1].upper()}{note[1:]}."
 
 
 def calibration_words(verdict: Verdict) -> Iterator[str]:
