@@ -97,3 +97,39 @@ def test_neither_a_part_of_the_answer_nor_a_set_that_contains_it_is_an_alternati
     assert abs(sets.ebic(sets.null) - sets.ebic(line)) < 10
     assert abs(sets.ebic(wider) - sets.ebic(line)) < 10
     assert alternatives(sets, Screening(sets), line) == ()
+
+
+def test_two_pairs_of_effects_that_explain_the_same_are_alternatives_as_sets():
+    """A + D = B + C up to a little of another shape; no single effect stands for another one."""
+    t = times()
+    u, v, w, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0))
+    shapes = {"A": u + v, "B": u + w, "C": v + z + 0.05 * np.cos(29 * t), "D": w + z}
+
+    def simulate(settings):
+        return [sum((own["size"] * shapes[name] for name, own in settings.items()), 0 * t)]
+
+    verdict = diagnosed(simulate, candidates(*shapes), of_size(A=1.0, D=1.0), 1.0, 1)
+    assert verdict.verdict == "ambiguous"
+    named = {effect.name for effect in verdict.effects}
+    assert [named, *map(set, verdict.alternatives)] in ([{"A", "D"}, {"B", "C"}],
+                                                        [{"B", "C"}, {"A", "D"}])  # fmt: skip
+    (other,) = verdict.alternatives
+    for effect in verdict.effects:
+        assert effect.indistinguishable_from == list(other)
+        assert all(delta < 10 for delta in effect.rivals.values())
+        for settings in effect.alternatives.values():
+            assert settings.keys() == set(other)
+            assert [own["size"] for own in settings.values()] == pytest.approx([1.0] * 2, abs=0.1)
+
+
+def test_pairs_that_the_data_can_tell_apart_are_no_alternatives():
+    t = times()
+    u, v, w, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0))
+    shapes = {"A": u + v, "B": u + w, "C": v + z + 0.3 * np.cos(29 * t), "D": w + z}
+
+    def simulate(settings):
+        return [sum((own["size"] * shapes[name] for name, own in settings.items()), 0 * t)]
+
+    verdict = diagnosed(simulate, candidates(*shapes), of_size(A=1.0, D=1.0), 1.0, 1)
+    assert (verdict.verdict, verdict.alternatives) == ("named", ())
+    assert {effect.name for effect in verdict.effects} == {"A", "D"}

@@ -169,3 +169,51 @@ def test_effects_that_only_slow_noise_separates_are_a_family():
         verdict = mopro.reconcile(simulate, catalogue, [series])
         (friction,) = verdict.effects
         assert "coulomb" in family(friction)
+
+
+@pytest.mark.parametrize("truth", [{}, {"viscous": {"b": 3.0}}], ids=["none", "viscous"])
+@pytest.mark.parametrize(("factor", "words"), [(0.3, "quieter than stated"), (3.0, "3 times")])
+def test_white_noise_of_another_size_than_stated_is_a_note(factor, words, truth):
+    """Intervals are those of the noise that the data show."""
+    data = [
+        replace(series, sigma=SIGMA / factor) for series in Servo().measure(truth, SIGMA, seed=0)
+    ]
+    verdict = mopro.reconcile(Servo().predict, CATALOGUE, data)
+    assert (verdict.verdict, names(verdict)) == ("named" if truth else "none", set(truth))
+    assert verdict.notes
+    assert all(words in note or "2.9 times" in note for note in verdict.notes)
+    if truth:
+        as_stated = mopro.reconcile(
+            Servo().predict, CATALOGUE, Servo().measure(truth, SIGMA, seed=0)
+        )
+        widths = [np.ptp(v.effects[0].parameters["b"].ci95) for v in (verdict, as_stated)]
+        assert widths[0] == pytest.approx(widths[1], rel=0.1)
+
+
+def test_an_effect_below_noise_that_is_stated_too_large_is_found():
+    """2 standard deviations of the stated noise in all, and 20 of the noise that is there."""
+    servo, truth = Servo(), {"viscous": {"b": 0.006}}
+    data = [replace(series, sigma=SIGMA) for series in servo.measure(truth, 0.1 * SIGMA, 0)]
+    verdict = mopro.reconcile(servo.predict, CATALOGUE, data)
+    alone = mopro.reconcile(servo.predict, CATALOGUE, servo.measure(truth, SIGMA, 0))
+    assert not alone.effects
+    assert names(verdict) == {"viscous"}
+
+
+def test_noise_of_the_stated_size_with_a_memory_is_none_and_a_note():
+    servo, answers = Servo(runs=2, samples=300), []
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 2])
+        data = []
+        for series in servo.measure({}, SIGMA, seed):
+            noise = autoregressive(0.8, len(series), rng) * math.sqrt(1 - 0.8**2)
+            data.append(replace(series, values=0.3 + SIGMA * noise + servo_force(servo, series)))
+        verdict = mopro.reconcile(servo.predict, CATALOGUE, data)
+        noted = any("not white" in note for note in verdict.notes)
+        answers.append((verdict.verdict, noted))
+    assert answers.count(("none", True)) >= 19
+
+
+def servo_force(servo, series):
+    """The force without noise of the run that a series is of."""
+    return servo.predict({})[int(series.run.split()[1])]
