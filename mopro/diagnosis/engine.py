@@ -202,7 +202,7 @@ def add_laws(state: State) -> State:
         return state
     laws = measurement_laws(state.problem.data)
     state.sets.join(laws, WithLaws(state.problem.simulate, state.problem.data, laws))
-    search(state.sets, state.screening, [state.fit])
+    search(state.sets, state.screening, [state.fit], only_laws=state.sets.is_noise(state.fit))
     best, listed = state.sets.best(), state.sets.best_listed()
     # What somebody has listed has the benefit of the doubt.
     doubt = state.sets.ebic(listed) - state.sets.ebic(best) < ALTERNATIVE_MARGIN
@@ -303,10 +303,8 @@ def _as_noise(state: State, remainder: Remainder) -> str | None:
     ) / len(residual)
     if float(np.mean(residual**2)) > most or 1 / most < white < most:
         return None
-    return (
-        "the noise is of the stated size and not white: neighbouring samples are alike, and "
-        "all of them are worth fewer"
-    )
+    alike = "alike" if white < 1 else "unlike"
+    return f"the noise is of the stated size and not white: neighbouring samples are {alike}"
 
 
 def find_alternatives(state: State) -> State:

@@ -61,16 +61,30 @@ def held_out(
         return None
     masks = list(_divided(residuals, masks, fit))
     after = _predicted(residuals, fit, masks)
-    deviance = _deviance(noise, masks, after)
     return HeldOut(
         before=_mean_square(_predicted(residuals, null, masks)),
         after=_mean_square(after),
         gains={
-            name: _deviance(noise, masks, _predicted(residuals, other, masks)) - deviance
+            name: _gain(noise, masks, _predicted(residuals, other, masks), after)
             for name, other in without.items()
         },
         residual=after,
     )
+
+
+def _gain(noise: Noise, masks: Sequence[Mask], without: Floats, after: Floats) -> float:
+    """Fall of the deviance of held-out parts by an effect; negative where it predicts worse.
+
+    It must lower the deviance and the mean square; the part that is predicted worst with and
+    without it, such as a move that is cut off, does not count in the latter.
+    """
+    parts = [(float(np.sum(without[m] ** 2)), float(np.sum(after[m] ** 2)), m) for m in masks]
+    if len(parts) > _CHUNKS:
+        worst = max(range(len(parts)), key=lambda i: min(parts[i][:2]) / parts[i][2].sum())
+        del parts[worst]
+    gain = _deviance(noise, masks, without) - _deviance(noise, masks, after)
+    fall = sum(before - left for before, left, _ in parts)
+    return gain if fall > 0 else min(gain, fall)
 
 
 def folds(residuals: Residuals) -> list[Mask]:
