@@ -102,7 +102,7 @@ def _named(
     rivals: dict[str, Alternative] = {}
     for other in others:
         if candidate.name not in other.names:
-            for name in sorted(other.names - fit.names - other.laws):
+            for name in sorted(other.names - fit.names):
                 rivals.setdefault(name, other)
     without = sets.without(fit, candidate.name)
     return Named(

@@ -253,6 +253,9 @@ def set_laws_apart(state: State) -> State:
     laws = frozenset(c.name for c in fit.candidates if c.law)
     for name in sorted(laws):
         fit = sets.without(fit, name)
+    # One that only made up for a term takes a place where it raises chi-squared.
+    while reduced := [r for n in sorted(fit.names) if (r := sets.without(fit, n)).rss <= fit.rss]:
+        fit = reduced[0]
     sets.judge_by(fit)
     if not laws:
         return state
@@ -308,10 +311,18 @@ def _as_noise(state: State, remainder: Remainder) -> str | None:
 
 
 def find_alternatives(state: State) -> State:
-    """Other sets that the data cannot tell from the answer."""
+    """Other sets that the data cannot tell from the answer.
+
+    A set with a free-form term is none of them, as what somebody has listed has the benefit of
+    the doubt, but is told.
+    """
     if not state.fit.candidates:
         return state
-    return replace(state, alternatives=alternatives(state.sets, state.screening, state.fit))
+    every = alternatives(state.sets, state.screening, state.fit)
+    listed = tuple(other for other in every if not other.laws)
+    drafts = [other for other in every if other.laws]
+    notes = [f"{' + '.join(sorted(other.names))} would do as well" for other in drafts[:1]]
+    return replace(state, alternatives=listed, notes=(*state.notes, *notes))
 
 
 PASSES: tuple[Pass, ...] = (

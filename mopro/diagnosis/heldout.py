@@ -112,7 +112,7 @@ def _divided(residuals: Residuals, masks: Sequence[Mask], fit: Fit) -> Iterator[
     An effect that shows in a single move can only be predicted from the rest of that move.
     Flexible effects do not count.
     """
-    rigid = {candidate.name for candidate in fit.candidates if not candidate.flexible}
+    rigid = {c.name for c in (*fit.base, *fit.candidates) if not c.flexible}
     columns = [i for i, (effect, _) in enumerate(fit.order) if effect in rigid]
     jacobian = fit.jacobian[:, columns]
     if not columns or len(jacobian) <= _FEW_SAMPLES:

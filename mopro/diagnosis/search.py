@@ -51,7 +51,8 @@ def search(
 ) -> None:
     """Fit sets of effects to `sets` until none near the best one has a lower EBIC.
 
-    Begins with the null model and the sets in `also`, and takes so many `rounds` at most.
+    Begins with the null model and the sets in `also`. After so many `rounds` it ends unless
+    the best set leaves noise.
     `only_laws`: the listed effects have been searched, and only sets with a free-form term are
     fitted.
     """
@@ -60,8 +61,10 @@ def search(
     for start in (sets.null, *also):
         expanded.add(start.identity)
         _round(sets, screening, start, only_laws)
-    for _ in range(rounds):
+    for number in range(_MOST_ROUNDS):
         best = sets.best()
+        if number >= rounds and not sets.is_noise(best):
+            break
         front = best if best.identity not in expanded else _next(sets, best, expanded)
         if front is None:
             break
