@@ -88,6 +88,10 @@ class MotionError(LocatedError):
     """The program is well formed but asks for motion that must be refused."""
 
 
+class RunError(LocatedError):
+    """A run that was begun and cannot be carried on, at the line that was running."""
+
+
 class ModelError(LocatedError):
     """A machine file that cannot be used."""
 

@@ -54,7 +54,7 @@ def show(machine: str, as_json: bool) -> None:
 @command.command()
 @click.argument("machines", nargs=-1, required=True)
 def check(machines: tuple[str, ...]) -> int:
-    """Check machine files: keys, units, bounds, effects; exits with 1 for findings.
+    """Check machine files: keys, units, bounds, effects, a trial move; exits with 1 for findings.
 
     Example: mopro machine check mine.toml
     """
@@ -86,9 +86,11 @@ def _checked(machine: str) -> str:
     from mopro.effects import catalogue
     from mopro.effects.resolve import active_effects
     from mopro.machine import load_machine
+    from mopro.plant import try_out
 
     loaded = load_machine(machine)
     active_effects(loaded, catalogue())
+    try_out(loaded)
     return loaded.name
 
 

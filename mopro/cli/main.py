@@ -13,7 +13,7 @@ from typing import NoReturn
 
 import click
 
-from mopro.errors import LinkError, MoproError, PortError
+from mopro.errors import LinkError, MoproError, PortError, RunError
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
@@ -77,7 +77,7 @@ def main() -> NoReturn:
         sys.exit(EXIT_SIGNAL + signal.SIGINT)
     except MoproError as error:
         click.echo(error.render(), err=True)
-        failed = isinstance(error, LinkError) and not isinstance(error, PortError)
+        failed = isinstance(error, LinkError | RunError) and not isinstance(error, PortError)
         sys.exit(EXIT_FAILED if failed else EXIT_BAD_INPUT)
     except BrokenPipeError:
         # Whoever read our output has gone; say nothing more, not even at exit.

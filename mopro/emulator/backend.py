@@ -85,12 +85,14 @@ class Emulator:
             effects=[a.as_json() for a in self.active],
         )
 
+    # Numbers that are not finite end a run, with a better message than numpy's warnings.
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
         """Run `program` and write its samples to `sink` chunk by chunk.
 
         It ends after `for_s` seconds at the latest; one that loops for ever ends after
         a minute unless told otherwise. Raises MotionError for motion that must be
-        refused.
+        refused, RunError if a value is not finite.
         """
         if for_s is None and program.loops_forever:
             for_s = DEFAULT_LOOP_S
