@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import OutputFile, Quantity
+from mopro.cli.options import OutputFile, payload_type
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Velocities(click.ParamType[list[float]]):
 
 @click.command()
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
-@click.option("--payload", type=Quantity("mass", "kg"), default=0.0, metavar="MASS")
+@click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
 @click.option(
     "--velocities",
     type=Velocities(),

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
-from mopro.cli.options import Quantity
+from mopro.cli.options import payload_type
 from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.texts import read_text, show_difference, write_text
 from mopro.errors import MoproError
@@ -30,7 +30,7 @@ _EXPLAIN_ALL = "all"
 @click.option("--diff", is_flag=True, help="Show what --fix would change, and change nothing.")
 @click.option("--explain", metavar="RULE", help="Explain a rule (`all`: every rule), and end.")
 @click.option("--machine", help="Built-in name or file [default: chow1992].")
-@click.option("--payload", type=Quantity("mass", "kg"), metavar="MASS", help="Such as 5lb or 2kg.")
+@click.option("--payload", type=payload_type(), metavar="MASS", help="Such as 5lb or 2kg.")
 @click.option(
     "--start", metavar="AXIS=PLACE", multiple=True, help="Start, from mid-travel, such as 1=-5in."
 )

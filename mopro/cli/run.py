@@ -13,7 +13,14 @@ import click
 
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
+from mopro.cli.options import (
+    OutputFile,
+    Quantity,
+    duration_type,
+    grammar_option,
+    payload_type,
+    program_argument,
+)
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
 
@@ -40,13 +47,13 @@ _MOST_ROWS = 40
 @click.option(
     "--for",
     "for_s",
-    type=Quantity("time", "s", positive=True),
+    type=duration_type(),
     metavar="DURATION",
     help="Stop after this much time (10s, 2min); 60 s for a program that loops for ever.",
 )
 @click.option(
     "--payload",
-    type=Quantity("mass", "kg"),
+    type=payload_type(),
     default=0.0,
     metavar="MASS",
     help="Mass carried by the motor (5lb, 2kg).",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.link import baud_option, dialect_option
-from mopro.cli.options import Quantity, grammar_option
+from mopro.cli.options import grammar_option, payload_type
 from mopro.cli.outputs import keep_inputs, machine_file
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ _PLAIN_SPEED = 1.0
 @baud_option()
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
 @click.option(
-    "--payload", type=Quantity("mass", "kg"), default=0.0, help="Mass carried by the motor (5lb)."
+    "--payload", type=payload_type(), default=0.0, help="Mass carried by the motor (5lb)."
 )
 @click.option(
     "--speed",
