@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.link import baud_option, dialect_option
-from mopro.cli.options import grammar_option, payload_type
+from mopro.cli.link import baud_option, dialect_option, token
+from mopro.cli.options import Quantity, grammar_option, payload_type
 from mopro.cli.outputs import keep_inputs, machine_file
 
 if TYPE_CHECKING:
@@ -24,6 +24,18 @@ _PLAIN_SPEED = 1.0
     default="pty",
     show_default=True,
     help="pty, or socket://ADDRESS:PORT with port 0 for any free one.",
+)
+@click.option(
+    "--allow-remote",
+    is_flag=True,
+    help="Permit an address that other machines reach; clients state the token MOPRO_TOKEN.",
+)
+@click.option(
+    "--idle",
+    type=Quantity("time", "s", positive=True),
+    default="60s",
+    show_default=True,
+    help="How long a TCP client may be silent while another one waits.",
 )
 @dialect_option()
 @baud_option()
@@ -50,6 +62,8 @@ _PLAIN_SPEED = 1.0
 @grammar_option()
 def command(
     listen: str,
+    allow_remote: bool,
+    idle: float,
     dialect: str,
     baud: int | None,
     machine: str,
@@ -94,7 +108,7 @@ def command(
             f"{store}: cannot keep programs: {error.strerror}", "unwritable-output"
         ) from error
     station = Station(language, emulator, programs, scenario, baud, grammar)
-    end = open_end(listen, baud or language.line.baud)
+    end = open_end(listen, baud or language.line.baud, allow_remote, token(), idle)
     try:
         click.echo(end.address)
         serve(station, end, speed)
