@@ -11,6 +11,7 @@ import click
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import payload_type
 from mopro.cli.outputs import keep_inputs, machine_file
+from mopro.cli.say import say
 from mopro.cli.texts import read_text, show_difference, write_text
 from mopro.errors import MoproError
 from mopro.language.parse import GRAMMARS
@@ -65,14 +66,14 @@ def command(
         try:
             report, changed = _lint_file(file, chosen, fix, diff)
         except MoproError as error:
-            click.echo(error.render(), err=True)
+            say(error.render(), err=True)
             code = EXIT_BAD_INPUT
             continue
         reports.append(report)
         code = max(code, EXIT_FAILED if report.findings or changed else 0)
     text = FORMATS[form](reports)
     if text and not diff:
-        click.echo(text, err=fix and "-" in files)
+        say(text, err=fix and "-" in files)
     return code
 
 
@@ -131,10 +132,10 @@ def _explain(name: str) -> int:
     from mopro.lint.rules import RULES
 
     if name == _EXPLAIN_ALL:
-        click.echo(page(), nl=False)
+        say(page(), nl=False)
         return 0
     (known,) = _names(name) or (None,)
     if known is None:
         raise click.UsageError("name one rule")
-    click.echo(explain(RULES[known]), nl=False)
+    say(explain(RULES[known]), nl=False)
     return 0

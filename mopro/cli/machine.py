@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
+from mopro.cli.say import say
 from mopro.errors import ModelError
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def show(machine: str, as_json: bool) -> None:
     loaded = load_machine(machine)
     rows = [*_quantities(loaded), *_effects(loaded)]
     if as_json:
-        click.echo(json.dumps({"name": loaded.name, "quantities": rows}, indent=1))
+        say(json.dumps({"name": loaded.name, "quantities": rows}, indent=1))
         return
     keys = ("key", "value", "unit", "origin", "place")
     cells = [[str(row[key]) for key in keys] for row in rows]
@@ -63,11 +64,11 @@ def check(machines: tuple[str, ...]) -> int:
         try:
             name = _checked(machine)
         except ModelError as error:
-            click.echo(error.render(), err=True)
+            say(error.render(), err=True)
             unreadable = any(d.rule in _UNREADABLE for d in error.diagnostics)
             code = max(code, EXIT_BAD_INPUT if unreadable else EXIT_FAILED)
         else:
-            click.echo(f"{machine}: {name}: no findings")
+            say(f"{machine}: {name}: no findings")
     return code
 
 
@@ -79,7 +80,7 @@ def effects() -> None:
     """
     from mopro.effects.document import markdown
 
-    click.echo(markdown(), nl=False)
+    say(markdown(), nl=False)
 
 
 def _checked(machine: str) -> str:

@@ -16,6 +16,7 @@ from mopro.cli.options import (
 )
 from mopro.cli.outputs import claimed, keep_inputs, machine_file
 from mopro.cli.programs import compiled_program
+from mopro.cli.say import say
 from mopro.units import INCH_M
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def command(
         count = _lvdt(recording, emulator, axis, None if no_ripple else seed, out)
     else:
         count = _thermocouple(recording, emulator, out)
-    click.echo(f"{count} readings: {out}")
+    say(f"{count} readings: {out}")
 
 
 def _lvdt_duration_s() -> float:

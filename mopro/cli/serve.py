@@ -10,6 +10,7 @@ import click
 from mopro.cli.link import baud_option, dialect_option, token
 from mopro.cli.options import Quantity, grammar_option, payload_type
 from mopro.cli.outputs import keep_inputs, machine_file
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
@@ -110,7 +111,7 @@ def command(
     station = Station(language, emulator, programs, scenario, baud, grammar)
     end = open_end(listen, baud or language.line.baud, allow_remote, token(), idle)
     try:
-        click.echo(end.address)
+        say(end.address)
         serve(station, end, speed)
     except KeyboardInterrupt:
         return
