@@ -84,6 +84,9 @@ def main() -> NoReturn:
         say(error.render(), err=True)
         failed = isinstance(error, LinkError | RunError) and not isinstance(error, PortError)
         sys.exit(EXIT_FAILED if failed else EXIT_BAD_INPUT)
+    except MemoryError:
+        say("mopro: there is not enough memory for this input [no-memory]", err=True)
+        sys.exit(EXIT_BAD_INPUT)
     except BrokenPipeError:
         # Whoever read our output has gone; say nothing more, not even at exit.
         discard_output()

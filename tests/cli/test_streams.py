@@ -81,6 +81,16 @@ def test_a_reader_that_has_gone_ends_the_command_quietly(folder):
     assert done.stderr == ""
 
 
+def test_too_little_memory_is_told(mopro, monkeypatch):
+    def failing(*args):
+        raise MemoryError
+
+    monkeypatch.setattr("mopro.cli.compile.compiled_program", failing)
+    done = mopro("compile", "P.CMD", text=PROGRAM)
+    assert done.returncode == 2
+    assert done.stderr == "mopro: there is not enough memory for this input [no-memory]\n"
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
 @pytest.mark.parametrize("args", [["thesis"], ["machine", "show"], ["--help"]], ids=" ".join)
 def test_an_output_that_lacks_characters_does_without_them(folder, args, encoding):
