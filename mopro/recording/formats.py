@@ -102,7 +102,8 @@ def _npz_sink(path: Path, header: Header) -> Iterator[Sink]:
         yield sink
         with open(draft, "wb") as file:
             text = np.frombuffer(_header_text(header).encode(), np.uint8)
-            np.savez(file, allow_pickle=False, **sink.columns(), **{KEY: text})
+            arrays: dict[str, Any] = {**sink.columns(), KEY: text}
+            np.savez(file, **arrays)
 
 
 @contextmanager

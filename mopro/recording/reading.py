@@ -28,6 +28,8 @@ MOST_VALUES = 200_000_000
 MOST_HEADER_BYTES = 1 << 20
 _MOST_LINE = 1 << 16
 _NUMBERS = "iuf"
+# Before numpy 2, mopro 0.1.0 stored an option of the writer beside the columns.
+_NO_COLUMNS = {KEY, "allow_pickle"}
 
 # What the libraries raise for a file that is not what its name says.
 _FAULTS = (
@@ -135,10 +137,8 @@ def _read_csv(path: Path, wanted: Wanted) -> tuple[str, Columns]:
         chosen = _chosen(names, wanted)
         _check_size(1, len(names), len(chosen))
         values = _columns_of(rows, names)
-    return first.removeprefix(CSV_MARK), {
-        name: np.array(list(map(_number_type(name), values[name])), dtype=_dtype(name))
-        for name in chosen
-    }
+    columns = {name: _numbers(name, values[name]) for name in chosen}
+    return first.removeprefix(CSV_MARK), columns
 
 
 def _lines(file: TextIO) -> Iterator[str]:
@@ -157,12 +157,14 @@ def _columns_of(rows: Iterator[list[str]], names: list[str]) -> dict[str, tuple[
     return dict(zip(names, zip(*held, strict=True), strict=True))
 
 
-def _number_type(name: str) -> Callable[[str], float]:
-    return int if name in INTEGER_COLUMNS else float
-
-
-def _dtype(name: str) -> type[np.generic]:
-    return np.int32 if name in INTEGER_COLUMNS else np.float64
+def _numbers(name: str, cells: tuple[str, ...]) -> NDArray[Any]:
+    if name not in INTEGER_COLUMNS:
+        return np.array(list(map(float, cells)), dtype=np.float64)
+    whole = list(map(int, cells))
+    least, most = np.iinfo(np.int32).min, np.iinfo(np.int32).max
+    if not least <= min(whole) <= max(whole) <= most:
+        raise ValueError(f"{name} has a number of more than 32 bits")
+    return np.array(whole, dtype=np.int32)
 
 
 # -- NPZ ---------------------------------------------------------------------------
@@ -171,7 +173,7 @@ def _dtype(name: str) -> type[np.generic]:
 def _read_npz(path: Path, wanted: Wanted) -> tuple[str, Columns]:
     with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        names = [name for name in members if name != KEY]
+        names = [name for name in members if name not in _NO_COLUMNS]
         chosen = _chosen(names, wanted)
         if KEY not in members:
             raise ValueError("it has no header of mopro")

@@ -95,7 +95,7 @@ def test_a_header_beyond_its_bound(tmp_path, suffix):
         ("time_s,line\n0.0,1\n0.5\n", "line 4 has not 2 cells"),
         ('time_s\n"' + "1\n" * 200_000, "field larger than field limit"),
         ("time_s,line\n0.0," + "9" * 5000 + "\n", "is no recording"),
-        ("time_s,line\n0.0,99999999999\n", "is no recording"),
+        ("time_s,line\n0.0,99999999999\n", "line has a number of more than 32 bits"),
         ("time_s\nabc\n", "could not convert"),
     ],
 )
@@ -166,6 +166,16 @@ def test_an_encrypted_archive(tmp_path):
     data[at + 8] |= 1
     path.write_bytes(bytes(data))
     assert "it is encrypted" in refusal(path)
+
+
+def test_what_older_versions_stored_beside_the_columns_is_no_column(tmp_path):
+    text = np.frombuffer(TEXT.encode(), np.uint8)
+    with zipfile.ZipFile(tmp_path / "r.npz", "w") as file:
+        for name, values in {"time_s": TIMES, "mopro": text, "allow_pickle": np.False_}.items():
+            data = io.BytesIO()
+            np.lib.format.write_array(data, np.asanyarray(values))
+            file.writestr(f"{name}.npy", data.getvalue())
+    assert list(read(tmp_path / "r.npz").columns) == ["time_s"]
 
 
 def test_only_the_columns_that_are_wanted_are_read(tmp_path):
