@@ -1,8 +1,9 @@
 """A TCP port for one client at a time, within bounds.
 
 A second client is told that it is in the way, and takes the place of one that has been
-silent for too long. With a token, a client must state it before anything reaches the
-controller. Little is buffered: a client that sends faster than the line carries has to wait.
+silent for too long, or has sent more than the line carries for as long. With a token, a client
+must state it before anything reaches the controller. Little is buffered: whoever sends faster
+than the line carries has to wait.
 """
 
 from __future__ import annotations
@@ -17,23 +18,31 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from mopro.errors import PortError
-from mopro.link.token import LONGEST, NOTICE, PROMPT
+from mopro.link.token import LONGEST, NOTICE, STATEMENT
 
 IDLE_S = 60.0
 _CHUNK = 4096
-# A guest is one that is not the client: it has so long to state the token, or to hang up.
+# A guest is one that is not the client: it has so long to state the token, or to hang up. One
+# that is turned away is told so when it speaks, or after a while: at once would be too early, as
+# what comes while a port is being opened may be lost there.
 _GUEST_S = 5.0
+_SILENT_S = 0.5
 _MOST_GUESTS = 8
 _SEND_S = 1.0
+_LONGEST_STATEMENT = len(STATEMENT) + LONGEST + 2
 
 
 @dataclass
 class _Guest:
-    """A connection that is not the client: it is asked for the token, or was turned away."""
+    """A connection that is not the client: it has to state the token, or is turned away.
+
+    `why` is the reason for that, `told` whether it has heard it.
+    """
 
     socket: socket.socket
-    until_s: float
-    turned_away: bool = False
+    since_s: float
+    why: bytes = b""
+    told: bool = False
     heard: bytes = b""
 
 
@@ -69,26 +78,29 @@ class TcpEnd:
         self._clock = clock
         self._client: socket.socket | None = None
         self._heard_s = 0.0
+        self._drained_s = 0.0
         self._ahead = b""
+        self._opening: bytes | None = None
         self._guests: list[_Guest] = []
         self.address = f"socket://{host}:{self._server.getsockname()[1]}"
 
     def wait(self, seconds: float, room: int) -> bytes:
         """Bytes of the client, at most `room`; empty if none come within `seconds`."""
-        self._drop_guests([g for g in self._guests if g.until_s < self._clock()])
+        self._look_after_guests()
         listened, client = [self._server, *(guest.socket for guest in self._guests)], self._client
         if client is not None and room > 0:
             listened.append(client)
         ready = select.select(listened, [], [], seconds)[0]
         if self._server in ready:
             self._accept()
+        if client is not None and room > 0 and client not in ready:
+            self._drained_s = self._clock()
+        if client in ready and client is self._client:
+            return self._received(room)
         for guest in [g for g in self._guests if g.socket in ready]:
             self._listen_to(guest)
-        if self._ahead:
-            data, self._ahead = self._ahead, b""
-            return data
-        # Not a guest that has only now become the client: its socket was read already.
-        return self._received(room) if client in ready and client is self._client else b""
+        data, self._ahead = self._ahead, b""
+        return data
 
     # -- who is the client -----------------------------------------------------
 
@@ -98,61 +110,70 @@ class TcpEnd:
         except OSError:  # gone again
             return
         accepted.setblocking(False)
-        guest = _Guest(accepted, self._clock() + _GUEST_S)
+        guest = _Guest(accepted, self._clock())
         self._guests.append(guest)
         self._drop_guests(self._guests[:-_MOST_GUESTS])
         if self._token is None:
             self._admit(guest)
-        else:
-            self._tell(guest, PROMPT)
 
     def _listen_to(self, guest: _Guest) -> None:
-        """Take the token of a guest; what one sends that was turned away is not looked at."""
+        """Take the token of a guest; what one sends that is turned away is not looked at."""
         try:
-            data = guest.socket.recv(LONGEST + 2)
+            data = guest.socket.recv(_LONGEST_STATEMENT)
         except OSError:
             data = b""
         if not data:
             self._drop_guests([guest])
-        elif not guest.turned_away:
+        elif guest.why:
+            self._tell(guest)
+        else:
             guest.heard += data
             self._check_token(guest)
+            if guest.why:
+                self._tell(guest)
 
     def _check_token(self, guest: _Guest) -> None:
         line, end, rest = guest.heard.partition(b"\n")
-        if not end and len(line) <= LONGEST:
+        if not end and len(line) < _LONGEST_STATEMENT:
             return
-        if self._token is not None and hmac.compare_digest(line.rstrip(b"\r"), self._token):
+        stated = line.rstrip(b"\r").removeprefix(STATEMENT)
+        if self._token is None or hmac.compare_digest(stated, self._token):
             self._admit(guest, rest)
         else:
-            self._turn_away(guest, b"this is not the token")
+            guest.why = b"this is not the token"
 
     def _admit(self, guest: _Guest, rest: bytes = b"") -> None:
-        """Make `guest` the client, unless there is one that has not been silent for too long.
+        """Make `guest` the client, unless there is one that keeps its place.
 
         `rest` is what it has said behind the token.
         """
+        now_s = self._clock()
         if self._client is not None:
-            if self._clock() - self._heard_s < self._idle_s:
-                self._turn_away(guest, b"busy: another client is connected")
+            if now_s - min(self._heard_s, self._drained_s) < self._idle_s:
+                guest.why = b"busy: another client is connected"
                 return
             self.hang_up()
         self._guests.remove(guest)
         guest.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         guest.socket.settimeout(_SEND_S)
-        self._client, self._heard_s, self._ahead = guest.socket, self._clock(), rest
-
-    def _turn_away(self, guest: _Guest, why: bytes) -> None:
-        """Tell `guest` why, and leave it to hang up: a reset would destroy what it was told."""
-        guest.turned_away = True
-        self._tell(guest, NOTICE + why + b"\r\n")
-        with suppress(OSError):
-            guest.socket.shutdown(socket.SHUT_WR)
+        self._client, self._heard_s, self._drained_s = guest.socket, now_s, now_s
+        self._ahead, self._opening = rest, None if self._token else b""
 
     @staticmethod
-    def _tell(guest: _Guest, data: bytes) -> None:
-        with suppress(OSError):
-            guest.socket.send(data)
+    def _tell(guest: _Guest) -> None:
+        """Tell `guest` why, and leave it to hang up: a reset would destroy what it was told."""
+        if not guest.told:
+            guest.told = True
+            with suppress(OSError):
+                guest.socket.send(NOTICE + guest.why + b"\r\n")
+                guest.socket.shutdown(socket.SHUT_WR)
+
+    def _look_after_guests(self) -> None:
+        now_s = self._clock()
+        self._drop_guests([g for g in self._guests if now_s - g.since_s > _GUEST_S])
+        for guest in self._guests:
+            if guest.why and now_s - guest.since_s > _SILENT_S:
+                self._tell(guest)
 
     def _drop_guests(self, guests: list[_Guest]) -> None:
         for guest in guests:
@@ -170,6 +191,19 @@ class TcpEnd:
         if not data:
             self.hang_up()
         self._heard_s = self._clock()
+        return self._without_token(data)
+
+    def _without_token(self, data: bytes) -> bytes:
+        """`data` without the statement of a token that nobody asked for."""
+        if self._opening is None:
+            return data
+        self._opening += data
+        line, end, rest = self._opening.partition(b"\n")
+        stating = line[: len(STATEMENT)] == STATEMENT[: len(line)]
+        if stating and not end and len(line) < _LONGEST_STATEMENT:
+            return b""
+        data = rest if stating and end and len(line) > len(STATEMENT) else self._opening
+        self._opening = None
         return data
 
     def send(self, data: bytes) -> None:

@@ -1,13 +1,14 @@
-"""The token of a TCP link to a virtual controller: how it is asked for, stated and refused.
+"""The token of a TCP link to a virtual controller: how it is stated and refused.
 
-The controller sends PROMPT to whoever connects, and takes one line as the answer. A client
-that it turns away is told why in a line that begins with NOTICE. Nothing is encrypted.
+The client says `MOPRO TOKEN ...` in its first line; an end that wants none passes over that
+line. The client speaks first because what comes while a port is being opened may be lost. One
+that is turned away is told why in a line that begins with NOTICE. Nothing is encrypted.
 """
 
 from __future__ import annotations
 
 VARIABLE = "MOPRO_TOKEN"  # of the environment, at both ends
-PROMPT = b"MOPRO TOKEN?\r\n"
+STATEMENT = b"MOPRO TOKEN "
 NOTICE = b"mopro serve: "
 SHORTEST, LONGEST = 16, 128
 
@@ -21,3 +22,8 @@ def checked(token: str | None) -> str | None:
         bounds = f"{SHORTEST} to {LONGEST} printable ASCII characters"
         raise ValueError(f"{VARIABLE} must have {bounds}, without blanks")
     return token
+
+
+def statement(token: str) -> bytes:
+    """The client's first line."""
+    return STATEMENT + token.encode("ascii") + b"\r\n"

@@ -14,13 +14,12 @@ from serial.tools import list_ports
 
 from mopro.errors import DataError, LinkError, PortError
 from mopro.link.dialect import Line
-from mopro.link.token import NOTICE, PROMPT, VARIABLE
+from mopro.link.token import NOTICE, VARIABLE, statement
 
 # How long one look at the port may block; deadlines are kept to within it.
 _LOOK_S = 0.02
 _WRITE_TIMEOUT_S = 2.0
 _WHY = re.compile(re.escape(NOTICE) + rb"([ -~]{1,80})")
-_TOKEN_S = 2.0
 _REMEMBERED = 256
 _PARITY = {"none": "N", "even": "E", "odd": "O"}
 
@@ -62,20 +61,9 @@ class SerialPort:
             self._serial = serial.serial_for_url(url, **options)
         except (serial.SerialException, OSError, ValueError) as error:
             raise _port_error(url, error) from error
-        self._early = self._heard = b""
+        self._heard = b""
         if token is not None and url.startswith("socket://"):
-            self._state(token)
-
-    def _state(self, token: str) -> None:
-        """State the token to a virtual controller that asks for one; another end hears nothing."""
-        until_s = self.now_s() + _TOKEN_S
-        heard = b""
-        while PROMPT.startswith(heard) and self.now_s() < until_s:
-            heard += self.read(until_s)
-            if heard == PROMPT:
-                self.write(f"{token}\n".encode("ascii"))
-                return
-        self._early = heard
+            self.write(statement(token))
 
     def now_s(self) -> float:
         return time.monotonic()
@@ -90,9 +78,6 @@ class SerialPort:
             raise self._lost(error) from error
 
     def read(self, until_s: float) -> bytes:
-        if self._early:
-            data, self._early = self._early, b""
-            return data
         try:
             while True:
                 data = bytes(self._serial.read(1))

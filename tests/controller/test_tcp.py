@@ -13,6 +13,7 @@ from mopro.controller.tcp import TcpEnd, is_loopback
 from mopro.emulator import Emulator
 from mopro.errors import LinkError, PortError
 from mopro.link import SerialPort, load_dialect
+from mopro.link.token import statement
 from mopro.machine import load_machine
 
 TOKEN = "correct-horse-battery"
@@ -56,6 +57,8 @@ def test_a_client_is_heard_and_answered():
 
 def test_a_second_client_is_told_that_it_is_in_the_way():
     with end_of() as end, connected(end) as first, connected(end) as second:
+        second.sendall(b":HI\r\n")
+        end.wait(LOOK_S, ROOM)
         assert second.recv(100) == b"mopro serve: busy: another client is connected\r\n"
         assert second.recv(100) == b""
         first.sendall(b"still here")
@@ -68,6 +71,8 @@ def test_a_client_that_has_been_silent_for_too_long_loses_its_place():
         end.wait(LOOK_S, ROOM)
         end.clock.now_s += 59.0
         with connected(end) as early:
+            early.sendall(b"x")
+            end.wait(LOOK_S, ROOM)
             assert early.recv(100).startswith(b"mopro serve: busy")
         end.clock.now_s += 2.0
         with connected(end) as second:
@@ -134,8 +139,7 @@ def test_an_address_for_others_needs_to_be_allowed_and_a_token():
 
 def test_the_token_comes_before_everything_else():
     with end_of(token=TOKEN) as end, connected(end) as client:
-        assert client.recv(100) == b"MOPRO TOKEN?\r\n"
-        client.sendall(TOKEN[:5].encode())
+        client.sendall(b"MOPRO TOKEN " + TOKEN[:5].encode())
         assert end.wait(LOOK_S, ROOM) == b""
         client.sendall(TOKEN[5:].encode() + b"\n")
         assert end.wait(LOOK_S, ROOM) == b""
@@ -146,26 +150,55 @@ def test_the_token_comes_before_everything_else():
 @pytest.mark.parametrize("said", [b"wrong-horse-battery\n", b":ID\r\n", b"\n", b"x" * 2000])
 def test_a_wrong_token_is_turned_away(said):
     with end_of(token=TOKEN) as end, connected(end) as client:
-        client.recv(100)
         client.sendall(said)
         end.wait(LOOK_S, ROOM)
         assert client.recv(100) == b"mopro serve: this is not the token\r\n"
         with contextlib.suppress(OSError):
-            client.sendall(TOKEN.encode() + b"\nmore")
+            client.sendall(statement(TOKEN) + b"more")
         assert end.wait(LOOK_S, ROOM) == b""
         assert end.wait(0.0, ROOM) == b""
 
 
 def test_what_comes_in_one_piece_with_the_token_is_not_lost():
     with end_of(token=TOKEN) as end, connected(end) as client:
-        client.sendall(TOKEN.encode() + b"\r\nat once")
+        client.sendall(statement(TOKEN) + b"at once")
         assert end.wait(LOOK_S, ROOM) == b"at once"
+
+
+@pytest.mark.parametrize("pieces", [1, 2, 3])
+def test_a_token_that_nobody_asked_for_does_not_reach_the_controller(pieces):
+    said = statement(TOKEN) + b"then this"
+    with end_of() as end, connected(end) as client:
+        heard = b""
+        for part in range(pieces):
+            first, last = (len(said) * (part + n) // pieces for n in (0, 1))
+            client.sendall(said[first:last])
+            heard += end.wait(LOOK_S, ROOM)
+        assert heard == b"then this"
+
+
+@pytest.mark.parametrize("said", [b":HI\r\n", b"MV 1\r\n", b"MOPRO\r\n"])
+def test_what_only_looks_like_a_token_reaches_the_controller(said):
+    with end_of() as end, connected(end) as client:
+        client.sendall(said)
+        assert end.wait(LOOK_S, ROOM) == said
+
+
+def test_a_client_that_floods_for_too_long_loses_its_place():
+    with end_of(idle_s=60.0) as end, connected(end) as first:
+        first.sendall(bytes(100_000))
+        for _ in range(61):
+            end.clock.now_s += 1.0
+            assert end.wait(LOOK_S, 100)
+        with connected(end) as second:
+            second.sendall(b"mine")
+            heard = [end.wait(LOOK_S, ROOM), end.wait(0.0, ROOM)]
+            assert b"".join(heard) == b"mine"
 
 
 def test_guests_that_say_nothing_are_dropped():
     with end_of(token=TOKEN) as end, contextlib.ExitStack() as open_ones:
         guests = [open_ones.enter_context(connected(end)) for _ in range(12)]
-        assert [g.recv(100) for g in guests] == [b"MOPRO TOKEN?\r\n"] * 12
         assert [g.recv(100) for g in guests[:4]] == [b""] * 4  # no more than eight at once
         end.clock.now_s += 6.0
         end.wait(0.0, ROOM)
@@ -192,14 +225,12 @@ class TestTheClientsEnd:
     LINE = load_dialect("checked").line
 
     @contextlib.contextmanager
-    def port(self, end, token=None, greeting=b""):
+    def port(self, end, token=None):
         """The port of a client that `end` serves meanwhile in a thread."""
         over = threading.Event()
         heard = []
 
         def serve():
-            heard.append(end.wait(LOOK_S, ROOM))
-            end.send(greeting)
             while not over.is_set():
                 heard.append(end.wait(0.05, ROOM))
 
@@ -234,9 +265,12 @@ class TestTheClientsEnd:
             assert port.read(port.now_s() + LOOK_S) == b"answer"
 
     def test_an_end_that_asks_for_none_hears_none(self):
-        with end_of() as end, self.port(end, TOKEN, b"MOPRO here") as port:
-            assert port.read(port.now_s() + LOOK_S) == b"MOPRO here"
-            assert b"".join(port.heard) == b""
+        with end_of() as end, self.port(end, TOKEN) as port:
+            port.write(b"then this")
+            until_s = port.now_s() + LOOK_S
+            while not any(port.heard) and port.now_s() < until_s:
+                port.read(port.now_s() + 0.01)
+        assert b"".join(port.heard) == b"then this"
 
     def test_without_the_token_the_reason_is_told(self):
         with end_of(token=TOKEN) as end, self.port(end) as port:
