@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.main import EXIT_FAILED
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
@@ -54,11 +55,11 @@ def command(experiment: str, seed: int, as_json: bool) -> int:
 
     loaded = load_experiment(experiment)
     for note in loaded.notes:
-        click.echo(note, err=True)
+        say(note, err=True)
     comparison = compare(loaded, np.random.default_rng(seed))
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine.name, **comparison.as_json()}
-        click.echo(json.dumps(answer, indent=1))
+        say(json.dumps(answer, indent=1))
     else:
         _print(comparison)
     return EXIT_FAILED if comparison.verdict == DISAGREEMENT else 0
@@ -69,7 +70,7 @@ def _print(comparison: Comparison) -> None:
 
     print_table(_SERIES, map(_series_cells, comparison.series), _MOST_ROWS)
     print_table(_PLACES, map(_place_cells, comparison.where), _MOST_ROWS)
-    click.echo(f"{comparison.verdict}{_reason(comparison)}")
+    say(f"{comparison.verdict}{_reason(comparison)}")
 
 
 def _reason(comparison: Comparison) -> str:
