@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from mopro.source import Source, Span
+from mopro.text import visible
 
 MOST_SHOWN = 50  # findings of one text that a report shows in full
 
@@ -31,10 +32,16 @@ class Diagnostic:
     severity: Severity = Severity.ERROR
     hint: str | None = None
 
+    def __post_init__(self) -> None:
+        """Make visible what a file or a reply may have brought into the words."""
+        object.__setattr__(self, "message", visible(self.message))
+        if self.hint is not None:
+            object.__setattr__(self, "hint", visible(self.hint))
+
     def render(self, source: Source) -> str:
         """`file:line:col: message [rule]`, the line, a caret and the hint."""
         kind = "" if self.severity is Severity.ERROR else f"{self.severity}: "
-        text = f"{source.name}:{self.span}: {kind}{self.message} [{self.rule}]"
+        text = f"{visible(source.name)}:{self.span}: {kind}{self.message} [{self.rule}]"
         if source.line(self.span.line):
             text += "\n" + source.excerpt(self.span)
         if self.hint:
@@ -65,7 +72,8 @@ class MoproError(Exception):
         self.rule = rule or self.rule
 
     def render(self) -> str:
-        return "\n".join([f"{self} [{self.rule}]", *getattr(self, "__notes__", ())])
+        notes = getattr(self, "__notes__", ())
+        return visible("\n".join([f"{self} [{self.rule}]", *notes]))
 
 
 class LocatedError(MoproError):
@@ -86,6 +94,10 @@ class SourceError(LocatedError):
 
 class MotionError(LocatedError):
     """The program is well formed but asks for motion that must be refused."""
+
+
+class RunError(LocatedError):
+    """A run that was begun and cannot be carried on, at the line that was running."""
 
 
 class ModelError(LocatedError):

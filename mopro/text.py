@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 
+def visible(text: str) -> str:
+    """`text` with all that is not shown as itself written as an escape, such as `\\x1b`.
+
+    That is: control characters but tab and line feed, characters that change the direction
+    of text, invisible ones, halves of surrogate pairs.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in text)
+
+
+def _escape(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")
+
+
 def plain(text: str) -> str:
     """`text` for a title, a label or a legend: shown as it stands, never read as mathematics.
 
-    For all that comes from outside (names of programs, machines, sensors, data). Characters
-    that no font has are shown as `\N{REPLACEMENT CHARACTER}`.
+    For all that comes from outside (names of programs, machines, sensors, data).
     """
-    shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
-    return shown.replace("$", r"\$")
+    return visible(text).replace("$", r"\$")
 
 
 def snake_case(name: str) -> str:

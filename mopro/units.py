@@ -94,7 +94,10 @@ def parse_quantity(text: str, dimension: str, default_unit: str) -> float:
     match = _QUANTITY.fullmatch(text)
     if match is None:
         raise ValueError(f"'{text}' is not a number with a unit, such as 1.5{default_unit}")
-    return to_si(float(match[1]), match[2] or default_unit, dimension)
+    quantity = to_si(float(match[1]), match[2] or default_unit, dimension)
+    if not math.isfinite(quantity):
+        raise ValueError(f"'{text[:20]}…' is too large a number")
+    return quantity
 
 
 def length_unit_name(metres: Fraction) -> str:

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 import sysconfig
+import tarfile
+import tomllib
 import zipfile
 
 import pytest
@@ -83,3 +85,37 @@ def test_the_readme_example_runs():
 def test_the_console_script_is_installed():
     script = f"{sysconfig.get_path('scripts')}/mopro"
     assert run(script, "--version").startswith("mopro, version ")
+
+
+def test_the_wheel_says_that_it_is_typed(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        assert "mopro/py.typed" in archive.namelist()
+
+
+def test_the_source_distribution_has_what_a_build_needs_and_no_tests(tmp_path):
+    run(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", tmp_path, cwd=ROOT)
+    with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    tops = {name.partition("/")[0] for name in names}
+    assert tops >= {"mopro", "grammars", "programs", "docs", "pyproject.toml", "README.md"}
+    assert tops.isdisjoint({"tests", "bench", "editors", ".ci"})
+    assert "grammars/mopro.lark" in names
+    assert {"CHANGELOG.md", "CONTRIBUTING.md", "mopro/py.typed"} <= names
+
+
+def test_the_oldest_versions_are_those_that_are_tried():
+    """`.ci/run lowest` installs what .ci/lowest.txt pins."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *extras["lsp"], *extras["pandas"]]
+    bounds = dict(requirement.split(">=") for requirement in wanted)
+    lines = (ROOT / ".ci" / "lowest.txt").read_text().splitlines()
+    pins = dict(line.split("==") for line in lines if not line.startswith("#"))
+    assert pins.keys() == bounds.keys()
+    for name, bound in bounds.items():
+        assert f"{pins[name]}.".startswith(f"{bound}."), name
+
+
+def test_the_version_of_the_package_is_in_the_changes():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert f"\n## {project['version']}\n" in (ROOT / "CHANGELOG.md").read_text()

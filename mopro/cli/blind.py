@@ -13,6 +13,7 @@ import click
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, Quantity
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
+from mopro.cli.say import say
 
 T = TypeVar("T")
 
@@ -71,8 +72,8 @@ def make(
     steps = write_cases(seed, grid, out, only, jobs, stated, sample)
     expected = min(len(only) or count, sample or count)
     *made, seal = _shown(steps, expected + 1, "making")
-    click.echo(f"{len(made)} cases in {out}")
-    click.echo(f"{out / ANSWERS} sha256 {seal}")
+    say(f"{len(made)} cases in {out}")
+    say(f"{out / ANSWERS} sha256 {seal}")
 
 
 def _shown(steps: Iterable[T], count: int, label: str) -> list[T]:
@@ -142,5 +143,5 @@ def score(
         followed = _shown(follow_ups, 0, "following up")
     result = Score(tuple(judged), tuple(followed), found.grid)
     all_drawn = drawn(report, lambda _: page_bytes(page(result)))
-    click.echo(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)
+    say(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)
     return 0 if all_drawn else EXIT_FAILED

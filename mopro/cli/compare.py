@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.main import EXIT_FAILED
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
@@ -66,7 +67,7 @@ def command(experiment: str, seed: int, applied: str | None, as_json: bool) -> i
 
     loaded = load_experiment(experiment)
     for note in loaded.notes:
-        click.echo(note, err=True)
+        say(note, err=True)
     comparison = compare(loaded, np.random.default_rng(seed))
     gaps: list[dict[str, object]] = []
     if applied is not None:
@@ -78,7 +79,7 @@ def command(experiment: str, seed: int, applied: str | None, as_json: bool) -> i
         answer = {"experiment": experiment, "machine": loaded.machine.name, **comparison.as_json()}
         if applied is not None:
             answer["applied"] = gaps
-        click.echo(json.dumps(answer, indent=1))
+        say(json.dumps(answer, indent=1))
     else:
         _print(comparison)
         _print_gaps(gaps)
@@ -119,7 +120,7 @@ def _print(comparison: Comparison) -> None:
 
     print_table(_SERIES, map(_series_cells, comparison.series), _MOST_ROWS)
     print_table(_PLACES, map(_place_cells, comparison.where), _MOST_ROWS)
-    click.echo(f"{comparison.verdict}{_reason(comparison)}")
+    say(f"{comparison.verdict}{_reason(comparison)}")
 
 
 def _reason(comparison: Comparison) -> str:

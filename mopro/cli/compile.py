@@ -8,6 +8,7 @@ import click
 
 from mopro.cli.options import grammar_option, program_argument
 from mopro.cli.programs import compiled_program
+from mopro.cli.say import say
 
 
 @click.command()
@@ -24,6 +25,6 @@ def command(file: str, grammar: str, as_json: bool, canonical: bool) -> None:
 
     program = compiled_program(file, grammar)
     if as_json:
-        click.echo(json.dumps(text.as_json(program), indent=1))
+        say(json.dumps(text.as_json(program), indent=1))
     else:
-        click.echo(text.canonical(program) if canonical else text.listing(program), nl=False)
+        say(text.canonical(program) if canonical else text.listing(program), nl=False)

@@ -16,6 +16,7 @@ from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import Quantity, grammar_option, program_argument
 from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.programs import compiled_program, refuse_unrunnable
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.link import Session
@@ -89,9 +90,9 @@ def _flashed(session: Session, program: Program, name: str, as_json: bool) -> in
         "retried": done.retried,
     }
     if as_json:
-        click.echo(json.dumps(report, indent=1))
+        say(json.dumps(report, indent=1))
     else:
-        click.echo(
+        say(
             f"{program.name}: {done.statements} statements stored as {done.name} and read back "
             f"equal in {done.seconds:.2f} s; {done.retried} lines said again; "
             f"hash {program_hash(program)[:12]}"
@@ -106,9 +107,9 @@ def _verified(session: Session, program: Program, name: str, as_json: bool) -> i
     digest = program_hash(program)
     if as_json:
         report = {"program": program.name, "stored_as": name, "equal": True, "sha256": digest}
-        click.echo(json.dumps(report, indent=1))
+        say(json.dumps(report, indent=1))
     else:
-        click.echo(f"{name} on the controller is {program.name}; hash {digest[:12]}")
+        say(f"{name} on the controller is {program.name}; hash {digest[:12]}")
     return 0
 
 
@@ -122,13 +123,13 @@ def _listed(session: Session, program: Program, name: str, grammar: str, as_json
         rows = [{"statement": at, "file": ours, "stored": theirs} for at, ours, theirs in found]
         listing = canonical(stored).splitlines()
         report = {"stored_as": name, "sha256": program_hash(stored), "listing": listing}
-        click.echo(json.dumps({**report, "differences": rows}, indent=1))
+        say(json.dumps({**report, "differences": rows}, indent=1))
         return EXIT_FAILED if found else 0
-    click.echo(canonical(stored), nl=False)
+    say(canonical(stored), nl=False)
     for at, ours, theirs in found:
-        click.echo(f"statement {at}: {program.name} has `{ours}`, {name} has `{theirs}`", err=True)
+        say(f"statement {at}: {program.name} has `{ours}`, {name} has `{theirs}`", err=True)
     if not found:
-        click.echo(f"{name} means the same as {program.name}", err=True)
+        say(f"{name} means the same as {program.name}", err=True)
     return EXIT_FAILED if found else 0
 
 

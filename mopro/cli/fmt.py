@@ -6,6 +6,7 @@ import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import grammar_option
+from mopro.cli.say import say
 from mopro.cli.texts import read_text, show_difference, write_text
 from mopro.errors import MoproError
 
@@ -28,7 +29,7 @@ def command(files: tuple[str, ...], check: bool, diff: bool, grammar: str) -> in
         try:
             changed = _format_file(file, check, diff, grammar)
         except MoproError as error:
-            click.echo(error.render(), err=True)
+            say(error.render(), err=True)
             code = EXIT_BAD_INPUT
             continue
         code = max(code, EXIT_FAILED if changed and (check or diff) else 0)
@@ -45,7 +46,7 @@ def _format_file(file: str, check: bool, diff: bool, grammar: str) -> bool:
     if diff:
         show_difference(source, tidy)
     if check and changed:
-        click.echo(f"{source.name}: would change", err=True)
+        say(f"{source.name}: would change", err=True)
     if not check and not diff and (changed or file == "-"):
         write_text(file, tidy, tail)
     return changed

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import OutputFile, Quantity
+from mopro.cli.options import OutputFile, payload_type
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.limits import Limit
@@ -39,7 +40,7 @@ class Velocities(click.ParamType[list[float]]):
 
 @click.command()
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
-@click.option("--payload", type=Quantity("mass", "kg"), default=0.0, metavar="MASS")
+@click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
 @click.option(
     "--velocities",
     type=Velocities(),
@@ -92,18 +93,18 @@ def command(
     figure = _figure(limits, f"{loaded.name}, payload {payload:g} kg")
     code = 0 if drawn(plot, figure) else EXIT_FAILED
     if as_json:
-        click.echo(json.dumps([asdict(limit) for limit in limits], indent=1))
+        say(json.dumps([asdict(limit) for limit in limits], indent=1))
         return code
     from mopro.cli.table import print_table
 
     print_table(_COLUMNS, map(_cells, limits), 1000)
-    click.echo(f"{loaded.name}, payload {payload:g} kg; the timed move is {distance:g} in.")
+    say(f"{loaded.name}, payload {payload:g} kg; the timed move is {distance:g} in.")
     for profile in PROFILES:
         moves = [
             (e.duration_s, e.velocity) for e in limits if e.profile == profile and e.duration_s
         ]
         if moves:
-            click.echo(f"Soonest with {profile}: {min(moves)[0]:.4f} s at {min(moves)[1]:g} in/s.")
+            say(f"Soonest with {profile}: {min(moves)[0]:.4f} s at {min(moves)[1]:g} in/s.")
     return code
 
 

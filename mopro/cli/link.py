@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -38,6 +39,16 @@ def trace_option() -> Decorator:
     )
 
 
+def token() -> str | None:
+    """The token in the environment, which both ends of a TCP link state; None without one."""
+    from mopro.link.token import VARIABLE, checked
+
+    try:
+        return checked(os.environ.get(VARIABLE))
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+
+
 @contextmanager
 def opened_session(
     port: str, dialect: str, baud: int | None, trace: Path | None
@@ -62,7 +73,7 @@ def connected_session(
 
     language = load_dialect(dialect)
     with ExitStack() as open_things:
-        line: Port = SerialPort(port, language.line, baud)
+        line: Port = SerialPort(port, language.line, baud, token())
         open_things.callback(line.close)
         if trace is not None:
             line = TracedPort(line, open_things.enter_context(log(trace)))

@@ -12,6 +12,7 @@ from mopro.cli.link import baud_option, connected_session, dialect_option, trace
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import Quantity
 from mopro.cli.outputs import keep_inputs
+from mopro.cli.say import say
 
 
 @click.command()
@@ -45,9 +46,7 @@ def command(
         for step in probe(session):
             steps.append(step)
             if not as_json:
-                click.echo(
-                    f"{'matched' if step.matched else 'NOT AS SAID':<12} {step.name}: {step.said}"
-                )
+                say(f"{'matched' if step.matched else 'NOT AS SAID':<12} {step.name}: {step.said}")
     if as_json:
-        click.echo(json.dumps([asdict(step) for step in steps], indent=1))
+        say(json.dumps([asdict(step) for step in steps], indent=1))
     return 0 if all(step.matched for step in steps) else EXIT_FAILED

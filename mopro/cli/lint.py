@@ -9,7 +9,8 @@ from typing import Any
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
-from mopro.cli.options import Quantity
+from mopro.cli.options import payload_type
+from mopro.cli.say import say
 from mopro.cli.texts import read_text, show_difference, write_text
 from mopro.errors import MoproError
 from mopro.language.parse import GRAMMARS
@@ -29,7 +30,7 @@ _EXPLAIN_ALL = "all"
 @click.option("--diff", is_flag=True, help="Show what --fix would change, and change nothing.")
 @click.option("--explain", metavar="RULE", help="Explain a rule (`all`: every rule), and end.")
 @click.option("--machine", help="Built-in name or file [default: chow1992].")
-@click.option("--payload", type=Quantity("mass", "kg"), metavar="MASS", help="Such as 5lb or 2kg.")
+@click.option("--payload", type=payload_type(), metavar="MASS", help="Such as 5lb or 2kg.")
 @click.option(
     "--start", metavar="AXIS=PLACE", multiple=True, help="Start, from mid-travel, such as 1=-5in."
 )
@@ -66,14 +67,14 @@ def command(
         try:
             report, changed = _lint_file(file, chosen, fix, diff)
         except MoproError as error:
-            click.echo(error.render(), err=True)
+            say(error.render(), err=True)
             code = EXIT_BAD_INPUT
             continue
         reports.append(report)
         code = max(code, EXIT_FAILED if report.findings or changed else 0)
     text = FORMATS[form](reports)
     if text and not diff:
-        click.echo(text, err=fix and "-" in files)
+        say(text, err=fix and "-" in files)
     return code
 
 
@@ -132,10 +133,10 @@ def _explain(name: str) -> int:
     from mopro.lint.rules import RULES
 
     if name == _EXPLAIN_ALL:
-        click.echo(page(), nl=False)
+        say(page(), nl=False)
         return 0
     (known,) = _names(name) or (None,)
     if known is None:
         raise click.UsageError("name one rule")
-    click.echo(explain(RULES[known]), nl=False)
+    say(explain(RULES[known]), nl=False)
     return 0

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+
 import click
+
+from mopro.cli.main import EXIT_BAD_INPUT
+from mopro.cli.say import say
 
 
 @click.command()
-def command() -> None:
+def command() -> int:
     """Serve an editor over standard input and output (language server protocol).
 
     Needs the extra `lsp`: pip install 'mopro[lsp]'.
@@ -19,4 +24,11 @@ def command() -> None:
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
         raise click.UsageError("this needs more: pip install 'mopro[lsp]'") from error
-    server.start_io()
+    from mopro.lsp.messages import Messages
+
+    messages = Messages(sys.stdin.buffer)
+    server.start_io(messages)  # type: ignore[arg-type]
+    if messages.fault is not None:
+        say(f"mopro: the editor sent {messages.fault} [bad-message]", err=True)
+        return EXIT_BAD_INPUT
+    return 0

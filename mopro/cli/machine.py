@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
+from mopro.cli.say import say
 from mopro.errors import ModelError
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def show(machine: str, as_json: bool) -> None:
     loaded = load_machine(machine)
     rows = [*_quantities(loaded), *_effects(loaded)]
     if as_json:
-        click.echo(json.dumps({"name": loaded.name, "quantities": rows}, indent=1))
+        say(json.dumps({"name": loaded.name, "quantities": rows}, indent=1))
         return
     keys = ("key", "value", "unit", "origin", "place")
     cells = [[str(row[key]) for key in keys] for row in rows]
@@ -54,7 +55,7 @@ def show(machine: str, as_json: bool) -> None:
 @command.command()
 @click.argument("machines", nargs=-1, required=True)
 def check(machines: tuple[str, ...]) -> int:
-    """Check machine files: keys, units, bounds, effects; exits with 1 for findings.
+    """Check machine files: keys, units, bounds, effects, a trial move; exits with 1 for findings.
 
     Example: mopro machine check mine.toml
     """
@@ -63,11 +64,11 @@ def check(machines: tuple[str, ...]) -> int:
         try:
             name = _checked(machine)
         except ModelError as error:
-            click.echo(error.render(), err=True)
+            say(error.render(), err=True)
             unreadable = any(d.rule in _UNREADABLE for d in error.diagnostics)
             code = max(code, EXIT_BAD_INPUT if unreadable else EXIT_FAILED)
         else:
-            click.echo(f"{machine}: {name}: no findings")
+            say(f"{machine}: {name}: no findings")
     return code
 
 
@@ -79,16 +80,18 @@ def effects() -> None:
     """
     from mopro.effects.document import markdown
 
-    click.echo(markdown(), nl=False)
+    say(markdown(), nl=False)
 
 
 def _checked(machine: str) -> str:
     from mopro.effects import catalogue
     from mopro.effects.resolve import active_effects
     from mopro.machine import load_machine
+    from mopro.plant import try_out
 
     loaded = load_machine(machine)
     active_effects(loaded, catalogue())
+    try_out(loaded)
     return loaded.name
 
 

@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 findings or a failed run, 2 wrong use or unreadable input.
 from __future__ import annotations
 
 import importlib
+import io
 import signal
 import sys
 from types import FrameType
@@ -13,7 +14,8 @@ from typing import NoReturn
 
 import click
 
-from mopro.errors import LinkError, MoproError, PortError
+from mopro.cli.say import discard_output, prepare_streams, say
+from mopro.errors import LinkError, MoproError, PortError, RunError
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
@@ -65,24 +67,36 @@ def group() -> None:
 def main() -> NoReturn:
     """Run the command line and exit."""
     signal.signal(signal.SIGTERM, _interrupt)
+    prepare_streams()
     try:
         code = group(standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.ClickException as error:
-        error.show()
+        shown = io.StringIO()
+        error.show(file=shown)
+        say(shown.getvalue(), err=True, nl=False)
         sys.exit(error.exit_code)
     except click.Abort as error:
         notes = getattr(error.__cause__, "__notes__", ())
-        click.echo("\n".join(["mopro: interrupted", *notes]), err=True)
+        say("\n".join(["mopro: interrupted", *notes]), err=True)
         sys.exit(EXIT_SIGNAL + signal.SIGINT)
     except MoproError as error:
-        click.echo(error.render(), err=True)
-        failed = isinstance(error, LinkError) and not isinstance(error, PortError)
+        say(error.render(), err=True)
+        failed = isinstance(error, LinkError | RunError) and not isinstance(error, PortError)
         sys.exit(EXIT_FAILED if failed else EXIT_BAD_INPUT)
+    except MemoryError:
+        say("mopro: there is not enough memory for this input [no-memory]", err=True)
+        sys.exit(EXIT_BAD_INPUT)
     except BrokenPipeError:
         # Whoever read our output has gone; say nothing more, not even at exit.
-        sys.stdout = None
+        discard_output()
         sys.exit(EXIT_FAILED)
+    except OSError as error:
+        # What files are read and written tells its own errors: this is standard output.
+        discard_output()
+        reason = error.strerror or str(error)
+        say(f"mopro: the output cannot be written: {reason} [unwritable-output]", err=True)
+        sys.exit(EXIT_BAD_INPUT)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:

@@ -7,9 +7,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
+from mopro.cli.options import (
+    OutputFile,
+    duration_type,
+    grammar_option,
+    payload_type,
+    program_argument,
+)
 from mopro.cli.outputs import claimed, keep_inputs, machine_file
 from mopro.cli.programs import compiled_program
+from mopro.cli.say import say
 from mopro.units import INCH_M
 
 if TYPE_CHECKING:
@@ -32,8 +39,8 @@ if TYPE_CHECKING:
     "--axis", type=click.IntRange(1, 2), default=1, show_default=True, help="LVDT's axis."
 )
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
-@click.option("--payload", type=Quantity("mass", "kg"), default=0.0, metavar="MASS")
-@click.option("--for", "for_s", type=Quantity("time", "s", positive=True), metavar="DURATION")
+@click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
+@click.option("--for", "for_s", type=duration_type(), metavar="DURATION")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the LVDT's ripple.")
 @click.option("--no-ripple", is_flag=True, help="An LVDT without ripple.")
 @grammar_option()
@@ -74,7 +81,7 @@ def command(
         count = _lvdt(recording, emulator, axis, None if no_ripple else seed, out)
     else:
         count = _thermocouple(recording, emulator, out)
-    click.echo(f"{count} readings: {out}")
+    say(f"{count} readings: {out}")
 
 
 def _lvdt_duration_s() -> float:

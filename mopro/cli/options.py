@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,17 +10,26 @@ from typing import Any
 import click
 
 from mopro.language.parse import GRAMMARS
-from mopro.units import parse_quantity
+from mopro.units import parse_quantity, units_of
+
+_HEAVIEST_KG = 1e6
 
 
 class Quantity(click.ParamType[float]):
-    """A number with a unit of one dimension, such as `5lb`; at least 0."""
+    """A number with a unit of one dimension, such as `5lb`; at least 0, at most `most` (SI)."""
 
-    def __init__(self, dimension: str, default_unit: str, positive: bool = False) -> None:
+    def __init__(
+        self,
+        dimension: str,
+        default_unit: str,
+        positive: bool = False,
+        most: float = math.inf,
+    ) -> None:
         self.name = dimension
         self._dimension = dimension
         self._default_unit = default_unit
         self._positive = positive
+        self._most = most
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -33,7 +43,22 @@ class Quantity(click.ParamType[float]):
         if quantity < 0 or (self._positive and quantity == 0):
             bound = "greater than" if self._positive else "at least"
             self.fail(f"'{value}' must be {bound} 0", param, ctx)
+        if quantity > self._most:
+            unit = units_of(self._dimension)[0]
+            self.fail(f"'{value}' must be at most {self._most:g} {unit}", param, ctx)
         return quantity
+
+
+def duration_type() -> Quantity:
+    """How long a run may take."""
+    from mopro.motion import LONGEST_RUN_S
+
+    return Quantity("time", "s", positive=True, most=LONGEST_RUN_S)
+
+
+def payload_type() -> Quantity:
+    """A mass that the motor carries."""
+    return Quantity("mass", "kg", most=_HEAVIEST_KG)
 
 
 class OutputFile(click.ParamType[Path]):

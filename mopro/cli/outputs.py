@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from mopro.cli.say import say
 from mopro.errors import MoproError
 
 # An option (or argument) as the person writes it, and the file that it was given.
@@ -84,7 +85,7 @@ def drawn(path: Path | None, draw: Callable[[str], bytes]) -> bool:
     except _DRAWING_ERRORS as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         reason = reason.removeprefix(f"{path}: ")
-        click.echo(f"warning: {path}: not drawn: {reason} [not-drawn]", err=True)
+        say(f"warning: {path}: not drawn: {reason} [not-drawn]", err=True)
         return False
     return True
 

@@ -6,6 +6,8 @@ import json
 
 import click
 
+from mopro.cli.say import say
+
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -19,9 +21,9 @@ def command(as_json: bool) -> None:
     ports = available_ports()
     if as_json:
         rows = [{"device": device, "description": text} for device, text in ports]
-        click.echo(json.dumps(rows, indent=1))
+        say(json.dumps(rows, indent=1))
         return
     for device, text in ports:
-        click.echo(f"{device}  {text}")
+        say(f"{device}  {text}")
     if not ports:
-        click.echo("no serial ports; a virtual controller: mopro serve", err=True)
+        say("no serial ports; a virtual controller: mopro serve", err=True)

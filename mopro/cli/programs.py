@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import click
-
+from mopro.cli.say import say
 from mopro.errors import render_all
 from mopro.program import Program
 from mopro.program.compile import compile_file
@@ -13,7 +12,7 @@ def compiled_program(file: str, grammar: str) -> Program:
     """The program in `file`; warnings go to stderr, errors are raised."""
     program = compile_file(file, grammar)
     if program.warnings:
-        click.echo(render_all(program.warnings, program.source), err=True)
+        say(render_all(program.warnings, program.source), err=True)
     return program
 
 

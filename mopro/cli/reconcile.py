@@ -15,6 +15,7 @@ import click
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import EffectName, OutputFile
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
+from mopro.cli.say import say
 from mopro.errors import DataError
 from mopro.files import write
 
@@ -61,13 +62,13 @@ def command(
     keep_inputs(outputs, [("EXPERIMENT", file) for file in read_entries(experiment).files])
     loaded = load_experiment(experiment)
     for note in loaded.notes:
-        click.echo(note, err=True)
+        say(note, err=True)
     with claimed(out, report), _progress() as progress:
         conclusion = conclude(loaded, jobs or os.cpu_count() or 1, progress, left_out)
     code = _written(conclusion, out, report)
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine.name, **conclusion.as_json()}
-        click.echo(json.dumps(answer, indent=1, default=float, allow_nan=False))
+        say(json.dumps(answer, indent=1, default=float, allow_nan=False))
     else:
         _tell(conclusion)
     return max(code, EXIT_FAILED if conclusion.verdict.verdict == "unexplained" else 0)
@@ -93,7 +94,7 @@ def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> i
         try:
             write(out, conclusion.machine_text.encode("utf-8"))
         except DataError as error:
-            click.echo(error.render(), err=True)
+            say(error.render(), err=True)
             code = EXIT_BAD_INPUT
 
     def page(form: str) -> bytes:
@@ -136,11 +137,11 @@ def _tell(conclusion: Conclusion) -> None:
         rows = [row for effect in verdict.fitted for row in _effect_rows(effect, verdict)]
         print_table(_EFFECTS, rows, _MOST_ROWS)
     print_table(_GAPS, _gap_rows(conclusion), _MOST_ROWS)
-    click.echo(sentence(verdict))
+    say(sentence(verdict))
     if conclusion.where:
         worst = conclusion.where[0]
         size = f"{worst.rms:.3g} {worst.unit}" + (f", {worst.sigma:.3g} σ" if worst.sigma else "")
-        click.echo(f"Largest disagreement: {worst.run}, {place_words(worst)}: {size}.")
+        say(f"Largest disagreement: {worst.run}, {place_words(worst)}: {size}.")
     for note in (
         *draft_words(verdict),
         *calibration_words(verdict),
@@ -148,16 +149,16 @@ def _tell(conclusion: Conclusion) -> None:
         *reservations(verdict, conclusion.runs),
         *left_out_words(conclusion.left_out),
     ):
-        click.echo(note)
+        say(note)
     if verdict.below_resolution:
-        click.echo("Below the resolution of these data, so neither confirmed nor excluded:")
+        say("Below the resolution of these data, so neither confirmed nor excluded:")
         for faint in faint_words(verdict):
-            click.echo(f"  {faint}")
+            say(f"  {faint}")
     if conclusion.next_experiment:
-        click.echo(f"This program would distinguish them ({conclusion.next_experiment.summary}):\n")
-        click.echo(conclusion.next_experiment.text)
+        say(f"This program would distinguish them ({conclusion.next_experiment.summary}):\n")
+        say(conclusion.next_experiment.text)
     elif verdict.verdict == "ambiguous":
-        click.echo(NO_PROPOSAL)
+        say(NO_PROPOSAL)
 
 
 def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:

@@ -13,9 +13,17 @@ import click
 
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import OutputFile, Quantity, grammar_option, program_argument
+from mopro.cli.options import (
+    OutputFile,
+    Quantity,
+    duration_type,
+    grammar_option,
+    payload_type,
+    program_argument,
+)
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
@@ -40,13 +48,13 @@ _MOST_ROWS = 40
 @click.option(
     "--for",
     "for_s",
-    type=Quantity("time", "s", positive=True),
+    type=duration_type(),
     metavar="DURATION",
     help="Stop after this much time (10s, 2min); 60 s for a program that loops for ever.",
 )
 @click.option(
     "--payload",
-    type=Quantity("mass", "kg"),
+    type=payload_type(),
     default=0.0,
     metavar="MASS",
     help="Mass carried by the motor (5lb, 2kg).",
@@ -164,7 +172,7 @@ def _on_controller(
         deadline_s=deadline_s,
         begun_s=begun_s,
         signals=signals,
-        warn=lambda text: click.echo(f"warning: {text} [no-heartbeat]", err=True),
+        warn=lambda text: say(f"warning: {text} [no-heartbeat]", err=True),
     )
 
 
@@ -210,10 +218,10 @@ def _from_line(program: Program, line: int, yes: bool) -> Program:
     from mopro.program.resume import resume
 
     resumed = resume(program, line)
-    click.echo(f"Begin at line {resumed.line}; in force there, without any motion:", err=True)
+    say(f"Begin at line {resumed.line}; in force there, without any motion:", err=True)
     for text in resumed.settings:
-        click.echo(f"  {text}", err=True)
-    click.echo("The motor is assumed to stand where the program expects it to.", err=True)
+        say(f"  {text}", err=True)
+    say("The motor is assumed to stand where the program expects it to.", err=True)
     if not yes:
         click.confirm("Start?", abort=True, err=True)
     return resumed.program
@@ -267,19 +275,17 @@ def _tell(run: Run, program: Program, out: Path, as_json: bool) -> None:
     from mopro.recording.run import outcome, stalls
 
     if as_json:
-        click.echo(json.dumps({**run.as_json(), "recording": str(out)}, indent=1))
+        say(json.dumps({**run.as_json(), "recording": str(out)}, indent=1))
     else:
         print_table(MOVE_COLUMNS, map(move_cells, run.moves), _MOST_ROWS)
-        click.echo(outcome(run))
-        click.echo(f"Recording: {out}")
+        say(outcome(run))
+        say(f"Recording: {out}")
     if run.trouble:
-        click.echo(f"{program.source.name}: {run.trouble} [run-failed]", err=True)
+        say(f"{program.source.name}: {run.trouble} [run-failed]", err=True)
     elif not run.complete and run.trip is None:
         why = "the program loops for ever" if run.loops_forever else "the program had not ended"
         hint = "change that with --for, for example --for 10min"
-        click.echo(
-            f"{program.source.name}: {why}: stopped after {run.duration_s:g} s; {hint}", err=True
-        )
+        say(f"{program.source.name}: {why}: stopped after {run.duration_s:g} s; {hint}", err=True)
     for span, message in stalls(run, program):
         finding = Diagnostic("stall", message, span, Severity.ERROR)
-        click.echo(finding.render(program.source), err=True)
+        say(finding.render(program.source), err=True)

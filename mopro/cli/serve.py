@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.link import baud_option, dialect_option
-from mopro.cli.options import Quantity, grammar_option
+from mopro.cli.link import baud_option, dialect_option, token
+from mopro.cli.options import Quantity, grammar_option, payload_type
 from mopro.cli.outputs import keep_inputs, machine_file
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
@@ -25,11 +26,23 @@ _PLAIN_SPEED = 1.0
     show_default=True,
     help="pty, or socket://ADDRESS:PORT with port 0 for any free one.",
 )
+@click.option(
+    "--allow-remote",
+    is_flag=True,
+    help="Permit an address that other machines reach; clients state the token MOPRO_TOKEN.",
+)
+@click.option(
+    "--idle",
+    type=Quantity("time", "s", positive=True),
+    default="60s",
+    show_default=True,
+    help="How long a TCP client may be silent while another one waits.",
+)
 @dialect_option()
 @baud_option()
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
 @click.option(
-    "--payload", type=Quantity("mass", "kg"), default=0.0, help="Mass carried by the motor (5lb)."
+    "--payload", type=payload_type(), default=0.0, help="Mass carried by the motor (5lb)."
 )
 @click.option(
     "--speed",
@@ -50,6 +63,8 @@ _PLAIN_SPEED = 1.0
 @grammar_option()
 def command(
     listen: str,
+    allow_remote: bool,
+    idle: float,
     dialect: str,
     baud: int | None,
     machine: str,
@@ -94,9 +109,9 @@ def command(
             f"{store}: cannot keep programs: {error.strerror}", "unwritable-output"
         ) from error
     station = Station(language, emulator, programs, scenario, baud, grammar)
-    end = open_end(listen, baud or language.line.baud)
+    end = open_end(listen, baud or language.line.baud, allow_remote, token(), idle)
     try:
-        click.echo(end.address)
+        say(end.address)
         serve(station, end, speed)
     except KeyboardInterrupt:
         return

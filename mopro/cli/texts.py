@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import click
-
+from mopro.cli.say import say, say_bytes
 from mopro.language.load import load_bytes, source_from_bytes, split_at_end_of_file
 from mopro.source import Source
 
@@ -24,8 +23,7 @@ def write_text(file: str, source: Source, tail: bytes) -> None:
     """Write `source` in its own encoding with `tail` behind it; `-` is standard output."""
     data = source.text.encode(source.encoding) + tail
     if file == "-":
-        sys.stdout.buffer.write(data)
-        sys.stdout.buffer.flush()
+        say_bytes(data)
         return
     from mopro.files import write
 
@@ -38,4 +36,4 @@ def show_difference(before: Source, after: Source) -> None:
     ends = (before.lines_with_ends, after.lines_with_ends)
     old, new = ([line.rstrip("\r\n") for line in lines] for lines in ends)
     for line in unified_diff(old, new, before.name, f"{before.name} (fixed)", lineterm=""):
-        click.echo(line)
+        say(line)

@@ -7,6 +7,8 @@ from dataclasses import asdict
 
 import click
 
+from mopro.cli.say import say
+
 _NAMES = ["3.2", "3.3", "4.1", "4.2", "4.3", "4.4", "4.5"]
 _COLUMNS = ("row", "quantity", "printed", "computed", "deviation", "note")
 _MOST_ROWS = 200
@@ -28,10 +30,10 @@ def command(name: str | None, as_json: bool) -> None:
 
     tables = {key: table(key) for key in ([name] if name else _NAMES)}
     if as_json:
-        click.echo(json.dumps([asdict(row) for rows in tables.values() for row in rows], indent=1))
+        say(json.dumps([asdict(row) for rows in tables.values() for row in rows], indent=1))
         return
     for key, rows in tables.items():
-        click.echo(f"Table {key}")
+        say(f"Table {key}")
         cells = [
             [r.row, r.quantity, _cell(r.printed), _cell(r.computed), _share(r.deviation), r.note]
             for r in rows

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import select
-import socket
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
 from mopro.controller.station import Station
+from mopro.controller.tcp import IDLE_S, TcpEnd, is_loopback
 from mopro.errors import PortError
+from mopro.link.token import VARIABLE
 
 # The finest slice of waiting: shorter, and a fast line would keep a core busy.
 _SLICE_S = 0.001
@@ -25,8 +26,8 @@ class End(Protocol):
 
     address: str
 
-    def wait(self, seconds: float) -> bytes:
-        """Bytes as soon as any come; empty if none do within `seconds`."""
+    def wait(self, seconds: float, room: int) -> bytes:
+        """At most `room` bytes as soon as any come; empty if none do within `seconds`."""
         ...
 
     def send(self, data: bytes) -> None: ...
@@ -57,10 +58,10 @@ class PtyEnd:
         os.set_blocking(self._master, False)
         self.address = os.ttyname(self._slave)
 
-    def wait(self, seconds: float) -> bytes:
-        if not select.select([self._master], [], [], seconds)[0]:
+    def wait(self, seconds: float, room: int) -> bytes:
+        if not select.select([self._master] if room > 0 else [], [], [], seconds)[0]:
             return b""
-        return self._as_heard(os.read(self._master, _CHUNK))
+        return self._as_heard(os.read(self._master, min(room, _CHUNK)))
 
     def send(self, data: bytes) -> None:
         # A client that does not read fills the terminal's buffer, and then this one; what
@@ -83,66 +84,18 @@ class PtyEnd:
         return bytes(0x80 | (byte * 83) % 128 for byte in data)
 
 
-class TcpEnd:
-    """A TCP port for one client at a time."""
+def open_end(
+    listen: str,
+    baud: int | None = None,
+    allow_remote: bool = False,
+    token: str | None = None,
+    idle_s: float = IDLE_S,
+) -> End:
+    """The end that `listen` names: `pty`, or `socket://ADDRESS:PORT` (PORT 0: any free one).
 
-    def __init__(self, host: str, port: int) -> None:
-        try:
-            self._server = socket.create_server((host, port))
-        except (OSError, OverflowError) as error:
-            message = f"socket://{host}:{port}: cannot be listened on: {error}"
-            raise PortError(message, "no-port") from error
-        self._client: socket.socket | None = None
-        self.address = f"socket://{host}:{self._server.getsockname()[1]}"
-
-    def wait(self, seconds: float) -> bytes:
-        ready = [self._server] if self._client is None else [self._server, self._client]
-        for one in select.select(ready, [], [], seconds)[0]:
-            if one is self._server:
-                self._accept()
-            else:
-                return self._received()
-        return b""
-
-    def _accept(self) -> None:
-        client, _ = self._server.accept()
-        if self._client is not None:
-            client.close()
-            return
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        client.settimeout(1.0)
-        self._client = client
-
-    def _received(self) -> bytes:
-        assert self._client is not None, "only a client is read"
-        try:
-            data = self._client.recv(_CHUNK)
-        except OSError:
-            data = b""
-        if not data:
-            self.hang_up()
-        return data
-
-    def send(self, data: bytes) -> None:
-        if self._client is None or not data:
-            return
-        try:
-            self._client.sendall(data)
-        except OSError:
-            self.hang_up()
-
-    def hang_up(self) -> None:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
-
-    def close(self) -> None:
-        self.hang_up()
-        self._server.close()
-
-
-def open_end(listen: str, baud: int | None = None) -> End:
-    """The end that `listen` names: `pty`, or `socket://ADDRESS:PORT` (PORT 0: any free one)."""
+    An address that other machines can reach needs `allow_remote` and a `token`; `idle_s` is
+    how long a client may be silent while another one waits. PortError if it cannot be.
+    """
     if listen == "pty":
         try:
             return PtyEnd(baud)
@@ -152,7 +105,18 @@ def open_end(listen: str, baud: int | None = None) -> End:
     host, colon, port = listen.removeprefix("socket://").rpartition(":")
     if not listen.startswith("socket://") or not colon or not host or not port.isdecimal():
         raise PortError(f"{listen}: expected pty or socket://ADDRESS:PORT", "no-port")
-    return TcpEnd(host, int(port))
+    if not is_loopback(host):
+        _check_remote(listen, allow_remote, token)
+    return TcpEnd(host, int(port), token, idle_s)
+
+
+def _check_remote(listen: str, allow_remote: bool, token: str | None) -> None:
+    if not allow_remote:
+        message = f"{listen}: other machines could reach this address and move the motor"
+        raise PortError(f"{message}; if they shall, add --allow-remote", "remote")
+    if token is None:
+        message = f"{listen}: other machines could reach this address without a token"
+        raise PortError(f"{message}; state one in the environment as {VARIABLE}", "remote")
 
 
 def serve(
@@ -168,7 +132,7 @@ def serve(
     while going():
         now_s = (clock() - origin_s) * speed
         pause_s = (station.next_s() - now_s) / speed
-        data = end.wait(min(max(pause_s, _SLICE_S), _IDLE_S))
+        data = end.wait(min(max(pause_s, _SLICE_S), _IDLE_S), station.room)
         now_s = (clock() - origin_s) * speed
         if data:
             station.hear(data, now_s)

@@ -15,19 +15,30 @@ from mopro.controller.store import MemoryStore, Store
 from mopro.emulator import Emulator
 from mopro.link.dialect import Dialect
 
+# Bytes that wait for the line: towards the controller, and from it (the listing of the
+# longest program is shorter). What is beyond is lost, as on a line without handshake.
+MOST_INWARD = 8192
+MOST_OUTWARD = 1 << 20
+
 
 class Wire:
-    """One direction of the line; each byte takes `byte_s` seconds."""
+    """One direction of the line; each byte takes `byte_s` seconds, at most `most` wait."""
 
-    def __init__(self, byte_s: float) -> None:
+    def __init__(self, byte_s: float, most: int) -> None:
         self._byte_s = byte_s
+        self._most = most
         self._free_s = -math.inf
         self._queue: deque[tuple[float, int]] = deque()
 
     def put(self, data: bytes, now_s: float) -> None:
-        for byte in data:
+        for byte in data[: self.room]:
             self._free_s = max(self._free_s, now_s) + self._byte_s
             self._queue.append((self._free_s, byte))
+
+    @property
+    def room(self) -> int:
+        """How many bytes more may wait."""
+        return self._most - len(self._queue)
 
     @property
     def next_s(self) -> float:
@@ -60,8 +71,8 @@ class Station:
         self.byte_s = dialect.line.bits_per_byte / (baud or dialect.line.baud)
         self._dialect = dialect
         self._protocol = Protocol(dialect, self.device)
-        self._inward = Wire(self.byte_s)
-        self._outward = Wire(self.byte_s)
+        self._inward = Wire(self.byte_s, MOST_INWARD)
+        self._outward = Wire(self.byte_s, MOST_OUTWARD)
         self._late: list[tuple[float, bytes]] = []
         self._reached_s = -math.inf
         self._down_until_s = -math.inf
@@ -69,6 +80,11 @@ class Station:
 
     def connected(self, now_s: float) -> bool:
         return not self.injector.active("disconnect", now_s)
+
+    @property
+    def room(self) -> int:
+        """How many bytes more the line takes towards the controller."""
+        return self._inward.room
 
     def hear(self, data: bytes, now_s: float) -> None:
         """Take bytes that the other end sends at `now_s`."""

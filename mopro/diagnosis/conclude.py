@@ -14,6 +14,7 @@ from mopro.diagnosis.heldout import HeldOut
 from mopro.diagnosis.hypotheses import Hypotheses
 from mopro.diagnosis.model import Candidate, Floats, Mask, Series
 from mopro.diagnosis.remainder import Remainder
+from mopro.diagnosis.residual import difference_variance
 from mopro.diagnosis.screening import Screening
 from mopro.diagnosis.verdict import (
     BelowResolution,
@@ -101,7 +102,7 @@ def _named(
     rivals: dict[str, Alternative] = {}
     for other in others:
         if candidate.name not in other.names:
-            for name in sorted(other.names - fit.names - other.laws):
+            for name in sorted(other.names - fit.names):
                 rivals.setdefault(name, other)
     without = sets.without(fit, candidate.name)
     return Named(
@@ -170,7 +171,10 @@ def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
 
     None where there is no excess.
     """
-    noise = fit.count * (1.0 if sets.residuals.known_noise else fit.rss / max(fit.count, 1))
+    noise = float(fit.count)
+    if not sets.residuals.known_noise:
+        parts = sets.residuals.split(fit.residual)
+        noise = sum(len(own) * difference_variance(own) for own in parts)
     before = sets.null.rss - noise
     if before <= 0:
         return Explained(None, None)

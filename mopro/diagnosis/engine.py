@@ -202,7 +202,7 @@ def add_laws(state: State) -> State:
         return state
     laws = measurement_laws(state.problem.data)
     state.sets.join(laws, WithLaws(state.problem.simulate, state.problem.data, laws))
-    search(state.sets, state.screening, [state.fit])
+    search(state.sets, state.screening, [state.fit], only_laws=state.sets.is_noise(state.fit))
     best, listed = state.sets.best(), state.sets.best_listed()
     # What somebody has listed has the benefit of the doubt.
     doubt = state.sets.ebic(listed) - state.sets.ebic(best) < ALTERNATIVE_MARGIN
@@ -253,6 +253,9 @@ def set_laws_apart(state: State) -> State:
     laws = frozenset(c.name for c in fit.candidates if c.law)
     for name in sorted(laws):
         fit = sets.without(fit, name)
+    # One that only made up for a term takes a place where it raises chi-squared.
+    while reduced := [r for n in sorted(fit.names) if (r := sets.without(fit, n)).rss <= fit.rss]:
+        fit = reduced[0]
     sets.judge_by(fit)
     if not laws:
         return state
@@ -303,17 +306,23 @@ def _as_noise(state: State, remainder: Remainder) -> str | None:
     ) / len(residual)
     if float(np.mean(residual**2)) > most or 1 / most < white < most:
         return None
-    return (
-        "the noise is of the stated size and not white: neighbouring samples are alike, and "
-        "all of them are worth fewer"
-    )
+    alike = "alike" if white < 1 else "unlike"
+    return f"the noise is of the stated size and not white: neighbouring samples are {alike}"
 
 
 def find_alternatives(state: State) -> State:
-    """Other sets that the data cannot tell from the answer."""
+    """Other sets that the data cannot tell from the answer.
+
+    A set with a free-form term is none of them, as what somebody has listed has the benefit of
+    the doubt, but is told.
+    """
     if not state.fit.candidates:
         return state
-    return replace(state, alternatives=alternatives(state.sets, state.screening, state.fit))
+    every = alternatives(state.sets, state.screening, state.fit)
+    listed = tuple(other for other in every if not other.laws)
+    drafts = [other for other in every if other.laws]
+    notes = [f"{' + '.join(sorted(other.names))} would do as well" for other in drafts[:1]]
+    return replace(state, alternatives=listed, notes=(*state.notes, *notes))
 
 
 PASSES: tuple[Pass, ...] = (

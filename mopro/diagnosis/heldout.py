@@ -61,16 +61,30 @@ def held_out(
         return None
     masks = list(_divided(residuals, masks, fit))
     after = _predicted(residuals, fit, masks)
-    deviance = _deviance(noise, masks, after)
     return HeldOut(
         before=_mean_square(_predicted(residuals, null, masks)),
         after=_mean_square(after),
         gains={
-            name: _deviance(noise, masks, _predicted(residuals, other, masks)) - deviance
+            name: _gain(noise, masks, _predicted(residuals, other, masks), after)
             for name, other in without.items()
         },
         residual=after,
     )
+
+
+def _gain(noise: Noise, masks: Sequence[Mask], without: Floats, after: Floats) -> float:
+    """Fall of the deviance of held-out parts by an effect; negative where it predicts worse.
+
+    It must lower the deviance and the mean square; the part that is predicted worst with and
+    without it, such as a move that is cut off, does not count in the latter.
+    """
+    parts = [(float(np.sum(without[m] ** 2)), float(np.sum(after[m] ** 2)), m) for m in masks]
+    if len(parts) > _CHUNKS:
+        worst = max(range(len(parts)), key=lambda i: min(parts[i][:2]) / parts[i][2].sum())
+        del parts[worst]
+    gain = _deviance(noise, masks, without) - _deviance(noise, masks, after)
+    fall = sum(before - left for before, left, _ in parts)
+    return gain if fall > 0 else min(gain, fall)
 
 
 def folds(residuals: Residuals) -> list[Mask]:
@@ -98,7 +112,7 @@ def _divided(residuals: Residuals, masks: Sequence[Mask], fit: Fit) -> Iterator[
     An effect that shows in a single move can only be predicted from the rest of that move.
     Flexible effects do not count.
     """
-    rigid = {candidate.name for candidate in fit.candidates if not candidate.flexible}
+    rigid = {c.name for c in (*fit.base, *fit.candidates) if not c.flexible}
     columns = [i for i, (effect, _) in enumerate(fit.order) if effect in rigid]
     jacobian = fit.jacobian[:, columns]
     if not columns or len(jacobian) <= _FEW_SAMPLES:

@@ -33,6 +33,11 @@ class Neighbourhood:
     fit: Fit
     subsets: tuple[LinearSubset, ...]
 
+    def with_laws(self) -> Neighbourhood:
+        """Only the sets with a free-form term."""
+        drafted = (s for s in self.subsets if any(c.law for c in s.candidates))
+        return Neighbourhood(self.fit, tuple(drafted))
+
 
 def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbourhood:
     """Sets near `fit` in the linear approximation, which needs few simulations.

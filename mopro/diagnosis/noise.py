@@ -171,7 +171,8 @@ def effective_samples(values: Floats) -> float:
     white noise, and 3 for a single line. Unlike the integrated autocorrelation time it does not
     vanish for a residual that rings.
     """
-    if len(values) < 2:
-        return float(len(values))
     powers = fft.dct(values, norm="ortho") ** 2
-    return float(min(len(values), 3 * powers.sum() ** 2 / max(float(powers @ powers), _TINY)))
+    concentration = float(powers @ powers)
+    if not concentration:
+        return float(len(values))
+    return float(min(len(values), 3 * powers.sum() ** 2 / concentration))

@@ -28,7 +28,7 @@ _FITTED_TO_MINIMUM = 2
 _MOST_OTHERS = 2
 # Rounds after which free-form terms join the search, and those of a whole search. Doubled, a
 # disturbance that nobody listed is described by several effects first, which takes long.
-FIRST_ROUNDS, _MOST_ROUNDS = 3, 10
+FIRST_ROUNDS, _MOST_ROUNDS = 1, 10
 # Error of the reduction of chi-squared that a signature predicts, as a share of it.
 _LINEARITY_ERROR = 0.02
 # Share of the sum of squares that a main effect leaves by itself, if it is the main one.
@@ -43,19 +43,28 @@ _ONE_EFFECT = 40.0
 
 
 def search(
-    sets: Hypotheses, screening: Screening, also: Sequence[Fit] = (), rounds: int = _MOST_ROUNDS
+    sets: Hypotheses,
+    screening: Screening,
+    also: Sequence[Fit] = (),
+    rounds: int = _MOST_ROUNDS,
+    only_laws: bool = False,
 ) -> None:
     """Fit sets of effects to `sets` until none near the best one has a lower EBIC.
 
-    Begins with the null model and the sets in `also`, and takes so many `rounds` at most.
+    Begins with the null model and the sets in `also`. After so many `rounds` it ends unless
+    the best set leaves noise.
+    `only_laws`: the listed effects have been searched, and only sets with a free-form term are
+    fitted.
     """
     expanded: set[Identity] = set()
     others = 0
     for start in (sets.null, *also):
         expanded.add(start.identity)
-        _round(sets, screening, start)
-    for _ in range(rounds):
+        _round(sets, screening, start, only_laws)
+    for number in range(_MOST_ROUNDS):
         best = sets.best()
+        if number >= rounds and not sets.is_noise(best):
+            break
         front = best if best.identity not in expanded else _next(sets, best, expanded)
         if front is None:
             break
@@ -64,7 +73,7 @@ def search(
             if others > _MOST_OTHERS or sets.is_noise(best):
                 break
         expanded.add(front.identity)
-        _round(sets, screening, front)
+        _round(sets, screening, front, only_laws)
         others = 0 if sets.best() is not best else others
 
 
@@ -78,10 +87,12 @@ def _next(sets: Hypotheses, best: Fit, expanded: set[Identity]) -> Fit | None:
     return None
 
 
-def _round(sets: Hypotheses, screening: Screening, front: Fit) -> None:
+def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) -> None:
     """Fit the sets near `front` that may lower the EBIC, and the best one in other forms."""
     before = sets.best()
     near = neighbourhood(sets, screening, front)
+    if only_laws:
+        near = near.with_laws()
     proposed = _proposed(sets, near)
     sets.fit_all(_proposals(proposed[:_FITTED_TO_MINIMUM]))
     limit = sets.limit(sets.best())

@@ -62,6 +62,12 @@ OWN = (
     "heat.thermocouple_lag:ThermocoupleLag",
 )
 
+# What importing and making somebody else's class may raise.
+_LOADING_ERRORS = (
+    ArithmeticError, AssertionError, AttributeError, ImportError, LookupError, NameError, OSError,
+    RuntimeError, SyntaxError, TypeError, ValueError,
+)  # fmt: skip
+
 
 _TARGETS = {target.partition(":")[0].rpartition(".")[2]: target for target in OWN}
 
@@ -121,11 +127,17 @@ def own_effects() -> Catalogue:
 
 
 def _effect(point: EntryPoint) -> Effect:
-    kind = point.load()
-    if not (isinstance(kind, type) and issubclass(kind, Effect)):
-        message = f"entry point {point.name} = {point.value}: expected a subclass of Effect"
-        raise MoproError(message, "bad-effect")
-    return kind()
+    try:
+        kind = point.load()
+        if isinstance(kind, type) and issubclass(kind, Effect):
+            return kind()
+    except _LOADING_ERRORS as error:
+        package = f"the package {point.dist.name}" if point.dist else "a package"
+        why = f"cannot be loaded: {type(error).__name__}: {error}"
+        message = f"entry point {point.name} = {point.value} of {package} {why}"
+        raise MoproError(f"{message}; mend or uninstall it", "bad-effect") from error
+    message = f"entry point {point.name} = {point.value}: expected a subclass of Effect"
+    raise MoproError(message, "bad-effect")
 
 
 def in_order(active: Iterable[Active], effects: Mapping[str, Effect]) -> tuple[Active, ...]:

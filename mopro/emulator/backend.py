@@ -16,7 +16,7 @@ from mopro.effects.resolve import active_effects
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
 from mopro.machine.backend import DEFAULT_LOOP_S
-from mopro.motion import Schedule
+from mopro.motion import LONGEST_RUN_S, Schedule
 from mopro.plant import (
     MAX_STEP_S,
     Simulation,
@@ -85,21 +85,22 @@ class Emulator:
             effects=[a.as_json() for a in self.active],
         )
 
+    # Numbers that are not finite end a run, with a better message than numpy's warnings.
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
         """Run `program` and write its samples to `sink` chunk by chunk.
 
         It ends after `for_s` seconds at the latest; one that loops for ever ends after
         a minute unless told otherwise. Raises MotionError for motion that must be
-        refused.
+        refused, RunError if a value is not finite.
         """
         if for_s is None and program.loops_forever:
             for_s = DEFAULT_LOOP_S
-        simulation = self._simulation(self.plan(program, for_s), trips=True)
+        planned = self.plan(program, for_s)
+        self._check_length(planned.duration_s)
+        simulation = self._simulation(planned, trips=True)
         schedule = simulation.schedule
         samples = int(schedule.duration_s * self.rate_hz + 1e-6) + 1
-        if samples > MOST_SAMPLES:
-            message = f"{schedule.duration_s:g} s at {self.rate_hz:g} Hz are {samples} samples:"
-            raise MoproError(f"{message} expected at most {MOST_SAMPLES}", "too-long")
         hottest_C = self.machine.heat.ambient_C
         for times, end_s in self._chunks(schedule, samples):
             columns = simulation.advance(times, end_s)
@@ -107,6 +108,16 @@ class Emulator:
             sink.write(columns)
         simulation.settle()
         return self._report(simulation, hottest_C)
+
+    def _check_length(self, duration_s: float) -> None:
+        """MoproError for more than can be simulated or recorded."""
+        if duration_s > LONGEST_RUN_S:
+            message = f"the run takes {duration_s:.4g} s: expected at most {LONGEST_RUN_S:g}"
+            raise MoproError(f"{message}; end it earlier with --for", "too-long")
+        samples = duration_s * self.rate_hz
+        if samples > MOST_SAMPLES:
+            message = f"{duration_s:g} s at {self.rate_hz:g} Hz are {samples:.4g} samples:"
+            raise MoproError(f"{message} expected at most {MOST_SAMPLES}", "too-long")
 
     def _chunks(self, schedule: Schedule, samples: int) -> Iterator[tuple[Floats, float]]:
         """The sample times chunk by chunk, and how far each chunk goes."""

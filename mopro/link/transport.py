@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,10 +14,13 @@ from serial.tools import list_ports
 
 from mopro.errors import DataError, LinkError, PortError
 from mopro.link.dialect import Line
+from mopro.link.token import NOTICE, VARIABLE, statement
 
 # How long one look at the port may block; deadlines are kept to within it.
 _LOOK_S = 0.02
 _WRITE_TIMEOUT_S = 2.0
+_WHY = re.compile(re.escape(NOTICE) + rb"([ -~]{1,80})")
+_REMEMBERED = 256
 _PARITY = {"none": "N", "even": "E", "odd": "O"}
 
 
@@ -37,7 +41,9 @@ class Port(Protocol):
 class SerialPort:
     """A port of this machine, or whatever pyserial's URLs reach; PortError if it cannot be."""
 
-    def __init__(self, url: str, line: Line, baud: int | None = None) -> None:
+    def __init__(
+        self, url: str, line: Line, baud: int | None = None, token: str | None = None
+    ) -> None:
         options: dict[str, Any] = {
             "baudrate": baud or line.baud,
             "bytesize": line.data_bits,
@@ -55,6 +61,9 @@ class SerialPort:
             self._serial = serial.serial_for_url(url, **options)
         except (serial.SerialException, OSError, ValueError) as error:
             raise _port_error(url, error) from error
+        self._heard = b""
+        if token is not None and url.startswith("socket://"):
+            self.write(statement(token))
 
     def now_s(self) -> float:
         return time.monotonic()
@@ -73,7 +82,9 @@ class SerialPort:
             while True:
                 data = bytes(self._serial.read(1))
                 if data:
-                    return data + self._waiting()
+                    data += self._waiting()
+                    self._heard = (self._heard + data)[-_REMEMBERED:]
+                    return data
                 if self.now_s() >= until_s:
                     return b""
         except (serial.SerialException, OSError, TypeError) as error:
@@ -81,10 +92,14 @@ class SerialPort:
             raise self._lost(error) from error
 
     def _waiting(self) -> bytes:
-        """The bytes that are already received, fetched at once."""
+        """The bytes that are already received, fetched at once.
+
+        A link that is lost behind them is told by the next read, not instead of them.
+        """
         data = bytearray()
-        while (count := self._serial.in_waiting) and len(data) < 65536:
-            data += self._serial.read(count)
+        with suppress(serial.SerialException, OSError, TypeError):
+            while (count := self._serial.in_waiting) and len(data) < 65536:
+                data += self._serial.read(count)
         return bytes(data)
 
     def close(self) -> None:
@@ -92,6 +107,10 @@ class SerialPort:
             self._serial.close()
 
     def _lost(self, error: Exception) -> LinkError:
+        if notice := _WHY.search(self._heard):
+            why = notice[1].decode("ascii", "replace")
+            hint = f"; state it in the environment as {VARIABLE}" if "token" in why else ""
+            return LinkError(f"{self.url}: turned away: {why}{hint}", "turned-away")
         return LinkError(f"{self.url}: the link is lost: {error}", "link-lost")
 
 

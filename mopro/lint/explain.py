@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mopro.lint.rule import Rule, Stage
 from mopro.lint.rules import RULES
+from mopro.text import visible
 
 _STAGES = {
     Stage.LANGUAGE: "The language: a program with one of these errors does not compile",
@@ -29,7 +30,7 @@ def explain(rule: Rule) -> str:
         traits.append("only if selected by name")
     return (
         f"### {rule.name}\n\n{rule.what} ({', '.join(traits)})\n\n{rule.why}\n\n"
-        f"Found in\n\n```\n{rule.bad}```\n\nand not in\n\n```\n{rule.good}```\n"
+        f"Found in\n\n```\n{visible(rule.bad)}```\n\nand not in\n\n```\n{rule.good}```\n"
     )
 
 

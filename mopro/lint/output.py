@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from mopro.errors import Severity, render_all
 from mopro.lint.rule import Finding
 from mopro.source import Source
+from mopro.text import visible
 
 SARIF_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 _GITHUB = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
@@ -66,7 +68,7 @@ def _annotation(source: Source, finding: Finding) -> str:
 
 
 def _escaped(text: str) -> str:
-    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+    return visible(text).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
 def _property(text: str) -> str:
@@ -109,7 +111,7 @@ def _sarif_result(source: Source, finding: Finding, order: dict[str, int]) -> di
     from urllib.parse import quote
 
     text = f"{finding.message} ({finding.hint})" if finding.hint else finding.message
-    uri = quote(source.name.replace("\\", "/"))
+    uri = quote(os.fsencode(source.name.replace("\\", "/")))
     region = {
         "startLine": finding.span.line,
         "startColumn": finding.span.column,

@@ -35,6 +35,17 @@ _SYMBOLS: dict[type[ast.Statement], lsp.SymbolKind] = {
     ast.Go: lsp.SymbolKind.Event,
 }
 
+# A longer text would keep the editor waiting at every key; `mopro lint` takes it.
+MOST_CHARACTERS = 256 * 1024
+_TOO_LONG = lsp.Diagnostic(
+    range=lsp.Range(lsp.Position(0, 0), lsp.Position(0, 1)),
+    message=f"the text has more than {MOST_CHARACTERS} characters and is not checked while it "
+    "is edited\n`mopro lint` checks it",
+    severity=lsp.DiagnosticSeverity.Warning,
+    code="too-long",
+    source="mopro",
+)
+
 server = LanguageServer("mopro", version("mopro"))
 
 
@@ -54,7 +65,10 @@ class _Text:
         self._codec: PositionCodec = ls.workspace.position_codec
         # The protocol's lines end where mopro's do, but for those that only Python knows.
         self.uri = uri
-        self.document = _document(uri, text.filename or uri, text_before_end_of_file(text.source))
+        self.version = text.version
+        self.too_long = len(text.source) > MOST_CHARACTERS
+        source = "" if self.too_long else text_before_end_of_file(text.source)
+        self.document = _document(uri, text.filename or uri, source)
         self._lines = self.document.source.lines_with_ends
 
     def span(self, span: Span) -> lsp.Range:
@@ -102,11 +116,13 @@ def _publish(ls: LanguageServer, uri: str) -> None:
     try:
         text = _Text(ls, uri)
         found = [_diagnostic(text, finding) for finding in text.document.findings]
+        if text.too_long:
+            found = [_TOO_LONG]
     except MoproError as error:
         shown = lsp.ShowMessageParams(lsp.MessageType.Error, error.render())
         ls.window_show_message(shown)
         return
-    ls.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, found))
+    ls.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, found, text.version))
 
 
 def _diagnostic(text: _Text, finding: Finding) -> lsp.Diagnostic:

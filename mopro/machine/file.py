@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import Field
 from functools import cache, partial
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mopro.machine.model import (
+    FASTEST_1_S,
     Axis,
     Drive,
     Forcers,
@@ -24,7 +26,7 @@ from mopro.program import AXES
 from mopro.source import Source
 from mopro.tomlfile import Document, Refused, Value, read_named, shown
 from mopro.tomlfile.schema import Reader, number_in, one_of, record, text
-from mopro.units import to_si
+from mopro.units import to_si, units_of
 
 ORIGINS = ("thesis", "derived", "assumed", "measured")
 _SECTIONS: dict[str, type[Any]] = {"axis": Axis, "drive": Drive, "platen": Platen, "heat": Heat}
@@ -76,6 +78,8 @@ def _machine(root: Value, source: Source) -> Machine:
     effects = root.get(_EFFECTS, _effects, ())
     if root.faults > before:
         raise Refused
+    _check_rate(root["axis"], parts["axis"])
+    _check_travel(root["platen"], parts["platen"], parts["heat"].forcer_side_m)
     return Machine(
         name=str(name), provenance=_provenance(root), effects=effects, source=source, **parts
     )
@@ -99,10 +103,10 @@ def _quantity(about: Mapping[str, Any], value: Value) -> float:
         raise value.refused(f"expected {value.key} = {form}")
     _check_origin(value, about["tolerated"])
     found = _in_si(value, number, about["dimension"])
-    low, above = about["at_least"], about["above"]
-    if found < low or (above and found == low):
-        bound = "greater than" if above else "at least"
-        raise value.refused(f"{value.key} must be {bound} {low:g}")
+    low, high = about["low"], about["high"]
+    if not low <= found <= high:
+        unit = units_of(about["dimension"])[0]
+        raise value.refused(f"{value.key} must be from {low:g} to {high:g} {unit}")
     return found
 
 
@@ -140,6 +144,29 @@ def _provenance(root: Value) -> dict[str, Provenance]:
         for value in section.values()
         if isinstance(value.data, dict)
     }
+
+
+# -- what a run cannot do ----------------------------------------------------------
+
+
+def _check_rate(section: Value, axis: Axis) -> None:
+    if axis.fastest_rate_1_s > FASTEST_1_S:
+        natural_Hz, most_Hz = (
+            rate / (2 * math.pi) for rate in (axis.natural_rate_1_s, FASTEST_1_S)
+        )
+        message = (
+            f"pitch, pull_out_force and moving_mass give a natural frequency of {natural_Hz:.4g} "
+            f"Hz at a damping ratio of {axis.damping_ratio:g}, too fast for the emulator's steps"
+        )
+        hint = f"expected at most {most_Hz:.4g} Hz, divided by twice a large damping ratio"
+        section.report(message, "too-fast", hint)
+
+
+def _check_travel(section: Value, platen: Platen, forcer_side_m: float) -> None:
+    for key, size_m in (("length", platen.length_m), ("width", platen.width_m)):
+        if size_m <= forcer_side_m:
+            message = f"the platen's {key} leaves no travel to a forcer of {forcer_side_m:g} m"
+            section.report(message, "no-travel", at=key)
 
 
 # -- effects -----------------------------------------------------------------------

@@ -11,23 +11,28 @@ from mopro.program import AXES
 from mopro.source import Source, Span
 
 FULL_STEPS_PER_PITCH = 4
+# The fastest rate (1/s) that the emulator's steps of 50 µs resolve: RK4 is stable up to 2.78
+# per step, and some is left for effects.
+FASTEST_1_S = 40_000.0
+# Bounds of a quantity in SI. No product that a formula makes of such numbers overflows.
+_LEAST, _MOST = 1e-9, 1e9
+_COLDEST_C, _HOTTEST_C = -273.15, 1e4
 
 
 def _quantity(
     key: str,
     dimension: str,
-    at_least: float = 0.0,
-    above: bool = True,
+    low: float = _LEAST,
+    high: float = _MOST,
     default: float | None = None,
     tolerated: bool = False,
 ) -> Any:
-    """A field that a machine file states under `key`, within a bound.
+    """A field that a machine file states under `key`, from `low` to `high` (SI).
 
     One with a default may be left out; one that is `tolerated` may have a tolerance.
     """
     metadata = {
-        "key": key, "dimension": dimension, "at_least": at_least, "above": above,
-        "tolerated": tolerated,
+        "key": key, "dimension": dimension, "low": low, "high": high, "tolerated": tolerated,
     }  # fmt: skip
     if default is None:
         return field(metadata=metadata)
@@ -62,7 +67,7 @@ class Axis:
     pitch_m: float = _quantity("pitch", "length")
     moving_mass_kg: float = _quantity("moving_mass", "mass")
     pull_out_force_N: float = _quantity("pull_out_force", "force", tolerated=True)
-    damping_ratio: float = _quantity("damping_ratio", "ratio", above=False, tolerated=True)
+    damping_ratio: float = _quantity("damping_ratio", "ratio", 0.0, tolerated=True)
 
     @property
     def wave_number_1_m(self) -> float:
@@ -84,6 +89,17 @@ class Axis:
         """2 √(K m) of the bare motor."""
         return 2 * math.sqrt(self.stiffness_N_m * self.moving_mass_kg)
 
+    @property
+    def natural_rate_1_s(self) -> float:
+        """√(K/m) of the bare motor."""
+        return math.sqrt(self.stiffness_N_m / self.moving_mass_kg)
+
+    @property
+    def fastest_rate_1_s(self) -> float:
+        """The largest rate of the bare motor's free motion: ω, or that of the faster decay."""
+        excess = math.sqrt(max(0.0, self.damping_ratio**2 - 1))
+        return self.natural_rate_1_s * max(1.0, self.damping_ratio + excess)
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -93,7 +109,7 @@ class Drive:
     a limited supply); `full` makes pull-out fall with speed.
     """
 
-    microsteps_per_full_step: float = _quantity("microsteps_per_full_step", "ratio", 1, False)
+    microsteps_per_full_step: float = _quantity("microsteps_per_full_step", "ratio", 1.0)
     phase_current_A: float = _quantity("phase_current", "current")
     coil_resistance_ohm: float = _quantity("coil_resistance", "resistance")
     coil_inductance_H: float = _quantity("coil_inductance", "inductance")
@@ -118,15 +134,15 @@ class Forcers:
     """
 
     arm_m: float = _quantity("arm", "length", default=0.06)
-    strength_1: float = _quantity("strength_1", "ratio", above=False, default=1.0)
-    strength_2: float = _quantity("strength_2", "ratio", above=False, default=1.0)
+    strength_1: float = _quantity("strength_1", "ratio", low=0.0, default=1.0)
+    strength_2: float = _quantity("strength_2", "ratio", low=0.0, default=1.0)
 
 
 @dataclass(frozen=True)
 class Limits:
     """Distance from the limit switch to the hard stop."""
 
-    overtravel_m: float = _quantity("overtravel", "length", above=False, default=0.0127)
+    overtravel_m: float = _quantity("overtravel", "length", low=0.0, default=0.0127)
 
 
 @dataclass(frozen=True)
@@ -135,7 +151,7 @@ class Heat:
 
     forcer_side_m: float = _quantity("forcer_side", "length")
     specific_heat_J_kg_K: float = _quantity("specific_heat", "specific heat")
-    moving_current_A: float = _quantity("moving_current", "current", above=False)
+    moving_current_A: float = _quantity("moving_current", "current", low=0.0)
     side_area_m2: float = _quantity("side_area", "area")
     top_area_m2: float = _quantity("top_area", "area")
     air_conductivity_W_m_K: float = _quantity("air_conductivity", "thermal conductivity")
@@ -143,8 +159,8 @@ class Heat:
     bearing_flow_m3_s: float = _quantity("bearing_flow", "flow")
     bearing_area_m2: float = _quantity("bearing_area", "area")
     prandtl_number: float = _quantity("prandtl_number", "ratio")
-    ambient_C: float = _quantity("ambient", "temperature", -273.15)
-    rated_C: float = _quantity("rated", "temperature", -273.15)
+    ambient_C: float = _quantity("ambient", "temperature", _COLDEST_C, _HOTTEST_C)
+    rated_C: float = _quantity("rated", "temperature", _COLDEST_C, _HOTTEST_C)
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,13 @@
 """From IR to a command in time: closed-form profiles and the schedule made of them."""
 
 from mopro.motion import assumed as assumed
-from mopro.motion.planner import plan
+from mopro.motion.planner import LONGEST_RUN_S, plan
 from mopro.motion.profile import Profile, Segment, Shape, plan_profile
 from mopro.motion.schedule import PlannedMove, Schedule, Stopping, Stroke
 from mopro.motion.survey import Lap, Survey, survey
 
 __all__ = [
+    "LONGEST_RUN_S",
     "Lap",
     "PlannedMove",
     "Profile",

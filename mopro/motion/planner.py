@@ -15,6 +15,13 @@ from mopro.program import ir
 from mopro.source import Span
 
 MOST_STATEMENTS = 5_000_000
+LONGEST_RUN_S = 31 * 86400.0
+# Up to here every whole number is a float.
+_FARTHEST_U = 2.0**53
+# Microsteps per s and per s²; a real drive loses its motor at a millionth of them.
+_FASTEST_U = 1e15
+# A loop is refused by its first rounds if it exceeds the limit by more than rounding may.
+_CERTAINLY = 1.001
 
 TravelU = Mapping[int, tuple[float, float]]
 
@@ -50,18 +57,18 @@ class Planner:
         self.moves: list[PlannedMove] = []
         self._next = 0
         self._jumped_s: dict[int, float] = {}
+        self._jumped_after: dict[int, int] = {}
+        self._executed = 0
         self._activity: list[tuple[float, int]] = []
 
     def run(self) -> None:
-        executed = 0
         op: ir.Op | None = None
         while self._next < len(self.program.ops) and self.now_s < self.for_s:
             op = self.program.ops[self._next]
             self._next += 1
-            executed += 1
-            if executed > MOST_STATEMENTS:
-                message = f"more than {MOST_STATEMENTS} statements in {self.now_s:.3f} s"
-                self.report("too-many-statements", message, op.span, "ask for a shorter time")
+            self._executed += 1
+            if self._executed > MOST_STATEMENTS:
+                self.report_too_many(op.span, self.now_s)
                 return
             self.execute(op)
         if op is not None and not self.found:
@@ -105,7 +112,9 @@ class Planner:
     def jump(self, op: ir.Jump) -> None:
         """Go on at a label, unless nothing has happened since the last time here."""
         here = self._next - 1
-        if self._jumped_s.get(here) == self.now_s:
+        before_s, before = self._jumped_s.get(here), self._jumped_after.get(here, 0)
+        self._jumped_after[here] = self._executed
+        if before_s == self.now_s:
             message = f"the loop from label {op.name} to this line takes no time"
             hint = "wait for a motion (`WX1`) or for a time (`WT100`) in it"
             self.report("loop-without-time", message, op.span, hint)
@@ -113,6 +122,17 @@ class Planner:
             return
         self._jumped_s[here] = self.now_s
         self._next = self.program.labels[op.name]
+        if before_s is not None and not math.isinf(self.for_s):
+            # The rounds of a loop are alike, so one tells how many statements there will be.
+            per_s = (self._executed - before) / (self.now_s - before_s)
+            if self._executed + per_s * (self.for_s - self.now_s) > _CERTAINLY * MOST_STATEMENTS:
+                self.report_too_many(op.span, MOST_STATEMENTS / per_s)
+                self.end()
+
+    def report_too_many(self, span: Span, within_s: float) -> None:
+        message = f"more than {MOST_STATEMENTS} statements in the time asked for"
+        hint = f"ask for at most {math.floor(within_s)} s"
+        self.report("too-many-statements", message, span, hint)
 
     def end(self) -> None:
         """Execute nothing more."""
@@ -160,15 +180,37 @@ class Planner:
             Stroke(axis.number, round(axis.position_u), round(target_u))
             for axis, target_u in zip(axes, targets_u, strict=True)
         ]
-        profile = plan_profile(
-            float(abs(strokes[0].length_u)),
-            major.velocity_u_s(),
-            major.acceleration_u_s2(),
-            major.parabolic,
-        )
+        velocity, acceleration = major.velocity_u_s(), major.acceleration_u_s2()
+        if not self.in_range(strokes, max(velocity, acceleration), span):
+            return
+        length = float(abs(strokes[0].length_u))
+        profile = plan_profile(length, velocity, acceleration, major.parabolic)
+        if not self.ends_in_time(profile, span):
+            return
         self.record(strokes, profile, span, targets_u[0] - major.position_u)
         for axis, target_u in zip(axes, targets_u, strict=True):
             axis.position_u = target_u
+
+    def in_range(self, strokes: list[Stroke], fastest: float, span: Span) -> bool:
+        """True if targets, velocity and acceleration have numbers that can be computed with."""
+        message = None
+        if any(max(abs(s.start_u), abs(s.end_u)) > _FARTHEST_U for s in strokes):
+            message = f"the move leads farther than {_FARTHEST_U:.5g} microsteps"
+        elif fastest > _FASTEST_U:
+            message = f"the move is faster than {_FASTEST_U:g} microsteps per s, or per s²"
+        if message:
+            hint = "check the user units, the distance, the velocity and the acceleration"
+            self.report("motion-out-of-range", message, span, hint)
+        return message is None
+
+    def ends_in_time(self, profile: Profile, span: Span) -> bool:
+        """True if the move takes no longer than any run may."""
+        if profile.duration_s <= LONGEST_RUN_S:
+            return True
+        message = f"the move would last {profile.duration_s:.4g} s, more than {LONGEST_RUN_S:g} s"
+        hint = "raise the velocity or the acceleration"
+        self.report("motion-out-of-range", message, span, hint)
+        return False
 
     def record(
         self, strokes: list[Stroke], profile: Profile, span: Span, distance_u: Fraction

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         compiling_pays,
         simulate,
     )
+    from mopro.plant.trial import try_out
     from mopro.plant.trips import Trip, limit_trip, switches_u
 
 # Names are imported at their first use, so that a heat balance does not load the kernel.
@@ -47,6 +48,7 @@ _HOMES = {
     "platen_result": "platen",
     "simulate": "simulation",
     "switches_u": "trips",
+    "try_out": "trial",
 }
 
 __all__ = [
@@ -70,6 +72,7 @@ __all__ = [
     "platen_result",
     "simulate",
     "switches_u",
+    "try_out",
 ]
 
 

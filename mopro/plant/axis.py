@@ -19,6 +19,14 @@ _SETTLING_S = 0.05
 _MOST_SETTLING_S = 10.0
 
 
+class NotFinite(ArithmeticError):
+    """Motion of an axis that is not finite any more; `time_s` is when."""
+
+    def __init__(self, axis: int, time_s: float) -> None:
+        super().__init__(f"the motion of axis {axis} is not finite")
+        self.time_s = time_s
+
+
 @dataclass(frozen=True)
 class Samples:
     """One axis at the times asked for; currents in A, volts only of a full drive."""
@@ -66,7 +74,7 @@ class EmulatedAxis:
     def advance(self, samples_s: Floats, end_s: float) -> Samples:
         """The axis at `samples_s`; it goes on to `end_s`.
 
-        Samples ascend and lie between the time reached before and `end_s`.
+        Samples ascend and lie between the time reached before and `end_s`. Raises NotFinite.
         """
         parts = [
             self._advance(part, stop_s) for part, stop_s in self._between_jumps(samples_s, end_s)
@@ -111,6 +119,7 @@ class EmulatedAxis:
     def _advance(self, samples_s: Floats, end_s: float) -> Samples:
         knots = self._knots(samples_s, end_s)
         trace = self._through(knots)
+        self._check_finite(knots, trace)
         begun = self.outcomes.begun(knots)
         lags = self._lags(knots[begun], trace.position[begun])
         self.outcomes.watch(knots, lags, trace.low, trace.high)
@@ -153,9 +162,13 @@ class EmulatedAxis:
         resting = self._command.at_rest(self._now_s)
         while resting and not self._captured() and self._now_s < deadline_s:
             knots = np.array([self._now_s, self._now_s + _SETTLING_S])
-            self._engine.through(knots)
-            self._now_s = float(knots[1])
+            self._check_finite(knots, self._through(knots))
         self.outcomes.finish(self._lag_m())
+
+    def _check_finite(self, knots: Floats, trace: Trace) -> None:
+        if not math.isfinite(trace.position[-1] + trace.velocity[-1]):
+            first = np.argmin(np.isfinite(trace.position + trace.velocity))
+            raise NotFinite(self.number, float(knots[first]))
 
     def command_m(self, time_s: Floats) -> Floats:
         """Position of the drive's command: whole microsteps where they are resolved."""

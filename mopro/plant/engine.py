@@ -96,7 +96,10 @@ class Engine:
         self._state = other._state
 
     def through(self, knots: Floats) -> Trace:
-        """Integrate over `knots` from the present state, and keep the last one."""
+        """Integrate over `knots` from the present state, and keep the last one.
+
+        A motion that leaves the finite numbers is NaN from there on.
+        """
         arrays = [
             knots,
             self._command.rows_at(knots[:-1]),
@@ -104,8 +107,8 @@ class Engine:
             self._scaling.rows_at(knots[:-1]),
             np.array([self._scaling.gain, self._scaling.constant]),
         ]
-        motion = np.zeros((4, len(knots)))
-        electrical = np.zeros((5, 0 if self._nominal else len(knots)))
+        motion = np.full((4, len(knots)), math.nan)
+        electrical = np.full((5, 0 if self._nominal else len(knots)), math.nan)
         limits = (self._stepping.max_s, self._stepping.max_m, REST_M)
         scalars = (_plant(self._plant), limits, self._resolved, self._numbers, self._state)
         if self._compiled:
@@ -113,7 +116,11 @@ class Engine:
         else:
             # Plain Python is several times faster on lists.
             lists = motion.tolist(), electrical.tolist()
-            _, self._state = self._kernel(*(a.tolist() for a in arrays), *scalars, *lists)
+            try:
+                _, self._state = self._kernel(*(a.tolist() for a in arrays), *scalars, *lists)
+            except (ArithmeticError, ValueError):
+                # Plain Python raises where compiled code goes on with NaN: at the sine of infinity.
+                self.x = math.nan
             motion, electrical = np.array(lists[0]), np.array(lists[1])
         position, velocity, low, high = motion
         return Trace(position, velocity, low[:-1], high[:-1], None if self._nominal else electrical)

@@ -7,17 +7,19 @@ each made from what stands before it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mopro.effects import Active, Domain, catalogue, on_axis
 from mopro.effects.resolve import active_effects
+from mopro.errors import Diagnostic, ModelError, RunError
 from mopro.machine import Machine
 from mopro.machine.constants import PlantConstants
 from mopro.motion import PlannedMove, Schedule, Stopping
-from mopro.plant.axis import EmulatedAxis
+from mopro.plant.axis import EmulatedAxis, NotFinite
 from mopro.plant.columns import columns_of
 from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.drive_scaling import DriveScaling, hold_scaling, with_heat
@@ -25,10 +27,11 @@ from mopro.plant.engine import Engine, Stepping, is_nominal
 from mopro.plant.heat import HeatHistory, HeatIntervals
 from mopro.plant.kernel.terms import TermSet
 from mopro.plant.stepped_heat import SteppedHeat
-from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, platen_edges, switches_u
+from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, line_at, platen_edges, switches_u
 from mopro.program import AXES
 from mopro.recording import MoveOutcome
 from mopro.recording.record import Columns
+from mopro.source import Source, Span
 
 # RK4 at this step is within 0.03 nm of the exact response to LVDT3.
 MAX_STEP_S = 50e-6
@@ -128,11 +131,18 @@ class Simulation:
     def advance(self, times: Floats, end_s: float) -> Columns:
         """The columns of a recording at `times`; the machine goes on to `end_s`.
 
-        Times ascend and lie between the time reached before and `end_s`.
+        Times ascend and lie between the time reached before and `end_s`. Raises RunError if
+        a value is not finite.
         """
-        samples = {n: axis.advance(times, end_s) for n, axis in self._axes.items()}
+        with self._finite():
+            samples = {n: axis.advance(times, end_s) for n, axis in self._axes.items()}
         temperature_C = self.temperature_C(times)
-        return columns_of(times, samples, temperature_C, self.schedule, self._settings.machine)
+        columns = columns_of(times, samples, temperature_C, self.schedule, self._settings.machine)
+        for name, values in columns.items():
+            if not np.isfinite(values).all():
+                time_s = float(times[np.argmin(np.isfinite(values))])
+                raise self._not_finite(f"{name} is not finite", time_s)
+        return columns
 
     def follow(self, rate_hz: float, end_s: float | None = None) -> None:
         """Advance to `end_s` (default: the schedule's end), sampled at `rate_hz`.
@@ -141,8 +151,9 @@ class Simulation:
         """
         end_s = self.schedule.duration_s if end_s is None else end_s
         times = np.arange(int(end_s * rate_hz + 1e-6) + 1) / rate_hz
-        for axis in self._axes.values():
-            axis.advance(times, max(end_s, float(times[-1])))
+        with self._finite():
+            for axis in self._axes.values():
+                axis.advance(times, max(end_s, float(times[-1])))
 
     def positions_m(self, axis: int, times: Floats, end_s: float) -> Floats:
         """As `advance`, but the positions of one axis only, without outcomes of its moves."""
@@ -168,9 +179,33 @@ class Simulation:
         self._axes[axis].slip(pitches)
 
     def settle(self) -> None:
-        """Let all axes come to rest at the end of the command; all outcomes are final then."""
-        for axis in self._axes.values():
-            axis.settle()
+        """Let all axes come to rest at the end of the command; all outcomes are final then.
+
+        Raises RunError, as `advance` does.
+        """
+        with self._finite():
+            for axis in self._axes.values():
+                axis.settle()
+
+    @contextmanager
+    def _finite(self) -> Iterator[None]:
+        """RunError for a motion that is not finite; numpy does not warn of it as well."""
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                yield
+        except NotFinite as error:
+            raise self._not_finite(str(error), error.time_s) from error
+
+    def _not_finite(self, what: str, time_s: float) -> RunError:
+        """The error that names the time, the line that was running, and the likely cause."""
+        program = self.schedule.program
+        line = line_at(self.schedule, time_s)
+        span = next((op.span for op in program.ops if op.span.line == line), Span(line, 1, 2))
+        names = ", ".join(a.name for a in self._run.active)
+        cause = f"the values of {names}" if names else "its mass, force, pitch and damping"
+        hint = f"check the machine {self._settings.machine.name}: {cause}"
+        message = f"{what} from {time_s:.6g} s on: the machine is unstable"
+        return RunError(program.source, [Diagnostic("not-finite", message, span, hint=hint)])
 
     def outcome(self, move: PlannedMove) -> MoveOutcome:
         """Outcome of `move`; final once its axes have begun another, or after `settle`."""
@@ -243,7 +278,11 @@ def _heat(
     if not effects and all(s.always_full for s in scalings.values()):
         return HeatHistory(machine, schedule.moves, intervals)
     lasting_s = schedule.duration_s
-    return SteppedHeat(machine, schedule.moves, effects, scalings, lasting_s, intervals)
+    try:
+        return SteppedHeat(machine, schedule.moves, effects, scalings, lasting_s, intervals)
+    except OverflowError as error:
+        message = "the forcer's temperature grows beyond all bounds"
+        raise _unusable(machine, message, active) from error
 
 
 def _axis(
@@ -255,6 +294,9 @@ def _axis(
     plant = PlantConstants.of(settings.machine, settings.payload_kg)
     for a in active:
         plant = a.effect.plant(plant, *a.values)
+    if plant.mass_kg <= 0:
+        message = f"axis {number} has a mass of {plant.mass_kg:g} kg with payload and effects"
+        raise _unusable(settings.machine, message, active)
     command = _command(schedule, number, active)
     scaling = with_heat(run.scalings[number], run.heat.temperature_C, schedule.duration_s, active)
     moves = [m for m in schedule.moves if number in m.axes]
@@ -270,6 +312,14 @@ def _axis(
         [jump for a in active for jump in a.effect.jumps(moves, *a.values)],
         terms.voltage is not None,
     )
+
+
+def _unusable(machine: Machine, message: str, active: Sequence[Active]) -> ModelError:
+    """The error of a machine that no run can be begun on, at one of its `active` effects."""
+    named = {e.name: e.span for e in machine.effects}
+    span = next((named[a.name] for a in active if a.name in named), Span(1, 1, 2))
+    source = machine.source or Source(machine.name, "")
+    return ModelError(source, [Diagnostic("unstable", message, span)])
 
 
 def _command(schedule: Schedule, number: int, active: Sequence[Active]) -> CommandTable:

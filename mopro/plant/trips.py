@@ -66,7 +66,7 @@ def limit_trip(schedule: Schedule, switches: Ranges) -> Trip | None:
     if schedule.program.seeks_switch:
         return None
     found = [
-        Trip("limit-switch", time_s, _line_at(schedule, time_s), axis)
+        Trip("limit-switch", time_s, line_at(schedule, time_s), axis)
         for axis, (low, high) in switches.items()
         if math.isfinite(time_s := _leaves_s(schedule, axis, low, high))
     ]
@@ -78,7 +78,7 @@ def _leaves_s(schedule: Schedule, axis: int, low_u: float, high_u: float) -> flo
     return track.leaves_s(low_u - _TOLERANCE_U, high_u + _TOLERANCE_U, until_s)
 
 
-def _line_at(schedule: Schedule, time_s: float) -> int:
+def line_at(schedule: Schedule, time_s: float) -> int:
     lines = [line for t, line in schedule.activity if t <= time_s]
     return lines[-1] if lines else schedule.program.ops[0].span.line
 
@@ -91,7 +91,7 @@ def heat_trip(
     if not len(hot):
         return None
     time_s = float(times_s[hot[0]])
-    return Trip("over-temperature", time_s, _line_at(schedule, time_s))
+    return Trip("over-temperature", time_s, line_at(schedule, time_s))
 
 
 def platen_edges(machine: Machine, switches: Ranges) -> list[Active]:

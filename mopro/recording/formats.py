@@ -1,11 +1,10 @@
-"""Recording files: Parquet, CSV and NPZ, all without loss of digits."""
+"""Writes recordings: Parquet, CSV and NPZ, all without loss of digits."""
 
 from __future__ import annotations
 
 import csv
 import json
 import tempfile
-import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
@@ -16,11 +15,7 @@ from numpy.typing import NDArray
 
 from mopro.errors import DataError
 from mopro.files import output
-from mopro.recording.record import Columns, Header, Recording, Sink
-
-_KEY = "mopro"
-_CSV_MARK = "# mopro "
-_INTEGER_COLUMNS = {"line"}
+from mopro.recording.record import CSV_MARK, KEY, Columns, Header, Sink
 
 
 def open_sink(path: Path, header: Header) -> AbstractContextManager[Sink]:
@@ -30,23 +25,7 @@ def open_sink(path: Path, header: Header) -> AbstractContextManager[Sink]:
         known = ", ".join(FORMATS)
         message = f"{path}: '{path.suffix}' is not a recording's suffix: expected one of {known}"
         raise DataError(message, "unknown-format")
-    return opener[0](path, header)
-
-
-def read(path: str | Path) -> Recording:
-    """The recording in file `path`; DataError if it is none."""
-    path = Path(path)
-    form = FORMATS.get(path.suffix.lower())
-    if form is None:
-        raise DataError(f"{path}: expected one of {', '.join(FORMATS)}", "unknown-format")
-    try:
-        header, columns = form[1](path)
-        return Recording(Header(**json.loads(header)), columns)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise DataError(f"{path}: cannot be read: {reason}", "unreadable") from error
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise DataError(f"{path}: is no recording: {error}") from error
+    return opener(path, header)
 
 
 @contextmanager
@@ -64,7 +43,7 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[Sink]:
 
         def write(self, columns: Columns) -> None:
             table = pa.table({name: arrow_array(values) for name, values in columns.items()})
-            table = table.replace_schema_metadata({_KEY: _header_text(header)})
+            table = table.replace_schema_metadata({KEY: _header_text(header)})
             if self.writer is None:
                 self.writer = pq.ParquetWriter(draft, table.schema)
             self.writer.write_table(table)
@@ -78,19 +57,11 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[Sink]:
                 sink.writer.close()
 
 
-def _read_parquet(path: Path) -> tuple[str, Columns]:
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(path)
-    columns = {name: table[name].to_numpy() for name in table.column_names}
-    return (table.schema.metadata or {})[_KEY.encode()].decode(), columns
-
-
 class _CsvSink:
     """Writes CSV with as many digits as exact reading needs."""
 
     def __init__(self, file: TextIO, header: Header) -> None:
-        file.write(f"{_CSV_MARK}{_header_text(header)}\n")
+        file.write(f"{CSV_MARK}{_header_text(header)}\n")
         self._rows = csv.writer(file, lineterminator="\n")
         self._named = False
 
@@ -105,29 +76,6 @@ class _CsvSink:
 def _csv_sink(path: Path, header: Header) -> Iterator[Sink]:
     with output(path) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
         yield _CsvSink(file, header)
-
-
-def _read_csv(path: Path) -> tuple[str, Columns]:
-    with open(path, encoding="utf-8", newline="") as file:
-        first = file.readline()
-        if not first.startswith(_CSV_MARK):
-            raise ValueError(f"the first line does not begin with '{_CSV_MARK.strip()}'")
-        rows = csv.reader(file)
-        names = next(rows)
-        values = list(zip(*rows, strict=True))
-    columns = {
-        name: np.array(list(map(_number_type(name), column)), dtype=_dtype(name))
-        for name, column in zip(names, values, strict=True)
-    }
-    return first.removeprefix(_CSV_MARK), columns
-
-
-def _number_type(name: str) -> Callable[[str], float]:
-    return int if name in _INTEGER_COLUMNS else float
-
-
-def _dtype(name: str) -> type[np.generic]:
-    return np.int32 if name in _INTEGER_COLUMNS else np.float64
 
 
 @contextmanager
@@ -154,7 +102,8 @@ def _npz_sink(path: Path, header: Header) -> Iterator[Sink]:
         yield sink
         with open(draft, "wb") as file:
             text = np.frombuffer(_header_text(header).encode(), np.uint8)
-            np.savez(file, allow_pickle=False, **sink.columns(), **{_KEY: text})
+            arrays: dict[str, Any] = {**sink.columns(), KEY: text}
+            np.savez(file, **arrays)
 
 
 @contextmanager
@@ -169,26 +118,13 @@ def _mapped(file: IO[bytes], dtype: np.dtype[Any]) -> NDArray[Any]:
     return np.memmap(file, dtype, "r")
 
 
-def _read_npz(path: Path) -> tuple[str, Columns]:
-    # np.load leaves a file that it opened itself open when that is no archive.
-    with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
-        columns = {name: archive[name] for name in archive.files if name != _KEY}
-        return archive[_KEY].tobytes().decode(), columns
-
-
 def _header_text(header: Header) -> str:
     return json.dumps(header.as_json())
 
 
-# suffix -> (opener of a sink, reader)
-FORMATS: dict[
-    str,
-    tuple[
-        Callable[[Path, Header], AbstractContextManager[Sink]],
-        Callable[[Path], tuple[str, Columns]],
-    ],
-] = {
-    ".parquet": (_parquet_sink, _read_parquet),
-    ".csv": (_csv_sink, _read_csv),
-    ".npz": (_npz_sink, _read_npz),
+# suffix -> opener of a sink
+FORMATS: dict[str, Callable[[Path, Header], AbstractContextManager[Sink]]] = {
+    ".parquet": _parquet_sink,
+    ".csv": _csv_sink,
+    ".npz": _npz_sink,
 }

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 
 Columns = dict[str, NDArray[Any]]
 
+# The name under which a file keeps the header of a recording.
+KEY = "mopro"
+CSV_MARK = "# mopro "
+INTEGER_COLUMNS = frozenset({"line"})
+
 _AXIS_COLUMNS = (
     "command_{}_m",
     "position_{}_m",

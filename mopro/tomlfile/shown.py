@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from mopro.text import visible
+
 
 def shown(value: object, width: int = 60) -> str:
     """`value` as text of at most `width` characters; what cannot be printed is escaped."""
     text = str(value)
     cut = text if len(text) <= width else text[: width - 1] + "…"
-    return cut if cut.isprintable() else cut.encode("unicode_escape").decode("ascii")
+    return visible(cut).replace("\n", r"\n").replace("\t", r"\t")

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 import mopro
 from mopro.emulator import Emulator
@@ -97,7 +98,7 @@ def test_phase_currents_turn_by_whole_microsteps():
 def test_force_is_what_accelerates_the_mass():
     recording = emulate("MRI1 15.0\nWX1\n")
     speed = recording["velocity_1_m_s"]
-    impulse = np.trapezoid(recording["force_1_N"], recording["time_s"])
+    impulse = trapezoid(recording["force_1_N"], recording["time_s"])
     c_s = MACHINE.axis.drive_damping_N_s_m
     lag = recording["command_1_m"] - recording["position_1_m"]
     momentum = MACHINE.axis.moving_mass_kg * speed[-1] - c_s * (lag[-1] - lag[0])

@@ -12,6 +12,7 @@ from mopro.lint.config import lengths
 from mopro.lint.explain import explain, page
 from mopro.lint.rules import RULES
 from mopro.source import Source
+from mopro.text import visible
 
 FAULTY = DATA / "lint"
 EXPECTATION = re.compile(r"; expect (?:(\d+:\d+) )?.*?(?: with (.*))?$")
@@ -56,7 +57,7 @@ def test_examples_of_the_explanation_do_what_it_says(rule):
     assert [f.rule for f in bad] == [rule.name]
     assert bad[0].severity is rule.severity
     assert lint(Source("good", rule.good), rule_settings(rule)) == []
-    assert rule.bad in explain(rule)
+    assert visible(rule.bad) in explain(rule)
     assert rule.good in explain(rule)
 
 

@@ -171,7 +171,7 @@ class TestRefusals:
 
     def test_a_loop_of_a_million_rounds_a_second_is_stopped(self, monkeypatch):
         monkeypatch.setattr("mopro.motion.planner.MOST_STATEMENTS", 1000)
-        assert findings(":B1\nWT1\nJUMP B1\n", 60) == [(5, "too-many-statements")]
+        assert findings(":B1\nWT1\nJUMP B1\n", 60) == [(6, "too-many-statements")]
 
 
 class TestAssumedStatements:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 import mopro
 from mopro.machine import load_machine
@@ -27,12 +28,12 @@ def test_energy_in_is_heat_and_field_and_work():
     t, force, speed = on["time_s"], on["force_1_N"], on["velocity_1_m_s"]
     phases = [(on[f"phase_{n}_1_A"], on[f"voltage_{n}_1_V"]) for n in "ab"]
     assert max(np.abs(v).max() for _, v in phases) == 75.0
-    into = sum(np.trapezoid(v * i, t) for i, v in phases)
-    heat = sum(np.trapezoid(R * i * i, t) for i, _ in phases)
+    into = sum(trapezoid(v * i, t) for i, v in phases)
+    heat = sum(trapezoid(R * i * i, t) for i, _ in phases)
     field = sum(L / 2 * (i[-1] ** 2 - i[0] ** 2) for i, _ in phases)
-    work = np.trapezoid(force * speed, t)
+    work = trapezoid(force * speed, t)
     assert into == pytest.approx(heat + field + work, rel=1e-4)
-    braked = np.abs(np.trapezoid(np.abs(force * speed), t))
+    braked = np.abs(trapezoid(np.abs(force * speed), t))
     assert braked > 1.0
 
 

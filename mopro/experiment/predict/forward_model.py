@@ -20,6 +20,7 @@ from mopro.effects import Active, Domain, Effect, catalogue
 from mopro.effects.base import AXIS, RUN, angle_in
 from mopro.effects.registry import in_order
 from mopro.effects.resolve import active_effects, with_values
+from mopro.errors import RunError
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
 from mopro.machine import Machine
@@ -142,7 +143,10 @@ class ForwardModel:
 
     def _least_margin(self, index: int, active: tuple[Active, ...]) -> float:
         simulation = self._simulation(index, _padded(_of_the_motion(active)))
-        simulation.follow(_MARGIN_RATE_HZ)
+        try:
+            simulation.follow(_MARGIN_RATE_HZ)
+        except RunError:  # effects under which the motion diverges
+            return 0.0
         outcomes = map(simulation.outcome, simulation.schedule.moves)
         return min((o.stall_margin for o in outcomes if o.stall_margin is not None), default=1.0)
 

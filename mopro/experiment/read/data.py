@@ -157,10 +157,17 @@ def refused(
 def _from_recording(path: Path, name: str, wanted: Collection[str]) -> DataFile:
     from mopro.recording import read
 
-    recording = read(path)
+    recording = read(path, wanted)
     columns = {c: np.asarray(v, float) for c, v in recording.columns.items() if c in wanted}
     lines = np.arange(1, len(recording) + 1)
-    return DataFile(FileSource(name, "", path=path), tuple(recording.columns), 1, columns, lines)
+    file = DataFile(FileSource(name, "", path=path), tuple(recording.columns), 1, columns, lines)
+    for column, values in columns.items():
+        if len(infinite := np.flatnonzero(np.isinf(values))):
+            row = int(infinite[0])
+            hint = "NaN stands for a sample that is not there"
+            message = f"{column} is {values[row]} in row {row + 1}: no number that can be measured"
+            file.refuse("not-a-number", message, row, column, hint)
+    return file
 
 
 def _opened(path: Path) -> TextIO:

@@ -211,6 +211,14 @@ RULES = (
         _READY + "MC1 10.0\nWT500\nST1\nWX1\n",
         example=Settings(grammar="extended"),
     ),
+    _reported(
+        "motion-out-of-range",
+        "A move that lasts longer than 31 days, or leads or goes beyond what can be computed.",
+        "A factor of the user unit or a digit too many or too few; the controller's registers "
+        "hold less.",
+        "UU012500/1\nVEL0 0.000001\nACC0 0.25\nMRI1 15.0\nWX1\n",
+        _READY + "MRI1 15.0\nWX1\n",
+    ),
     _warning(
         "end-without-wait",
         _end_without_wait,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,6 +12,10 @@ from mopro.lint.fix_checks import same_but_labels
 from mopro.lint.rule import Finding, Rule, Stage
 from mopro.lint.subject import Subject
 from mopro.program import ir
+from mopro.source import Span
+
+# Marks, embeddings, overrides and isolates of Unicode's bidirectional algorithm.
+_DIRECTION = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 
 def _unused_label(rule: Rule, subject: Subject) -> Iterator[Finding]:
@@ -29,6 +35,15 @@ def _unreachable(rule: Rule, subject: Subject) -> Iterator[Finding]:
         elif not reported and not isinstance(op, ir.Label):
             reported = True
             yield rule.at(op.span, "no run comes to this line", "jump to it, or remove it")
+
+
+def _direction_control(rule: Rule, subject: Subject) -> Iterator[Finding]:
+    """One finding for each line; an editor shows such a line in another order than it is read."""
+    for number, line in enumerate(subject.program.source.lines, start=1):
+        if found := _DIRECTION.search(line):
+            name = unicodedata.name(found[0])
+            span = Span(number, found.start() + 1, found.end() + 1)
+            yield rule.at(span, f"{name} changes the order in which the line is shown")
 
 
 def _warning(name: str, check: Any, **texts: Any) -> Rule:
@@ -53,6 +68,15 @@ RULES = (
         "jumped to, are never executed, including a final stop or return.",
         bad=":B1\nWT100\nJUMP B1\nWT200\n",
         good=":B1\nWT100\nWT200\nJUMP B1\n",
+    ),
+    _warning(
+        "direction-control",
+        _direction_control,
+        what="An invisible character that changes the direction of text.",
+        why="An editor shows the line in another order than the controller reads it: what looks "
+        "like a comment can be a statement, and the other way round.",
+        bad="WT100 ; wait \u202e001 TW\n",
+        good="WT100 ; wait\n",
     ),
     _warning(
         "unused-allow",

@@ -1,0 +1,224 @@
+"""Reads recordings, within bounds that are checked before any memory is taken for the data.
+
+The files may come from anywhere: nothing in them is executed (no pickles), no number that
+they claim is believed before it is compared with a bound.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Callable, Collection, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import IO, Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.errors import DataError
+from mopro.recording.record import CSV_MARK, INTEGER_COLUMNS, KEY, Columns, Header, Recording
+
+MOST_ROWS = 20_000_000
+MOST_COLUMNS = 200
+MOST_VALUES = 200_000_000
+MOST_HEADER_BYTES = 1 << 20
+_MOST_LINE = 1 << 16
+_NUMBERS = "iuf"
+# Before numpy 2, mopro 0.1.0 stored an option of the writer beside the columns.
+_NO_COLUMNS = {KEY, "allow_pickle"}
+
+# What the libraries raise for a file that is not what its name says.
+_FAULTS = (
+    ArithmeticError, AttributeError, EOFError, LookupError, NotImplementedError, RecursionError,
+    RuntimeError, TypeError, ValueError, csv.Error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+Wanted = Collection[str] | None
+
+
+def read(path: str | Path, wanted: Wanted = None) -> Recording:
+    """The recording in file `path`, with the columns of `wanted` (all unless given).
+
+    DataError if it is none, or beyond the bounds.
+    """
+    path = Path(path)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise DataError(f"{path}: expected one of {', '.join(_READERS)}", "unknown-format")
+    try:
+        header, found = reader(path, wanted)
+        return Recording(Header(**json.loads(header)), _checked(found))
+    except OSError as error:
+        if error.errno is None:  # a library's, about the content
+            raise _refusal(path, error) from error
+        reason = error.strerror or str(error)
+        raise DataError(f"{path}: cannot be read: {reason}", "unreadable") from error
+    except MemoryError as error:
+        raise _refusal(path, "it claims to need more memory than there is") from error
+    except _FAULTS as error:
+        raise _refusal(path, error) from error
+
+
+def _refusal(path: Path, reason: object) -> DataError:
+    text = " ".join(str(reason).split())[:200] or type(reason).__name__
+    return DataError(f"{path}: is no recording: {text}")
+
+
+def _check_size(rows: int, columns: int, wanted: int) -> None:
+    if not 0 < columns <= MOST_COLUMNS:
+        raise ValueError(f"{columns} columns, expected 1 to {MOST_COLUMNS}")
+    if rows <= 0:
+        raise ValueError("it has no rows")
+    if rows > MOST_ROWS or rows * wanted > MOST_VALUES:
+        raise ValueError(
+            f"{rows} rows of {wanted} columns, expected at most {MOST_ROWS} rows "
+            f"and {MOST_VALUES} values"
+        )
+
+
+def _checked(columns: Columns) -> Columns:
+    lengths = {len(values) for values in columns.values()}
+    if len(lengths) > 1:
+        raise ValueError(f"its columns have different lengths: {sorted(lengths)[:4]}")
+    if "time_s" not in columns:
+        raise ValueError("it has no column time_s")
+    return columns
+
+
+def _chosen(names: Collection[str], wanted: Wanted) -> list[str]:
+    """The columns to read; time_s is always among them."""
+    return [n for n in names if wanted is None or n in wanted or n == "time_s"]
+
+
+def _header_in(data: bytes | None) -> str:
+    if data is None:
+        raise ValueError("it has no header of mopro")
+    if len(data) > MOST_HEADER_BYTES:
+        raise ValueError(f"its header has more than {MOST_HEADER_BYTES} bytes")
+    return data.decode()
+
+
+# -- Parquet -----------------------------------------------------------------------
+
+
+def _read_parquet(path: Path, wanted: Wanted) -> tuple[str, Columns]:
+    import pyarrow.parquet as pq
+    from pyarrow import types
+
+    with pq.ParquetFile(path) as file:
+        schema, names = file.schema_arrow, file.schema_arrow.names
+        chosen = _chosen(names, wanted)
+        _check_size(file.metadata.num_rows, len(names), len(chosen))
+        if len(set(names)) < len(names):
+            raise ValueError("two columns have the same name")
+        for name in chosen:
+            kind = schema.field(name).type
+            if not types.is_integer(kind) and not types.is_floating(kind):
+                raise ValueError(f"column {name[:60]!r} has values of type {kind}, not numbers")
+        header = _header_in((schema.metadata or {}).get(KEY.encode()))
+        table = file.read(chosen)
+    return header, {name: table[name].to_numpy() for name in chosen}
+
+
+# -- CSV ---------------------------------------------------------------------------
+
+
+def _read_csv(path: Path, wanted: Wanted) -> tuple[str, Columns]:
+    with open(path, encoding="utf-8", newline="") as file:
+        first = file.readline(MOST_HEADER_BYTES)
+        if not first.startswith(CSV_MARK):
+            raise ValueError(f"the first line does not begin with '{CSV_MARK.strip()}'")
+        rows = csv.reader(_lines(file))
+        names = next(rows, [])
+        chosen = _chosen(names, wanted)
+        _check_size(1, len(names), len(chosen))
+        values = _columns_of(rows, names)
+    columns = {name: _numbers(name, values[name]) for name in chosen}
+    return first.removeprefix(CSV_MARK), columns
+
+
+def _lines(file: TextIO) -> Iterator[str]:
+    while line := file.readline(_MOST_LINE):
+        if len(line) == _MOST_LINE:
+            raise ValueError(f"a line of more than {_MOST_LINE - 1} characters")
+        yield line
+
+
+def _columns_of(rows: Iterator[list[str]], names: list[str]) -> dict[str, tuple[str, ...]]:
+    most = min(MOST_ROWS, MOST_VALUES // len(names))
+    held = list(islice(rows, most + 1))
+    _check_size(len(held), len(names), len(names))
+    if wrong := next((i for i, row in enumerate(held, start=3) if len(row) != len(names)), None):
+        raise ValueError(f"line {wrong} has not {len(names)} cells")
+    return dict(zip(names, zip(*held, strict=True), strict=True))
+
+
+def _numbers(name: str, cells: tuple[str, ...]) -> NDArray[Any]:
+    if name not in INTEGER_COLUMNS:
+        return np.array(list(map(float, cells)), dtype=np.float64)
+    whole = list(map(int, cells))
+    least, most = np.iinfo(np.int32).min, np.iinfo(np.int32).max
+    if not least <= min(whole) <= max(whole) <= most:
+        raise ValueError(f"{name} has a number of more than 32 bits")
+    return np.array(whole, dtype=np.int32)
+
+
+# -- NPZ ---------------------------------------------------------------------------
+
+
+def _read_npz(path: Path, wanted: Wanted) -> tuple[str, Columns]:
+    with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
+        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+        names = [name for name in members if name not in _NO_COLUMNS]
+        chosen = _chosen(names, wanted)
+        if KEY not in members:
+            raise ValueError("it has no header of mopro")
+        shapes = [_rows_of(archive, members[name], name) for name in chosen]
+        _check_size(max(shapes, default=0), len(names), len(chosen))
+        if _rows_of(archive, members[KEY], KEY) > MOST_HEADER_BYTES:
+            raise ValueError(f"its header has more than {MOST_HEADER_BYTES} bytes")
+        header = _header_in(_array(archive, members[KEY]).tobytes())
+        return header, {name: _array(archive, members[name]) for name in chosen}
+
+
+def _rows_of(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> int:
+    """The length that an array states, before it is read."""
+    if info.flag_bits & 1:
+        raise ValueError("it is encrypted")
+    with archive.open(info) as file:
+        shape, _, dtype = _array_header(file)
+    if len(shape) != 1 or dtype.kind not in _NUMBERS or dtype.itemsize > 8:
+        raise ValueError(f"{name[:60]!r} is no column of numbers: {dtype} of shape {shape}")
+    return int(shape[0])
+
+
+def _array_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    version = np.lib.format.read_magic(file)
+    read_header = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }.get(version)
+    if read_header is None:
+        raise ValueError(f"an array of format {version}")
+    try:
+        header: tuple[tuple[int, ...], bool, np.dtype[Any]] = read_header(file)
+    except (MemoryError, SyntaxError, tokenize.TokenError) as error:  # of its parser
+        raise ValueError("an array whose header is no header") from error
+    return header
+
+
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
+    with archive.open(info) as file:
+        array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+    return array
+
+
+_READERS: dict[str, Callable[[Path, Wanted], tuple[str, Columns]]] = {
+    ".parquet": _read_parquet,
+    ".csv": _read_csv,
+    ".npz": _read_npz,
+}

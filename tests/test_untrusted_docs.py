@@ -1,0 +1,70 @@
+"""The table of bounds in docs/untrusted.md is that of the code."""
+
+import pytest
+
+from helpers.paths import ROOT
+from mopro.controller import device, station, store
+from mopro.controller.tcp import IDLE_S
+from mopro.emulator.backend import MOST_SAMPLES
+from mopro.experiment.read import data
+from mopro.instruments import daq
+from mopro.language.load import MOST_BYTES as MOST_PROGRAM_BYTES
+from mopro.language.load import MOST_COLUMNS
+from mopro.language.parse import MOST_DIGITS as MOST_DIGITS_OF_PROGRAM
+from mopro.link.template import MOST_DIGITS
+from mopro.lint.stall_margins import MOST_EMULATED_S
+from mopro.lsp.messages import MOST_BYTES as MOST_MESSAGE_BYTES
+from mopro.lsp.server import MOST_CHARACTERS
+from mopro.machine.model import FASTEST_1_S
+from mopro.motion.planner import LONGEST_RUN_S, MOST_STATEMENTS
+from mopro.program.lower import MOST_DWELL_MS
+from mopro.recording import reading
+from mopro.tomlfile import MOST_BYTES as MOST_TOML_BYTES
+from mopro.tomlfile.scan import MOST_LEVELS
+
+MIB = 1 << 20
+BOUNDS = [
+    ("program", [f"{MOST_PROGRAM_BYTES // MIB} MiB", f"{MOST_COLUMNS} characters a line"]),
+    ("program", [f"{MOST_DIGITS_OF_PROGRAM} characters a number"]),
+    ("a wait", [f"{MOST_DWELL_MS} ms"]),
+    ("a move", [f"{LONGEST_RUN_S / 86400:g} days"]),
+    ("a run, planned", [f"{MOST_STATEMENTS} statements"]),
+    ("`--for`", [f"{LONGEST_RUN_S / 86400:g} days"]),
+    ("a run, recorded", [f"{LONGEST_RUN_S / 86400:g} days", f"{MOST_SAMPLES} samples"]),
+    ("moves emulated by `lint`", [f"{MOST_EMULATED_S:g} s"]),
+    ("TOML", [f"{MOST_TOML_BYTES // MIB} MiB", f"{MOST_LEVELS} levels"]),
+    ("a machine's motion", [f"{FASTEST_1_S:g} /s"]),
+    ("CSV data", [f"{data.MOST_ROWS} rows", f"{data.MOST_CHARACTERS - 1} characters"]),
+    ("`.DAT`", [f"{daq.MOST_LINES} lines"]),
+    ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_ROWS} rows"]),
+    ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_COLUMNS} columns"]),
+    ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_VALUES} values"]),
+    ("its header (Arrow metadata)", [f"{reading.MOST_HEADER_BYTES} bytes"]),
+    ("a message of an editor", [f"{MOST_MESSAGE_BYTES} bytes"]),
+    ("a text in an editor", [f"{MOST_CHARACTERS} characters"]),
+    ("a controller's answer", [f"{MOST_DIGITS} digits"]),
+    ("`serve`: towards the controller", [f"{station.MOST_INWARD} bytes"]),
+    ("`serve`: from the controller", [f"{station.MOST_OUTWARD} bytes"]),
+    ("`serve`: stored programs", [f"{store.MOST_PROGRAMS}, of {device.MOST_STATEMENTS}"]),
+    ("`serve`: a silent client", [f"{IDLE_S:g} s"]),
+]
+
+
+@pytest.fixture(scope="module")
+def rows():
+    text = (ROOT / "docs" / "untrusted.md").read_text("utf-8")
+    cells = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| ")]
+    return {name.strip(): bound for name, bound in cells}
+
+
+@pytest.mark.parametrize(("name", "bounds"), BOUNDS)
+def test_the_table_states_the_bound_of_the_code(rows, name, bounds):
+    for bound in bounds:
+        assert bound in rows[name]
+
+
+def test_every_row_but_those_without_a_constant_is_compared(rows):
+    compared = {name for name, _ in BOUNDS}
+    assert rows.keys() - compared == {
+        "input", "`--payload`", "a quantity of a machine", "a conversation", "`serve`: clients",
+    }  # fmt: skip
