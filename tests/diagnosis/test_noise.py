@@ -201,7 +201,7 @@ def test_an_effect_below_noise_that_is_stated_too_large_is_found():
 
 
 def test_noise_of_the_stated_size_with_a_memory_is_none_and_a_note():
-    servo, answers = Servo(runs=2, samples=300), []
+    servo, answers = Servo(), []
     for seed in range(20):
         rng = np.random.default_rng([seed, 2])
         data = []
