@@ -21,9 +21,9 @@ def moves(time_s, count=8):
     return np.minimum(count * share, count - 1).astype(int)
 
 
-def effect(name, parameter, unit, low, high, *starts):
+def effect(name, parameter, unit, low, high, *starts, **more):
     """A candidate with a single amplitude."""
-    return Candidate(name, (Parameter(parameter, unit, low, high, starts),))
+    return Candidate(name, (Parameter(parameter, unit, low, high, starts, **more),))
 
 
 def getter(settings):

@@ -14,14 +14,19 @@ from numba import njit
 
 from mopro.diagnosis import Parameter, Series
 
+# Fifty swings magnify a change: differences are taken over a millionth of the ranges.
+FINE = {"difference": 1e-6}
 EFFECTS = [
-    effect("dry friction", "Fc", "rad/s^2", 0, 3, 0.003, 0.03),
-    effect("quadratic drag", "d", "1/rad", 0, 1, 1e-4, 1e-3),
-    effect("cubic damping", "b3", "s/rad^2", 0, 0.1, 1e-5, 1e-4),
-    effect("stiffness", "k3", "1/s^2", -20, 20, 0.01),
-    effect("bias torque", "g", "rad/s^2", -2, 2, 0.01),
+    effect("dry friction", "Fc", "rad/s^2", 0, 3, 0.003, 0.03, **FINE),
+    effect("quadratic drag", "d", "1/rad", 0, 1, 1e-4, 1e-3, **FINE),
+    effect("cubic damping", "b3", "s/rad^2", 0, 0.1, 1e-5, 1e-4, **FINE),
+    effect("stiffness", "k3", "1/s^2", -20, 20, 0.01, **FINE),
+    effect("bias torque", "g", "rad/s^2", -2, 2, 0.01, **FINE),
 ]
-MODEL = Parameter("w2", "1/s^2", 50, 80, (62.0, 64.0, 66.0)), Parameter("b", "1/s", 0, 1, (0.05,))
+MODEL = (
+    Parameter("w2", "1/s^2", 50, 80, (62.0, 64.0, 66.0), **FINE),
+    Parameter("b", "1/s", 0, 1, (0.05,), **FINE),
+)
 DOCUMENTED = {"Fc": "0.152 large, 0.165 small swing", "w2": "64.05 large, 65.1 small swing"}
 
 
@@ -60,7 +65,8 @@ def free_start(data):
     """Angle and speed that a swing begins with, as free numbers of the model."""
     th, t = data[0].values, data[0].time_s
     speed = np.polyfit(t[:9] - t[0], th[:9], 1)[0]
-    return Parameter("th0", "rad", -2, 2, (th[0],)), Parameter("om0", "rad/s", -9, 9, (speed,))
+    angle = Parameter("th0", "rad", -2, 2, (th[0],), **FINE)
+    return angle, Parameter("om0", "rad/s", -9, 9, (speed,), **FINE)
 
 
 def main(folder):
