@@ -72,9 +72,10 @@ def experiment(folder, file, axis="ra", part=(0, 1), bend_s=None):
 
 
 def main(folder):
+    found = {}
     for file, period in PERIODS.items():
         whole, known = experiment(folder, file), {"P": period}
-        diagnose(file, whole, EFFECTS, DRIFT, known)
+        found[file] = diagnose(file, whole, EFFECTS, DRIFT, known).settings.get("worm", known)
         early, late = (experiment(folder, file, "ra", part) for part in ((0, 0.6), (0.6, 1)))
         cross_test(diagnose(f"{file}, first 60 %", early, EFFECTS, DRIFT, known), late)
         diagnose(f"{file}, declination", experiment(folder, file, "dec"), EFFECTS, DRIFT, known)
@@ -84,6 +85,8 @@ def main(folder):
     diagnose(f"{other}, straight drift", experiment(folder, other), EFFECTS, DRIFT, known)
     bent = experiment(folder, other, bend_s=2 * known["P"])
     diagnose(f"{other}, bent drift", bent, EFFECTS, documented=known)
+    kept = Candidate("worm", (S, C), fixed={"P": found["astrophysics_run_a"]["P"]})
+    diagnose(f"{other}, bent drift, period of run a", bent, [kept])
 
 
 if __name__ == "__main__":

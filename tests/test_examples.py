@@ -120,6 +120,8 @@ def test_telescope_names_the_worm_behind_the_corrections(tmp_path: Path) -> None
         assert found[f"{name}, declination"][0] == "none"
         before, after = change(found[f"{name}, first 60 %"], "cross-test")
         assert after < before / 3
+    before, after = change(found["astrophysics_run_b_long, bent drift, period of run a"], "gap ra")
+    assert after < before / 3
 
 
 # -- pendulum ----------------------------------------------------------------------------
