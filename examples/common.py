@@ -36,9 +36,10 @@ def diagnose(title, experiment, effects, base=(), documented=None):
     verdict = reconcile(experiment[0], effects, experiment[1], base=base)
     print(f"{title}: {verdict.verdict}")
     for named in verdict.fitted:
-        for name, e in named.parameters.items():
+        for parameter, e in named.parameters.items():
+            name = f"{named.name} {parameter}"
             known = f"  (documented {documented[name]})" if name in (documented or {}) else ""
-            print(f"  {named.name + ' ' + name:24s} {_estimate(e)}{known}")
+            print(f"  {name:24s} {_estimate(e)}{known}")
         if named.rivals:
             print(f"  {'':24s} or instead of {named.name}: {', '.join(named.rivals)}")
     for name, e in verdict.base.items():

@@ -29,7 +29,7 @@ SURROUNDINGS = [
     effect("loss", "l", "1", -0.6, 0.6, 0.03),
     effect("colder room", "dT", "C", -15, 15, 1.0),
 ]
-DOCUMENTED = {"k": 0.0024, "tau": 18, "r": "negligible"}
+DOCUMENTED = {"coupling k": 0.0024, "sensor lag tau": 18, "radiation r": "negligible"}
 
 
 @njit(cache=True)

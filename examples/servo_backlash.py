@@ -69,12 +69,14 @@ def experiment(folder, servos, removed=()):
 def main(folder):
     for servo, play in zip([*SINGLE, *PAIR, *PRELOADED, *SOFT, *BETTER], MAKERS, strict=True):
         own = experiment(folder, [servo])
-        verdict = diagnose(" ".join(servo), own, EFFECTS, documented={"play": play})
+        verdict = diagnose(" ".join(servo), own, EFFECTS, documented={"backlash play": play})
         if servo in SINGLE:
             cross_test(verdict, experiment(folder, PAIR))
             cross_test(verdict, experiment(folder, PRELOADED, PRELOADED))
     both = experiment(folder, [*PAIR, *PRELOADED], PRELOADED)
-    diagnose("backlash taken away in one of two pairs", both, EFFECTS, documented={"play": 5.3})
+    diagnose(
+        "backlash taken away in one of two pairs", both, EFFECTS, documented={"backlash play": 5.3}
+    )
 
 
 if __name__ == "__main__":

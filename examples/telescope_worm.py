@@ -26,8 +26,8 @@ def line(name, shortest, longest, *harmonic, **form):
 
     def strongest(view):
         (series,), (left,) = view.data, view.residuals
-        length = np.ptp(series.time_s)
-        tried = np.arange(max(length / longest, 2.0), length / shortest, 0.2) / length
+        step = 0.2 / np.ptp(series.time_s)
+        tried = np.arange(max(1 / longest, 10 * step), 1 / shortest, step)
         waves = np.exp(2j * np.pi * np.outer(tried, series.time_s)) @ left
         best = np.argmax(np.abs(waves))
         size = 2 * view.sigmas[0] / len(left) * waves[best]
@@ -71,22 +71,25 @@ def experiment(folder, file, axis="ra", part=(0, 1), bend_s=None):
     return simulate, [Series(file, axis, "arcsec", left[own], None, t[own], moves(t[own]), bends)]
 
 
+def of_period(period):
+    return [Candidate("worm", (S, C), fixed={"P": period})]
+
+
 def main(folder):
     found = {}
     for file, period in PERIODS.items():
-        whole, known = experiment(folder, file), {"P": period}
-        found[file] = diagnose(file, whole, EFFECTS, DRIFT, known).settings.get("worm", known)
+        whole, known = experiment(folder, file), {"worm P": period}
+        found |= {file: diagnose(file, whole, EFFECTS, DRIFT, known).settings.get("worm")}
         early, late = (experiment(folder, file, "ra", part) for part in ((0, 0.6), (0.6, 1)))
         cross_test(diagnose(f"{file}, first 60 %", early, EFFECTS, DRIFT, known), late)
         diagnose(f"{file}, declination", experiment(folder, file, "dec"), EFFECTS, DRIFT, known)
-        wrong = Candidate("worm", (S, C), fixed={"P": 1.25 * period})
-        diagnose(f"{file}, wrong period only", whole, [wrong], DRIFT)
-    other, known = "astrophysics_run_b_long", {"P": PERIODS["astrophysics_run_a"]}
+        diagnose(f"{file}, wrong period only", whole, of_period(1.25 * period), DRIFT)
+    other, known = "astrophysics_run_b_long", {"worm P": PERIODS["astrophysics_run_a"]}
     diagnose(f"{other}, straight drift", experiment(folder, other), EFFECTS, DRIFT, known)
-    bent = experiment(folder, other, bend_s=2 * known["P"])
+    bent = experiment(folder, other, bend_s=2 * known["worm P"])
     diagnose(f"{other}, bent drift", bent, EFFECTS, documented=known)
-    kept = Candidate("worm", (S, C), fixed={"P": found["astrophysics_run_a"]["P"]})
-    diagnose(f"{other}, bent drift, period of run a", bent, [kept])
+    if worm := found["astrophysics_run_a"]:
+        diagnose(f"{other}, bent drift, period of run a", bent, of_period(worm["P"]))
 
 
 if __name__ == "__main__":
