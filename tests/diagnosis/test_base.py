@@ -5,7 +5,9 @@ import pytest
 
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
-from mopro.diagnosis import Parameter, Series
+from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis.hypotheses import Hypotheses
+from mopro.diagnosis.residual import Residuals
 
 T = times(1000)
 BASE = (Parameter("k", "V", 0.0, 10.0, (1.0,)), Parameter("r", "1/s", 0.0, 2.0, (0.1,)))
@@ -97,6 +99,19 @@ def test_correlations_are_those_of_the_normal_matrix():
     assert answer.correlations["one.size"]["both.size"] == pytest.approx(-0.5, abs=0.02)
     assert answer.correlations["both.size"]["one.size"] == pytest.approx(-0.5, abs=0.02)
     assert answer.correlations["one.size"]["one.size"] == 1.0
+
+
+def test_unknown_noise_is_taken_from_what_the_fitted_numbers_leave():
+    """The model is a measured reference times `k`, which starts at a quarter of the truth."""
+    rng = np.random.default_rng(4)
+    reference = rng.standard_normal(len(T))
+    series = Series("run", "probe", "V", 4 * reference + SIGMA * rng.standard_normal(len(T)), None)
+    start = {"base": {"k": 1.0}}
+    residuals = Residuals(lambda s: [s["base"]["k"] * reference], [series], scaled_at=start)
+    assert residuals.sigmas == pytest.approx([3.0], rel=0.1)
+    sets = Hypotheses(residuals, (), (Candidate("base", BASE[:1]),))
+    assert sets.residuals.sigmas == pytest.approx([SIGMA], rel=0.1)
+    assert sets.null.settings["base"]["k"] == pytest.approx(4.0, abs=0.03)
 
 
 def test_base_is_no_name_of_an_effect():

@@ -76,7 +76,7 @@ def test_a_law_that_predicts_the_same_as_a_listed_effect_is_no_alternative():
     )
     assert any("t in force" in line for line in lines), "the law was looked at"
     assert (verdict.verdict, names(verdict)) == ("named", set(truth))
-    assert (verdict.alternatives, verdict.drafts) == ((), ())
+    assert (verdict.alternatives, verdict.drafts, verdict.notes) == ((), (), ())
 
 
 def test_no_law_is_looked_for_where_one_listed_effect_leaves_noise():
