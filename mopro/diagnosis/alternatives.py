@@ -138,9 +138,12 @@ def _needed(sets: Hypotheses, screening: Screening, best: Fit, base: Fit) -> flo
 
 
 def _density(sets: Hypotheses, best: Fit, base: Fit) -> float:
-    """Power density of the noise where the effects that `base` lacks have their power."""
-    noise = sets.evidence.noise
-    return 1.0 if noise.exact else noise.in_spectrum(base.residual - best.residual)[0]
+    """Mean power of the noise where the effects that `base` lacks have theirs."""
+    noise, change = sets.evidence.noise, base.residual - best.residual
+    size = float(change @ change)
+    if noise.exact or not size:
+        return 1.0
+    return float(np.sum(noise.transformed(change[:, None]) ** 2)) / size
 
 
 def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[Alternative]:

@@ -33,8 +33,9 @@ _STEP_ERROR_SHARE = 0.05**2
 # Least variance of a series, in that of the stated noise, from which its noise is taken: what is
 # below is a sensor that shows none, as at rest. Halved, statements off by a factor of 10 count.
 _QUIETEST = 0.01
-# Standard errors by which a variance must be below the stated one to replace it.
-_CLEARLY_QUIET = 4.0
+# Standard errors by which a variance must be below the stated one to replace it, or may be above
+# it if the noise has a memory. Doubled, a disturbance within the noise passes for noise.
+_STANDARD_ERRORS = 4.0
 
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
 _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 10 beside what remains"
@@ -172,7 +173,7 @@ def restate_quiet_noise(state: State) -> State:
     sets = state.sets
     mean = sets.evidence.noise.sums(state.fit.residual) / np.array(sets.evidence.noise.counts)
     samples = Noise.as_stated(sets.residuals).like(state.fit.residual).samples
-    below = mean * (1 + _CLEARLY_QUIET * np.sqrt(2 / samples)) < (1 + NOISE_TOLERANCE) ** -2
+    below = mean * (1 + _STANDARD_ERRORS * np.sqrt(2 / samples)) < (1 + NOISE_TOLERANCE) ** -2
     quiet = [
         bool(b) and m > _QUIETEST and series.sigma is not None
         for b, m, series in zip(below, mean, state.problem.data, strict=True)
@@ -207,6 +208,19 @@ def add_laws(state: State) -> State:
     # What somebody has listed has the benefit of the doubt.
     doubt = state.sets.ebic(listed) - state.sets.ebic(best) < ALTERNATIVE_MARGIN
     return replace(state, fit=listed if doubt else best)
+
+
+def settle(state: State) -> State:
+    """The answer, and what is left of it without each effect, at their minima.
+
+    Where something is left, fits end in narrow valleys.
+    """
+    sets, fit = state.sets, state.fit
+    if sets.is_noise(fit):
+        return state
+    for name in sorted(fit.names):
+        sets.settled(sets.without(fit, name))
+    return replace(state, fit=sets.settled(fit))
 
 
 def eliminate(state: State) -> State:
@@ -267,12 +281,14 @@ def set_laws_apart(state: State) -> State:
 def examine_remainder(state: State) -> State:
     """Whether what is left is noise, of whatever size and memory, or something unexplained."""
     sets, fit = state.sets, state.fit
-    remainder = examine(sets.residuals, fit.residual, len(fit.order))
-    if state.drafted is not None:
-        variable = _main_law(sets, state.drafted).of
+    variable = None if state.drafted is None else _main_law(sets, state.drafted).of
+    remainder = examine(sets.residuals, fit.residual, len(fit.order), variable)
+    if variable is not None:
         described = remainder.description or f"a law of {variable}"
-        remainder = replace(remainder, description=described, variable=variable)
-        return replace(state, remainder=replace(remainder, significant=True))
+        remainder = replace(
+            remainder, significant=True, description=described, variable=variable, only_size=False
+        )
+        return replace(state, remainder=remainder)
     if not remainder.significant:
         return replace(state, remainder=remainder)
     note = _as_noise(state, remainder)
@@ -300,11 +316,12 @@ def _as_noise(state: State, remainder: Remainder) -> str | None:
         if state.sets.evidence.noise.exact:
             return None
         return "the noise has a memory: neighbouring samples are alike"
+    parts = state.sets.residuals.split(residual)
+    white = sum(len(own) * difference_variance(own) for own in parts) / len(residual)
     most = (1 + NOISE_TOLERANCE) ** 2
-    white = sum(
-        len(own) * difference_variance(own) for own in state.sets.residuals.split(residual)
-    ) / len(residual)
-    if float(np.mean(residual**2)) > most or 1 / most < white < most:
+    # The variance of noise with a memory is known from few independent samples.
+    spread = 1 + _STANDARD_ERRORS * float(np.sqrt(2 / state.sets.evidence.noise.samples.sum()))
+    if float(np.mean(residual**2)) > most * spread or 1 / most < white < most:
         return None
     alike = "alike" if white < 1 else "unlike"
     return f"the noise is of the stated size and not white: neighbouring samples are {alike}"
@@ -330,6 +347,7 @@ PASSES: tuple[Pass, ...] = (
     refine_steps,
     add_laws,
     restate_quiet_noise,
+    settle,
     eliminate,
     hold_out,
     set_laws_apart,

@@ -83,12 +83,16 @@ class Evidence:
         return own + laws + self.of_choice(together) - self.of_choice(known)
 
     def of_parameter(self, parameter: Parameter, count: int) -> float:
-        """Penalty of one more parameter with `count` samples."""
+        """Penalty of one more parameter with `count` samples.
+
+        Where the noise has a memory, a size is measured by so many independent samples; a
+        frequency or a moment is chosen among as many as there are samples.
+        """
         if parameter.role is Role.CONSTANT:
             return 0.0
         if parameter.role is Role.PHASE:
             return _PHASE_PENALTY
-        if not self.noise.exact:
+        if not self.noise.exact and parameter.role is Role.AMPLITUDE:
             return math.log(max(float(self.noise.samples.sum()), _LEAST_INDEPENDENT))
         return math.log(max(count, _LEAST_SAMPLES))
 

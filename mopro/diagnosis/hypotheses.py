@@ -25,6 +25,8 @@ OUT_OF_REACH = 100.0
 # Below it the two are the same minimum.
 _BETTER_START = 1.0
 
+# Refits of one set from its own end.
+_MOST_REFITS = 6
 # Size of an effect that is hardly there, as a share of that at which its signature is simulated.
 _FAINT = 1e-2
 
@@ -74,6 +76,8 @@ class Hypotheses:
             for values in product(*ranges)
         ]
         fit = least_squares_fit(self.residuals, (), starts, math.inf, self.base)
+        if not np.isfinite(self.residuals.predicted(fit.settings)).all():
+            raise ValueError("the model without effects predicts values that are not finite")
         self._fits[fit.key] = fit
         return fit
 
@@ -160,6 +164,17 @@ class Hypotheses:
             self._fits[key], self._limits[key] = fit, limit
         return self._fits[key]
 
+    def settled(self, fit: Fit) -> Fit:
+        """`fit` refitted from its own end until it stands still, as a narrow valley may need."""
+        for _ in range(_MOST_REFITS):
+            again = least_squares_fit(
+                self.residuals, fit.candidates, [fit.settings], math.inf, self.base
+            )
+            if again.rss > fit.rss - _BETTER_START * self.scale(fit):
+                break
+            self._fits[fit.key] = fit = again
+        return fit
+
     def _lower_subset(self, fit: Fit) -> Fit | None:
         """A part of the set that leaves less by itself, as the fit ended in a local minimum."""
         if fit.abandoned:
@@ -211,7 +226,7 @@ class Hypotheses:
         if noise.exact:
             return fit.rss * math.exp(more / sum(noise.counts))
         # Where the noise is strongest, an excess counts least.
-        strongest = max(float(density.max()) for _, density, _ in noise.spectra)
+        strongest = max(float(density.max()) for *_, density in noise.bands)
         return max(fit.rss + more * strongest, 2 * fit.rss)
 
     def each(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:

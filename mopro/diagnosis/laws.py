@@ -185,7 +185,9 @@ def _line_in_time(sensor: str, rows: Mapping[int, Series]) -> Candidate:
         yield values
 
     fastest = max(0.5 / _step(series) for series in rows.values())
-    f = Parameter("f", "Hz", 0.0, fastest, role=Role.SHAPE, difference=1e-7)
+    longest = max(float(np.ptp(_values(series, ""))) for series in rows.values())
+    slowest = min(_FEWEST_CYCLES / longest, fastest / 2) if longest else fastest / 2
+    f = Parameter("f", "Hz", slowest, fastest, role=Role.SHAPE, difference=1e-7)
     unit = next(iter(rows.values())).unit
     sizes = [Parameter(n, unit, -size, size) for pair in names.values() for n in pair]
     law = Law(

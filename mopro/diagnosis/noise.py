@@ -7,18 +7,21 @@ size beforehand. Its spectrum is then taken from what the fullest set of effects
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 
 from mopro.diagnosis.model import Floats, Mask
 from mopro.diagnosis.residual import Residuals
 
-# Share of its frequency that a band of the spectrum reaches to either side: a quarter. Doubled,
-# a line is judged by what is further from it.
-_BAND = 4
+# Ratio of the first frequencies of neighbouring bands, half an octave, and the fewest frequencies
+# in a band. Halved, the power in a band is less certain; doubled, a line is judged by what is
+# further from it.
+_BAND, _FEWEST_IN_BAND = math.sqrt(2), 3
 # Smallest variance, in place of 0, where a logarithm or a quotient is taken.
 _TINY = 1e-300
 
@@ -64,14 +67,19 @@ class Noise:
     def deviance(self, residual: Floats) -> float:
         """-2 ln likelihood of a whitened residual, up to a constant.
 
-        Where the noise is not the stated one, that of the excess over the `remainder`: see
-        `of_excess`.
+        Where the noise is not the stated one: the sum over the bands of m ln(p / S), where p is
+        the mean power of `residual` in a band of m frequencies, and S that of the noise, which
+        is estimated from as many. Less power than S is no better. Against what wanders slowly a
+        slow change counts little so, however many the samples.
         """
         if self.remainder is None:
             return self.of_sums(self.sums(residual))
-        change = residual - self.remainder
-        excess = float(residual @ residual - self.remainder @ self.remainder)
-        return self.of_excess(excess, *self.in_spectrum(change))
+        total = 0.0
+        for part, first, width, density in self.bands:
+            power = fft.dct(residual[part], norm="ortho") ** 2
+            mean = np.add.reduceat(power, first) / width
+            total += float(width @ np.log(np.maximum(mean / density, 1.0)))
+        return total
 
     def of_sums(self, sums: Floats) -> float:
         """The deviance at a sum of squares of each series, for white noise.
@@ -81,57 +89,32 @@ class Noise:
         estimated = self._counts * np.log(np.maximum(sums, _TINY) / self._counts)
         return float(np.where(self._stated, sums, estimated).sum())
 
-    @staticmethod
-    def of_excess(excess: float, density: float, freedom: float) -> float:
-        """Deviance of an `excess` (sum of squares) where the noise has a power of `density`.
-
-        (ν + 1) ln(1 + excess / (S ν)), Student's, with the density S known from ν degrees of
-        freedom: against what wanders slowly, a slow change counts little, however many the
-        samples.
-        """
-        return float((freedom + 1) * np.log1p(max(excess, 0.0) / (density * freedom)))
-
-    def in_spectrum(self, change: Floats) -> tuple[float, float]:
-        """Mean power density of the noise where `change` has its power; its degrees of freedom."""
-        size = own = spread = 0.0
-        for part, density, freedom in self.spectra:
-            power = fft.dct(change[part], norm="ortho") ** 2
-            size += float(power.sum())
-            own += float(power @ density)
-            spread += float((power * density) @ (power * density / freedom))
-        if not own:
-            return 1.0, 1.0
-        return own / size, own**2 / max(spread, _TINY)
-
     @cached_property
-    def spectra(self) -> list[tuple[slice, Floats, Floats]]:
-        """For each series its samples, the spectrum of the remainder, and its degrees of freedom.
+    def bands(self) -> list[tuple[slice, NDArray[np.intp], Floats, Floats]]:
+        """For each series its samples, and its bands: first frequency, width, power of the noise.
 
-        The mean of the squared cosine transform over a band of half an octave about each
-        frequency, of three at least, and at least the stated noise. The number of frequencies
-        in the band are its degrees of freedom.
+        Frequencies are those of the cosine transform, bands half an octave wide, of three
+        frequencies at least. The power is the mean of the remainder's in the band, and at least
+        that of the stated noise.
         """
         assert self.remainder is not None, "stated noise is white"
         ends = [*self.starts[1:], len(self.remainder)]
         answer = []
         for a, b, least in zip(self.starts, ends, self.floor.tolist(), strict=True):
             power = fft.dct(self.remainder[a:b], norm="ortho") ** 2
-            index = np.arange(b - a)
-            half = np.maximum(index // _BAND, 1)
-            low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, b - a)
-            sums = np.concatenate([[0.0], np.cumsum(power)])
-            width = (high - low).astype(float)
-            density = np.maximum((sums[high] - sums[low]) / width, least)
-            answer.append((slice(a, b), density, width))
+            first = _first_frequencies(b - a)
+            width = np.diff([*first, b - a]).astype(float)
+            mean = np.add.reduceat(power, first) / width
+            answer.append((slice(a, b), first, width, np.maximum(mean, least)))
         return answer
 
     def transformed(self, columns: Floats) -> Floats:
-        """Cosine transform of `columns` (samples x any), times the root of the density."""
-        parts = [
-            fft.dct(columns[part], axis=0, norm="ortho") * np.sqrt(density)[:, None]
-            for part, density, _ in self.spectra
-        ]
-        return np.concatenate(parts)
+        """Cosine transform of `columns` (samples x any), times the root of the noise's power."""
+        return np.concatenate([
+            fft.dct(columns[part], axis=0, norm="ortho")
+            * np.sqrt(np.repeat(density, width.astype(int)))[:, None]
+            for part, _, width, density in self.bands
+        ])  # fmt: skip
 
     def variances(self, residual: Floats) -> Floats:
         """Estimated variance of the noise at each sample, at least the stated one."""
@@ -162,6 +145,14 @@ class Noise:
     @cached_property
     def _stated(self) -> Mask:
         return np.array(self.stated)
+
+
+def _first_frequencies(count: int) -> NDArray[np.intp]:
+    """Numbers of the first frequencies of the bands among so many."""
+    first = [0]
+    while (following := max(first[-1] + _FEWEST_IN_BAND, int(first[-1] * _BAND))) < count:
+        first.append(following)
+    return np.array(first)
 
 
 def effective_samples(values: Floats) -> float:

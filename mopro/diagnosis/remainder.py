@@ -83,12 +83,15 @@ class _Standardised:
         return z * (self.series.sigma or 1.0)
 
 
-def examine(residuals: Residuals, residual: Floats, parameters: int) -> Remainder:
+def examine(
+    residuals: Residuals, residual: Floats, parameters: int, variable: str | None = None
+) -> Remainder:
     """Test a whitened `residual`, to which so many `parameters` were fitted.
 
     Shapes are tested against white noise of the stated size, or as strong as neighbouring
     samples differ where that is more or nothing is stated. The size is tested where it is
-    stated for all series.
+    stated for all series. If a shape of `variable` is significant, that is described, else the
+    clearest one.
     """
     by_series = zip(residuals.data, residuals.split(residual), residuals.sigmas, strict=True)
     parts = [
@@ -109,9 +112,11 @@ def examine(residuals: Residuals, residual: Floats, parameters: int) -> Remainde
     p_value = math.exp(min(log_p, 0.0))
     if p_value >= FALSE_ALARMS:
         return Remainder(False, None, p_value, scatter)
-    described = [finding for finding in shapes if finding.description]
-    clearest = min(described, key=lambda finding: finding.log_p, default=size)
-    if clearest.description and clearest.log_p < math.log(FALSE_ALARMS / len(findings)):
+    level = math.log(FALSE_ALARMS / len(findings))
+    described = [f for f in shapes if f.description and f.log_p < level]
+    described = [f for f in described if f.variable == variable] or described
+    if described:
+        clearest = min(described, key=lambda finding: finding.log_p)
         return Remainder(True, clearest.description, p_value, scatter, clearest.variable)
     words = f"more scatter than the sensor's noise, {scatter:.3g} times as much"
     return Remainder(True, words, p_value, scatter, only_size=len(parts) == len(residuals.data))

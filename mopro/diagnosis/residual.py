@@ -16,6 +16,10 @@ from mopro.diagnosis.model import Floats, Mask, Series, Settings, Simulate
 _RANK_TOLERANCE = 1e-9
 
 
+# Standard deviations by which a prediction that is not finite is off.
+_FAR = 1e8
+
+
 class Residuals:
     """All series of a problem as one vector (samples of the first series first).
 
@@ -65,8 +69,14 @@ class Residuals:
         return tuple(sigma or scale for sigma, scale in zip(stated, estimated, strict=True))
 
     def at(self, settings: Settings) -> Floats:
-        """Whitened residual of the samples in the mask, with the effects in `settings`."""
-        return self.without_nuisances((self.measured - self.predicted(settings)) * self.weights)
+        """Whitened residual of the samples in the mask, with the effects in `settings`.
+
+        Where the model with these effects is not finite, it is far from the data.
+        """
+        whitened = (self.measured - self.predicted(settings)) * self.weights
+        finite = np.isfinite(whitened)
+        residual = self.without_nuisances(np.where(finite, whitened, 0.0))
+        return residual if finite.all() else np.where(finite[self.mask], residual, _FAR)
 
     def predicted(self, settings: Settings) -> Floats:
         """Predictions of all series in one vector, in their units.
