@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy import signal, stats
+from scipy import fft, signal
 
 from helpers.signals import candidates, diagnosed, names, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
@@ -44,49 +44,86 @@ def test_noise_with_a_memory_is_worth_fewer_samples():
     assert effective_samples(slow) == pytest.approx(20_000 * 0.19 / 1.81, rel=0.15)
 
 
-@pytest.mark.parametrize("freedom", [3.0, 20.0, 1e6])
-@pytest.mark.parametrize("size", [0.5, 3.0, 30.0])
-def test_the_deviance_of_an_excess_is_that_of_students_t(size, freedom):
-    density = 2.5
-    t = stats.t(freedom)
-    expected = -2 * (t.logpdf(size) - t.logpdf(0.0))
-    assert Noise.of_excess(size**2 * density, density, freedom) == pytest.approx(expected)
+def flat(samples, seed=0, size=1.0):
+    """A residual with the same power at each frequency of its cosine transform."""
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], samples)
+    return fft.idct(size * signs, norm="ortho")
 
 
-def test_an_excess_below_the_remainder_has_no_deviance():
-    assert Noise.of_excess(-5.0, 1.0, 10.0) == 0.0
+def test_the_bands_are_half_an_octave_wide_and_cover_all_frequencies():
+    ((_, first, width, _),) = noise_of(1.0, samples=2000).like(flat(2000)).bands
+    assert first[0] == 0
+    assert list(first + width) == [*first[1:], 2000]
+    assert width[:-1].min() >= 3
+    wide = first[:-1] >= 10
+    assert first[1:][wide] / first[:-1][wide] == pytest.approx(math.sqrt(2), rel=0.06)
 
 
-def test_the_density_where_a_change_has_its_power_is_that_of_the_noise():
+@pytest.mark.parametrize("stated", [1.0, None])
+def test_the_deviance_of_more_power_everywhere_is_that_of_its_estimated_variance(stated):
+    """n ln(variance), as for white noise of unknown size; less power is no better."""
+    remainder = flat(2000, size=3.0)
+    noise = noise_of(stated, samples=2000).like(remainder)
+    assert noise.deviance(2.0 * remainder) == pytest.approx(2000 * math.log(4.0))
+    assert noise.deviance(remainder) == pytest.approx(0.0, abs=1e-9)
+    assert noise.deviance(0.5 * remainder) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("cycles", "band"), [(2.0, 3), (400.0, None)])
+def test_a_line_counts_by_the_power_of_the_noise_in_its_band(cycles, band):
+    """m ln(1 + A² / (m S)): what it would be known to by m frequencies of noise of power S."""
+    power, height, samples = 4.0, 20.0, 2000
+    remainder = flat(samples, size=math.sqrt(power))
+    noise = noise_of(1.0, samples=samples).like(remainder)
+    ((_, first, width, _),) = noise.bands
+    own = int(np.searchsorted(first, 2 * cycles, side="right")) - 1
+    m = float(width[own])
+    assert m == band or band is None
+    # In quadrature to what is there at its frequency: that is taken out first.
+    at_line = fft.dct(remainder, norm="ortho")
+    at_line[int(2 * cycles)] = math.hypot(at_line[int(2 * cycles)], height)
+    deviance = noise.deviance(fft.idct(at_line, norm="ortho"))
+    assert deviance == pytest.approx(m * math.log1p(height**2 / (m * power)))
+    if m > 100:
+        assert deviance == pytest.approx(height**2 / power, rel=0.25)
+
+
+def test_a_slow_change_counts_little_against_noise_that_wanders():
+    """The same change in chi-squared, slow and quick, against a wander and white noise."""
+    rng = np.random.default_rng(2)
+    wander = signal.lfilter([1.0], [1.0, -0.9], rng.standard_normal(5000))
+    remainder = wander + 1.2 * rng.standard_normal(5000)
+    noise = noise_of(1.0, samples=5000).like(remainder)
+    counts = [noise.deviance(remainder + 20 * line(cycles, 5000)) for cycles in (10, 2000)]
+    assert counts[0] < 40 < 150 < counts[1]
+
+
+def test_the_power_of_the_noise_in_each_band_is_that_of_theory():
     white = np.random.default_rng(2).standard_normal(20_000)
-    slow = noise_of(1.0, samples=20_000).like(signal.lfilter([1.0], [1.0, -0.9], white))
-    for cycles in (400, 2000):
-        omega = 2 * np.pi * cycles / 20_000
-        theory = 1 / abs(1 - 0.9 * np.exp(-1j * omega)) ** 2
-        density, freedom = slow.in_spectrum(7 * line(cycles, 20_000))
-        assert density == pytest.approx(max(theory, 1.0), rel=0.15)
-        # A quarter of the index to either side; a line of k cycles has the index 2 k.
-        assert freedom == pytest.approx(cycles, rel=0.01)
+    noise = noise_of(None, samples=20_000).like(signal.lfilter([1.0], [1.0, -0.9], white))
+    ((_, first, width, density),) = noise.bands
+    middle = np.pi * (first + width / 2) / 20_000
+    theory = 1 / np.abs(1 - 0.9 * np.exp(-1j * middle)) ** 2
+    wide = width > 300
+    assert wide.sum() >= 6
+    assert density[wide] == pytest.approx(theory[wide], rel=0.2)
 
 
 def test_the_spectrum_is_never_below_stated_noise():
     """Unstated noise has no such floor."""
-    quiet = 0.1 * np.random.default_rng(3).standard_normal(2000)
-    ((_, stated, _),) = noise_of(1.0, samples=2000).like(quiet).spectra
+    quiet = flat(2000, size=0.1)
+    ((*_, stated),) = noise_of(1.0, samples=2000).like(quiet).bands
     assert (stated == 1.0).all()
-    ((_, unstated, _),) = noise_of(None, samples=2000).like(quiet).spectra
-    assert np.median(unstated) == pytest.approx(0.01, rel=0.1)
+    ((*_, unstated),) = noise_of(None, samples=2000).like(quiet).bands
+    assert unstated == pytest.approx(0.01)
 
 
 def test_each_series_has_a_spectrum_of_its_own():
-    rng = np.random.default_rng(4)
-    remainder = np.concatenate([rng.standard_normal(1000), 5 * rng.standard_normal(1000)])
-    noise = noise_of(1.0, 1.0, samples=1000).like(remainder)
-    silent = np.zeros(1000)
-    first, _ = noise.in_spectrum(np.concatenate([line(200, 1000), silent]))
-    second, _ = noise.in_spectrum(np.concatenate([silent, line(200, 1000)]))
-    assert first == pytest.approx(1.0, rel=0.2)
-    assert second == pytest.approx(25.0, rel=0.2)
+    noise = noise_of(1.0, 1.0, samples=1000).like(np.concatenate([flat(1000), 5 * flat(1000)]))
+    (one, _, _, first), (other, _, _, second) = noise.bands
+    assert (one, other) == (slice(0, 1000), slice(1000, 2000))
+    assert first == pytest.approx(1.0)
+    assert second == pytest.approx(25.0)
 
 
 # -- assumed constants -------------------------------------------------------------------

@@ -363,3 +363,24 @@ def test_a_sigma_must_be_above_0(sigma):
     data = [replace(series, sigma=sigma) for series in SERVO.measure({}, SIGMA, 0)]
     with pytest.raises(ValueError, match="run 0, force: expected a sigma above 0, or None"):
         mopro.reconcile(SERVO.predict, CATALOGUE, data)
+
+
+def test_a_model_that_is_not_finite_without_effects_is_refused():
+    with pytest.raises(ValueError, match="without effects predicts values that are not finite"):
+        mopro.reconcile(
+            lambda s: [force * math.nan for force in SERVO.predict(s)], CATALOGUE,
+            SERVO.measure({}, SIGMA, 0),
+        )  # fmt: skip
+
+
+def test_an_effect_with_which_the_model_is_not_finite_is_not_believed():
+    wild = Candidate("wild", (Parameter("a", "N", 0.0, 10.0, (1.0,)),))
+
+    def simulate(settings):
+        others = {name: values for name, values in settings.items() if name != "wild"}
+        forces = SERVO.predict(others)
+        return [np.full_like(own, math.inf) for own in forces] if "wild" in settings else forces
+
+    data = SERVO.measure({"viscous": {"b": 3.0}}, SIGMA, 0)
+    verdict = mopro.reconcile(simulate, [*CATALOGUE, wild], data)
+    assert (verdict.verdict, names(verdict)) == ("named", {"viscous"})
