@@ -366,7 +366,7 @@ class TestTheSourcesTable:
     def test_the_table_loses_no_figure_in_a_narrow_terminal(self):
         narrow = shown_in(80)
         assert "…" not in narrow
-        for words in ("speed_dependent_heat", "0.1424", "3.506", "4.553", "1.46 K", "30.5 K"):
+        for words in ("speed_dependent_heat", "0.1423", "3.507", "4.566", "1.46 K", "30.5 K"):
             assert words in narrow
 
 

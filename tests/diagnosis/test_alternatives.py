@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from mopro.diagnosis.fit_cache import FitCache
 
 import mopro
 from helpers.servo import CATALOGUE, Servo
-from helpers.signals import candidates, diagnosed, family, of_size, sizes, times
+from helpers.signals import candidates, diagnosed, family, measured, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Series
-from mopro.diagnosis.alternatives import Alternatives
+from mopro.diagnosis.alternatives import alternatives
+from mopro.diagnosis.hypotheses import Hypotheses
 from mopro.diagnosis.residual import Residuals
 from mopro.diagnosis.screening import Screening
 
@@ -81,12 +81,55 @@ def test_a_family_does_not_depend_on_the_unit_where_the_noise_is_unknown(scale):
     assert family(effect) == set(shapes)
 
 
-def test_a_swap_that_lost_its_new_effect_in_elimination_is_no_alternative(monkeypatch):
-    """Freeing a form may make the effect that was swapped in superfluous: the null is left."""
-    servo = Servo()
-    data = servo.measure({"viscous": {"b": 3.0}}, 0.1, seed=1)
-    fits = FitCache(Residuals(servo.predict, data), CATALOGUE)
-    alternatives = Alternatives(fits, Screening(fits))
-    viscous = fits.fitted(CATALOGUE[:1], [{"viscous": {"b": 1.0}}])
-    monkeypatch.setattr(alternatives, "swaps", lambda *_: [fits.null])
-    assert alternatives.of(viscous, "viscous") == []
+def test_neither_a_part_of_the_answer_nor_a_set_that_contains_it_is_an_alternative():
+    """Both are within 10 in EBIC of a faint effect."""
+    t = times()
+
+    def simulate(settings):
+        line, more = sizes(settings, "line", "more")
+        return [line * np.sin(7 * t) + more * np.cos(11 * t)]
+
+    effects, size = candidates("line", "more"), 2.0 / np.sqrt(1000)
+    (values,) = simulate(of_size(line=size))
+    sets = Hypotheses(Residuals(simulate, measured(values, 1.0, 1)), effects)
+    line = sets.fitted(effects[:1], of_size(line=size))
+    wider = sets.fitted(effects, of_size(line=size, more=size))
+    assert abs(sets.ebic(sets.null) - sets.ebic(line)) < 10
+    assert abs(sets.ebic(wider) - sets.ebic(line)) < 10
+    assert alternatives(sets, Screening(sets), line) == ()
+
+
+def test_two_pairs_of_effects_that_explain_the_same_are_alternatives_as_sets():
+    """A + D = B + C up to a little of another shape; no single effect stands for another one."""
+    t = times()
+    u, v, w, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0))
+    shapes = {"A": u + v, "B": u + w, "C": v + z + 0.05 * np.cos(29 * t), "D": w + z}
+
+    def simulate(settings):
+        return [sum((own["size"] * shapes[name] for name, own in settings.items()), 0 * t)]
+
+    verdict = diagnosed(simulate, candidates(*shapes), of_size(A=1.0, D=1.0), 1.0, 1)
+    assert verdict.verdict == "ambiguous"
+    named = {effect.name for effect in verdict.effects}
+    assert [named, *map(set, verdict.alternatives)] in ([{"A", "D"}, {"B", "C"}],
+                                                        [{"B", "C"}, {"A", "D"}])  # fmt: skip
+    (other,) = verdict.alternatives
+    for effect in verdict.effects:
+        assert effect.indistinguishable_from == list(other)
+        assert all(delta < 10 for delta in effect.rivals.values())
+        for settings in effect.alternatives.values():
+            assert settings.keys() == set(other)
+            assert [own["size"] for own in settings.values()] == pytest.approx([1.0] * 2, abs=0.1)
+
+
+def test_pairs_that_the_data_can_tell_apart_are_no_alternatives():
+    t = times()
+    u, v, w, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0))
+    shapes = {"A": u + v, "B": u + w, "C": v + z + 0.3 * np.cos(29 * t), "D": w + z}
+
+    def simulate(settings):
+        return [sum((own["size"] * shapes[name] for name, own in settings.items()), 0 * t)]
+
+    verdict = diagnosed(simulate, candidates(*shapes), of_size(A=1.0, D=1.0), 1.0, 1)
+    assert (verdict.verdict, verdict.alternatives) == ("named", ())
+    assert {effect.name for effect in verdict.effects} == {"A", "D"}

@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from mopro.diagnosis.fit_cache import FitCache
 
 from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.descent import Descent
+from mopro.diagnosis.evidence import Evidence
 from mopro.diagnosis.fit import least_squares_fit
+from mopro.diagnosis.hypotheses import Hypotheses
 from mopro.diagnosis.jacobian import SecantJacobian
+from mopro.diagnosis.noise import Noise
 from mopro.diagnosis.residual import Residuals
 
 TIME_S = np.linspace(0.0, 2.0, 400)
@@ -36,15 +38,21 @@ def problem(model):
     return Residuals(model, [series])
 
 
+def as_stated(residuals, *candidates):
+    """The evidence of a catalogue by the stated noise."""
+    return Evidence(Noise.as_stated(residuals), [candidate.key for candidate in candidates])
+
+
 def test_the_errors_are_those_of_the_jacobian_at_the_minimum():
-    fit = least_squares_fit(problem(decaying), [DECAY], [{"decay": {"height": 1.0, "rate": 1.0}}])
+    residuals = problem(decaying)
+    fit = least_squares_fit(residuals, [DECAY], [{"decay": {"height": 1.0, "rate": 1.0}}])
     height, rate = fit.settings["decay"].values()
     assert (height, rate) == pytest.approx((2.0, 3.0), abs=0.03)
     fall = np.exp(-rate * TIME_S) / SIGMA
     closed = np.array([-fall, height * TIME_S * fall]).T
     assert np.abs(fit.jacobian - closed).max() < 0.02 * np.abs(closed).max()
     errors = np.sqrt(np.diag(np.linalg.inv(closed.T @ closed)))
-    assert fit.deviations() == pytest.approx(errors, rel=0.02)
+    assert as_stated(residuals, DECAY).deviations(fit) == pytest.approx(errors, rel=0.02)
 
 
 def test_the_jacobian_of_a_linear_residual_is_taken_by_differences_once():
@@ -89,15 +97,15 @@ def test_a_fit_that_cannot_come_down_to_its_limit_is_abandoned_and_fitted_again_
     whole = least_squares_fit(residuals, [FAST], [start])
     assert not whole.abandoned
     assert whole.rss > 100 * best.rss
-    fits = FitCache(residuals, [DECAY, FAST])
-    abandoned = fits.fitted([FAST], [start], best.rss + 100)
+    fits = Hypotheses(residuals, [DECAY, FAST])
+    abandoned = fits.fitted([FAST], start, best.rss + 100)
     assert abandoned.abandoned
     assert abandoned.rss >= whole.rss
-    assert fits.fitted([FAST], [start], best.rss + 100) is abandoned
-    again = fits.fitted([FAST], [start])
+    assert fits.fitted([FAST], start, best.rss + 100) is abandoned
+    again = fits.fitted([FAST], start)
     assert not again.abandoned
     assert again.rss == pytest.approx(whole.rss)
-    near = fits.fitted([DECAY], [{"decay": {"height": 9.0, "rate": 0.2}}], best.rss + 100)
+    near = fits.fitted([DECAY], {"decay": {"height": 9.0, "rate": 0.2}}, best.rss + 100)
     assert not near.abandoned
     assert math.isclose(near.rss, best.rss, rel_tol=1e-3)
 
@@ -142,20 +150,20 @@ def test_the_penalty_of_an_implausible_value_is_the_chi2_of_moving_it_into_its_r
             residuals, [Candidate("level", (anywhere,))], [{"level": {"v": 0.5}}]
         )
 
-    fit = fitted((-1.0, 1.0))
-    assert fit.ebic(1) - fitted(None).ebic(1) == pytest.approx(penalty, abs=0.02)
-    assert fit.plausible is plausible
+    fit, evidence = fitted((-1.0, 1.0)), as_stated(residuals)
+    assert evidence.ebic(fit) - evidence.ebic(fitted(None)) == pytest.approx(penalty, abs=0.02)
+    assert evidence.plausible(fit) is plausible
 
 
 def test_a_fit_abandoned_for_one_limit_is_fitted_again_for_a_wider_one():
     residuals = problem(decaying)
     best = least_squares_fit(residuals, [DECAY], [TRUTH])
     start = {"decay": {"height": 9.0, "rate": 19.0}}
-    fits = FitCache(residuals, [DECAY, FAST])
-    assert fits.fitted([FAST], [start], best.rss + 100).abandoned
-    wider = fits.fitted([FAST], [start], 1e12)
+    fits = Hypotheses(residuals, [DECAY, FAST])
+    assert fits.fitted([FAST], start, best.rss + 100).abandoned
+    wider = fits.fitted([FAST], start, 1e12)
     assert not wider.abandoned
-    assert fits.fitted([FAST], [start], best.rss + 100) is wider
+    assert fits.fitted([FAST], start, best.rss + 100) is wider
 
 
 def test_a_value_within_the_tolerance_of_the_model_has_no_penalty_of_choice():
@@ -167,11 +175,12 @@ def test_a_value_within_the_tolerance_of_the_model_has_no_penalty_of_choice():
         residuals = Residuals(lambda s: [s.get("level", {}).get("v", 0.0) + 0 * TIME_S], [series])
         number = Parameter("v", "V", -5.0, 5.0, (0.5,), tolerated=tolerated)
         fit = least_squares_fit(residuals, [Candidate("level", (number,))], [{"level": {"v": 0.5}}])
-        return fit.findings, fit.ebic(50) - fit.deviance - fit.penalty
+        evidence = Evidence(Noise.as_stated(residuals), [(f"effect {i}", "") for i in range(50)])
+        return evidence.findings(fit), evidence.ebic(fit) - fit.rss - math.log(len(TIME_S))
 
     assert findings_and_penalty(1.0, None) == (1, pytest.approx(2 * math.log(50)))
-    assert findings_and_penalty(0.5, (-1.0, 1.0)) == (0, 0.0)
-    assert findings_and_penalty(1.0 + error, (-1.0, 1.0)) == (0, 0.0)
+    assert findings_and_penalty(0.5, (-1.0, 1.0)) == (0, pytest.approx(0.0))
+    assert findings_and_penalty(1.0 + error, (-1.0, 1.0)) == (0, pytest.approx(0.0))
     assert findings_and_penalty(1.0 + 3 * error, (-1.0, 1.0)) == (
         1,
         pytest.approx(2 * math.log(50)),
@@ -185,7 +194,8 @@ def test_the_ebic_is_infinite_where_samples_are_too_few_to_estimate_their_noise(
     line = Candidate("line", (Parameter("v", "V", -5.0, 5.0, (0.5,)),))
     residuals = Residuals(model, [Series("run", "probe", "V", np.array([0.0, 1.0, 2.1]), None)])
     assert residuals.count == 2
-    assert least_squares_fit(residuals, [line], [{"line": {"v": 0.5}}]).ebic(1) == math.inf
+    fit = least_squares_fit(residuals, [line], [{"line": {"v": 0.5}}])
+    assert as_stated(residuals, line).ebic(fit) == math.inf
 
 
 def waves(settings):
@@ -203,18 +213,18 @@ def test_a_local_minimum_is_replaced_by_the_one_that_a_wider_fit_leads_to():
     (clean,) = waves({"main": {"A": 1.0, "w": 30.0}})
     noisy = clean + SIGMA * rng.standard_normal(len(clean))
     series = Series("run", "probe", "V", noisy, SIGMA, nuisances=np.zeros((len(clean), 0)))
-    fits = FitCache(Residuals(waves, [series]), [wave("main"), wave("other")])
-    local = fits.fitted([wave("main")], [{"main": {"A": 0.3, "w": 9.0}}])
+    fits = Hypotheses(Residuals(waves, [series]), [wave("main"), wave("other")])
+    local = fits.fitted([wave("main")], {"main": {"A": 0.3, "w": 9.0}})
     assert local.rss > 1000 * local.count
     both = fits.fitted(
         [wave("main"), wave("other")],
-        [{"main": {"A": 1.1, "w": 29.5}, "other": {"A": 0.2, "w": 12.0}}],
+        {"main": {"A": 1.1, "w": 29.5}, "other": {"A": 0.2, "w": 12.0}},
     )
     alone = fits.without(both, "other")
     assert alone.rss == pytest.approx(alone.count, rel=0.2)
     assert alone.settings["main"]["w"] == pytest.approx(30.0, abs=0.01)
     assert fits.without(both, "other") is alone
-    assert fits.fitted([wave("main")], [{"main": {"A": 0.3, "w": 9.0}}]) is alone
+    assert fits.fitted([wave("main")], {"main": {"A": 0.3, "w": 9.0}}) is alone
 
 
 def test_the_others_without_an_effect_are_those_of_a_linear_fit_of_them():
@@ -234,7 +244,7 @@ def test_the_others_without_an_effect_are_those_of_a_linear_fit_of_them():
     )  # fmt: skip
     residuals = Residuals(model, [series])
     start = {name: {"v": 0.0} for name in shapes}
-    predicted = least_squares_fit(residuals, [a, b, c], [start]).others_without("c")
+    predicted = least_squares_fit(residuals, [a, b, c], [start]).stepped_without("c")
     alone = least_squares_fit(residuals, [a, b], [{"a": {"v": 0.0}, "b": {"v": 0.0}}]).settings
     assert set(predicted) == {"a", "b"}
     for name in predicted:

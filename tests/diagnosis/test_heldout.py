@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from mopro.diagnosis.fit_cache import FitCache
 
 from mopro.diagnosis import Candidate, Parameter, Series
-from mopro.diagnosis.heldout import folds
+from mopro.diagnosis.heldout import folds, held_out
+from mopro.diagnosis.hypotheses import Hypotheses
 from mopro.diagnosis.residual import Residuals
 
 
@@ -36,8 +36,8 @@ def test_an_effect_in_a_single_move_is_predicted_from_the_rest_of_that_move(alik
     series = Series("run", "probe", "V", values, 0.01, folds=np.minimum(t.astype(int), 2))
     residuals = Residuals(model, [series])
     growth = Candidate("growth", (Parameter("v", "V/s", -5.0, 5.0, (0.5,)),))
-    fits = FitCache(residuals, [growth])
-    grown_fit = fits.fitted([growth], [{"growth": {"v": 0.5}}])
-    held = fits.held_out(grown_fit)
+    sets = Hypotheses(residuals, [growth])
+    fit = sets.fitted([growth], {"growth": {"v": 0.5}})
+    held = held_out(residuals, sets.evidence.noise, sets.null, fit, {"growth": sets.null})
     assert held.supports("growth") is alike
     assert (held.after < 1.1) is alike

@@ -4,20 +4,23 @@ import math
 
 import numpy as np
 import pytest
-from mopro.diagnosis.fit_cache import FitCache
 
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
+from mopro.diagnosis.hypotheses import Hypotheses
+from mopro.diagnosis.neighbours import neighbourhood
 from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.search import Search
+from mopro.diagnosis.screening import Screening
+from mopro.diagnosis.search import search
 
 
-def test_a_single_effect_that_explains_all_is_fitted_alone():
+def test_a_single_effect_that_explains_all_is_fitted_alone_first():
     """Its response has a part that grows with the square of its size, which `straight` mimics.
 
-    The signature of `bent` therefore predicts less than those of both together do, and yet no
-    pair is fitted: `bent` alone is predicted to leave next to nothing.
+    The signature of `bent` therefore predicts less than those of both together do, and yet
+    `bent` comes first: it alone is predicted to leave next to nothing. The pair is only fitted
+    beside it, to see whether `straight` is needed.
     """
     t, progress = times(500), []
 
@@ -30,7 +33,8 @@ def test_a_single_effect_that_explains_all_is_fitted_alone():
         progress=progress.append,
     )  # fmt: skip
     assert (verdict.verdict, names(verdict)) == ("named", {"bent"})
-    assert [line for line in progress if line.startswith("fitting")] == ["fitting bent"]
+    fitted = [line for line in progress if line.startswith("fitting")]
+    assert fitted == ["fitting bent", "fitting bent + straight"]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -94,14 +98,16 @@ def test_two_effects_are_swapped_at_once_where_neither_swap_alone_lowers_the_ebi
 
     (values,) = simulate(of_size(one=1.0, other=1.0))
     effects = candidates(*shapes, size=Parameter("size", "V", -10.0, 10.0, (0.5,)))
-    fits = FitCache(Residuals(simulate, measured(values, 1.0, 3)), effects)
-    search = Search(fits)
-    mimics = {name: {"size": 1.0} for name in ("like one", "like other")}
-    wrong = fits.fitted(effects[2:], [mimics])
-    single = [fits.ebic(swap) for name in mimics for swap in search.alternatives.swaps(wrong, name)]
-    assert single
-    assert min(single) > fits.ebic(wrong)
-    assert search.swapped_in_pairs(wrong).names == {"one", "other"}
+    sets = Hypotheses(Residuals(simulate, measured(values, 1.0, 3)), effects)
+    one, other, like_one, like_other = effects
+    whole = {name: {"size": 1.0} for name in shapes}
+    wrong = sets.fitted([like_one, like_other], whole)
+    for swapped in ([one, like_other], [like_one, other]):
+        assert sets.ebic(sets.fitted(swapped, whole)) > sets.ebic(wrong)
+    nearest = neighbourhood(sets, Screening(sets), wrong).subsets[0]
+    assert nearest.names == {"one", "other"}
+    search(sets, Screening(sets), [wrong])
+    assert sets.best().names == {"one", "other"}
 
 
 def test_an_effect_that_must_be_searched_for_replaces_one_that_absorbed_it():
@@ -132,12 +138,13 @@ def test_an_effect_that_must_be_searched_for_replaces_one_that_absorbed_it():
     (values,) = simulate({"clock": {"e": 100.0}, "tick": {"T": 100.0}})
     values = values + np.random.default_rng(5).standard_normal(len(t))
     data = [Series("run", "probe", "V", values, 1.0, t, np.arange(2000) // 400)]
-    fits = FitCache(Residuals(simulate, data), effects)
-    wrong = fits.fitted(effects[:2], [{"clock": {"e": 100.0}, "delay": {"d": 100.0}}])
+    sets = Hypotheses(Residuals(simulate, data), effects)
+    wrong = sets.fitted(effects[:2], {"clock": {"e": 100.0}, "delay": {"d": 100.0}})
     assert wrong.rss > 1.5 * wrong.count
-    swaps = Search(fits).alternatives.swaps(wrong, "delay")
-    as_noise = [swap.names for swap in swaps if swap.rss < 1.1 * swap.count]
-    assert {"clock", "tick"} in as_noise
+    near = neighbourhood(sets, Screening(sets), wrong).subsets
+    beside_clock = [s for s in near if s.base.names == {"clock"}]
+    swapped = [(s.candidates, s.starts) for s in beside_clock if s.names == {"clock", "tick"}]
+    assert min(fit.rss for fit in sets.fit_all(swapped)) < 1.1 * wrong.count
 
 
 @pytest.mark.parametrize(("saved", "expected"), [(-1.0, set()), (4.0, set()), (5.2, {"line"})])

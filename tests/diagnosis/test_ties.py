@@ -1,10 +1,14 @@
 """Explanations that only rounding parts: the catalogue's order decides which is named."""
 
+import math
+
 import numpy as np
 import pytest
-from mopro.diagnosis.ties import TIE, lowest_first
 
 from helpers.signals import candidates, diagnosed, of_size, sizes, times
+from mopro.diagnosis.evidence import Evidence
+from mopro.diagnosis.fit import Fit
+from mopro.diagnosis.noise import Noise
 
 TWINS = ("stretched", "amplified")
 
@@ -28,6 +32,14 @@ def test_of_two_effects_of_one_response_the_first_in_the_catalogue_is_named(
     assert named[catalogue[0]] == [catalogue[1]]
 
 
-def test_beyond_a_tie_the_lower_comes_first():
-    ebic = {"a": 5.0, "b": 5.0 - 0.9 * TIE, "c": 5.0 - 1.1 * TIE, "d": float("inf")}
-    assert lowest_first("dabc", ebic.__getitem__, str) == ["b", "c", "a", "d"]
+@pytest.mark.parametrize(("lower_by", "lowest"), [(0.01, "first"), (0.03, "second")])
+def test_beyond_a_fiftieth_of_chi_squared_the_lower_one_is_taken(lower_by, lowest):
+    first, second = candidates("first", "second")
+    evidence = Evidence(Noise((1,), (0,), (True,)), [first.key, second.key])
+
+    def left(candidate, chi2):
+        residual = np.array([math.sqrt(chi2)])
+        return Fit((candidate,), (), (), {}, residual, np.zeros((1, 0)), 1)
+
+    fits = [left(second, 5.0 - lower_by), left(first, 5.0)]
+    assert evidence.lowest(fits).names == {lowest}

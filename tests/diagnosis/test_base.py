@@ -1,0 +1,119 @@
+"""Free numbers of the model itself, and what the verdict says of runs that were not fitted."""
+
+import numpy as np
+import pytest
+
+import mopro
+from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
+from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis.hypotheses import Hypotheses
+from mopro.diagnosis.residual import Residuals
+
+T = times(1000)
+BASE = (Parameter("k", "V", 0.0, 10.0, (1.0,)), Parameter("r", "1/s", 0.0, 2.0, (0.1,)))
+TRUTH = {"base": {"k": 4.0, "r": 0.3}}
+SIGMA = 0.2
+
+
+def decaying(settings):
+    own = settings["base"]
+    (line,) = sizes(settings, "line")
+    return [own["k"] * np.cos(3 * T) * np.exp(-own["r"] * T) + line * np.sin(7 * T)]
+
+
+def verdict_on(truth, seed=0):
+    effects = candidates("line", "other")
+    return diagnosed(decaying, effects, TRUTH | truth, SIGMA, seed, base=BASE)
+
+
+@pytest.mark.parametrize(("line", "verdict"), [(0.0, "none"), (0.5, "named")])
+def test_the_numbers_of_the_model_are_fitted_and_are_no_effects(line, verdict):
+    truth = of_size(line=line) if line else {}
+    answer = verdict_on(truth)
+    assert (answer.verdict, names(answer)) == (verdict, set(truth))
+    assert answer.base.keys() == {"k", "r"}
+    assert answer.base["k"].value == pytest.approx(4.0, abs=0.1)
+    assert (answer.base["k"].unit, answer.base["r"].unit) == ("V", "1/s")
+    assert answer.settings["base"] == {n: e.value for n, e in answer.base.items()}
+
+
+def test_their_intervals_cover_the_truth_about_as_often_as_they_say():
+    hits = []
+    for seed in range(12):
+        answer = verdict_on(of_size(line=0.5), seed)
+        for name, estimate in answer.base.items():
+            low, high = estimate.ci95
+            assert high - low < 0.2 * TRUTH["base"][name]
+            hits.append(low <= TRUTH["base"][name] <= high)
+    assert len(hits) == 24
+    assert sum(hits) >= 20
+
+
+def test_the_model_without_effects_has_numbers_of_its_own():
+    """Those make up for a part of the line: `before` is the best that the bare model does."""
+    answer = verdict_on(of_size(line=0.5))
+    bare = mopro.reconcile(decaying, [], list(run(of_size(line=0.5))), base=BASE)
+    assert answer.base_before["base"] == pytest.approx(bare.settings["base"])
+    assert answer.base_before["base"]["k"] > 1.03 * answer.base["k"].value
+
+
+def run(truth, offset=0.0, seed=0):
+    (values,) = decaying(TRUTH | truth)
+    return measured(values + offset, SIGMA, seed)
+
+
+def test_a_run_that_was_not_fitted_is_predicted_with_an_offset_of_its_own():
+    answer = verdict_on(of_size(line=0.5))
+    (gap,) = answer.predict(decaying, run(of_size(line=0.5), offset=9.0, seed=7))
+    assert gap.after_rms == pytest.approx(SIGMA, rel=0.1)
+    assert gap.before_rms > 1.7 * gap.after_rms
+    assert (gap.run, gap.sensor, gap.unit, gap.noise_rms) == ("run", "probe", "V", SIGMA)
+    (other,) = answer.predict(decaying, run({}, seed=7))
+    assert other.after_rms > 1.5 * other.before_rms
+
+
+def test_the_sizes_of_the_nuisances_are_told_in_the_unit_of_the_series():
+    shapes = np.column_stack([np.ones(len(T)), np.cos(11 * T)])
+    (values,) = decaying(TRUTH | of_size(line=0.5))
+    noise = SIGMA * np.random.default_rng(3).standard_normal(len(T))
+    series = Series(
+        "run", "probe", "V", values + shapes @ [0.7, -1.5] + noise, SIGMA, T, nuisances=shapes
+    )
+    answer = mopro.reconcile(decaying, candidates("line"), [series], base=BASE)
+    assert names(answer) == {"line"}
+    (found,) = answer.nuisances
+    assert found == pytest.approx([0.7, -1.5], abs=5 * SIGMA / np.sqrt(len(T) / 2))
+
+
+def test_correlations_are_those_of_the_normal_matrix():
+    """Two lines that share a half of their squares: their sizes correlate by -0.5."""
+    one, other = np.sin(8 * np.pi * T / 5), np.sin(14 * np.pi * T / 5)
+    shapes = {"one": one, "both": 0.5 * one + np.sqrt(0.75) * other}
+
+    def simulate(settings):
+        return [sum((v["size"] * shapes[n] for n, v in settings.items()), 0 * T)]
+
+    truth = of_size(one=1.0, both=1.0)
+    answer = diagnosed(simulate, candidates(*shapes), truth, SIGMA, 2)
+    assert names(answer) == set(truth)
+    assert answer.correlations["one.size"]["both.size"] == pytest.approx(-0.5, abs=0.02)
+    assert answer.correlations["both.size"]["one.size"] == pytest.approx(-0.5, abs=0.02)
+    assert answer.correlations["one.size"]["one.size"] == 1.0
+
+
+def test_unknown_noise_is_taken_from_what_the_fitted_numbers_leave():
+    """The model is a measured reference times `k`, which starts at a quarter of the truth."""
+    rng = np.random.default_rng(4)
+    reference = rng.standard_normal(len(T))
+    series = Series("run", "probe", "V", 4 * reference + SIGMA * rng.standard_normal(len(T)), None)
+    start = {"base": {"k": 1.0}}
+    residuals = Residuals(lambda s: [s["base"]["k"] * reference], [series], scaled_at=start)
+    assert residuals.sigmas == pytest.approx([3.0], rel=0.1)
+    sets = Hypotheses(residuals, (), (Candidate("base", BASE[:1]),))
+    assert sets.residuals.sigmas == pytest.approx([SIGMA], rel=0.1)
+    assert sets.null.settings["base"]["k"] == pytest.approx(4.0, abs=0.03)
+
+
+def test_base_is_no_name_of_an_effect():
+    with pytest.raises(ValueError, match='"base" is the name of the free numbers of the model'):
+        mopro.reconcile(decaying, candidates("base"), run({}), base=BASE)
