@@ -14,10 +14,11 @@ from mopro.diagnosis.screening import Screening, far_from_linear
 
 # Effects in one set. Doubled, harmonics of many lines are told, and pure noise costs no more.
 MOST_EFFECTS = 6
-# Effects dropped at once, and added beyond those that were dropped. Doubled, the search leaves
-# deeper minima and takes twice as long.
-_MOST_DROPPED = 2
+# Effects added beyond those that were dropped. Doubled, the search leaves deeper minima and takes
+# twice as long.
 _MOST_MORE = 2
+# Sizes of sets of which each two effects are dropped at once. Of four it would be six pairs.
+_PAIRS_OF = (2, 3)
 # Share of what an effect brings that a substitute must bring to be fitted in wider forms, and how
 # many of those are. Half as many, and the second of two substitutes is not looked at.
 _MOST_OF_GAIN, _WIDER_FITTED = 0.5, 4
@@ -49,7 +50,7 @@ def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbour
     for reduced, unabsorbed, dropped in _reduced(sets, fit):
         scores = screening.beside(reduced, fit, unabsorbed)
         room = min(
-            min(dropped, _MOST_DROPPED) + _more(reduced, fit),
+            min(dropped, 2) + _more(reduced, fit),
             MOST_EFFECTS - len(reduced.candidates),
         )
         subsets += LinearSubsets(reduced, scores, sets.white).best(room)
@@ -73,7 +74,8 @@ def _reduced(sets: Hypotheses, fit: Fit) -> Iterator[tuple[Fit, Fit | None, int]
     """
     yield fit, None, 0
     every = len(fit.candidates)
-    for number in (*range(1, min(_MOST_DROPPED, every) + 1), *([every] if every > 2 else [])):
+    several = [2] if every in _PAIRS_OF else []
+    for number in (*([1] if every else []), *several, *([every] if every > 2 else [])):
         for names in combinations(sorted(fit.names), number):
             reduced = fit
             for name in names:

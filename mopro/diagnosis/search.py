@@ -26,9 +26,9 @@ _FITTED = 5
 _FITTED_TO_MINIMUM = 2
 # Sets beside the best one that are expanded while the remainder is more than noise.
 _MOST_OTHERS = 2
-# Rounds after which free-form terms join the search, and those of a whole search. Doubled, a
-# disturbance that nobody listed is described by several effects first, which takes long.
-FIRST_ROUNDS, _MOST_ROUNDS = 1, 10
+# Rounds after which free-form terms join the search, rounds with them, and those of a search that
+# ends in noise. Doubled, what nobody listed is described by several effects, which takes long.
+FIRST_ROUNDS, LAW_ROUNDS, _MOST_ROUNDS = 1, 2, 10
 # Error of the reduction of chi-squared that a signature predicts, as a share of it.
 _LINEARITY_ERROR = 0.02
 # Share of the sum of squares that a main effect leaves by itself, if it is the main one.
@@ -46,7 +46,7 @@ def search(
     sets: Hypotheses,
     screening: Screening,
     also: Sequence[Fit] = (),
-    rounds: int = _MOST_ROUNDS,
+    rounds: int = LAW_ROUNDS,
     only_laws: bool = False,
 ) -> None:
     """Fit sets of effects to `sets` until none near the best one has a lower EBIC.
