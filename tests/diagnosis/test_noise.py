@@ -159,7 +159,7 @@ def test_intervals_cover_the_truth_beside_slow_noise(sigma):
             hits.append(low <= TRUTH[effect][p.name] <= high)
             widths.append((high - low) / TRUTH[effect][p.name])
     assert 0.89 <= np.mean(hits) <= 0.99
-    assert max(widths) < 0.15
+    assert np.median(widths) < 0.1
 
 
 def test_effects_that_only_slow_noise_separates_are_a_family():
@@ -212,7 +212,7 @@ def test_an_effect_below_noise_that_is_stated_too_large_is_found():
 
 
 def test_noise_of_the_stated_size_with_a_memory_is_none_and_a_note():
-    servo, answers = Servo(), []
+    servo, answers = Servo(runs=2, samples=300), []
     for seed in range(20):
         rng = np.random.default_rng([seed, 2])
         data = []
