@@ -67,18 +67,19 @@ class Noise:
     def deviance(self, residual: Floats) -> float:
         """-2 ln likelihood of a whitened residual, up to a constant.
 
-        Where the noise is not the stated one: the sum over the bands of m ln(p / S), where p is
-        the mean power of `residual` in a band of m frequencies, and S that of the noise, which
-        is estimated from as many. Less power than S is no better. Against what wanders slowly a
-        slow change counts little so, however many the samples.
+        Where the noise is not the stated one: the sum over the bands of m ln(1 + (p - q) / S),
+        where p and q are the mean powers of `residual` and of the remainder in a band of m
+        frequencies, and S = q or the stated power, whichever is more. Less power than q is no
+        better. Against what wanders slowly a slow change counts little so, however many the
+        samples.
         """
         if self.remainder is None:
             return self.of_sums(self.sums(residual))
         total = 0.0
-        for part, first, width, density in self.bands:
+        for part, first, width, left, density in self.bands:
             power = fft.dct(residual[part], norm="ortho") ** 2
-            mean = np.add.reduceat(power, first) / width
-            total += float(width @ np.log(np.maximum(mean / density, 1.0)))
+            excess = np.add.reduceat(power, first) / width - left
+            total += float(width @ np.log1p(np.maximum(excess, 0.0) / density))
         return total
 
     def of_sums(self, sums: Floats) -> float:
@@ -90,12 +91,13 @@ class Noise:
         return float(np.where(self._stated, sums, estimated).sum())
 
     @cached_property
-    def bands(self) -> list[tuple[slice, NDArray[np.intp], Floats, Floats]]:
-        """For each series its samples, and its bands: first frequency, width, power of the noise.
+    def bands(self) -> list[tuple[slice, NDArray[np.intp], Floats, Floats, Floats]]:
+        """For each series its samples, and its bands.
 
+        First frequency, width, power of the remainder and power of the noise of each band.
         Frequencies are those of the cosine transform, bands half an octave wide, of three
-        frequencies at least. The power is the mean of the remainder's in the band, and at least
-        that of the stated noise.
+        frequencies at least. The power of the noise is that of the remainder, and at least the
+        stated one.
         """
         assert self.remainder is not None, "stated noise is white"
         ends = [*self.starts[1:], len(self.remainder)]
@@ -105,7 +107,7 @@ class Noise:
             first = _first_frequencies(b - a)
             width = np.diff([*first, b - a]).astype(float)
             mean = np.add.reduceat(power, first) / width
-            answer.append((slice(a, b), first, width, np.maximum(mean, least)))
+            answer.append((slice(a, b), first, width, mean, np.maximum(mean, least)))
         return answer
 
     def transformed(self, columns: Floats) -> Floats:
@@ -113,7 +115,7 @@ class Noise:
         return np.concatenate([
             fft.dct(columns[part], axis=0, norm="ortho")
             * np.sqrt(np.repeat(density, width.astype(int)))[:, None]
-            for part, _, width, density in self.bands
+            for part, _, width, _, density in self.bands
         ])  # fmt: skip
 
     def variances(self, residual: Floats) -> Floats:

@@ -51,7 +51,7 @@ def flat(samples, seed=0, size=1.0):
 
 
 def test_the_bands_are_half_an_octave_wide_and_cover_all_frequencies():
-    ((_, first, width, _),) = noise_of(1.0, samples=2000).like(flat(2000)).bands
+    ((_, first, width, _, _),) = noise_of(1.0, samples=2000).like(flat(2000)).bands
     assert first[0] == 0
     assert list(first + width) == [*first[1:], 2000]
     assert width[:-1].min() >= 3
@@ -75,7 +75,7 @@ def test_a_line_counts_by_the_power_of_the_noise_in_its_band(cycles, band):
     power, height, samples = 4.0, 20.0, 2000
     remainder = flat(samples, size=math.sqrt(power))
     noise = noise_of(1.0, samples=samples).like(remainder)
-    ((_, first, width, _),) = noise.bands
+    ((_, first, width, _, _),) = noise.bands
     own = int(np.searchsorted(first, 2 * cycles, side="right")) - 1
     m = float(width[own])
     assert m == band or band is None
@@ -101,7 +101,7 @@ def test_a_slow_change_counts_little_against_noise_that_wanders():
 def test_the_power_of_the_noise_in_each_band_is_that_of_theory():
     white = np.random.default_rng(2).standard_normal(20_000)
     noise = noise_of(None, samples=20_000).like(signal.lfilter([1.0], [1.0, -0.9], white))
-    ((_, first, width, density),) = noise.bands
+    ((_, first, width, _, density),) = noise.bands
     middle = np.pi * (first + width / 2) / 20_000
     theory = 1 / np.abs(1 - 0.9 * np.exp(-1j * middle)) ** 2
     wide = width > 300
@@ -120,7 +120,7 @@ def test_the_spectrum_is_never_below_stated_noise():
 
 def test_each_series_has_a_spectrum_of_its_own():
     noise = noise_of(1.0, 1.0, samples=1000).like(np.concatenate([flat(1000), 5 * flat(1000)]))
-    (one, _, _, first), (other, _, _, second) = noise.bands
+    (one, _, _, _, first), (other, _, _, _, second) = noise.bands
     assert (one, other) == (slice(0, 1000), slice(1000, 2000))
     assert first == pytest.approx(1.0)
     assert second == pytest.approx(25.0)
@@ -196,3 +196,15 @@ def test_a_constant_costs_what_the_data_tell_about_it():
     before = 20.0 / math.sqrt(12)
     after = 0.3 * 20.0 / math.sqrt(float(SPEED @ SPEED))
     assert evidence.ebic(fit) == pytest.approx(2 * math.log(before / after), abs=0.01)
+
+
+def test_an_effect_counts_in_full_where_the_noise_is_quieter_than_stated():
+    """In white noise of 0.8 of the stated size, as far as its wide bands go: A² / 1."""
+    quiet = 0.8 * np.random.default_rng(3).standard_normal(4000)
+    noise = noise_of(1.0, samples=4000).like(quiet)
+    t = np.arange(4000)
+    shape = np.cos(np.pi * (t + 0.5) * 3000 / 4000)
+    shape *= 14 / np.linalg.norm(shape)
+    shape -= quiet * (shape @ quiet) / (quiet @ quiet)
+    assert noise.deviance(quiet + shape) == pytest.approx(14**2, rel=0.1)
+    assert noise.deviance(quiet) == 0.0
