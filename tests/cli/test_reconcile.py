@@ -262,6 +262,20 @@ class TestADrag:
         assert len(text) < 2**20
 
 
+def test_a_repaired_machine_is_tried_on_a_run_that_it_has_not_seen(drag, tmp_path):
+    folder, _ = drag
+    laboratory(tmp_path, DRAG, ("slow",))
+    repaired = str(folder / "machine.toml")
+    before = run_here(tmp_path, "compare", "experiment.toml", "--json")
+    done = run_here(tmp_path, "compare", "experiment.toml", "--apply", repaired, "--json")
+    assert (before.returncode, done.returncode) == (1, 0)
+    (gap,) = json.loads(done.stdout)["applied"]
+    assert gap["before_rms"] > 2 * gap["noise_rms"] > 1.8 * gap["after_rms"]
+    told = run_here(tmp_path, "compare", "experiment.toml", "--apply", repaired)
+    assert "before" in told.stdout
+    assert "after" in told.stdout
+
+
 def test_nothing_hidden_is_none_and_exits_with_0(tmp_path):
     laboratory(tmp_path, {})
     done = run_here(tmp_path, "reconcile", "experiment.toml", "--out", "machine.toml")
