@@ -157,7 +157,7 @@ class Hypotheses:
         fit = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
         smaller = self._lower_subset(fit)
         if smaller is not None:
-            start = {**_faint(candidates), **smaller.settings}
+            start = {**_faint(candidates, start), **smaller.settings}
             again = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
             fit = min(fit, again, key=lambda f: f.rss)
         if known is None or known.abandoned or fit.rss < known.rss:
@@ -237,16 +237,18 @@ class Hypotheses:
             return list(pool.map(function, items))
 
 
-def _faint(candidates: Sequence[Candidate]) -> Settings:
-    """Settings at which each of the effects is hardly there."""
-    faint: dict[str, dict[str, float]] = {}
-    for c in candidates:
-        faint |= c.settings({p.name: _faint_value(p) for p in c.parameters})
-    return faint
+def _faint(candidates: Sequence[Candidate], start: Settings) -> Settings:
+    """The settings `start`, with each of the effects hardly there."""
+    return {
+        c.name: {**start[c.name], **{p.name: _faint_value(p) for p in c.parameters if _sizes(p)}}
+        for c in candidates
+    }
+
+
+def _sizes(parameter: Parameter) -> bool:
+    return parameter.role is Role.AMPLITUDE
 
 
 def _faint_value(parameter: Parameter) -> float:
-    start = parameter.starts[0] if parameter.starts else parameter.value(0.5)
-    if parameter.role is Role.AMPLITUDE:
-        return parameter.within(parameter.multiplied(start, _FAINT))
-    return start
+    size = parameter.starts[0] if parameter.starts else parameter.value(0.5)
+    return parameter.within(parameter.multiplied(size, _FAINT))

@@ -163,3 +163,22 @@ def test_an_effect_is_named_if_it_saves_an_ebic_of_2_ln_10(saved, expected):
     if expected:
         (effect,) = verdict.effects
         assert 2 * math.log(10) * effect.log10_bayes_factor == pytest.approx(saved, abs=0.01)
+
+
+def test_a_second_start_keeps_what_a_search_found(monkeypatch):
+    """A fit that leaves more than a part of its set begins again with its effects hardly there.
+
+    The model has a third move and no other.
+    """
+    t = times(200)
+
+    def simulate(settings):
+        step = settings.get("step", {"size": 0.0, "move": 3.0})
+        return [step["size"] * {3.0: t > 2.0}[step["move"]]]
+
+    size, move = Parameter("size", "V", -9.0, 9.0), Parameter("move", "1", 0, 9, role=Role.SEARCHED)
+    step = Candidate("step", (size, move), find_starts=lambda _: [{"size": 1.0, "move": 3.0}])
+    sets = Hypotheses(Residuals(simulate, measured(2.0 * (t > 2.0), 0.1, 1)), [step])
+    monkeypatch.setattr(sets, "_lower_subset", lambda _: sets.null)
+    fit = sets.fitted([step], {"step": {"size": 1.0, "move": 3.0}})
+    assert fit.settings["step"]["size"] == pytest.approx(2.0, abs=0.05)
