@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
@@ -124,8 +124,16 @@ class Hypotheses:
     # -- fitting ------------------------------------------------------------------------
 
     def fit_all(self, proposals: Iterable[Proposal], limit: float = math.inf) -> list[Fit]:
-        """The fits of several sets, each from the lowest of its own starts; see `fitted`."""
-        return self.each(lambda each: self.fitted(each[0], self._lowest(each[1]), limit), proposals)
+        """The fits of several sets, each from the lowest of its own starts; see `fitted`.
+
+        Each is fitted as if it were the only one, so that neither their order nor the number of
+        jobs matters.
+        """
+        known = dict(self._fits)
+        fits = self.each(
+            lambda each: self._fit(each[0], self._lowest(each[1]), limit, known), proposals
+        )
+        return [self._kept(fit, limit) for fit in fits]
 
     def knows(self, candidates: Sequence[Candidate], ebic: float) -> bool:
         """True if the set is fitted, and no more than `OUT_OF_REACH` above the predicted `ebic`."""
@@ -147,22 +155,39 @@ class Hypotheses:
 
         `limit` is a sum of squares. An abandoned set is fitted again for a wider limit.
         """
+        return self._kept(self._fit(candidates, start, limit, self._fits), limit)
+
+    def _fit(
+        self,
+        candidates: Sequence[Candidate],
+        start: Settings,
+        limit: float,
+        fits: Mapping[Key, Fit],
+    ) -> Fit:
+        """As `fitted`, where `fits` are known; they are not changed."""
         key = frozenset(candidate.key for candidate in candidates)
-        known = self._fits.get(key)
+        known = fits.get(key)
         if known is not None and known.abandoned and limit <= self._limits[key]:
             return known
         if known is not None and not known.abandoned and not self._begins_lower(start, known):
             return known
         self.progress("fitting " + " + ".join(sorted(c.name for c in candidates)))
         fit = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
-        smaller = self._lower_subset(fit)
-        if smaller is not None:
-            start = {**_faint(candidates, start), **smaller.settings}
-            again = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
-            fit = min(fit, again, key=lambda f: f.rss)
+        smaller = _lower_subset(fit, fits)
+        if smaller is None:
+            return fit
+        faint = {**_faint(candidates, start), **smaller.settings}
+        again = least_squares_fit(self.residuals, candidates, [faint], limit, self.base)
+        return min(fit, again, key=lambda f: f.rss)
+
+    def _kept(self, fit: Fit, limit: float) -> Fit:
+        """`fit`, or the one that is known of its set and no worse."""
+        known = self._fits.get(fit.key)
+        if fit is known:
+            return fit
         if known is None or known.abandoned or fit.rss < known.rss:
-            self._fits[key], self._limits[key] = fit, limit
-        return self._fits[key]
+            self._fits[fit.key], self._limits[fit.key] = fit, limit
+        return self._fits[fit.key]
 
     def settled(self, fit: Fit) -> Fit:
         """`fit` refitted from its own end until it stands still, as a narrow valley may need."""
@@ -174,13 +199,6 @@ class Hypotheses:
                 break
             self._fits[fit.key] = fit = again
         return fit
-
-    def _lower_subset(self, fit: Fit) -> Fit | None:
-        """A part of the set that leaves less by itself, as the fit ended in a local minimum."""
-        if fit.abandoned:
-            return None
-        parts = (f for f in self._complete() if f.key < fit.key and f.rss < fit.rss)
-        return min(parts, key=lambda f: f.rss, default=None)
 
     def _begins_lower(self, start: Settings, known: Fit) -> bool:
         if not known.candidates or start == known.settings:
@@ -237,16 +255,23 @@ class Hypotheses:
             return list(pool.map(function, items))
 
 
+def _lower_subset(fit: Fit, fits: Mapping[Key, Fit]) -> Fit | None:
+    """A part of the set that leaves less by itself, as the fit ended in a local minimum."""
+    if fit.abandoned:
+        return None
+    parts = (f for f in fits.values() if not f.abandoned and f.key < fit.key and f.rss < fit.rss)
+    return min(parts, key=lambda f: f.rss, default=None)
+
+
 def _faint(candidates: Sequence[Candidate], start: Settings) -> Settings:
     """The settings `start`, with each of the effects hardly there."""
     return {
-        c.name: {**start[c.name], **{p.name: _faint_value(p) for p in c.parameters if _sizes(p)}}
+        c.name: {
+            **start[c.name],
+            **{p.name: _faint_value(p) for p in c.parameters if p.role is Role.AMPLITUDE},
+        }
         for c in candidates
     }
-
-
-def _sizes(parameter: Parameter) -> bool:
-    return parameter.role is Role.AMPLITUDE
 
 
 def _faint_value(parameter: Parameter) -> float:

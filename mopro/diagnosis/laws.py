@@ -7,10 +7,12 @@ at a price of their own, and describe what is left where no listed effect does.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from itertools import groupby
+from threading import Lock
 
 import numpy as np
+from cachetools import LRUCache, cached
 from scipy import fft
 
 from mopro.diagnosis.model import (
@@ -47,7 +49,9 @@ class WithLaws:
     ) -> None:
         self._simulate, self._data = simulate, data
         self._terms = {c.name: c.law.of_data for c in laws if c.law and c.law.of_data}
-        self._predicted: dict[tuple[object, ...], Sequence[Floats]] = {}
+        # Asked by several threads at once.
+        cache: LRUCache[Hashable, Sequence[Floats]] = LRUCache(_KEPT)
+        self._of_the_model = cached(cache, key=_key, lock=Lock())(self._predict)
 
     def __call__(self, settings: Settings) -> Sequence[Floats]:
         plain = {name: values for name, values in settings.items() if name not in self._terms}
@@ -60,13 +64,12 @@ class WithLaws:
             ]
         return predicted
 
-    def _of_the_model(self, settings: Settings) -> Sequence[Floats]:
-        key = tuple((name, tuple(values.items())) for name, values in settings.items())
-        if key not in self._predicted:
-            while len(self._predicted) >= _KEPT:
-                self._predicted.pop(next(iter(self._predicted)), None)
-            self._predicted[key] = [np.asarray(p, dtype=float) for p in self._simulate(settings)]
-        return self._predicted[key]
+    def _predict(self, settings: Settings) -> Sequence[Floats]:
+        return [np.asarray(p, dtype=float) for p in self._simulate(settings)]
+
+
+def _key(settings: Settings) -> Hashable:
+    return tuple((name, tuple(values.items())) for name, values in settings.items())
 
 
 def measurement_laws(data: Sequence[Series]) -> list[Candidate]:

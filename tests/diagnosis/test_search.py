@@ -179,6 +179,29 @@ def test_a_second_start_keeps_what_a_search_found(monkeypatch):
     size, move = Parameter("size", "V", -9.0, 9.0), Parameter("move", "1", 0, 9, role=Role.SEARCHED)
     step = Candidate("step", (size, move), find_starts=lambda _: [{"size": 1.0, "move": 3.0}])
     sets = Hypotheses(Residuals(simulate, measured(2.0 * (t > 2.0), 0.1, 1)), [step])
-    monkeypatch.setattr(sets, "_lower_subset", lambda _: sets.null)
+    monkeypatch.setattr("mopro.diagnosis.hypotheses._lower_subset", lambda *_: sets.null)
     fit = sets.fitted([step], {"step": {"size": 1.0, "move": 3.0}})
     assert fit.settings["step"]["size"] == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_neither_the_order_of_proposals_nor_the_number_of_jobs_matters(jobs):
+    """`stuck` is constant on either side of 0.5 V, so that its fit stays where it begins."""
+    t = times(300)
+
+    def simulate(settings):
+        straight, stuck = sizes(settings, "straight", "stuck")
+        return [straight * np.sin(7 * t) + (5 * np.cos(11 * t) if stuck > 0.5 else 0 * t)]
+
+    straight, stuck = candidates("straight", "stuck")
+    data = measured(2 * np.sin(7 * t), 0.1, 1)
+    proposals = [
+        ([straight], [of_size(straight=1.0)]),
+        ([straight, stuck], [of_size(straight=1.0, stuck=1.0)]),
+    ]
+    left = {}
+    for order in (1, -1):
+        sets = Hypotheses(Residuals(simulate, data), [straight, stuck], jobs=jobs)
+        left[order] = {fit.names: fit.rss for fit in sets.fit_all(proposals[::order])}
+    assert left[1] == left[-1]
+    assert left[1][frozenset({"straight"})] < 400
