@@ -102,7 +102,7 @@ class Case:
         }
 
     def _of_foreign(self) -> dict[str, Any]:
-        """What the answer of a case with something foreign has in addition."""
+        """Further entries of the answer of a case with something foreign."""
         if self.foreign is None:
             return {}
         kind = FOREIGN_KINDS[self.foreign.name]
@@ -116,7 +116,7 @@ class Case:
         }
 
     def _of_deleted(self) -> dict[str, Any]:
-        """What the answer of a case with deleted effects has in addition."""
+        """Further entries of the answer of a case with deleted effects."""
         if not self.spec.deleted:
             return {}
         change = self.noiseless().change(self.effects)

@@ -50,7 +50,7 @@ class Quantity(click.ParamType[float]):
 
 
 def duration_type() -> Quantity:
-    """How long a run may take."""
+    """Limit of the time that a run may take."""
     from mopro.motion import LONGEST_RUN_S
 
     return Quantity("time", "s", positive=True, most=LONGEST_RUN_S)

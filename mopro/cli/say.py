@@ -1,4 +1,4 @@
-"""What a command says: the only way to standard output and standard error.
+"""Output of commands: the only way to standard output and standard error.
 
 Text from files, names and replies is made visible here, so that none of it can steer the
 terminal; a standard error that cannot be written is no reason to give up the work.

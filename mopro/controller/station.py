@@ -37,7 +37,7 @@ class Wire:
 
     @property
     def room(self) -> int:
-        """How many bytes more may wait."""
+        """Number of further bytes that may wait."""
         return self._most - len(self._queue)
 
     @property
@@ -83,7 +83,7 @@ class Station:
 
     @property
     def room(self) -> int:
-        """How many bytes more the line takes towards the controller."""
+        """Number of further bytes that the line takes towards the controller."""
         return self._inward.room
 
     def hear(self, data: bytes, now_s: float) -> None:

@@ -16,15 +16,14 @@ from mopro.diagnosis.hypotheses import Hypotheses
 from mopro.diagnosis.linear_subset import LinearSubset
 from mopro.diagnosis.model import Candidate, Settings
 from mopro.diagnosis.neighbours import in_other_forms, neighbourhood
-from mopro.diagnosis.screening import Screening
+from mopro.diagnosis.screening import LINEARITY_ERROR, Screening
 from mopro.diagnosis.signature import ScoreTest
 
 # Sets that are fitted in the place of the same effects, one or two fits each. Fewer, and larger
 # families lose members.
 _MOST_FITTED = 5
-# Error of the predicted reduction of chi-squared, as a share of it: that of a signature simulated
-# in its place, and the largest that is allowed for.
-_LINEARITY_ERROR, _MOST_LINEARITY_ERROR = 0.02, 0.1
+# Largest error of the predicted reduction of chi-squared that is allowed for, as a share of it.
+_MOST_LINEARITY_ERROR = 0.1
 # Share of a reduction by which an alternative may fall short of what is needed and still
 # have its signature simulated again, where it would stand.
 _WORTH_RELINEARISING = 0.2
@@ -132,7 +131,7 @@ def _needed(sets: Hypotheses, screening: Screening, best: Fit, base: Fit) -> flo
         predicted = max((s.predicted_reduction for s in own), default=reduction)
     if reduction < _WEAK:
         return min(reduction, predicted)
-    error = min(_MOST_LINEARITY_ERROR, _LINEARITY_ERROR + 2 * abs(predicted / reduction - 1))
+    error = min(_MOST_LINEARITY_ERROR, LINEARITY_ERROR + 2 * abs(predicted / reduction - 1))
     margin = 4 * ALTERNATIVE_MARGIN * _density(sets, best, base)
     return min(reduction, predicted) - margin - error * reduction
 

@@ -43,7 +43,7 @@ _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 10 beside what remain
 
 @dataclass(frozen=True)
 class Problem:
-    """What is asked: a model, with smaller steps as well, a catalogue, data and free numbers."""
+    """The question: a model, also with smaller steps, a catalogue, data and free numbers."""
 
     simulate: Simulate
     finer: Simulate | None
@@ -61,7 +61,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class State:
-    """What is known between two passes: the fitted sets, and the answer so far.
+    """State between two passes: the fitted sets, and the answer so far.
 
     `drafted`: the answer with the free-form terms that stand beside it.
     """
@@ -279,7 +279,7 @@ def set_laws_apart(state: State) -> State:
 
 
 def examine_remainder(state: State) -> State:
-    """Whether what is left is noise, of whatever size and memory, or something unexplained."""
+    """The tests of what is left: noise, of whatever size and memory, or something unexplained."""
     sets, fit = state.sets, state.fit
     variable = None if state.drafted is None else _main_law(sets, state.drafted).of
     remainder = examine(sets.residuals, fit.residual, len(fit.order), variable)
@@ -305,26 +305,25 @@ def _main_law(sets: Hypotheses, drafted: Fit) -> Law:
 
 
 def _as_noise(state: State, remainder: Remainder) -> str | None:
-    """Why a residual that fails the tests may be noise all the same; None if it may not."""
+    """Reason why a residual that fails the tests may be noise all the same; None if none."""
     residual = state.fit.residual
     if remainder.only_size:
         return (
             f"the noise is {remainder.scatter:.2g} times as much as stated, and white: "
             "intervals and evidence are those of the larger one"
         )
-    if not state.sets.residuals.known_noise:
-        if state.sets.evidence.noise.exact:
-            return None
-        return "the noise has a memory: neighbouring samples are alike"
     parts = state.sets.residuals.split(residual)
     white = sum(len(own) * difference_variance(own) for own in parts) / len(residual)
+    square = float(np.mean(residual**2))
+    alike = f"neighbouring samples are {'alike' if white < square else 'unlike'}"
+    if not state.sets.residuals.known_noise:
+        return f"the noise has a memory: {alike}"
     most = (1 + NOISE_TOLERANCE) ** 2
     # The variance of noise with a memory is known from few independent samples.
     spread = 1 + _STANDARD_ERRORS * float(np.sqrt(2 / state.sets.evidence.noise.samples.sum()))
-    if float(np.mean(residual**2)) > most * spread or 1 / most < white < most:
+    if square > most * spread or 1 / most < white < most:
         return None
-    alike = "alike" if white < 1 else "unlike"
-    return f"the noise is of the stated size and not white: neighbouring samples are {alike}"
+    return f"the noise is of the stated size and not white: {alike}"
 
 
 def find_alternatives(state: State) -> State:

@@ -19,9 +19,11 @@ MOST_EFFECTS = 6
 _MOST_MORE = 2
 # Sizes of sets of which each two effects are dropped at once. Of four it would be six pairs.
 _PAIRS_OF = (2, 3)
-# Share of what an effect brings that a substitute must bring to be fitted in wider forms, and how
-# many of those are. Half as many, and the second of two substitutes is not looked at.
-_MOST_OF_GAIN, _WIDER_FITTED = 0.5, 4
+# Share of what one or several effects bring that a single one must be predicted to bring, to be
+# fitted in their place. Halved, twice as many fits are begun in vain.
+MOST_OF_GAIN = 0.5
+# Substitutes fitted in wider forms. Half as many, and the second of two is not looked at.
+_WIDER_FITTED = 4
 # Share of the sum of squares with an effect switched off, below which the others have absorbed it
 # when they are fitted again: a search for starts must then look at the residual before that.
 _ABSORBED = 0.8
@@ -104,7 +106,7 @@ def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
     for subset in sorted(near.subsets, key=lambda s: -s.reduction):
         base = subset.base
         single = len(subset.members) == 1 and len(base.candidates) == len(near.fit.candidates) - 1
-        if not single or subset.reduction < _MOST_OF_GAIN * (base.rss - near.fit.rss):
+        if not single or subset.reduction < MOST_OF_GAIN * (base.rss - near.fit.rss):
             continue
         (member,) = subset.members
         proposals += [

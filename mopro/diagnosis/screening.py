@@ -30,6 +30,8 @@ _FAR_FROM_LINEAR = 100.0
 # Signatures simulated again beside one fit. Doubled, an unexplained residual, which many effects
 # may explain a part of, takes twice as long.
 _MOST_RELINEARISED = 12
+# Error of the reduction of chi-squared that a signature predicts, as a share of it.
+LINEARITY_ERROR = 0.02
 # Smallest sum of squares that is predicted.
 _TINY = 1e-300
 

@@ -12,12 +12,13 @@ from mopro.diagnosis.fit import Fit, Identity
 from mopro.diagnosis.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.linear_subset import LinearSubset, distinct
 from mopro.diagnosis.neighbours import (
+    MOST_OF_GAIN,
     Neighbourhood,
     in_other_forms,
     in_wider_forms,
     neighbourhood,
 )
-from mopro.diagnosis.screening import Screening, far_from_linear
+from mopro.diagnosis.screening import LINEARITY_ERROR, Screening, far_from_linear
 
 # Sets fitted in one round; far from linear, where predictions are worth less, twice as many.
 # Doubled, a round takes twice as long.
@@ -28,14 +29,9 @@ _FITTED_TO_MINIMUM = 2
 _MOST_OTHERS = 2
 # Rounds after which free-form terms join the search, rounds with them, and those of a search that
 # ends in noise. Doubled, what nobody listed is described by several effects, which takes long.
-FIRST_ROUNDS, LAW_ROUNDS, _MOST_ROUNDS = 1, 2, 10
-# Error of the reduction of chi-squared that a signature predicts, as a share of it.
-_LINEARITY_ERROR = 0.02
+FIRST_ROUNDS, _LAW_ROUNDS, _MOST_ROUNDS = 1, 2, 10
 # Share of the sum of squares that a main effect leaves by itself, if it is the main one.
 _MAIN_EFFECT_LEAVES = 0.02
-# Share of what several effects gain that a single one must be predicted to gain, to be tried in
-# their place.
-_MOST_OF_GAIN = 0.5
 # EBIC by which another form may at first be worse, as it may make an effect superfluous: that
 # saves its penalty, a parameter's and a choice's, in any but the largest data. Halved, some forms
 # are never looked at beside the effect that they replace; doubled, more fits are run to their end.
@@ -46,7 +42,7 @@ def search(
     sets: Hypotheses,
     screening: Screening,
     also: Sequence[Fit] = (),
-    rounds: int = LAW_ROUNDS,
+    rounds: int = _LAW_ROUNDS,
     only_laws: bool = False,
 ) -> None:
     """Fit sets of effects to `sets` until none near the best one has a lower EBIC.
@@ -132,12 +128,12 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
     hopeful = [
         s
         for s in near.subsets
-        if s.ebic - _LINEARITY_ERROR * s.reduction < best and not sets.knows(s.candidates, s.ebic)
+        if s.ebic - LINEARITY_ERROR * s.reduction < best and not sets.knows(s.candidates, s.ebic)
     ]
     first = next((s for s in near.subsets if len(s.members) == 1), None)
     if not near.fit.candidates and first is not None and first.ebic < best:
         excess = near.fit.rss - near.fit.count * sets.scale(near.fit)
-        if excess - first.reduction <= _LINEARITY_ERROR * first.reduction:
+        if excess - first.reduction <= LINEARITY_ERROR * first.reduction:
             return [first]
     chosen = distinct(hopeful, _FITTED)
     if far_from_linear(near.fit):
@@ -152,5 +148,5 @@ def _simpler(near: Neighbourhood) -> list[LinearSubset]:
     """
     single = [s for s in near.subsets if len(s.members) == 1]
     several = [s for s in single if len(s.base.candidates) < len(near.fit.candidates) - 1]
-    able = [s for s in several if s.reduction > _MOST_OF_GAIN * (s.base.rss - near.fit.rss)]
+    able = [s for s in several if s.reduction > MOST_OF_GAIN * (s.base.rss - near.fit.rss)]
     return sorted(able, key=lambda s: -s.reduction)
