@@ -130,3 +130,11 @@ class VerifyError(LinkError):
     """The program read back from the controller differs from the one sent."""
 
     rule = "read-back-differs"
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal asked this process to end; its text says which.
+
+    A class of its own, because CPython ends a `python -m` process by SIGINT whatever its exit
+    code is, once a plain KeyboardInterrupt has left any `exec` of a text (as numba runs).
+    """

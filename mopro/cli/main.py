@@ -9,17 +9,24 @@ import importlib
 import io
 import signal
 import sys
+import threading
+from _thread import interrupt_main
 from types import FrameType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
 from mopro.cli.say import discard_output, prepare_streams, say
-from mopro.errors import LinkError, MoproError, PortError, RunError
+from mopro.errors import Interrupted, LinkError, MoproError, PortError, RunError
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 EXIT_SIGNAL = 128
+# Time in which a library's callback that swallowed a signal returns; half or double is no matter.
+_AGAIN_S = 0.01
 
 # command -> the module that defines it as `command`; loaded when the command is used.
 COMMANDS = {
@@ -66,7 +73,7 @@ def group() -> None:
 
 def main() -> NoReturn:
     """Run the command line and exit."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    _heed_signals()
     prepare_streams()
     try:
         code = group(standalone_mode=False)
@@ -99,6 +106,24 @@ def main() -> NoReturn:
         sys.exit(EXIT_BAD_INPUT)
 
 
+def _heed_signals() -> None:
+    """Have SIGINT (unless it is ignored) and SIGTERM end this process in order."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interrupt)
+    sys.unraisablehook = _unraisable
+
+
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     """Unwind as for Ctrl-C, so that files are left whole."""
-    raise KeyboardInterrupt
+    raise Interrupted(number)
+
+
+def _unraisable(lost: UnraisableHookArgs) -> None:
+    """Raise a signal again that came within a library's callback, where nothing can be raised."""
+    if isinstance(lost.exc_value, Interrupted):
+        again = threading.Timer(_AGAIN_S, interrupt_main, (lost.exc_value.args[0],))
+        again.daemon = True
+        again.start()
+    else:
+        sys.__unraisablehook__(lost)

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Protocol
 
-from mopro.errors import MoproError
+from mopro.errors import Interrupted, MoproError
 from mopro.link.session import Session
 
 # All that would end or suspend the process, and with it the watch over the motor.
@@ -26,10 +26,6 @@ _ENDING = (
 _KEYBOARD = "interrupted from the keyboard"
 # Exceptions that a run reports as its trouble; all others are faults of a program, and raised.
 _REPORTED = (MoproError, OSError, MemoryError, KeyboardInterrupt)
-
-
-class Interrupted(KeyboardInterrupt):
-    """A signal asked this process to end; its text says which."""
 
 
 class Signals:

@@ -12,6 +12,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterator
+from dataclasses import MISSING, fields
 from itertools import islice
 from pathlib import Path
 from typing import IO, Any, TextIO
@@ -31,10 +32,11 @@ _NUMBERS = "iuf"
 # Before numpy 2, mopro 0.1.0 stored an option of the writer beside the columns.
 _NO_COLUMNS = {KEY, "allow_pickle"}
 
-# What the libraries raise for a file that is not what its name says.
+# What the libraries raise for a file that is not what its name says: a member that the archive
+# lacks is a KeyError, its unknown compression a NotImplementedError, nested JSON a RecursionError.
 _FAULTS = (
-    ArithmeticError, AttributeError, EOFError, LookupError, NotImplementedError, RecursionError,
-    RuntimeError, TypeError, ValueError, csv.Error, zipfile.BadZipFile, zlib.error,
+    EOFError, KeyError, NotImplementedError, OverflowError, RecursionError, ValueError,
+    csv.Error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
 Wanted = Collection[str] | None
@@ -51,7 +53,7 @@ def read(path: str | Path, wanted: Wanted = None) -> Recording:
         raise DataError(f"{path}: expected one of {', '.join(_READERS)}", "unknown-format")
     try:
         header, found = reader(path, wanted)
-        return Recording(Header(**json.loads(header)), _checked(found))
+        return Recording(_header(json.loads(header)), _checked(found))
     except OSError as error:
         if error.errno is None:  # a library's, about the content
             raise _refusal(path, error) from error
@@ -61,6 +63,14 @@ def read(path: str | Path, wanted: Wanted = None) -> Recording:
         raise _refusal(path, "it claims to need more memory than there is") from error
     except _FAULTS as error:
         raise _refusal(path, error) from error
+
+
+def _header(stated: object) -> Header:
+    known = {key.name: key for key in fields(Header)}
+    needed = {name for name, key in known.items() if key.default is key.default_factory is MISSING}
+    if not isinstance(stated, dict) or not needed <= stated.keys() <= known.keys():
+        raise ValueError(f"its header is no object with the keys {', '.join(sorted(known))}")
+    return Header(**stated)
 
 
 def _refusal(path: Path, reason: object) -> DataError:
