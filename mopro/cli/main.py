@@ -122,8 +122,15 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
 def _unraisable(lost: UnraisableHookArgs) -> None:
     """Raise a signal again that came within a library's callback, where nothing can be raised."""
     if isinstance(lost.exc_value, Interrupted):
-        again = threading.Timer(_AGAIN_S, interrupt_main, (lost.exc_value.args[0],))
+        again = threading.Timer(_AGAIN_S, _signal_main, (lost.exc_value.args[0],))
         again.daemon = True
         again.start()
     else:
         sys.__unraisablehook__(lost)
+
+
+def _signal_main(number: int) -> None:
+    if sys.platform == "win32":
+        interrupt_main(number)
+    else:  # also wakes a thread that waits
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
