@@ -16,6 +16,12 @@ from mopro.diagnosis.residual import Residuals
 # Chi-squared by which a fit may be above its minimum. Doubled, it saves a simulation now and then;
 # evidence is compared in steps of 1 at the least.
 _CHI2_TOLERANCE = 0.01
+# Chi-squared per sample above which the model may be too far from the data for signatures, which
+# are linear, to rank candidates.
+_FAR_FROM_LINEAR = 100.0
+# Shares of each series that are fitted one after another where the whole one misleads: each is
+# twice the one before, so that an oscillation which the last one fits is off by less than a cycle.
+_GROWING = (1 / 8, 1 / 4, 1 / 2)
 # Step of the derivative of a parameter by its scaled coordinate.
 _SCALE_STEP = 1e-6
 
@@ -58,6 +64,11 @@ class Fit:
     @property
     def identity(self) -> Identity:
         return self.key, self.rss
+
+    @property
+    def far_from_linear(self) -> bool:
+        """True if the residual is so large (10 σ RMS) that signatures may mislead."""
+        return self.rss > _FAR_FROM_LINEAR * self.count
 
     @property
     def values(self) -> Floats:
@@ -108,6 +119,24 @@ def least_squares_fit(
     """
     problems = [_Problem(residuals, candidates, base, start) for start in starts]
     return min((problem.solve(rss_limit) for problem in problems), key=lambda fit: fit.rss)
+
+
+def growing_fit(
+    residuals: Residuals,
+    candidates: Sequence[Candidate],
+    start: Settings,
+    rss_limit: float,
+    base: Sequence[Candidate],
+) -> Fit:
+    """As `least_squares_fit`, after fits of the beginning of each series, longer every time.
+
+    The prediction of a model that runs freely from a start state gets out of phase with the
+    data; the sum of squares over the whole of it then has many local minima.
+    """
+    for share in _GROWING:
+        part = residuals.subset(residuals.beginnings(share))
+        start = least_squares_fit(part, candidates, [start], base=base).settings
+    return least_squares_fit(residuals, candidates, [start], rss_limit, base)
 
 
 class _Problem:

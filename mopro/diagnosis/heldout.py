@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.diagnosis.fit import Fit, least_squares_fit
 from mopro.diagnosis.jacobian import gauss_newton_step
-from mopro.diagnosis.model import Floats, Mask
+from mopro.diagnosis.model import Candidate, Floats, Mask
 from mopro.diagnosis.noise import Noise
 from mopro.diagnosis.residual import Residuals, projected_out
 
@@ -20,7 +20,8 @@ _MOST_FOLDS = 12
 # fit of all data is close, as one fold of many samples changes little.
 _FEW_SAMPLES = 1000
 # Share of the information on a parameter, or on a nuisance, below which the other folds cannot
-# predict this one: a parameter's fold is then cut in time, a nuisance fitted in the fold itself.
+# predict this one: an effect's fold is then cut in time; a nuisance, and a free number of the model
+# such as the state that a run starts from, is what the fold itself says.
 _LEAST_INFORMATION = 0.1
 # Chunks that such a fold is cut into.
 _CHUNKS = 4
@@ -112,7 +113,7 @@ def _divided(residuals: Residuals, masks: Sequence[Mask], fit: Fit) -> Iterator[
     An effect that shows in a single move can only be predicted from the rest of that move.
     Flexible effects do not count.
     """
-    rigid = {c.name for c in (*fit.base, *fit.candidates) if not c.flexible}
+    rigid = {c.name for c in fit.candidates if not c.flexible}
     columns = [i for i, (effect, _) in enumerate(fit.order) if effect in rigid]
     jacobian = fit.jacobian[:, columns]
     if not columns or len(jacobian) <= _FEW_SAMPLES:
@@ -176,15 +177,34 @@ def _predicted(residuals: Residuals, fit: Fit, masks: Sequence[Mask]) -> Floats:
 def _by_refit(residuals: Residuals, fit: Fit, mask: Mask) -> Floats:
     """Residual of the fold after a fit of the other folds."""
     settings = fit.settings
-    if fit.order:
+    base = [_frozen(own, fit, _of_the_fold(fit, fit.jacobian, mask)) for own in fit.base]
+    if fit.candidates or any(own.parameters for own in base):
         others = residuals.subset(~mask)
-        settings = least_squares_fit(others, fit.candidates, [settings], base=fit.base).settings
+        settings = least_squares_fit(others, fit.candidates, [settings], base=base).settings
     return _extrapolated(residuals, residuals.at(settings), np.zeros((len(mask), 0)), mask)
 
 
 def _by_step(residuals: Residuals, fit: Fit, mask: Mask) -> Floats:
     """Residual of the fold after one Gauss-Newton step to the fit of the other folds."""
-    return _extrapolated(residuals, fit.residual, fit.jacobian, mask)
+    fitted = ~_of_the_fold(fit, fit.jacobian, mask)
+    return _extrapolated(residuals, fit.residual, fit.jacobian[:, fitted], mask)
+
+
+def _of_the_fold(fit: Fit, jacobian: Floats, mask: Mask) -> Mask:
+    """The columns of the model's free numbers that the other folds tell next to nothing of."""
+    base = {c.name for c in fit.base}
+    outside, whole = (np.sum(jacobian[rows] ** 2, axis=0) for rows in (~mask, slice(None)))
+    unknown = outside <= _LEAST_INFORMATION * whole
+    answer: Mask = np.array([name in base for name, _ in fit.order], dtype=bool) & unknown
+    return answer
+
+
+def _frozen(base: Candidate, fit: Fit, frozen: Mask) -> Candidate:
+    """`base` with the numbers of the `frozen` columns fixed where `fit` has them."""
+    names = {p.name for (_, p), own in zip(fit.order, frozen, strict=True) if own}
+    fixed = {name: fit.settings[base.name][name] for name in sorted(names)}
+    parameters = tuple(p for p in base.parameters if p.name not in names)
+    return replace(base, parameters=parameters, fixed={**base.fixed, **fixed})
 
 
 def _extrapolated(residuals: Residuals, residual: Floats, jacobian: Floats, mask: Mask) -> Floats:

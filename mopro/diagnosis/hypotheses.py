@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from mopro.diagnosis.evidence import Evidence
-from mopro.diagnosis.fit import Fit, Identity, Key, least_squares_fit
+from mopro.diagnosis.fit import Fit, Identity, Key, growing_fit, least_squares_fit
 from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
 from mopro.diagnosis.noise import Noise
 from mopro.diagnosis.remainder import examine
@@ -75,7 +75,10 @@ class Hypotheses:
             {c.name: {name: v for of, name, v in values if of == c.name} for c in self.base}
             for values in product(*ranges)
         ]
-        fit = least_squares_fit(self.residuals, (), starts, math.inf, self.base)
+        fits = [least_squares_fit(self.residuals, (), starts, math.inf, self.base)]
+        if self.base:
+            fits.append(self._from((), self._lowest(starts), math.inf))
+        fit = min(fits, key=lambda f: f.rss)
         if not np.isfinite(self.residuals.predicted(fit.settings)).all():
             raise ValueError("the model without effects predicts values that are not finite")
         self._fits[fit.key] = fit
@@ -172,13 +175,24 @@ class Hypotheses:
         if known is not None and not known.abandoned and not self._begins_lower(start, known):
             return known
         self.progress("fitting " + " + ".join(sorted(c.name for c in candidates)))
-        fit = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
+        fit = self._from(candidates, start, limit)
         smaller = _lower_subset(fit, fits)
         if smaller is None:
             return fit
         faint = {**_faint(candidates, start), **smaller.settings}
         again = least_squares_fit(self.residuals, candidates, [faint], limit, self.base)
         return min(fit, again, key=lambda f: f.rss)
+
+    def _from(self, candidates: Sequence[Candidate], start: Settings, limit: float) -> Fit:
+        """The fit from `start`; where it leaves much of a model with free numbers, a growing one.
+
+        Of the two the lower one is taken.
+        """
+        fit = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
+        if not self.base or not fit.far_from_linear:
+            return fit
+        grown = growing_fit(self.residuals, candidates, start, limit, self.base)
+        return min(fit, grown, key=lambda f: f.rss)
 
     def _kept(self, fit: Fit, limit: float) -> Fit:
         """`fit`, or the one that is known of its set and no worse."""
@@ -190,7 +204,13 @@ class Hypotheses:
         return self._fits[fit.key]
 
     def settled(self, fit: Fit) -> Fit:
-        """`fit` refitted from its own end until it stands still, as a narrow valley may need."""
+        """`fit` refitted from its own end until it stands still, as a narrow valley may need.
+
+        With free numbers in the model, also from the beginning of the data onwards.
+        """
+        if self.base:
+            grown = growing_fit(self.residuals, fit.candidates, fit.settings, math.inf, self.base)
+            fit = self._kept(grown, math.inf)
         for _ in range(_MOST_REFITS):
             again = least_squares_fit(
                 self.residuals, fit.candidates, [fit.settings], math.inf, self.base

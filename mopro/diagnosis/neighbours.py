@@ -10,7 +10,7 @@ from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.linear_subset import LinearSubset, LinearSubsets
 from mopro.diagnosis.model import Candidate, Settings
-from mopro.diagnosis.screening import Screening, far_from_linear
+from mopro.diagnosis.screening import Screening
 
 # Effects in one set. Doubled, harmonics of many lines are told, and pure noise costs no more.
 MOST_EFFECTS = 6
@@ -61,7 +61,7 @@ def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbour
 
 def _more(reduced: Fit, fit: Fit) -> int:
     """Effects that may be added beyond those that were dropped from `fit`."""
-    if far_from_linear(reduced):
+    if reduced.far_from_linear:
         return 0 if reduced is not fit else _MOST_MORE if fit.candidates else 1
     if reduced is not fit:
         return 1

@@ -52,6 +52,10 @@ class Residuals:
         """This problem restricted to the samples in `mask`."""
         return Residuals(self._simulate, self.data, mask, self.sigmas)
 
+    def beginnings(self, share: float) -> Mask:
+        """The samples in this `share` of each series, from its first one on."""
+        return np.concatenate([np.arange(len(s)) < share * len(s) for s in self.data])
+
     def of_model(self, simulate: Simulate) -> Residuals:
         """These data and another model of them."""
         return Residuals(simulate, self.data, self.mask, self.sigmas)

@@ -24,9 +24,6 @@ from mopro.diagnosis.signature import (
 # it asks for, if that is far from the size it was simulated at. An effect must gain more than ln n
 # anyway: halved, it costs simulations of what is noise.
 _WORTH_RELINEARISING = 6.0
-# Chi-squared per sample above which the model may be too far from the data for signatures, which
-# are linear, to rank candidates.
-_FAR_FROM_LINEAR = 100.0
 # Signatures simulated again beside one fit. Doubled, an unexplained residual, which many effects
 # may explain a part of, takes twice as long.
 _MOST_RELINEARISED = 12
@@ -34,11 +31,6 @@ _MOST_RELINEARISED = 12
 LINEARITY_ERROR = 0.02
 # Smallest sum of squares that is predicted.
 _TINY = 1e-300
-
-
-def far_from_linear(fit: Fit) -> bool:
-    """True if the residual is so large (10 σ RMS) that signatures may mislead."""
-    return fit.rss > _FAR_FROM_LINEAR * fit.count
 
 
 class Screening:
@@ -77,7 +69,7 @@ class Screening:
         ]
         if base.key != at.key:
             return self._scores(base, null, joining)
-        if at.key == null.key or far_from_linear(null):
+        if at.key == null.key or null.far_from_linear:
             return self._scores(base, at, joining)
         known = self._scores(base, null, joining)
         limit = self._sets.white.ebic(at) + ALTERNATIVE_MARGIN

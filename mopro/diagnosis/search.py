@@ -18,7 +18,7 @@ from mopro.diagnosis.neighbours import (
     in_wider_forms,
     neighbourhood,
 )
-from mopro.diagnosis.screening import LINEARITY_ERROR, Screening, far_from_linear
+from mopro.diagnosis.screening import LINEARITY_ERROR, Screening
 
 # Sets fitted in one round; far from linear, where predictions are worth less, twice as many.
 # Doubled, a round takes twice as long.
@@ -92,7 +92,7 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
     proposed = _proposed(sets, near)
     sets.fit_all(_proposals(proposed[:_FITTED_TO_MINIMUM]))
     limit = sets.limit(sets.best())
-    if far_from_linear(sets.null):
+    if sets.null.far_from_linear:
         limit = max(limit, _MAIN_EFFECT_LEAVES * sets.null.rss)
     sets.fit_all([*_proposals(proposed[_FITTED_TO_MINIMUM:]), *in_wider_forms(sets, near)], limit)
     sets.judge_by(sets.fullest())
@@ -136,7 +136,7 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
         if excess - first.reduction <= LINEARITY_ERROR * first.reduction:
             return [first]
     chosen = distinct(hopeful, _FITTED)
-    if far_from_linear(near.fit):
+    if near.fit.far_from_linear:
         chosen += distinct([s for s in hopeful if len(s.members) == 1], 2 * _FITTED)
     return list(dict.fromkeys([*chosen, *distinct(_simpler(near), _FITTED)]))
 

@@ -117,3 +117,33 @@ def test_unknown_noise_is_taken_from_what_the_fitted_numbers_leave():
 def test_base_is_no_name_of_an_effect():
     with pytest.raises(ValueError, match='"base" is the name of the free numbers of the model'):
         mopro.reconcile(decaying, candidates("base"), run({}), base=BASE)
+
+
+def swinging(settings):
+    own, (decay,) = settings["base"], sizes(settings, "decay")
+    return [np.exp(-decay * T) * np.cos(own["w"] * T + own["p"])]
+
+
+def test_a_free_swing_is_fitted_from_its_beginning_on():
+    """A third off in frequency is eleven cycles at the end: fitted as a whole it is lost."""
+    base = (Parameter("w", "1/s", 10.0, 100.0, (30.0,)), Parameter("p", "rad", -1.0, 1.0, (0.0,)))
+    truth = {"base": {"w": 44.0, "p": 0.3}, "decay": {"size": 0.2}}
+    effect = Candidate("decay", (Parameter("size", "1/s", 0.0, 2.0, (0.1,)),))
+    answer = diagnosed(swinging, [effect], truth, 0.01, seed=0, base=base)
+    assert (answer.verdict, names(answer)) == ("named", {"decay"})
+    assert answer.base["w"].value == pytest.approx(44.0, abs=0.01)
+    assert answer.effects[0].parameters["size"].value == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_start_state_that_one_part_alone_knows_is_not_refitted_without_that_part():
+    """The start is lost after the first of five seconds; the pull shows in all of them."""
+
+    def model(settings):
+        own, (pull,) = settings["base"], sizes(settings, "pull")
+        return [own["x0"] * np.exp(-8 * T) + pull * np.sin(5 * T)]
+
+    base = (Parameter("x0", "V", -50.0, 50.0, (1.0,)),)
+    truth = {"base": {"x0": 10.0}} | of_size(pull=0.3)
+    answer = diagnosed(model, candidates("pull"), truth, 0.1, seed=4, base=base)
+    assert (answer.verdict, names(answer)) == ("named", {"pull"})
+    assert answer.gap.held_out_rms == pytest.approx(0.1, rel=0.1)
