@@ -11,15 +11,16 @@ from mopro.diagnosis.alternatives import Alternative, alternatives
 from mopro.diagnosis.conclude import conclude
 from mopro.diagnosis.evidence import ALTERNATIVE_MARGIN, NAMING_MARGIN
 from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.heldout import HeldOut, held_out
+from mopro.diagnosis.heldout import HeldOut, folds, held_out
 from mopro.diagnosis.hypotheses import Hypotheses, Progress
 from mopro.diagnosis.laws import WithLaws, measurement_laws
-from mopro.diagnosis.model import Candidate, Law, Parameter, Series, Simulate
+from mopro.diagnosis.model import Candidate, Law, Mask, Parameter, Series, Simulate
 from mopro.diagnosis.noise import Noise
 from mopro.diagnosis.remainder import NOISE_TOLERANCE, NOTHING_LEFT, Remainder, examine
 from mopro.diagnosis.residual import Residuals, difference_variance
 from mopro.diagnosis.screening import Screening
 from mopro.diagnosis.search import FIRST_ROUNDS, search
+from mopro.diagnosis.uniformity import Spread, spread
 from mopro.diagnosis.verdict import Rejected, Verdict
 
 # The name of the model's own free numbers in the settings.
@@ -38,6 +39,7 @@ _QUIETEST = 0.01
 _STANDARD_ERRORS = 4.0
 
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
+_STANDS_IN = "its size differs from part to part by {:.0%}: it stands in for something else"
 _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 10 beside what remains"
 
 
@@ -236,6 +238,34 @@ def eliminate(state: State) -> State:
     return replace(state, fit=fit, rejected=tuple(rejected))
 
 
+def expose_stand_ins(state: State) -> State:
+    """The answer without effects whose size differs from part to part, the worst dropped first.
+
+    They resemble something that nobody listed.
+    """
+    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
+    masks = folds(sets.residuals)
+    while not sets.is_noise(fit):
+        spreads = {c.name: _spread(state, masks, fit, c) for c in fit.candidates}
+        stand_ins = {name: s.share for name, s in spreads.items() if s and s.of_a_stand_in}
+        if not stand_ins:
+            break
+        worst = max(sorted(stand_ins), key=lambda name: stand_ins[name])
+        without = sets.settled(sets.without(fit, worst))
+        reason = _STANDS_IN.format(stand_ins[worst])
+        rejected.append(Rejected(worst, without.rss - fit.rss, reason))
+        fit = without
+    return replace(state, fit=fit, rejected=tuple(rejected))
+
+
+def _spread(state: State, masks: Sequence[Mask], fit: Fit, effect: Candidate) -> Spread | None:
+    """Spread of a listed effect's size; that of a free-form term is not asked for."""
+    sets = state.sets
+    return (
+        None if effect.law else spread(sets.residuals, sets.evidence.noise, masks, fit, effect.name)
+    )
+
+
 def hold_out(state: State) -> State:
     """The answer without effects that held-out parts do not support, the worst dropped first."""
     fit, rejected = state.fit, list(state.rejected)
@@ -348,6 +378,7 @@ PASSES: tuple[Pass, ...] = (
     restate_quiet_noise,
     settle,
     eliminate,
+    expose_stand_ins,
     hold_out,
     set_laws_apart,
     examine_remainder,

@@ -1,0 +1,78 @@
+"""Effects that resemble what is missing: their size differs from part to part."""
+
+import numpy as np
+import pytest
+
+from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
+from mopro.diagnosis.heldout import folds
+from mopro.diagnosis.hypotheses import Hypotheses
+from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.uniformity import spread
+
+T = times(1000)
+MOVE = (T / T[-1] * 4.999).astype(int)
+# Height of an unlisted wave in each of the five moves.
+HEIGHTS = np.array([0.2, 1.5, 0.6, 2.0, 0.9])
+
+
+def model(settings):
+    """`wave` is the same in all moves; `varying`, which is in no catalogue, is not."""
+    wave, varying = sizes(settings, "wave", "varying")
+    return [(wave + varying * HEIGHTS[MOVE]) * np.sin(9 * T)]
+
+
+def spread_of(truth, seed=0):
+    (values,) = model(truth)
+    residuals = Residuals(model, measured(values, 0.05, seed))
+    (wave,) = candidates("wave")
+    sets = Hypotheses(residuals, [wave])
+    fit = sets.fitted([wave], of_size(wave=1.0))
+    return spread(residuals, sets.evidence.noise, folds(residuals), fit, "wave")
+
+
+def test_a_true_effect_has_one_size():
+    shares = [spread_of(of_size(wave=1.0), seed) for seed in range(40)]
+    assert not any(s.significant for s in shares)
+    assert max(s.share for s in shares) < 0.03
+
+
+def test_the_spread_is_that_of_the_sizes():
+    """Standard deviation of the five heights over their mean, which is the fitted size."""
+    found = spread_of(of_size(varying=1.0))
+    assert found.significant
+    assert found.of_a_stand_in
+    assert found.share == pytest.approx(HEIGHTS.std(ddof=1) / HEIGHTS.mean(), rel=0.1)
+
+
+def test_a_small_spread_is_told_and_is_no_stand_in():
+    found = spread_of(of_size(wave=1.0, varying=0.1))
+    assert found.significant
+    assert not found.of_a_stand_in
+
+
+def test_two_parts_do_not_tell():
+    (values,) = model(of_size(wave=1.0))
+    residuals = Residuals(model, measured(values, 0.05, 0))
+    (wave,) = candidates("wave")
+    sets = Hypotheses(residuals, [wave])
+    fit = sets.fitted([wave], of_size(wave=1.0))
+    noise = sets.evidence.noise
+    assert spread(residuals, noise, [MOVE < 2, MOVE >= 2], fit, "wave") is None
+
+
+def test_what_stands_in_is_not_named_and_the_reason_is_given():
+    verdict = diagnosed(model, candidates("wave"), of_size(varying=1.0), 0.05, seed=1)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+    reasons = [r.reason for r in verdict.rejected if r.name == "wave"]
+    assert any("it stands in for something else" in reason for reason in reasons)
+
+
+def test_a_true_effect_is_named_beside_what_nobody_listed():
+    def both(settings):
+        (wave,) = model(settings)
+        (steady,) = sizes(settings, "steady")
+        return [wave + steady * np.cos(31 * T)]
+
+    truth = of_size(steady=1.0, varying=1.0)
+    verdict = diagnosed(both, candidates("wave", "steady"), truth, 0.05, seed=1)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"steady"})
