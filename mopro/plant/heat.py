@@ -69,8 +69,13 @@ def _film_W_m2_K(machine: Machine, air_m_s: float, length_m: float) -> float:
     return nusselt * heat.air_conductivity_W_m_K / heat.forcer_side_m
 
 
-# Times at which the heating changes, and the balance from each on.
-HeatIntervals = tuple[list[float], list[HeatBalance]]
+@dataclass(frozen=True)
+class HeatIntervals:
+    """Times (s) at which the heating changes, and the number of the balance from each on."""
+
+    starts_s: NDArray[np.float64]
+    number: NDArray[np.intp]
+    balances: tuple[HeatBalance, ...]
 
 
 class HeatHistory:
@@ -86,10 +91,12 @@ class HeatHistory:
         intervals: HeatIntervals | None = None,
     ) -> None:
         self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
-        starts, balances = intervals or heat_intervals(machine, moves)
-        self._starts_s = np.array(starts)
-        self._final_C = np.array([machine.heat.ambient_C + b.rise_K for b in balances])
-        self._rate_1_s = np.array([b.conductance_W_K for b in balances]) / self._capacity_J_K
+        known = intervals or heat_intervals(machine, moves)
+        rises = np.array([b.rise_K for b in known.balances])
+        rates = np.array([b.conductance_W_K for b in known.balances]) / self._capacity_J_K
+        self._starts_s = known.starts_s
+        self._final_C = machine.heat.ambient_C + rises[known.number]
+        self._rate_1_s = rates[known.number]
         decays = np.exp(-np.diff(self._starts_s) * self._rate_1_s[:-1]).tolist()
         temperatures = [machine.heat.ambient_C]
         for final, decay in zip(self._final_C.tolist(), decays, strict=False):
@@ -113,22 +120,23 @@ def heat_intervals(machine: Machine, moves: Iterable[PlannedMove]) -> HeatInterv
     """The times at which the heating changes, and the balance from each on."""
     moving = [move for move in moves if move.profile.distance]
     times_s = np.array([move.start_s for move in moving] + [move.end_s for move in moving])
-    numbers = np.tile(np.arange(len(moving)), 2)
-    order = np.lexsort((numbers, times_s))
-    starts, balances = [0.0], [heat_balance(machine, 0, 0.0, 0.0)]
+    of_move = np.tile(np.arange(len(moving)), 2)
+    order = np.lexsort((of_move, times_s))
+    starts, number = [0.0], [0]
+    balances = {heat_balance(machine, 0, 0.0, 0.0): 0}
     under_way: dict[int, _Motion] = {}
-    known: dict[tuple[_Motion, ...], HeatBalance] = {(): balances[0]}
-    for time_s, number in zip(times_s[order].tolist(), numbers[order].tolist(), strict=True):
-        if under_way.pop(number, None) is None:
-            under_way[number] = _motion(moving[number])
+    known: dict[tuple[_Motion, ...], int] = {(): 0}
+    for time_s, move in zip(times_s[order].tolist(), of_move[order].tolist(), strict=True):
+        if under_way.pop(move, None) is None:
+            under_way[move] = _motion(moving[move])
         motions = tuple(under_way.values())
         if motions not in known:
-            known[motions] = _balance_of(machine, motions)
+            known[motions] = balances.setdefault(_balance_of(machine, motions), len(balances))
         if time_s > starts[-1]:
             starts.append(time_s)
-            balances.append(known[motions])
-        balances[-1] = known[motions]
-    return starts, balances
+            number.append(0)
+        number[-1] = known[motions]
+    return HeatIntervals(np.array(starts), np.array(number), tuple(balances))
 
 
 # A move's peak velocity over its distance, and each axis' length (microsteps, seconds).

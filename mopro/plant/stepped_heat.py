@@ -58,13 +58,13 @@ class SteppedHeat:
         self._machine = machine
         self._effects = effects
         self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
-        starts, balances = intervals or heat_intervals(machine, moves)
+        known = intervals or heat_intervals(machine, moves)
         until_s = max(until_s, 1e-3)
-        changes = _changes(starts, scalings, until_s)
+        changes = _changes(known.starts_s, scalings, until_s)
         steps = _steps(changes, until_s)
         self._time = np.union1d(steps, changes)
         middle = (self._time[:-1] + self._time[1:]) / 2
-        kind, kinds = self._kinds(middle, np.array(starts), balances, scalings)
+        kind, kinds = self._kinds(middle, known, scalings)
         step = np.searchsorted(steps, middle) - 1
         self._integrate(steps, step, kind, kinds)
 
@@ -78,25 +78,21 @@ class SteppedHeat:
         return hermite(u, start, end, rise, fall)
 
     def _kinds(
-        self,
-        time_s: Floats,
-        starts_s: Floats,
-        balances: Sequence[HeatBalance],
-        scalings: Mapping[int, DriveScaling],
+        self, time_s: Floats, intervals: HeatIntervals, scalings: Mapping[int, DriveScaling]
     ) -> tuple[Indices, list[_Conditions]]:
         """Index of the condition that holds at each time, and the distinct conditions."""
-        distinct = {balance: i for i, balance in enumerate(dict.fromkeys(balances))}
-        number = np.array([distinct[balance] for balance in balances])
-        interval = np.searchsorted(starts_s, time_s, side="right") - 1
+        rows = np.searchsorted(intervals.starts_s, time_s, side="right") - 1
+        balance = kind = intervals.number[rows]
         gains = [scaling.at(time_s)[0] for scaling in scalings.values()]
-        table = np.column_stack([number[interval], *gains])
-        rows, kind = np.unique(table, axis=0, return_inverse=True)
-        known = list(distinct)
-        kinds = [
-            _Conditions(known[int(row[0])], self._coil_W(known[int(row[0])], row[1:].tolist()))
-            for row in rows
-        ]
-        return kind.reshape(-1), kinds
+        for scaling in scalings.values():
+            distinct, number = np.unique(scaling.gain, return_inverse=True)
+            kind = kind * len(distinct) + number[scaling.rows_at(time_s)]
+        _, first, kind = np.unique(kind, return_index=True, return_inverse=True)
+        kinds = []
+        for i in first.tolist():
+            own = intervals.balances[balance[i]]
+            kinds.append(_Conditions(own, self._coil_W(own, [float(gain[i]) for gain in gains])))
+        return kind, kinds
 
     def _coil_W(self, balance: HeatBalance, gains: Sequence[float]) -> float:
         """Eq. 3.12 with each axis' own share of the current."""
@@ -173,9 +169,7 @@ def _led_through(time_s: Floats, rises: Floats, steps: Floats, coarse: Floats) -
     return led
 
 
-def _changes(
-    starts_s: Sequence[float], scalings: Mapping[int, DriveScaling], until_s: float
-) -> Floats:
+def _changes(starts_s: Floats, scalings: Mapping[int, DriveScaling], until_s: float) -> Floats:
     """Times before the end at which the conditions change."""
     changes = np.unique(np.concatenate([starts_s, *(s.times_s for s in scalings.values())]))
     return changes[changes < until_s - 1e-9]

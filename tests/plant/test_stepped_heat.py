@@ -36,7 +36,9 @@ def active(**parameters):
 
 def exact_C(moves, conductance, per_metre, per_hertz, until_s, times):
     """Piecewise exponentials with the platen at the air's temperature."""
-    starts, balances = heat_intervals(MACHINE, moves)
+    intervals = heat_intervals(MACHINE, moves)
+    starts = intervals.starts_s.tolist()
+    balances = [intervals.balances[i] for i in intervals.number]
     air = temperature = MACHINE.heat.ambient_C
     found = np.empty(len(times))
     for balance, start, end in zip(balances, starts, [*starts[1:], until_s], strict=True):
@@ -68,8 +70,8 @@ def test_less_current_at_rest_is_met_within_a_step():
     gain = np.where(np.arange(len(times)) % 2, 0.5, 1.0)
     saving = {n: DriveScaling(times, gain, np.ones(len(times))) for n in (1, 2)}
     mean = SteppedHeat(MACHINE, [], [], saving, HOUR_S).temperature_C(np.array([HOUR_S]))
-    power = heat_intervals(MACHINE, [])[1][0].power_W
-    conductance = heat_intervals(MACHINE, [])[1][0].conductance_W_K
+    power = heat_intervals(MACHINE, []).balances[0].power_W
+    conductance = heat_intervals(MACHINE, []).balances[0].conductance_W_K
     final = (power * (1 + 0.25) / 2) / conductance
     rise = final * (1 - np.exp(-HOUR_S * conductance / CAPACITY_J_K))
     assert mean - MACHINE.heat.ambient_C == pytest.approx(rise, abs=0.02)

@@ -41,7 +41,10 @@ class PlatenConduction(Effect):
         """
         stated = "T_p" in view.own(self.name)
         low, high = self.parameter("T_p").plausible
-        platen = Fitted("T_p", "C", low, high, (view.machine.heat.ambient_C,), Role.CONSTANT)
+        platen = Fitted(
+            "T_p", "C", low, high, (view.machine.heat.ambient_C,), Role.CONSTANT,
+            plausible=(low, high),
+        )  # fmt: skip
         for form in super().forms(view):
             fixed = {name: value for name, value in form.fixed.items() if name != "T_p"}
             freed = replace(form, parameters=(*form.parameters, platen), fixed=fixed)
