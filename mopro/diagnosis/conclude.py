@@ -16,6 +16,7 @@ from mopro.diagnosis.model import Candidate, Floats, Mask, Series
 from mopro.diagnosis.remainder import Remainder
 from mopro.diagnosis.residual import difference_variance
 from mopro.diagnosis.screening import Screening
+from mopro.diagnosis.state import State
 from mopro.diagnosis.verdict import (
     BelowResolution,
     Draft,
@@ -34,37 +35,21 @@ from mopro.diagnosis.verdict import (
 _NO_EVIDENCE = "lowers chi-squared by less than the penalty of its parameters"
 
 
-def conclude(
-    sets: Hypotheses,
-    screening: Screening,
-    fit: Fit,
-    drafted: Fit | None,
-    held: HeldOut | None,
-    drafted_held: HeldOut | None,
-    remainder: Remainder,
-    others: Sequence[Alternative],
-    dropped: Sequence[Rejected],
-    notes: Sequence[str],
-) -> Verdict:
-    """The verdict on `fit`, with all that the evidence says for and against.
-
-    `drafted`: the same effects with free-form terms beside them, which `drafted_held` judges.
-    `others` are the sets that do as well; `dropped` the effects that passes after the search
-    dropped.
-    """
+def conclude(state: State) -> Verdict:
+    """The verdict on the final state, with all that the evidence says for and against."""
+    sets, fit, held, others = state.sets, state.fit, state.held, state.alternatives
     believed = [(c, _named(sets, fit, held, c, others)) for c in fit.candidates]
     calibrated = sets.evidence.calibrated
     effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
-    unseen, rejected = _not_found(sets, screening, fit)
-    data = sets.residuals.data
+    unseen, rejected = _not_found(sets, state.screening, fit)
     return Verdict(
-        verdict=verdict_of(effects, remainder, others),
+        verdict=verdict_of(effects, state.remainder, others),
         effects=effects,
-        rejected=(*dropped, *rejected),
+        rejected=(*state.rejected, *rejected),
         below_resolution=unseen,
         where=tuple(_where(sets)),
         gap=_gap(sets, fit, held),
-        remainder=remainder,
+        remainder=state.remainder,
         settings=fit.settings,
         before=tuple(_in_units(sets, sets.null.residual)),
         after=tuple(_in_units(sets, fit.residual)),
@@ -74,9 +59,9 @@ def conclude(
         alternatives=tuple(tuple(sorted(other.names)) for other in others),
         base={p: e for c in fit.base for p, e in _estimates(sets, fit, c).items()},
         base_before=sets.null.settings,
-        drafts=() if drafted is None else _drafts(sets, drafted, drafted_held),
-        notes=tuple(notes),
-        nuisances=tuple(_nuisances(sets, fit, data)),
+        drafts=() if state.drafted is None else _drafts(sets, state.drafted, state.drafted_held),
+        notes=state.notes,
+        nuisances=tuple(_nuisances(sets, fit, sets.residuals.data)),
         correlations=_correlations(sets, fit),
     )
 

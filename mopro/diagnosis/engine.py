@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from mopro.diagnosis.alternatives import Alternative, alternatives
+from mopro.diagnosis.alternatives import alternatives
 from mopro.diagnosis.conclude import conclude
 from mopro.diagnosis.evidence import ALTERNATIVE_MARGIN, NAMING_MARGIN
 from mopro.diagnosis.fit import Fit
@@ -16,10 +16,10 @@ from mopro.diagnosis.hypotheses import Hypotheses, Progress
 from mopro.diagnosis.laws import WithLaws, measurement_laws
 from mopro.diagnosis.model import Candidate, Law, Mask, Parameter, Series, Simulate
 from mopro.diagnosis.noise import Noise
-from mopro.diagnosis.remainder import NOISE_TOLERANCE, NOTHING_LEFT, Remainder, examine
+from mopro.diagnosis.remainder import NOISE_TOLERANCE, Remainder, examine
 from mopro.diagnosis.residual import Residuals, difference_variance
-from mopro.diagnosis.screening import Screening
 from mopro.diagnosis.search import FIRST_ROUNDS, search
+from mopro.diagnosis.state import Problem, State
 from mopro.diagnosis.uniformity import Spread, spread
 from mopro.diagnosis.verdict import Rejected, Verdict
 
@@ -41,49 +41,6 @@ _STANDARD_ERRORS = 4.0
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
 _STANDS_IN = "its size differs from part to part by {:.0%}: it stands in for something else"
 _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 10 beside what remains"
-
-
-@dataclass(frozen=True)
-class Problem:
-    """The question: a model, also with smaller steps, a catalogue, data and free numbers."""
-
-    simulate: Simulate
-    finer: Simulate | None
-    catalogue: tuple[Candidate, ...]
-    base: tuple[Candidate, ...]
-    data: tuple[Series, ...]
-    jobs: int
-    progress: Progress
-
-    def sets(self) -> Hypotheses:
-        first = {c.name: {p.name: p.starts[0] for p in c.parameters} for c in self.base}
-        residuals = Residuals(self.simulate, self.data, scaled_at=first)
-        return Hypotheses(residuals, self.catalogue, self.base, self.jobs, self.progress)
-
-
-@dataclass(frozen=True)
-class State:
-    """State between two passes: the fitted sets, and the answer so far.
-
-    `drafted`: the answer with the free-form terms that stand beside it.
-    """
-
-    problem: Problem
-    sets: Hypotheses
-    screening: Screening
-    fit: Fit
-    drafted: Fit | None = None
-    held: HeldOut | None = None
-    drafted_held: HeldOut | None = None
-    remainder: Remainder = NOTHING_LEFT
-    alternatives: tuple[Alternative, ...] = ()
-    rejected: tuple[Rejected, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    @staticmethod
-    def of(problem: Problem) -> State:
-        sets = problem.sets()
-        return State(problem, sets, Screening(sets), sets.null)
 
 
 Pass = Callable[[State], State]
@@ -116,10 +73,7 @@ def reconcile(
     state = State.of(problem)
     for each in PASSES:
         state = each(state)
-    return conclude(
-        state.sets, state.screening, state.fit, state.drafted, state.held, state.drafted_held,
-        state.remainder, state.alternatives, state.rejected, state.notes,
-    )  # fmt: skip
+    return conclude(state)
 
 
 def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:

@@ -26,7 +26,7 @@ from mopro.diagnosis.model import (
     Settings,
     Simulate,
 )
-from mopro.diagnosis.spectrum import position_spectrum
+from mopro.diagnosis.spectrum import position_spectrum, sinusoid
 
 Values = Mapping[str, float]
 
@@ -183,7 +183,7 @@ def _line_in_time(sensor: str, rows: Mapping[int, Series]) -> Candidate:
         values = {"f": frequency}
         for row, series in rows.items():
             angle = 2 * math.pi * frequency * _values(series, "")
-            found = _sinusoid(angle, view.residuals[row] * view.sigmas[row])
+            found = sinusoid(angle, view.residuals[row] * view.sigmas[row])
             values |= dict(zip(names[series.run], found, strict=True))
         yield values
 
@@ -220,13 +220,6 @@ def _strongest(rows: Mapping[int, Series], view: ResidualView) -> float | None:
     return float(frequencies[int(np.argmax(power))]) if power.any() else None
 
 
-def _sinusoid(angle: Floats, values: Floats) -> tuple[float, float]:
-    """Least-squares coefficients of sin(angle) and cos(angle) in `values`, with a constant."""
-    shapes = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(angle))])
-    sine, cosine, _ = np.linalg.lstsq(shapes, values, rcond=None)[0]
-    return float(sine), float(cosine)
-
-
 def _line_in_position(sensor: str, rows: Mapping[int, Series]) -> Candidate:
     """A line of one period in position, the same in all runs."""
     series = list(rows.values())
@@ -250,7 +243,7 @@ def _line_in_position(sensor: str, rows: Mapping[int, Series]) -> Candidate:
         period = 1 / float(cycles[int(np.argmax(power))])
         angle = 2 * math.pi * np.concatenate(places) / period
         left = np.concatenate([view.residuals[row] * view.sigmas[row] for row in rows])
-        sine, cosine = _sinusoid(angle, left)
+        sine, cosine = sinusoid(angle, left)
         yield {"p": period, "s": sine, "c": cosine}
 
     unit = series[0].unit

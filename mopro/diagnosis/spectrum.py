@@ -1,4 +1,4 @@
-"""Periodogram over position, for samples that are not evenly spaced."""
+"""Sinusoids: periodogram over position, for samples that are not even, and a fit of one."""
 
 from __future__ import annotations
 
@@ -44,3 +44,10 @@ def position_spectrum(
         binned = np.bincount(bin_of, z - z.mean(), bins)
         power += np.abs(fft.rfft(binned, length)[1:lines]) ** 2 / len(z)
     return np.arange(1, lines) / (length * width), power
+
+
+def sinusoid(angle: Floats, values: Floats) -> tuple[float, float]:
+    """Least-squares coefficients of sin(angle) and cos(angle) in `values`, with a constant."""
+    shapes = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(angle))])
+    sine, cosine, _ = np.linalg.lstsq(shapes, values, rcond=None)[0]
+    return float(sine), float(cosine)

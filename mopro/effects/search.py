@@ -36,13 +36,6 @@ def targets_m(view: View, fit: ResidualView) -> dict[int, Floats]:
     }
 
 
-def sinusoid(angle: Floats, values: Floats) -> tuple[float, float]:
-    """Least-squares coefficients of sin(angle) and cos(angle) in `values`, with a constant."""
-    shapes = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(angle))])
-    sine, cosine, _ = np.linalg.lstsq(shapes, values, rcond=None)[0]
-    return float(sine), float(cosine)
-
-
 def peaks(power: Floats) -> NDArray[np.intp]:
     """The indices of local maxima, the highest first."""
     inner = power[1:-1]

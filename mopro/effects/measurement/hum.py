@@ -12,8 +12,9 @@ import numpy as np
 
 from mopro.diagnosis.model import Candidate, FindStarts, ResidualView, Role
 from mopro.diagnosis.model import Parameter as Fitted
+from mopro.diagnosis.spectrum import sinusoid
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View, angle_in, phase
-from mopro.effects.search import Values, residual_m, sinusoid
+from mopro.effects.search import Values, residual_m
 
 _MAINS_HZ = (50.0, 60.0)
 # Orders of the harmonics of the mains that a sensor may show as well.

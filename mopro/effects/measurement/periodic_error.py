@@ -9,13 +9,13 @@ import numpy as np
 
 from mopro.diagnosis.model import Candidate, ResidualView, Role
 from mopro.diagnosis.model import Parameter as Fitted
+from mopro.diagnosis.spectrum import sinusoid
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View, phase
 from mopro.effects.search import (
     Values,
     lines_over_position,
     peaks,
     residual_m,
-    sinusoid,
     targets_m,
 )
 

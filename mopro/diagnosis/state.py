@@ -1,0 +1,58 @@
+"""State of a diagnosis between two passes: the question, the fitted sets, the answer so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mopro.diagnosis.alternatives import Alternative
+from mopro.diagnosis.fit import Fit
+from mopro.diagnosis.heldout import HeldOut
+from mopro.diagnosis.hypotheses import Hypotheses, Progress
+from mopro.diagnosis.model import Candidate, Series, Simulate
+from mopro.diagnosis.remainder import NOTHING_LEFT, Remainder
+from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.screening import Screening
+from mopro.diagnosis.verdict import Rejected
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The question: a model, also with smaller steps, a catalogue, data and free numbers."""
+
+    simulate: Simulate
+    finer: Simulate | None
+    catalogue: tuple[Candidate, ...]
+    base: tuple[Candidate, ...]
+    data: tuple[Series, ...]
+    jobs: int
+    progress: Progress
+
+    def sets(self) -> Hypotheses:
+        first = {c.name: {p.name: p.starts[0] for p in c.parameters} for c in self.base}
+        residuals = Residuals(self.simulate, self.data, scaled_at=first)
+        return Hypotheses(residuals, self.catalogue, self.base, self.jobs, self.progress)
+
+
+@dataclass(frozen=True)
+class State:
+    """State between two passes: the fitted sets, and the answer so far.
+
+    `drafted`: the answer with the free-form terms that stand beside it.
+    """
+
+    problem: Problem
+    sets: Hypotheses
+    screening: Screening
+    fit: Fit
+    drafted: Fit | None = None
+    held: HeldOut | None = None
+    drafted_held: HeldOut | None = None
+    remainder: Remainder = NOTHING_LEFT
+    alternatives: tuple[Alternative, ...] = ()
+    rejected: tuple[Rejected, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(problem: Problem) -> State:
+        sets = problem.sets()
+        return State(problem, sets, Screening(sets), sets.null)
