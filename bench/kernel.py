@@ -2,10 +2,14 @@
 
     python bench/kernel.py
 
-Then a whole run against `import numpy`. Medians of several runs in one process, in CPU time
-(the machine's speed drifts: compare only within one printout).
+Then the first use after an installation, in processes of their own with an empty cache: the
+first kernel of some of the sets, numba's import included, and a whole run of ten minutes. Then a
+whole run against `import numpy`. Medians in CPU time, of several runs in one process where
+not said otherwise (the machine's speed drifts: compare only within one printout).
 """
 
+import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -23,7 +27,8 @@ from mopro.motion import plan
 from mopro.plant import Stepping, simulate
 from mopro.plant.engine import Engine
 
-ROOT = Path(__file__).resolve().parents[1]
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
 STEP_S, KNOT_S, REPEATS = 25e-6, 5e-4, 7
 PROGRAM = mopro.compile("UU012500/1\nVEL1 10.0\nACC1 20.0\nMRI1 8\nWX1\n")
 SETPOINTS = (
@@ -42,6 +47,7 @@ SETS = (
     ("voltage_saturation",),
     ("viscous_drag", "coulomb_friction", "detent_force", "current_loop_lag", "voltage_saturation"),
 )
+FIRST = ((), ("coulomb_friction",), SETS[-1])
 
 
 def engine(names: tuple[str, ...], compiled: bool) -> Engine:
@@ -73,11 +79,43 @@ def seconds(*command: str) -> float:
         return time.perf_counter() - start
 
 
+def first_use_s(*command: str) -> float:
+    """The median CPU time (s) of `command` where no cache has been filled."""
+    times = []
+    for _ in range(REPEATS):
+        with tempfile.TemporaryDirectory() as folder:
+            environment = os.environ | {"XDG_CACHE_HOME": folder}
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            subprocess.run(
+                command, cwd=folder, env=environment, check=True, capture_output=True, timeout=120
+            )
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return statistics.median(times)
+
+
+def first_uses() -> None:
+    """Print how long a kernel takes that no cache holds, and a run with one."""
+    print("first use, s of CPU time of a whole process:")
+    script = "import kernel; kernel.engine({!r}, {})"
+    for names in FIRST:
+        plain, fast = (
+            first_use_s(sys.executable, "-c", f"import sys; sys.path.insert(0, {str(HERE)!r}); "
+                        + script.format(names, compiled))
+            for compiled in (False, True)
+        )  # fmt: skip
+        print(f"{fast - plain:8.2f}  {' + '.join(names) or 'nominal'}")
+    program = str(ROOT / "programs" / "TEMP1.CMD")
+    run = (sys.executable, "-m", "mopro", "run", program, "--emulate", "--for", "10min")
+    print(f"{first_use_s(*run, '--out', 'recording.npz'):8.2f}  mopro run TEMP1.CMD --for 10min")
+
+
 def main() -> None:
     print("plain and compiled, ns for one step of one axis:")
     for names in SETS:
         plain, fast = (nanoseconds_per_step(names, compiled) for compiled in (False, True))
         print(f"{plain:8.0f} {fast:6.0f}  {' + '.join(names) or 'nominal'}")
+    first_uses()
     run = (sys.executable, "-m", "mopro", "run", str(ROOT / "programs" / "LVDT3.CMD"), "--emulate")
     ratios = [
         seconds(*run) / seconds(sys.executable, "-c", "import numpy") for _ in range(REPEATS + 1)

@@ -57,6 +57,17 @@ class CommandTable:
         table.coefficients = np.array([table.starts_s, start, speed, still, still])
         return table
 
+    def rows(self, microstep_m: float) -> Floats:
+        """A row for each segment, as the kernel takes it (see kernel.motion.Segment).
+
+        Anchor time (s), coefficients of the position (microsteps) and of the speed (m/s), and
+        1 where the command is at rest.
+        """
+        anchor, x, v, a, j = self.coefficients
+        moving = self.coefficients[2:].any(axis=0)
+        speed = v * microstep_m, a * microstep_m, j / 2 * microstep_m
+        return np.array([anchor, x, v, a / 2, j / 6, *speed, ~moving]).T.copy()
+
     def rows_at(self, time_s: Floats) -> NDArray[np.intp]:
         """The row that holds at each time, and just after it."""
         return np.searchsorted(self.starts_s, time_s, side="right") - 1

@@ -14,7 +14,7 @@ from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.drive_scaling import DriveScaling
 from mopro.plant.kernel.build import kernel, rates
 from mopro.plant.kernel.drive import CURRENT_LOOP_S
-from mopro.plant.kernel.integrate import Plant, strengths_at
+from mopro.plant.kernel.integrate import Plant, axis_and_drive
 from mopro.plant.kernel.motion import State, start_of
 from mopro.plant.kernel.terms import TermSet
 
@@ -75,6 +75,7 @@ class Engine:
         terms = TermSet.of(active)
         self._numbers = terms.numbers(active)
         self._nominal = is_nominal(terms, scaling)
+        self._strengths = _strengths(plant, scaling, terms.direct)
         self._kernel = kernel(terms, self._nominal, compiled)
         self._compiled = compiled
         self._state = self._at_rest(terms)
@@ -103,12 +104,12 @@ class Engine:
         arrays = [
             knots,
             self._command.rows_at(knots[:-1]),
-            self._command.coefficients,
+            self._command.rows(self._plant.microstep_m),
             self._scaling.rows_at(knots[:-1]),
-            np.array([self._scaling.gain, self._scaling.constant]),
+            self._strengths,
         ]
-        motion = np.full((4, len(knots)), math.nan)
-        electrical = np.full((5, 0 if self._nominal else len(knots)), math.nan)
+        motion = np.full((len(knots), 4), math.nan)
+        electrical = np.full((0 if self._nominal else len(knots), 5), math.nan)
         limits = (self._stepping.max_s, self._stepping.max_m, REST_M)
         scalars = (_plant(self._plant), limits, self._resolved, self._numbers, self._state)
         if self._compiled:
@@ -122,8 +123,10 @@ class Engine:
                 # Plain Python raises where compiled code goes on with NaN: at the sine of infinity.
                 self.x = math.nan
             motion, electrical = np.array(lists[0]), np.array(lists[1])
-        position, velocity, low, high = motion
-        return Trace(position, velocity, low[:-1], high[:-1], None if self._nominal else electrical)
+        position, velocity, low, high = motion.T.copy()
+        return Trace(
+            position, velocity, low[1:], high[1:], None if self._nominal else electrical.T.copy()
+        )
 
     def _at_rest(self, terms: TermSet) -> State:
         """The state of an axis that has rested at command 0.
@@ -138,8 +141,7 @@ class Engine:
         plant = self._plant
         stiffness = plant.wave_number_1_m * plant.pull_out_force_N
         rates_now = rates(terms)
-        factors = float(self._scaling.gain[0]), float(self._scaling.constant[0])
-        axis, drive = strengths_at(_plant(plant), *factors, terms.direct)
+        axis, drive = axis_and_drive(_plant(plant), self._strengths[0].tolist())
         for _ in range(_MOST_RELAXATIONS):
             a, of_lag, of_coil = rates_now(0.0, 0.0, state, axis, drive, self._numbers)
             x, v, z, (lagged, coil) = state
@@ -163,3 +165,19 @@ def _plant(plant: PlantConstants) -> Plant:
         plant.microstep_m, plant.phase_current_A, plant.coil_resistance_ohm,
         plant.coil_inductance_H,
     )  # fmt: skip
+
+
+def _strengths(plant: PlantConstants, scaling: DriveScaling, direct: bool) -> Floats:
+    """A row for each of the factors: gain, motor force and damping over m, force constant.
+
+    In 1, m/s², 1/s and N/A. direct: whether the gain is in the motor's force rather than in
+    the currents. A drive that is switched off damps nothing.
+    """
+    force_N = plant.pull_out_force_N * scaling.constant
+    damping = np.where(scaling.gain > 0.0, plant.damping_N_s_m, 0.0)
+    motor_N = force_N * scaling.gain if direct else force_N
+    columns = [
+        scaling.gain, motor_N / plant.mass_kg, damping / plant.mass_kg,
+        force_N / plant.phase_current_A,
+    ]  # fmt: skip
+    return np.array(columns).T.copy()

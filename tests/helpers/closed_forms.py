@@ -29,15 +29,17 @@ def integrated(times, x0, v0, *, acceleration=0.0, damping=0.0, f0=F0, mass=M, h
     `acceleration` is the smooth command's in m/s², `damping` in N s/m.
     """
     microstep, intervals = PITCH / 500, len(times) - 1
-    rows = [[0.0], [0.0], [0.0], [acceleration / microstep], [0.0]]
-    motion = np.zeros((4, len(times))).tolist()
-    terms = TermSet(())
+    coefficients = [0.0, 0.0, 0.0, acceleration / microstep / 2, 0.0, 0.0, acceleration, 0.0]
+    rows = [[*coefficients, float(acceleration == 0)]]
+    motion = np.zeros((len(times), 4)).tolist()
+    terms, factors = TermSet(()), [1.0, f0 / mass, damping / mass, f0]
     steps, _ = kernel(terms, True, False)(
-        times.tolist(), [0] * intervals, rows, [0] * intervals, [[1.0], [1.0]],
+        times.tolist(), [0] * intervals, rows, [0] * intervals, [factors],
         (K, f0, damping, mass, microstep, 1.0, 1.0, 1.0), (h, math.inf, rest_m), False,
         (), (x0, v0, *start_of(terms)[2:]), motion, [],
     )  # fmt: skip
-    return steps, np.array(motion[0]), np.array(motion[1])
+    position, velocity, _, _ = np.array(motion).T
+    return steps, position, velocity
 
 
 def swing(x0, v0=0.0, *, acceleration=0.0, zeta=0.0, f0=F0, mass=M, until=0.2, knots=4001, h=20e-6):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import functools
+import gc
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 from mopro.plant.kernel.integrate import Integrate, Rates, integrate_of, rates_of
@@ -42,6 +45,19 @@ def _plain(terms: TermSet, nominal: bool) -> Integrate:
 
 @functools.cache
 def _compiled(terms: TermSet, nominal: bool) -> Integrate:
-    from mopro.plant.kernel.compiled import compiled
+    with _garbage_left():
+        from mopro.plant.kernel.compiled import compiled
 
-    return compiled(terms, nominal, _plain(terms, nominal))
+        return compiled(terms, nominal, _plain(terms, nominal))
+
+
+@contextmanager
+def _garbage_left() -> Iterator[None]:
+    """No search for cyclic garbage: numba makes so many objects that it would take a sixth."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()

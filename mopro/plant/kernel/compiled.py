@@ -11,6 +11,7 @@ from types import FunctionType
 from typing import Any
 
 import numba
+from numba.core.errors import NumbaError
 from numba.core.registry import cpu_target
 from numba.extending import is_jitted
 
@@ -22,9 +23,12 @@ from mopro.plant.kernel.terms import TermSet
 
 _ARRAY, _TABLE = numba.float64[::1], numba.float64[:, ::1]
 _INDICES = numba.intp[::1]
-# No `fastmath`, so that the bits are those of plain Python. What only compiled code calls needs
-# no wrappers, which take longer to compile than the function. Untyped in numba.
-_INNER = {"nogil": True, "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# No `fastmath`, so that the bits are those of plain Python. A division by zero gives infinity or
+# NaN instead of an exception. No wrappers but the one that Python calls: they take longer to
+# compile than the function.
+_OUTER = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_INNER = {**_OUTER, "forceinline": True, "no_cpython_wrapper": True}
+# Untyped in numba.
 _njit: Callable[..., Any] = numba.njit
 _type_of: Callable[[object], Any] = numba.typeof
 
@@ -35,6 +39,18 @@ def compiled(terms: TermSet, nominal: bool, plain: Integrate) -> Integrate:
     Taken from the user's cache or left there, unless the code of a term refers to something
     whose content cannot be told, or there is no cache. `plain` is the same function in Python.
     """
+    try:
+        return _compiled(terms, nominal, plain, allocates=False)
+    except NumbaError:
+        return _compiled(terms, nominal, plain, allocates=True)
+
+
+def _compiled(terms: TermSet, nominal: bool, plain: Integrate, allocates: bool) -> Integrate:
+    """As above; a kernel that allocates memory, as for a list, takes longer to compile.
+
+    Only that needs numba's runtime (NRT), without which a third less code is made: uses of
+    arrays are not counted. Raises NumbaError if a kernel is to allocate, but may not.
+    """
     signature = _signature(terms)
     key, name = _identity(plain, str(signature))
 
@@ -42,10 +58,10 @@ def compiled(terms: TermSet, nominal: bool, plain: Integrate) -> Integrate:
         if is_jitted(function) or not isinstance(function, FunctionType):
             return function
         if function.__closure__ is None:
-            return _shared(function)
-        return _njit(**_INNER)(_renamed(function, name))
+            return _shared(function, allocates)
+        return _njit(**_INNER, _nrt=allocates)(_renamed(function, name))
 
-    integrate = _njit(nogil=True)(
+    integrate = _njit(**_OUTER, _nrt=allocates)(
         _renamed(integrate_of(parts_of(terms, nominal, prepare), prepare), name)
     )
     folder = cache_folder()
@@ -66,9 +82,10 @@ def _identity(function: Callable[..., Any], signature: str = "") -> tuple[str | 
 
 
 @functools.cache
-def _shared(function: FunctionType) -> Any:
+def _shared(function: FunctionType, allocates: bool) -> Any:
     """A function that is the same in every kernel, compiled once in a process."""
-    return _njit(**_INNER)(_renamed(function, _identity(function)[1]))
+    name = _identity(function, str(allocates))[1]
+    return _njit(**_INNER, _nrt=allocates)(_renamed(function, name))
 
 
 def _renamed(function: Any, name: str) -> FunctionType:
@@ -97,7 +114,7 @@ def _signature(terms: TermSet) -> Any:
 
 @functools.cache
 def _surroundings() -> tuple[object, ...]:
-    """Versions and processor that compiled code depends on beside its source."""
+    """Options, versions and processor that compiled code depends on beside its source."""
     processor = cpu_target.target_context.codegen().magic_tuple()
     versions = [version(name) for name in ("mopro", "numba", "llvmlite", "numpy")]
-    return platform.python_version(), *versions, *processor
+    return *_INNER.items(), platform.python_version(), *versions, *processor

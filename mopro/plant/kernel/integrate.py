@@ -37,18 +37,6 @@ Rates = Callable[
 Integrate = Callable[..., tuple[int, State]]
 
 
-def segment_at(rows: Table, row: int, microstep: float) -> Segment:
-    """The command's segment from its start (s), position, velocity, acceleration and jerk.
-
-    rows: these five in microsteps and s, one column for each segment; microstep: in m.
-    """
-    v, a, j = rows[2][row], rows[3][row], rows[4][row]
-    return (
-        rows[0][row], rows[1][row], v, a / 2, j / 6, v * microstep, a * microstep,
-        j / 2 * microstep,
-    )  # fmt: skip
-
-
 def command_at(segment: Segment, t: float) -> Pair:
     """The command's position (microsteps) and speed (m/s) at t (s)."""
     begin, p0, p1, p2, p3, q0, q1, q2 = segment
@@ -56,18 +44,14 @@ def command_at(segment: Segment, t: float) -> Pair:
     return p0 + tau * (p1 + tau * (p2 + tau * p3)), q0 + tau * (q1 + tau * q2)
 
 
-def strengths_at(
-    plant: Plant, gain: float, constant: float, direct: bool
-) -> tuple[AxisNumbers, DriveNumbers]:
-    """The numbers of axis and drive with these factors on the current and on F0.
+def axis_and_drive(plant: Plant, factors: Sequence[float]) -> tuple[AxisNumbers, DriveNumbers]:
+    """The numbers of axis and drive.
 
-    direct: whether the gain is in the motor's force rather than in the currents.
+    factors: on the currents (1); the motor's greatest force (m/s²) and c_s (1/s) over m; Kf (N/A).
     """
-    k, f0, damping, mass, microstep, amps, ohms, henries = plant
-    strength = f0 * constant
-    drive = (gain, k, strength / amps, amps, ohms, henries, microstep)
-    damped = damping if gain > 0.0 else 0.0
-    return (k, (strength * gain if direct else strength) / mass, damped / mass, mass), drive
+    k, mass, amps = plant[0], plant[3], plant[5]
+    drive = (factors[0], k, factors[3], amps, plant[6], plant[7], plant[4])
+    return (k, factors[1], factors[2], mass), drive
 
 
 def rates_of(parts: Parts) -> Rates:
@@ -139,11 +123,10 @@ def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
         if saturable:
             volts = phases(currents, c, w, x, v, coil, drive, numbers)[0]
             currents = (coil[0], coil[1])
-        electrical[0][at] = currents[0]
-        electrical[1][at] = currents[1]
-        electrical[2][at] = volts[0]
-        electrical[3][at] = volts[1]
-        electrical[4][at] = pull(currents, x, drive[1], drive[2] * drive[3])
+        row = electrical[at]
+        row[0], row[1] = currents[0], currents[1]
+        row[2], row[3] = volts[0], volts[1]
+        row[4] = pull(currents, x, drive[1], drive[2] * drive[3])
 
     return record
 
@@ -184,10 +167,9 @@ def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
     """The way through time, composed of functions that `prepare` has made ready."""
     interval = prepare(interval_of(prepare(step_of(parts, prepare))))
     rests = prepare(rests_of(parts, prepare(rates_of(parts))))
-    command, strengths = prepare(command_at), prepare(strengths_at)
-    segment_of = prepare(segment_at)
+    command, strengths = prepare(command_at), prepare(axis_and_drive)
     record, pace = prepare(record_of(parts, prepare)), prepare(pace_of(parts, command))
-    direct, nominal = parts.direct, parts.nominal
+    nominal = parts.nominal
 
     def integrate(
         knots: Sequence[float], row_of: Sequence[int], rows: Table,
@@ -196,41 +178,43 @@ def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
     ) -> tuple[int, State]:  # fmt: skip
         """Fill in the motion at each knot; gives the steps taken and the last state.
 
-        knots: n times (s); row_of, factor_of: for each of the n - 1 intervals the columns of
-        its segment in `rows` (see Segment), and of its factors on current and force constant;
-        resolved: whether the drive's angle moves in whole microsteps; state: at the first
-        knot. motion: position (m) and velocity (m/s) at the knots, least and greatest lag
-        x_c - x (m) of the intervals; electrical, unless nominal: see `record`.
+        knots: n times (s); row_of, factor_of: for each of the n - 1 intervals the row of its
+        segment in `rows` (see Segment; and 1 where the command rests), and of its factors in
+        `factors` (see axis_and_drive); resolved: whether the drive's angle moves in whole
+        microsteps; state: at the first knot. motion: a row for each knot of position (m),
+        velocity (m/s), least and greatest lag x_c - x (m) since the knot before; electrical,
+        unless nominal: see `record`.
         """
         microstep, natural = plant[4], sqrt(plant[0] * plant[1] / plant[3])
-        position, velocity, lows, highs = motion[0], motion[1], motion[2], motion[3]
-        position[0], velocity[0] = state[0], state[1]
         steps = 0
         row = factor = -1
+        here = motion[0]
+        here[0], here[1] = state[0], state[1]
         for i in range(len(knots) - 1):
             t, length = knots[i], knots[i + 1] - knots[i]
             if factor_of[i] != factor:
                 factor = factor_of[i]
-                axis, drive = strengths(plant, factors[0][factor], factors[1][factor], direct)
+                axis, drive = strengths(plant, factors[factor])
             if row_of[i] != row:
                 row = row_of[i]
-                segment = segment_of(rows, row, microstep)
-                holding = segment[2] == 0.0 and segment[3] == 0.0 and segment[4] == 0.0
+                r = rows[row]
+                segment = (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7])
+                holding = r[8] > 0.0
                 u, w = command(segment, t)
             if i == 0 and not nominal:
                 record(electrical, i, u, w, resolved, state, plant, axis, drive, numbers)
+            here = motion[i + 1]
             if holding and rests(u * microstep, state, limits[2], natural, axis, drive, numbers):
                 state = (state[0], 0.0, state[2], state[3])
-                low = high = u * microstep - state[0]
+                here[2] = here[3] = u * microstep - state[0]
             else:
                 count, free = pace(t, length, u, w, segment, state, limits, plant, drive, numbers)
                 steps += count
-                state, low, high, u, w = interval(
+                state, here[2], here[3], u, w = interval(
                     state, t, length / count, count, segment, u, w, microstep,
                     resolved and not holding, free, axis, drive, numbers,
                 )  # fmt: skip
-            position[i + 1], velocity[i + 1] = state[0], state[1]
-            lows[i], highs[i] = low, high
+            here[0], here[1] = state[0], state[1]
             if not nominal:
                 u, w = command(segment, knots[i + 1])
                 record(electrical, i + 1, u, w, resolved, state, plant, axis, drive, numbers)

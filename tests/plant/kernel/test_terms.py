@@ -1,5 +1,6 @@
 """Terms of effects in the kernel: states, reactions, and sets of several."""
 
+import gc
 import math
 
 import numpy as np
@@ -68,3 +69,25 @@ def test_two_sets_have_two_kernels_and_one_set_has_one():
     again = TermSet.of([Active(catalogue()["viscous_drag"], (2.0,), (1, 2))])
     assert kernel(drag, False, False) is kernel(again, False, False)
     assert kernel(drag, False, False) is not kernel(squared, False, False)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_division_by_zero_in_a_term_leaves_the_finite_numbers(compiled):
+    """A run says so at its line; an exception from compiled code would be a traceback."""
+    pole = effect(force=lambda x, v: 1e-12 / (x - 1e-8))
+    assert not np.isfinite(positions([pole], 1e-8, compiled)[-1])
+
+
+def test_a_term_that_allocates_memory_compiles():
+    def from_a_list(x, v):
+        forces = [-1e3 * x]
+        forces.append(-20.0 * v)
+        return forces[0] + forces[1]
+
+    listed = positions([effect(force=from_a_list)], 1e-5, True)
+    assert np.array_equal(listed, positions([effect(force=from_a_list)], 1e-5, False))
+
+
+def test_garbage_is_collected_again_after_a_compilation():
+    positions([effect(force=lambda x, v: -3.0 * v)], 1e-5, True)
+    assert gc.isenabled()
