@@ -62,9 +62,13 @@ def command(
     Example: mopro compare unseen.toml --apply repaired.toml
     """
     from mopro.experiment.compare.comparison import DISAGREEMENT
-    from mopro.experiment.opened import open_experiment
+    from mopro.experiment.opened import open_before, open_experiment
 
-    loaded = open_experiment(experiment, allow_python=allow_python)
+    loaded = (
+        open_experiment(experiment, allow_python=allow_python)
+        if applied is None
+        else open_before(experiment, applied, allow_python)
+    )
     for note in loaded.notes:
         say(note, err=True)
     comparison = loaded.compare(seed)

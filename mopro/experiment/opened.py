@@ -22,6 +22,7 @@ from mopro.experiment.rigs.read import RigEntries, read_rig_entries
 from mopro.experiment.rigs.study import Study, study
 from mopro.machine import load_machine
 from mopro.rig.file import kind_of
+from mopro.rig.model import KINDS
 from mopro.source import Span
 from mopro.tomlfile import Document, read_source
 
@@ -110,12 +111,24 @@ def is_rig(path: str | Path) -> bool:
     machine = Document(read_source(path)).root.data.get("machine")
     if not isinstance(machine, str):
         return False
-    return kind_of(machine) is not None or kind_of(Path(path).parent / machine) is not None
+    return machine in KINDS or kind_of(Path(path).parent / machine) is not None
 
 
 def files_of(path: str | Path) -> list[Path]:
     """Every file that an experiment reads; ModelError."""
     return read_rig_entries(path).files if is_rig(path) else read_entries(path).files
+
+
+def open_before(path: str | Path, applied: str, allow_python: bool = False) -> Opened:
+    """The experiment on the machine that `applied` was before effects were found in it.
+
+    A motor's is that of the experiment; see open_experiment for the errors.
+    """
+    if not is_rig(path):
+        return open_experiment(path)
+    own, entries = read_rig_entries(path).machine, _entries(path, applied)
+    machine = entries.machine.without_effects(own.active.keys())
+    return OfARig(study(replace(entries, machine=machine), allow_python))
 
 
 def open_experiment(

@@ -18,6 +18,8 @@ from mopro.formula.language import PI, Formula
 
 Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]
+# numpy's functions, untyped, as compiled code calls them: they give NaN and no error.
+_np: Any = np
 # Operands that a formula may stack: more than its levels can need.
 MOST_STACKED = 200
 _compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -36,7 +38,6 @@ _OF_CALL = {
     "atan2": _ATAN2, "sinh": _SINH, "cosh": _COSH, "tanh": _TANH, "exp": _EXP, "log": _LOG,
     "sqrt": _SQRT, "abs": _ABS, "sign": _SIGN, "min": _MIN, "max": _MAX, "kelvin": _KELVIN,
 }  # fmt: skip
-_POWERS = {2: _SQUARE, 3: _CUBE}
 
 
 class Assembler:
@@ -69,50 +70,60 @@ class Assembler:
         self.constants.append(value)
         return _VARIABLE, self._first + len(self.constants) - 1
 
-    def _add(
-        self, node: ast.expr, slots: Mapping[str, int], made: list[tuple[int, int]]
-    ) -> None:
-        def operands(*parts: ast.expr) -> None:
-            for part in parts:
-                self._add(part, slots, made)
-
+    def _add(self, node: ast.expr, slots: Mapping[str, int], made: list[tuple[int, int]]) -> None:
+        """Append the codes of a node: those of its operands, and then its own."""
+        for part in _operands(node):
+            self._add(part, slots, made)
         match node:
             case ast.Constant(value=value):
                 made.append(self._constant(float(value)))  # type: ignore[arg-type]
             case ast.Name(id=name):
                 made.append((_VARIABLE, slots[name]) if name in slots else self._constant(math.pi))
-            case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int() as power)) if (
-                power in _POWERS
-            ):
-                operands(left)
-                made.append((_POWERS[power], 0))
-            case ast.BinOp(left=left, op=op, right=right):
-                operands(left, right)
-                made.append((_OF_BINARY[type(op)], 0))
-            case ast.UnaryOp(op=op, operand=operand):
-                operands(operand)
-                if not isinstance(op, ast.UAdd):
-                    made.append((_NEG if isinstance(op, ast.USub) else _NOT, 0))
-            case ast.BoolOp(op=op, values=[first, *others]):
-                operands(first)
-                for other in others:
-                    operands(other)
-                    made.append((_AND if isinstance(op, ast.And) else _OR, 0))
-            case ast.Compare(left=left, ops=[compared], comparators=[right]):
-                operands(left, right)
-                made.append((_OF_COMPARE[type(compared)], 0))
-            case ast.IfExp(test=test, body=body, orelse=orelse):
-                operands(test, body, orelse)
-                made.append((_SELECT, 0))
-            case ast.Call(func=ast.Name(id=called), args=[first, *others]):
-                operands(first)
-                for other in others:
-                    operands(other)
-                    made.append((_OF_CALL[called], 0))
-                if not others:
-                    made.append((_OF_CALL[called], 0))
+            case ast.Call(func=ast.Name(id=called), args=args):
+                made += [(_OF_CALL[called], 0)] * max(len(args) - 1, 1)
+            case ast.BoolOp(op=op, values=values):
+                code = _AND if isinstance(op, ast.And) else _OR
+                made += [(code, 0)] * (len(values) - 1)
             case _:
-                raise TypeError(f"not of the language: {ast.dump(node)}")
+                made += [(code, 0) for code in _codes_of(node)]
+
+
+def _operands(node: ast.expr) -> list[ast.expr]:
+    """The operands of a node, in the order in which they are stacked."""
+    match node:
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=2 | 3)):
+            return [left]
+        case ast.BinOp(left=left, right=right):
+            return [left, right]
+        case ast.UnaryOp(operand=operand):
+            return [operand]
+        case ast.BoolOp(values=values):
+            return values
+        case ast.Compare(left=left, comparators=[right]):
+            return [left, right]
+        case ast.IfExp(test=test, body=body, orelse=orelse):
+            return [test, body, orelse]
+        case ast.Call(args=args):
+            return args
+    return []
+
+
+def _codes_of(node: ast.expr) -> list[int]:
+    """The codes of an operator."""
+    match node:
+        case ast.BinOp(op=ast.Pow(), right=ast.Constant(value=2)):
+            return [_SQUARE]
+        case ast.BinOp(op=ast.Pow(), right=ast.Constant(value=3)):
+            return [_CUBE]
+        case ast.BinOp(op=op):
+            return [_OF_BINARY[type(op)]]
+        case ast.UnaryOp(op=op):
+            return {ast.UAdd: [], ast.USub: [_NEG]}.get(type(op), [_NOT])
+        case ast.Compare(ops=[compared]):
+            return [_OF_COMPARE[type(compared)]]
+        case ast.IfExp():
+            return [_SELECT]
+    raise TypeError(f"not of the language: {ast.dump(node)}")
 
 
 assert PI == "pi", "the assembler takes a name without a slot for pi"
@@ -139,12 +150,13 @@ def value_of(codes: Codes, first: int, last: int, variables: Floats, stack: Floa
         elif code == _SELECT:
             top -= 2
             stack[top] = stack[top + 1] if stack[top] != 0 else stack[top + 2]
-        elif code == _ATAN2 or code == _MIN or code == _MAX or _AND <= code <= _NE:
+        elif code in (_ATAN2, _MIN, _MAX) or _AND <= code <= _NE:
             top -= 1
             stack[top] = _logical(code, stack[top], stack[top + 1])
         else:
             stack[top] = _function(code, stack[top])
-    return stack[0] if top >= 0 else 0.0
+    result: float = stack[0] if top >= 0 else 0.0
+    return result
 
 
 @_compiled
@@ -157,7 +169,8 @@ def _binary(code: int, a: float, b: float) -> float:
         return a * b
     if code == _DIV:
         return a / b
-    return a**b
+    result: float = a**b
+    return result
 
 
 @_compiled
@@ -190,34 +203,45 @@ def _logical(code: int, a: float, b: float) -> float:
 
 @_compiled
 def _function(code: int, a: float) -> float:
+    result: float = math.nan
     if code == _NOT:
-        return 1.0 if a == 0 else 0.0
-    if code == _ABS:
-        return abs(a)
-    if code == _SIGN:
-        return 1.0 if a > 0 else -1.0 if a < 0 else a * 0.0
+        result = 1.0 if a == 0 else 0.0
+    elif code == _ABS:
+        result = abs(a)
+    elif code == _SIGN:
+        result = np.sign(a)
+    elif code == _KELVIN:
+        result = a + 273.15
+    elif code == _EXP:
+        result = np.exp(a)
+    elif code == _SQRT:
+        result = np.sqrt(a)
+    elif code == _LOG:
+        result = np.log(a)
+    else:
+        result = _of_an_angle(code, a)
+    return result
+
+
+@_compiled
+def _of_an_angle(code: int, a: float) -> float:
+    result: float = math.nan
     if code == _SIN:
-        return math.sin(a)
-    if code == _COS:
-        return math.cos(a)
-    if code == _EXP:
-        return np.exp(a)
-    if code == _TANH:
-        return math.tanh(a)
-    if code == _KELVIN:
-        return a + 273.15
-    if code == _SQRT:
-        return np.sqrt(a)
-    if code == _LOG:
-        return np.log(a)
-    if code == _TAN:
-        return math.tan(a)
-    if code == _ASIN:
-        return np.arcsin(a)
-    if code == _ACOS:
-        return np.arccos(a)
-    if code == _ATAN:
-        return math.atan(a)
-    if code == _SINH:
-        return np.sinh(a)
-    return np.cosh(a)
+        result = math.sin(a)
+    elif code == _COS:
+        result = math.cos(a)
+    elif code == _TANH:
+        result = math.tanh(a)
+    elif code == _TAN:
+        result = math.tan(a)
+    elif code == _ASIN:
+        result = np.arcsin(a)
+    elif code == _ACOS:
+        result = np.arccos(a)
+    elif code == _ATAN:
+        result = math.atan(a)
+    elif code == _SINH:
+        result = np.sinh(a)
+    else:
+        result = np.cosh(a)
+    return result

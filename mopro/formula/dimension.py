@@ -34,8 +34,13 @@ def _parsed(unit: str) -> list[tuple[str, Fraction]]:
     if len(unit) > _LONGEST:
         raise UnitError(f"a unit of more than {_LONGEST} characters")
     upper, *lower = unit.replace("·", " ").replace("*", " ").split("/")
-    parts = [(upper, 1), *((text.strip().removeprefix("(").removesuffix(")"), -1) for text in lower)]
+    parts = [
+        (upper, 1),
+        *((text.strip().removeprefix("(").removesuffix(")"), -1) for text in lower),
+    ]
     found = []
+    if not all(text.strip() for text in (upper, *lower)):
+        raise UnitError(f"'{unit}' is no unit: write 1 for a plain number")
     for text, way in parts:
         for word in text.split():
             match = _SYMBOL.fullmatch(word)
@@ -43,8 +48,6 @@ def _parsed(unit: str) -> list[tuple[str, Fraction]]:
             if match is None or symbol not in UNITS or UNITS[symbol][0] not in _DIMENSIONS:
                 raise UnitError(f"'{word[:20]}' in '{unit}' is no unit")
             found.append((symbol, way * Fraction(match[2] or 1)))
-    if not found:
-        raise UnitError("an empty unit: write 1 for a plain number")
     return found
 
 
@@ -62,14 +65,13 @@ def dimension_of_unit(unit: str) -> Dimension:
     for symbol, exponent in _parsed(unit):
         own = _DIMENSIONS[UNITS[symbol][0]]
         total = tuple(
-            a + exponent * b
-            for a, b in zip(total, own + (0,) * (_SIZE - len(own)), strict=True)
+            a + exponent * b for a, b in zip(total, own + (0,) * (_SIZE - len(own)), strict=True)
         )
     return total
 
 
 def product(*units: str) -> str:
-    """The product of units, simplified: `N` and `s/m` give `N s/m`, `rad/s2`, `s/rad` give `1/s`."""
+    """The product of units, simplified: that of `rad/s2` and `s/rad` is `1/s`."""
     exponents: dict[str, Fraction] = {}
     for unit in units:
         for symbol, exponent in _parsed(unit):
@@ -119,38 +121,39 @@ def _of(node: ast.expr, names: Mapping[str, Dimension | None]) -> Dimension | No
             return NUMBER if value else None
         case ast.Name(id=name):
             return names.get(name, NUMBER)
-        case ast.UnaryOp(op=ast.Not()):
-            return NUMBER
         case ast.UnaryOp(operand=operand):
-            return _of(operand, names)
-        case ast.BinOp(op=ast.Pow()):
-            return _power_of(node, names)
-        case ast.BinOp(op=ast.Mult() | ast.Div()):
-            left, right = _of(node.left, names), _of(node.right, names)
-            way = 1 if isinstance(node.op, ast.Mult) else -1
-            if left is None or right is None:
-                return None
-            return tuple(a + way * b for a, b in zip(left, right, strict=True))
-        case ast.BinOp(left=left_part, right=right_part):
-            return _alike(node, [left_part, right_part], names)
+            own = _of(operand, names)
+            return NUMBER if isinstance(node.op, ast.Not) else own
+        case ast.BinOp():
+            return _of_operator(node, names)
         case ast.IfExp():
             _of(node.test, names)
-            return _alike(node, [node.body, node.orelse], names)
+            return _alike([node.body, node.orelse], names)
         case ast.Compare():
-            _alike(node, [node.left, *node.comparators], names)
+            _alike([node.left, *node.comparators], names)
             return NUMBER
         case ast.BoolOp():
             for part in node.values:
                 _of(part, names)
             return NUMBER
         case ast.Call(func=ast.Name(id=called), args=args):
-            return _of_call(node, called, args, names)
+            return _of_call(called, args, names)
     return None
 
 
-def _alike(
-    node: ast.expr, parts: list[ast.expr], names: Mapping[str, Dimension | None]
-) -> Dimension | None:
+def _of_operator(node: ast.BinOp, names: Mapping[str, Dimension | None]) -> Dimension | None:
+    if isinstance(node.op, ast.Pow):
+        return _power_of(node, names)
+    if isinstance(node.op, ast.Add | ast.Sub):
+        return _alike([node.left, node.right], names)
+    left, right = _of(node.left, names), _of(node.right, names)
+    way = 1 if isinstance(node.op, ast.Mult) else -1
+    if left is None or right is None:
+        return None
+    return tuple(a + way * b for a, b in zip(left, right, strict=True))
+
+
+def _alike(parts: list[ast.expr], names: Mapping[str, Dimension | None]) -> Dimension | None:
     """The one dimension that all `parts` have; FormulaError if they differ."""
     found = [(part, _of(part, names)) for part in parts]
     known = [(part, own) for part, own in found if own is not None]
@@ -189,12 +192,12 @@ _TEMPERATURE = dimension_of_unit("K")
 
 
 def _of_call(
-    node: ast.Call, called: str, args: list[ast.expr], names: Mapping[str, Dimension | None]
+    called: str, args: list[ast.expr], names: Mapping[str, Dimension | None]
 ) -> Dimension | None:
     first = _of(args[0], names)
     match called:
         case "min" | "max":
-            return _alike(node, args, names)
+            return _alike(args, names)
         case "abs" | "before" | "first":
             return first
         case "sqrt":
@@ -205,9 +208,9 @@ def _of_call(
             _expect(args[1], _of(args[1], names), _TIME)
             return first
         case "play":
-            return _alike(node, args, names)
+            return _alike(args, names)
         case "presliding" | "atan2":
-            _alike(node, args, names)
+            _alike(args, names)
             return NUMBER
         case "since_change":
             return _TIME

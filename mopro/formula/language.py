@@ -79,10 +79,10 @@ def substituted(formula: Formula, names: Mapping[str, Formula]) -> Formula:
     """`formula` with other formulas in the place of some of its names."""
 
     class Replace(ast.NodeTransformer):
-        def visit_Name(self, node: ast.Name) -> ast.expr:  # noqa: N802
+        def visit_Name(self, node: ast.Name) -> ast.expr:
             return names[node.id].tree if node.id in names else node
 
-        def visit_Call(self, node: ast.Call) -> ast.expr:  # noqa: N802
+        def visit_Call(self, node: ast.Call) -> ast.expr:
             args = [self.visit(part) for part in node.args]
             return ast.copy_location(ast.Call(node.func, args, []), node)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -110,7 +110,7 @@ def _si(reading: Reading) -> Floats:
 def _scales(model: Model) -> Iterator[Parameter]:
     """Free scales of sensors, from where a straight line through measured and simulated is."""
     free = {r.sensor.name for _, r in model.readings if r.sensor.scale is None}
-    predicted = model(model.rig.numbers and {}) if free else []
+    predicted = model({}) if free else []
     for name in sorted(free):
         slopes = [
             slope_of(reading.values, own)
@@ -129,14 +129,16 @@ def slope_of(measured: Floats, simulated: Floats) -> float:
     return float(apart @ (measured - measured.mean())) / power if power > 0 else math.nan
 
 
-def fitted_base(model: Model, data: Sequence[Series], parameters: Sequence[Parameter]) -> BaseFit:
-    """The free numbers fitted without effects, the beginning of the runs first."""
+def fitted_base(
+    model: Model, data: Sequence[Series], parameters: Sequence[Parameter], at_once: bool = False
+) -> BaseFit:
+    """The free numbers fitted without effects, the beginning of the runs first if not `at_once`."""
     if not parameters:
         return BaseFit(())
     found = tuple(parameters)
     started = BaseFit(found).settings
     residuals = Residuals(model, data, scaled_at=started)
-    for share in _SHARES if model.rig.kind == AXIS else _SHARES[-1:]:
+    for share in _SHARES if model.rig.kind == AXIS and not at_once else _SHARES[-1:]:
         masks = [_beginning(series, share) for series in data]
         own = residuals.subset(np.concatenate(masks)) if share < 1 else residuals
         found = _fit(own, found)
@@ -146,7 +148,9 @@ def fitted_base(model: Model, data: Sequence[Series], parameters: Sequence[Param
 def _beginning(series: Series, share: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     assert series.time_s is not None, "a reading has times"
     begin, end = float(series.time_s[0]), float(series.time_s[-1])
-    mask: np.ndarray[tuple[int], np.dtype[np.bool_]] = series.time_s <= begin + share * (end - begin)
+    mask: np.ndarray[tuple[int], np.dtype[np.bool_]] = series.time_s <= begin + share * (
+        end - begin
+    )
     return mask
 
 
@@ -168,8 +172,3 @@ def _fit(residuals: Residuals, parameters: Sequence[Parameter]) -> tuple[Paramet
 
 def _settings(parameters: Sequence[Parameter], values: Sequence[float]) -> Settings:
     return {BASE: {p.name: v for p, v in zip(parameters, values, strict=True)}}
-
-
-def merged(one: Settings, other: Mapping[str, Mapping[str, float]]) -> Settings:
-    """Settings of which `other` may state more."""
-    return {**one, **other}

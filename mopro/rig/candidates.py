@@ -10,32 +10,38 @@ from itertools import product
 import numpy as np
 
 from mopro.diagnosis import Candidate, Parameter, ResidualView, Role, Series, Settings
-from mopro.errors import ModelError
 from mopro.formula import Dimension, Formula, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.rig.base import DIFFERENCE
 from mopro.rig.data import Run
 from mopro.rig.model import (
-    AMBIENT, AMPLITUDE, COMMAND, FORCE, FRICTION, INPUT, MEASUREMENT, PERIOD, POWER,
-    Effect, EffectParameter, Number,
+    AMPLITUDE,
+    COMMAND,
+    FRICTION,
+    MEASUREMENT,
+    PERIOD,
+    Effect,
+    EffectParameter,
+    Number,
 )  # fmt: skip
 from mopro.rig.names import capacity_of, inertia_of, names_of
-from mopro.rig.simulation import Model, _term
+from mopro.rig.simulation import Known, Model, term_of
 
 # An amplitude is looked for up to this multiple of what would make the term as large as the
 # quantity that it is added to, and simulated first at this share of it.
 _LARGEST, _PROBED = 3.0, 0.03
 # A shape without a range: shares of the span of the quantity of its unit, and where it starts.
 _SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
-# Periods that are looked for: in the span of their variable, and in median steps of it.
-_MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS = 1.5, 4.0
-_PERIOD_STARTS = (0.1, 0.25, 0.5)
+# Longest and shortest period that is looked for: in the span of its variable, of which it takes
+# two to be told from a bend, and in median steps of it.
+_MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS = 0.5, 4.0
+_PERIOD_STARTS = (0.05, 0.15, 0.4)
 # Frequencies of a periodogram for each cycle in the span, and most of them.
 _OVERSAMPLED, _MOST_FREQUENCIES = 5, 3000
 _SHAPE_DIFFERENCE = 1e-5
 _GRID = 12
 # A start is looked for by a simulation at this share of the range's end, and within these shares.
-_TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-6, 0.3
+_TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-4, 0.3
 # Distance of a start from the value of the machine's file, as a share of the range.
 _START_DISTANCE = 0.1
 # Tolerances within which a number is looked for.
@@ -103,20 +109,18 @@ def _candidate(
             made = _amplitude(model, effect, p, {**fixed}, settings, sized, sizes)
             if made is None:
                 return None
-            if p.start is None:
+            if p.start is None and p.low is None:
                 made = _probed(model, effect, made, fixed, data, settings)
             amplitudes.append(made)
     parameters = _in_order(effect, [*shapes, *amplitudes])
     own = model.rig.active.get(effect.name)
     if own is not None:
         parameters = tuple(_about(p, own.get(p.name, 0.0)) for p in parameters)
-    widest = {p.name for p in model.effects[effect.name].parameters}
     find = None
     if shapes and effect.enters == MEASUREMENT:
         find = _Finder(model, effect, parameters, settings)
     return Candidate(
         effect.name, parameters, effect.form,
-        fixed=dict.fromkeys(widest - {p.name for p in parameters}, 0.0), extends=effect.extends,
         flexible=any(p.role == PERIOD for p in effect.parameters), find_starts=find,
     )  # fmt: skip
 
@@ -226,24 +230,31 @@ def _probed(
     model: Model, effect: Effect, parameter: Parameter, fixed: Mapping[str, float],
     data: Sequence[Series], settings: Settings,
 ) -> Parameter:  # fmt: skip
-    """`parameter` with a start that changes the predictions by about what is left of the data.
+    """`parameter` with a range and a start from what one simulation shows it to do.
 
-    A long motion magnifies what a force does, so that the size of a term tells little.
+    It starts where it changes the predictions by about what is left of the data. A long motion
+    magnifies what a force does, so that the size of a term alone tells little.
     """
     tried = parameter.high * _TRIED
     off = dict.fromkeys((p.name for p in effect.parameters), 0.0) | dict(fixed)
     with_it = {**settings, effect.name: off | {parameter.name: tried}}
     change = residual = 0.0
     for series, one, other in zip(data, model(settings), model(with_it), strict=True):
-        weight = 1 / (float(np.ptp(series.values)) or 1.0)
-        change += float(np.mean((weight * (other - one - np.mean(other - one))) ** 2))
-        left = series.values - one
-        residual += float(np.mean((weight * (left - left.mean())) ** 2))
+        reach = float(np.ptp(series.values)) or 1.0
+        change = max(change, _scatter(other - one) / reach)
+        residual = max(residual, _scatter(series.values - one) / reach)
     if not change or not math.isfinite(change):
         return parameter
-    start = tried * math.sqrt(residual / change)
-    start = min(max(start, _LEAST_START * parameter.high), _MOST_START * parameter.high)
-    return replace(parameter, starts=(start,))
+    # Alone it would change the readings by several times their range.
+    high = min(parameter.high, _LARGEST * tried / change)
+    low = parameter.low if parameter.low == 0 else -high
+    start = min(max(tried * residual / change, _LEAST_START * high), _MOST_START * high)
+    return replace(parameter, low=low, high=high, starts=(start,))
+
+
+def _scatter(values: Floats) -> float:
+    """The RMS of values about their mean."""
+    return float(np.std(values))
 
 
 def _size_of_term(
@@ -257,10 +268,10 @@ def _size_of_term(
     for run in model.experiment.trials:
         off = {p.name: fixed.get(p.name, 0.0) * p.factor for p in effect.parameters}
         one = next(p.factor for p in effect.parameters if p.name == name)
-        known = {**_values_in(model, run, settings), **model.values(settings)}
+        known: Known = {**_values_in(model, run, settings), **model.values(settings)}
         for local in _locals(model, effect, run, known):
-            with_one = _term(effect, {**off, name: one}, {**known, **local}, run.time_s)
-            without = _term(effect, off, {**known, **local}, run.time_s)
+            with_one = term_of(effect, {**off, name: one}, {**known, **local}, run.time_s)
+            without = term_of(effect, off, {**known, **local}, run.time_s)
             change = np.abs(with_one - without)
             _check_finite(effect, change, run)
             largest = max(largest, float(change.max()))
@@ -279,9 +290,7 @@ def _check_finite(effect: Effect, change: Floats, run: Run) -> None:
         raise effect.value["formula"].error(message, "not-finite")
 
 
-def _locals(
-    model: Model, effect: Effect, run: Run, known: Mapping[str, Floats | float]
-) -> Iterator[dict[str, Floats | float]]:
+def _locals(model: Model, effect: Effect, run: Run, known: Known) -> Iterator[Known]:
     """Names that a term has where it enters: one set for each place that it enters."""
     match effect.enters:
         case "measurement":
@@ -298,9 +307,7 @@ def _locals(
             yield {}
 
 
-def _in_node(
-    model: Model, node: str, known: Mapping[str, Floats | float]
-) -> dict[str, Floats | float]:
+def _in_node(model: Model, node: str, known: Known) -> Known:
     own = np.asarray(known[node])
     others = [np.asarray(known[n]) - own for n in model.rig.nodes if n != node]
     used = model.rig.laws[node].formula.names
@@ -313,9 +320,7 @@ def _in_node(
     }
 
 
-def _scale_of(
-    model: Model, effect: Effect, settings: Settings, data: Sequence[Series]
-) -> float:
+def _scale_of(model: Model, effect: Effect, settings: Settings, data: Sequence[Series]) -> float:
     """The size (SI) of the quantity that a term is added to, in these data."""
     rig = model.rig
     found = 0.0
@@ -387,7 +392,7 @@ class _Finder:
         count = min(int(_OVERSAMPLED * longest / p.low) + 2, _MOST_FREQUENCIES)
         return 1 / np.linspace(1 / p.high, 1 / p.low, count)
 
-    def _known(self, settings: Settings) -> list[dict[str, Floats | float]]:
+    def _known(self, settings: Settings) -> list[Known]:
         """The names of each run at the settings of a fit."""
         model = self._model
         return [
@@ -397,7 +402,7 @@ class _Finder:
 
     def _columns(
         self, shape: Mapping[str, float], sizes: Sequence[Parameter],
-        known: Sequence[Mapping[str, Floats | float]], view: ResidualView,
+        known: Sequence[Known], view: ResidualView,
     ) -> Floats:  # fmt: skip
         """Whitened change of all readings for one unit of each amplitude (samples x sizes)."""
         model, effect = self._model, self._effect
@@ -418,10 +423,10 @@ class _Finder:
                         }
                         if effect.term.formula.of_signals or "y" in effect.term.formula.names:
                             local = {"y": evaluate(sensor.reads.formula, names, run.time_s)}
-                            term = _term(effect, own, {**names, **local}, run.time_s)
+                            term = term_of(effect, own, {**names, **local}, run.time_s)
                             term = term[reading.rows]
                         else:
-                            term = _term(effect, own, rows, run.time_s[reading.rows])
+                            term = term_of(effect, own, rows, run.time_s[reading.rows])
                         scale = (sensor.sign or 1) * (sensor.scale or 1.0) / sensor.factor
                         part = term * scale / view.sigmas[nth]
                         part = part - part.mean() if sensor.zero is None else part
@@ -429,6 +434,3 @@ class _Finder:
                     nth += 1
             columns.append(np.nan_to_num(np.concatenate(parts)))
         return np.array(columns).T
-
-
-__all__ = ["AMBIENT", "FORCE", "INPUT", "POWER", "ModelError", "candidates"]

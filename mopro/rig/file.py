@@ -12,8 +12,20 @@ from mopro.errors import ModelError
 from mopro.formula import Formula, FormulaError, UnitError, dimension_of_unit, parse, product
 from mopro.formula.language import FUNCTIONS, PI, SIGNALS
 from mopro.rig.model import (
-    AXIS, ENTERS, INPUT, KINDS, KINEMATIC, MEASUREMENT, PYTHON, ROLES, THERMAL,
-    Effect, EffectParameter, Number, Rig, Written,
+    AXIS,
+    ENTERS,
+    INPUT,
+    KINDS,
+    KINEMATIC,
+    MEASUREMENT,
+    PYTHON,
+    ROLES,
+    THERMAL,
+    Effect,
+    EffectParameter,
+    Number,
+    Rig,
+    Written,
 )  # fmt: skip
 from mopro.source import Source
 from mopro.tomlfile import Document, Refused, Value, read_source, shown
@@ -25,7 +37,7 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
 _EFFECT_NAME = re.compile(r"[^\W][^\n\"]{0,59}")
 _EFFECT_KEYS = {"name", "enters", "formula", "form", "extends", "driven"}
 _PARAMETER_KEYS = {"unit", "range", "start", "role", "positive"}
-_NUMBER_KEYS = {"value", "unit", "free", "tolerance", "range", "origin", "place"}
+_NUMBER_KEYS = {"value", "unit", "free", "tolerance", "range", "before", "origin", "place"}
 _TOP_KEYS = {"kind", "name", "base", "effect", "effects"}
 _OF_KIND = {
     KINEMATIC: {"unit", "position"},
@@ -154,7 +166,8 @@ def _number(value: Value) -> Number:
             raise value.refused(f"{value.key} is free: expected range = [lowest, highest]")
     if free and not low <= number <= high:
         value.report(f"{value.key} is outside of its range")
-    return Number(value.key, unit, number, free, tolerance, low, high)
+    before = number_in(table.data.get("before"))
+    return Number(value.key, unit, number, free, tolerance, low, high, before)
 
 
 def _inline(value: Value, form: str) -> Value:
@@ -199,11 +212,11 @@ def _written(value: Value) -> Written:
         raise value.include(found) from error
 
 
-def _laws(
-    root: Value, kind: str, unit: str, numbers: Mapping[str, Number]
-) -> dict[str, Written]:
+def _laws(root: Value, kind: str, unit: str, numbers: Mapping[str, Number]) -> dict[str, Written]:
     if kind == THERMAL:
-        nodes = root.need("nodes", _nodes, 'expected [nodes], such as heater = "-U * (T - ambient)"')
+        nodes = root.need(
+            "nodes", _nodes, 'expected [nodes], such as heater = "-U * (T - ambient)"'
+        )
         return nodes or {}
     if kind == AXIS and "acceleration" not in root and not numbers.keys() & {"mass", "inertia"}:
         root.report("expected a mass or an inertia in [base], or acceleration = formula",
@@ -231,13 +244,7 @@ def _nodes(section: Value) -> dict[str, Written]:
 
 
 def _own_effect(entry: Value, kind: str) -> Effect | None:
-    return entry.get("name", lambda _: _effect(entry, kind, {}, own=True), None) or (
-        None if "name" in entry else _nameless(entry)
-    )
-
-
-def _nameless(entry: Value) -> None:
-    entry.report("the effect has no name", "missing-key")
+    return entry.need("name", lambda _: _effect(entry, kind, {}, own=True), "no name of an effect")
 
 
 def _effect(entry: Value, kind: str, units: Mapping[str, str], own: bool) -> Effect:

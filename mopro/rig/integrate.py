@@ -41,7 +41,7 @@ def _accelerated(
 ) -> float:  # fmt: skip
     """The acceleration, dry friction opposed to a motion of direction `way` (0 for none)."""
     variables[0], variables[1], variables[2] = at, x, v
-    pushed = value_of(codes, segments[0, 0], segments[0, 1], variables, stack)
+    pushed: float = value_of(codes, segments[0, 0], segments[0, 1], variables, stack)
     if way != 0.0:
         pushed -= way * value_of(codes, segments[1, 0], segments[1, 1], variables, stack)
     return pushed

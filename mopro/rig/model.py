@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from mopro.errors import ModelError
@@ -62,7 +62,10 @@ class Written:
 
 @dataclass(frozen=True)
 class Number:
-    """A number of the model, in `unit`: fixed, known with a tolerance, or free to be fitted."""
+    """A number of the model, in `unit`: fixed, known with a tolerance, or free to be fitted.
+
+    `before`: the value that fitted before effects were found, in a repaired file.
+    """
 
     name: str
     unit: str
@@ -71,6 +74,7 @@ class Number:
     tolerance: float = 0.0
     low: float = 0.0
     high: float = 0.0
+    before: float | None = None
 
     @cached_property
     def factor(self) -> float:
@@ -143,6 +147,15 @@ class Rig:
     active: Mapping[str, Mapping[str, float]]
     source: Source
     python: tuple[str, str] | None = None
+
+    def without_effects(self, kept: Collection[str]) -> Rig:
+        """This machine as it was before it was repaired, with the effects `kept` only."""
+        numbers = {
+            name: n if n.before is None else replace(n, value=n.before)
+            for name, n in self.numbers.items()
+        }
+        active = {name: own for name, own in self.active.items() if name in kept}
+        return replace(self, numbers=numbers, active=active)
 
     @property
     def nodes(self) -> tuple[str, ...]:

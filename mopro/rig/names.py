@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
 from mopro.rig.data import RigExperiment, Sensor
 from mopro.rig.file import catalogue
 from mopro.rig.model import (
-    AMBIENT, AXIS, COMMAND, FORCE, FRICTION, INPUT, KINEMATIC, MEASUREMENT, POWER, PYTHON, THERMAL,
-    Effect, Rig, Written,
+    AMBIENT,
+    AXIS,
+    COMMAND,
+    FORCE,
+    FRICTION,
+    INPUT,
+    KINEMATIC,
+    MEASUREMENT,
+    POWER,
+    PYTHON,
+    THERMAL,
+    Effect,
+    Rig,
+    Written,
 )  # fmt: skip
 
 Dimensions = dict[str, Dimension | None]
@@ -53,7 +63,7 @@ def names_of(experiment: RigExperiment) -> Dimensions:
 
 def in_a_node(experiment: RigExperiment) -> Dimensions:
     """Names that the formulas of a node have beside the others."""
-    units = [unit for unit in experiment.units.values()]
+    units = list(experiment.units.values())
     foreign = dimension_of_unit(units[0]) if units else NUMBER
     return {"T": _KELVIN, "ambient": _KELVIN, "exchange": _KELVIN, "foreign": foreign}
 
@@ -83,14 +93,23 @@ def effects_of(experiment: RigExperiment) -> tuple[Effect, ...]:
     own = {effect.name for effect in rig.effects} | rig.numbers.keys()
     listed = catalogue(rig.kind, tuple(sorted(_units(experiment).items())))
     known = names_of(experiment).keys()
+    fed_back = any(run.feedback for run in experiment.trials)
     return (
         *rig.effects,
         *(
-            e for e in listed
-            if e.name not in own and _needs(e) <= known | _local(rig, e)
+            e
+            for e in listed
+            if e.name not in own
+            and _needs(e) <= known | _local(rig, e)
             and (experiment.units or not (e.driven or e.enters == INPUT))
+            and not (fed_back and _follows(e))
         ),
     )
+
+
+def _follows(effect: Effect) -> bool:
+    """True if an effect is one of the command: what made the command hides what acts on it."""
+    return effect.enters in (COMMAND, INPUT) or bool(effect.term.formula.names & {"x", "v", "a"})
 
 
 def _needs(effect: Effect) -> frozenset[str]:
@@ -186,7 +205,7 @@ def axis_law(experiment: RigExperiment) -> Formula | None:
     if "acceleration" in rig.laws:
         return None
     has = rig.numbers.keys()
-    parts = [name for name in ("force", "torque") if name in inputs]
+    parts: list[str] = [name for name in ("force", "torque") if name in inputs]
     if "constant" in has and "current" in inputs:
         parts.append("constant * current")
     if {"constant", "resistance"} <= has and "voltage" in inputs:

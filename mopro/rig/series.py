@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,7 +30,7 @@ def plain_series(model: Model) -> list[Series]:
     return [_series(model, run, reading, {}) for run, reading in model.readings]
 
 
-def _series(model: Model, run: Run, reading: Reading, states: dict[str, Floats]) -> Series:
+def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Floats]) -> Series:
     sensor, time_s = reading.sensor, run.time_s[reading.rows]
     labels = _labels(run, reading, states) if _told(model, run, reading) else {}
     return Series(
@@ -51,8 +53,8 @@ def _told(model: Model, run: Run, reading: Reading) -> bool:
     The place that an axis takes under its forces does not describe its own error.
     """
     placed = reading.sensor.quantity in ("position", "angle")
-    return model.rig.kind != THERMAL and not run.feedback and not (
-        placed and model.rig.kind == AXIS
+    return (
+        model.rig.kind != THERMAL and not run.feedback and not (placed and model.rig.kind == AXIS)
     )
 
 
@@ -69,7 +71,7 @@ def nuisances(reading: Reading, time_s: Floats) -> Floats:
     return np.array(shapes).reshape(len(shapes), len(time_s)).T
 
 
-def _labels(run: Run, reading: Reading, states: dict[str, Floats]) -> dict[str, Floats]:
+def _labels(run: Run, reading: Reading, states: Mapping[str, Floats]) -> dict[str, Floats]:
     """Position, speed and acceleration of the model, in the unit of a position sensor or in SI."""
     if "x" not in states or len(run.time_s) < 2 or not np.isfinite(states["x"]).all():
         return {}

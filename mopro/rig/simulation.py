@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,7 +17,16 @@ from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.language import substituted
 from mopro.rig.data import Reading, RigExperiment, Run, Sensor
 from mopro.rig.model import (
-    AMBIENT, AXIS, COMMAND, FORCE, FRICTION, INPUT, KINEMATIC, MEASUREMENT, POWER, THERMAL,
+    AMBIENT,
+    AXIS,
+    COMMAND,
+    FORCE,
+    FRICTION,
+    INPUT,
+    KINEMATIC,
+    MEASUREMENT,
+    POWER,
+    THERMAL,
     Effect,
 )  # fmt: skip
 from mopro.rig.names import axis_law, capacity_of, effects_of, inertia_of, sensors_of
@@ -26,6 +35,10 @@ BASE = "base"
 SCALE = "scale of {}"
 START = "start of {}, {}"
 Codes = list[tuple[int, int]]
+# Effects that are on, with their parameters in SI.
+Active = tuple[tuple[Effect, Mapping[str, float]], ...]
+# Names of formulas with their values.
+Known = Mapping[str, Floats | float]
 Simulate = Callable[[Mapping[str, float], Mapping[str, Floats]], Mapping[str, Any]]
 # Halvings of the step of integration after which it is taken as it is.
 _MOST_HALVINGS = 6
@@ -54,7 +67,7 @@ class _Program:
 class Model:
     """The model of an experiment: called with settings, it predicts each reading in its unit.
 
-    `effects`: all that may be switched on, by name; of several forms that with most parameters.
+    `forms`: all effects that may be switched on; the settings' parameters tell the form.
     `foreign`: the function of a model that is a program.
     """
 
@@ -66,11 +79,12 @@ class Model:
         self.experiment = experiment
         self.rig = experiment.machine
         self.forms = effects_of(experiment)
-        widest = sorted(self.forms, key=lambda effect: len(effect.parameters))
-        self.effects = {effect.name: effect for effect in widest}
+        self._by_name: dict[str, list[Effect]] = {}
+        for effect in sorted(self.forms, key=lambda form: len(form.parameters)):
+            self._by_name.setdefault(effect.name, []).append(effect)
         self._order = list(dict.fromkeys(effect.name for effect in self.forms))
         self.foreign = foreign
-        self._programs: dict[frozenset[str], _Program] = {}
+        self._programs: dict[tuple[tuple[str, str], ...], _Program] = {}
         self._steps: dict[str, float] = {}
 
     def __call__(self, settings: Settings) -> list[Floats]:
@@ -96,22 +110,25 @@ class Model:
         }
         return {name: value * self.rig.numbers[name].factor for name, value in stated.items()}
 
-    def active(self, run: Run, settings: Settings) -> dict[str, dict[str, float]]:
+    def active(self, run: Run, settings: Settings) -> Active:
         """The effects that are on in a run, with their parameters in SI."""
-        found = {}
+        found = []
         for name in self._order:
             own = settings.get(name, self.rig.active.get(name))
             if own is not None and name not in run.without:
-                parameters = self.effects[name].parameters
-                found[name] = {p.name: float(own.get(p.name, 0.0)) * p.factor for p in parameters}
-        return found
+                effect = self.form(name, own.keys())
+                values = {p.name: own.get(p.name, 0.0) * p.factor for p in effect.parameters}
+                found.append((effect, values))
+        return tuple(found)
 
-    def _entering(
-        self, place: str, active: Mapping[str, Mapping[str, float]]
-    ) -> Iterator[tuple[Effect, Mapping[str, float]]]:
-        for name, values in active.items():
-            if self.effects[name].enters == place:
-                yield self.effects[name], values
+    def form(self, name: str, parameters: Collection[str]) -> Effect:
+        """The form of an effect that has these parameters."""
+        forms = self._by_name[name]
+        fits = (form for form in forms if set(parameters) <= {p.name for p in form.parameters})
+        return next(fits, forms[-1])
+
+    def _entering(self, place: str, active: Active) -> Iterator[tuple[Effect, Mapping[str, float]]]:
+        yield from ((effect, own) for effect, own in active if effect.enters == place)
 
     # -- one run -----------------------------------------------------------------------
 
@@ -119,21 +136,21 @@ class Model:
         if self.foreign is not None:
             return self._of_foreign(run, settings)
         motion, values = self.motion(run, settings), self.values(settings)
-        known = {"t": run.time_s, **motion.inputs, **values, **motion.states}
+        known: Known = {"t": run.time_s, **motion.inputs, **values, **motion.states}
         active = self.active(run, settings)
         made: dict[str, Floats] = {}
         return [self._reading(r, known, active, settings, run, made) for r in run.readings]
 
     def _reading(
-        self, reading: Reading, known: Mapping[str, Floats | float],
-        active: Mapping[str, Mapping[str, float]], settings: Settings, run: Run,
+        self, reading: Reading, known: Known,
+        active: Active, settings: Settings, run: Run,
         made: dict[str, Floats],
     ) -> Floats:  # fmt: skip
         sensor = reading.sensor
-        value = evaluate(sensor.reads.formula, _with_rates(known, sensor.reads.formula), run.time_s)
+        value = evaluate(sensor.reads.formula, with_rates(known, sensor.reads.formula), run.time_s)
         for effect, own in self._entering(MEASUREMENT, active):
             if self.shows(effect, sensor):
-                value = value + _term(effect, own, {**known, "y": value}, run.time_s)
+                value = value + term_of(effect, own, {**known, "y": value}, run.time_s)
         scale = settings.get(BASE, {}).get(SCALE.format(sensor.name), sensor.scale or 1.0)
         return (sensor.sign or 1) * scale / sensor.factor * value[reading.rows]
 
@@ -153,45 +170,41 @@ class Model:
         step_s = self._step_s(run, inputs, active, settings)
         return Motion(self._integrated(run, inputs, active, settings, step_s), inputs)
 
-    def _inputs(
-        self, run: Run, active: Mapping[str, Mapping[str, float]], settings: Settings
-    ) -> dict[str, Floats]:
+    def _inputs(self, run: Run, active: Active, settings: Settings) -> dict[str, Floats]:
         inputs = dict(run.inputs)
         values: dict[str, Floats | float] = {"t": run.time_s, **self.values(settings)}
         for effect, own in self._entering(INPUT, active):
             for name in [name for name in inputs if effect.target in ("", name)]:
                 known = {**values, **inputs, "u": inputs[name]}
-                inputs[name] = inputs[name] + _term(effect, own, known, run.time_s)
+                inputs[name] = inputs[name] + term_of(effect, own, known, run.time_s)
         return inputs
 
     def _followed(
-        self, run: Run, inputs: Mapping[str, Floats], active: Mapping[str, Mapping[str, float]],
+        self, run: Run, inputs: Mapping[str, Floats], active: Active,
         settings: Settings,
     ) -> Floats:  # fmt: skip
         """Position of a kinematic machine: each effect acts on what those before it left."""
         known: dict[str, Any] = {"t": run.time_s, **inputs, **self.values(settings)}
         x = evaluate(self.rig.laws["position"].formula, known, run.time_s)
         for effect, own in self._entering(COMMAND, active):
-            x = x + _term(effect, own, {**known, "x": x}, run.time_s)
+            x = x + term_of(effect, own, {**known, "x": x}, run.time_s)
         return x
 
     def _of_foreign(self, run: Run, settings: Settings) -> list[Floats]:
         numbers = {name: float(n.value) for name, n in self.rig.numbers.items()}
         numbers |= {n: float(v) for n, v in settings.get(BASE, {}).items() if n in numbers}
-        for effect in self.effects.values():
+        for effect in self.forms:
             own = settings.get(effect.name, {})
             numbers |= {p.name: float(own.get(p.name, 0.0)) for p in effect.parameters}
         assert self.foreign is not None
         position = self.experiment.trials.index(run)
         found = self.foreign(numbers, dict(self.experiment.columns[position]))
-        return [
-            np.asarray(found[r.sensor.name], dtype=float)[r.rows] for r in run.readings
-        ]
+        return [np.asarray(found[r.sensor.name], dtype=float)[r.rows] for r in run.readings]
 
     # -- equations ---------------------------------------------------------------------
 
     def _step_s(
-        self, run: Run, inputs: Mapping[str, Floats], active: Mapping[str, Mapping[str, float]],
+        self, run: Run, inputs: Mapping[str, Floats], active: Active,
         settings: Settings,
     ) -> float:  # fmt: skip
         """The step of integration: halved until it hardly changes the states of a first run."""
@@ -207,24 +220,24 @@ class Model:
         return self._steps[run.name]
 
     def _integrated(
-        self, run: Run, inputs: Mapping[str, Floats], active: Mapping[str, Mapping[str, float]],
+        self, run: Run, inputs: Mapping[str, Floats], active: Active,
         settings: Settings, step_s: float,
     ) -> dict[str, Floats]:  # fmt: skip
         from mopro.rig import integrate
 
-        program = self._program(frozenset(active))
+        program = self._program([effect for effect, _ in active])
         variables = np.zeros(max(program.slots.values(), default=0) + 1 + len(program.constants))
         variables[len(variables) - len(program.constants) :] = program.constants
         for name, value in self.values(settings).items():
             variables[program.slots[name]] = value
-        for name, own in active.items():
+        for effect, own in active:
             for parameter, value in own.items():
-                variables[program.slots[f"{name}.{parameter}"]] = value
+                variables[program.slots[f"{effect.name}.{parameter}"]] = value
         names = self.states
         states = np.zeros((len(names), len(run.time_s)))
         states[:, 0] = [self._start(run, name, settings) for name in names]
         shift = sum(
-            float(_term(effect, own, {"t": run.time_s}, run.time_s)[0])
+            float(term_of(effect, own, {"t": run.time_s}, run.time_s)[0])
             for effect, own in self._entering(AMBIENT, active)
         )
         for name, first in zip(names, states[:, 0].tolist(), strict=True):
@@ -250,18 +263,18 @@ class Model:
             return stated
         return float(settings.get(BASE, {}).get(START.format(run.name, state), 0.0))
 
-    def _program(self, names: frozenset[str]) -> _Program:
-        if names not in self._programs:
-            self._programs[names] = self._assembled([n for n in self._order if n in names])
-        return self._programs[names]
+    def _program(self, active: Sequence[Effect]) -> _Program:
+        key = tuple((effect.name, effect.form) for effect in active)
+        if key not in self._programs:
+            self._programs[key] = self._assembled(active)
+        return self._programs[key]
 
-    def _assembled(self, names: Sequence[str]) -> _Program:
+    def _assembled(self, active: Sequence[Effect]) -> _Program:
         every = ["t", *self.states, *self.experiment.units, *self.rig.numbers]
         every += [f"ambient {node}" for node in self.rig.nodes]
-        every += [f"{name}.{p.name}" for name in names for p in self.effects[name].parameters]
+        every += [f"{effect.name}.{p.name}" for effect in active for p in effect.parameters]
         slots = {name: place for place, name in enumerate(every)}
         assembler = Assembler(len(slots))
-        active = [self.effects[name] for name in names]
         if self.rig.kind == AXIS:
             parts = self._axis_codes(assembler, slots, active)
         else:
@@ -319,16 +332,12 @@ def _codes(
     return assembler.codes(formula, {**slots, **own})
 
 
-def _term(
-    effect: Effect, own: Mapping[str, float], known: Mapping[str, Floats | float], time_s: Floats
-) -> Floats:
+def term_of(effect: Effect, own: Mapping[str, float], known: Known, time_s: Floats) -> Floats:
     formula = effect.term.formula
-    return evaluate(formula, _with_rates({**known, **own}, formula), time_s)
+    return evaluate(formula, with_rates({**known, **own}, formula), time_s)
 
 
-def _with_rates(
-    known: Mapping[str, Floats | float], formula: Formula
-) -> Mapping[str, Floats | float]:
+def with_rates(known: Known, formula: Formula) -> Known:
     """The names, with the speed and acceleration if the formula asks for them."""
     missing = formula.names & {"v", "a"} - known.keys()
     if not missing or "x" not in known:

@@ -8,7 +8,13 @@ import numpy as np
 
 from mopro.diagnosis import Series
 from mopro.diagnosis.noise_tests import whiteness_p
-from mopro.experiment.compare.comparison import FALSE_ALARMS, Comparison, Place, SeriesTest, verdict_of
+from mopro.experiment.compare.comparison import (
+    FALSE_ALARMS,
+    Comparison,
+    Place,
+    SeriesTest,
+    verdict_of,
+)
 from mopro.experiment.compare.noise_tests import chi2_p, mean_p
 from mopro.experiment.rigs.study import Study
 from mopro.formula.evaluate import Floats
@@ -26,9 +32,7 @@ def compare(study: Study) -> Comparison:
     groups = [list(_parts(series)) for series in study.series]
     tests = 2 * len(residuals) + 2 * sum(map(len, groups))
     level = FALSE_ALARMS / max(tests, 1)
-    series = tuple(
-        _series(s, r, level) for s, r in zip(study.series, residuals, strict=True)
-    )
+    series = tuple(_series(s, r, level) for s, r in zip(study.series, residuals, strict=True))
     where = [
         _place(own, residual, rows, level)
         for own, residual, parts in zip(study.series, residuals, groups, strict=True)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from mopro.diagnosis import Series
+from mopro.diagnosis import Parameter, Series
 from mopro.formula.evaluate import Floats
 from mopro.rig.base import BaseFit, fitted_base, slope_of
-from mopro.rig.model import AXIS
+from mopro.rig.model import KINEMATIC
 from mopro.rig.simulation import START, Model
 
 # Factors by which a reading may be off, and what they stand for.
@@ -33,31 +34,46 @@ _KNOWN: dict[float, str] = {
 # Share of the variance that a straight line of measured against simulated must explain, share of
 # it that it must leave unexplained at the stated scale, and nearness of a slope to a factor.
 _EXPLAINED, _LEFT, _NEAR = 0.9, 0.5, 0.15
-# A free motion that fits to this share is not doubted; another scale must leave so much less.
-_POOR, _BETTER = 0.3, 0.5
+# Share of the variance that the stated scale must leave for another one to be tried, and to be
+# refused; another scale must leave so much less.
+_TRIED, _POOR, _BETTER = 0.02, 0.3, 0.3
 
 
-def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> None:
-    """ModelError for a sensor whose readings another sign or a known factor makes fit.
+def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[str]:
+    """Notes on sensors whose readings another sign or a known factor makes fit better.
 
-    A sensor of free scale is not doubted.
+    ModelError if they hardly fit as they are stated. A sensor of free scale is not doubted.
     """
     predicted = model(base.settings)
+    notes: dict[str, str] = {}
     for nth, ((_, reading), own) in enumerate(zip(model.readings, predicted, strict=True)):
         sensor = reading.sensor
-        if sensor.scale is None or sensor.value is None or model.rig.kind == "python":
+        if sensor.scale is None or sensor.value is None or model.foreign or sensor.name in notes:
             continue
-        factor = _of_line(data[nth], own) or _of_free_motion(model, data, base, nth)
+        factor, left = _of_line(data[nth], own), 1.0
+        if factor is None:
+            factor, left = _of_fits(model, data, base, nth)
         if factor is None:
             continue
-        sign = "of the other sign" if factor < 0 else "of the stated sign"
-        known = _KNOWN.get(abs(factor), "")
-        what = f"{sign}, and {abs(factor):.4g} times as large ({known})" if known else sign
-        scale = f", or scale = {abs(factor):.6g}" if known else ""
-        way = ' sign = -1 or "free"' if factor < 0 else ' unit, or scale = "free"'
-        hint = f"if that is so, state the{way}{scale} of the sensor"
-        message = f"{sensor.name}: the readings of {data[nth].run} are as simulated if they are {what}"
-        raise sensor.value["column"].error(message, "wrong-scale", hint)
+        message = f"{sensor.name}: {_words(data[nth], factor)}"
+        if left >= _POOR:
+            raise sensor.value["column"].error(message, "wrong-scale", _hint(factor))
+        notes[sensor.name] = f"{message}: {_hint(factor)}"
+    return list(notes.values())
+
+
+def _words(series: Series, factor: float) -> str:
+    sign = "of the other sign" if factor < 0 else ""
+    known = _KNOWN.get(abs(factor))
+    size = f"{abs(factor):.4g} times too large ({known})" if known else ""
+    what = " and ".join(part for part in (sign, size) if part)
+    return f"the readings of {series.run} are as simulated if they are {what}"
+
+
+def _hint(factor: float) -> str:
+    scale = f", or scale = {abs(factor):.6g}" if abs(factor) != 1 else ""
+    way = 'sign = -1 or "free"' if factor < 0 else 'the unit as it is, scale = "free"'
+    return f"if that is so, state {way}{scale} in the sensor"
 
 
 def _of_line(series: Series, predicted: Floats) -> float | None:
@@ -70,7 +86,9 @@ def _of_line(series: Series, predicted: Floats) -> float | None:
         return None
     left = measured - slope * simulated
     stated = measured - simulated
-    if left @ left > (1 - _EXPLAINED) * power or stated @ stated < _LEFT * power * min(1, slope**-2):
+    if left @ left > (1 - _EXPLAINED) * power or stated @ stated < _LEFT * power * min(
+        1, slope**-2
+    ):
         return None
     return _named(slope)
 
@@ -90,43 +108,41 @@ def _apart(shapes: Floats, values: Floats) -> Floats:
     return found
 
 
-def _of_free_motion(
+def _of_fits(
     model: Model, data: Sequence[Series], base: BaseFit, nth: int
-) -> float | None:
-    """The known factor that makes a motion fit whose start is free and follows the readings."""
-    run, _ = model.readings[nth]
-    free = {START.format(run.name, state) for state in model.states}
-    if model.rig.kind != AXIS or not free & {p.name for p in base.parameters} or len(data) > 1:
-        return None
+) -> tuple[float | None, float]:
+    """The known factor, or the sign, with which the model fits much better, and what is left now.
+
+    For a model of free numbers or of a free start, which follow the readings.
+    """
+    if not base.parameters or model.rig.kind == KINEMATIC:
+        return None, 0.0
     stated = _share_left(model, data, base, 1.0, nth)
-    if stated < _POOR:
-        return None
-    shares = {f: _share_left(model, data, base, f, nth) for f in (180 / math.pi, math.pi / 180)}
+    if stated < _TRIED:
+        return None, stated
+    shares = {f: _share_left(model, data, base, f, nth) for f in (-1.0, *_KNOWN)}
     best = min(shares, key=lambda f: shares[f])
-    return best if shares[best] < _BETTER * stated else None
+    return (best if shares[best] < _BETTER * stated else None), stated
 
 
 def _share_left(
     model: Model, data: Sequence[Series], base: BaseFit, factor: float, nth: int
 ) -> float:
     """Share of a series that the fitted model leaves, if its readings were `factor` too large."""
-    from dataclasses import replace
-
     scaled = [
         replace(s, values=s.values / factor, sigma=None) if i == nth else s
         for i, s in enumerate(data)
     ]
     names = {START.format(model.readings[nth][0].name, state) for state in model.states}
-    parameters = [
-        replace(p, low=p.low / factor, high=p.high / factor, starts=(p.starts[0] / factor,))
-        if p.name in names else p
-        for p in base.parameters
-    ]  # fmt: skip
-    fit = fitted_base(model, scaled, parameters)
-    own = _apart(scaled[nth].nuisance_shapes(), scaled[nth].values - model(fit.settings)[nth])
-    whole = _apart(scaled[nth].nuisance_shapes(), scaled[nth].values)
-    share = float(np.nan_to_num(own, nan=1e9) @ np.nan_to_num(own, nan=1e9)) / float(whole @ whole)
-    return share
+    parameters = [_scaled(p, factor) if p.name in names else p for p in base.parameters]
+    fit = fitted_base(model, scaled, parameters, at_once=True)
+    shapes = scaled[nth].nuisance_shapes()
+    left = _apart(shapes, np.nan_to_num(scaled[nth].values - model(fit.settings)[nth], nan=1e9))
+    whole = _apart(shapes, scaled[nth].values)
+    return float(left @ left) / (float(whole @ whole) or 1.0)
 
 
-__all__ = ["check_scales"]
+def _scaled(p: Parameter, factor: float) -> Parameter:
+    """A free start as readings that are `factor` too large have it."""
+    low, high = sorted((p.low / factor, p.high / factor))
+    return replace(p, low=low, high=high, starts=(p.starts[0] / factor,))

@@ -270,7 +270,9 @@ def dimension_of_unit_or_none(unit: str) -> object:
 
 
 def _inputs(section: Value) -> dict[str, _Input]:
-    found = {entry.key: section.get(entry.key, _input, None) for entry in table_in(section).values()}
+    found = {
+        entry.key: section.get(entry.key, _input, None) for entry in table_in(section).values()
+    }
     return {name: made for name, made in found.items() if made is not None}
 
 
@@ -288,7 +290,7 @@ def _input(value: Value) -> _Input:
         formula = Formula(column, parse("c").tree, frozenset([column]))
     unit = table.get("unit", text(), unit_of_column(column) if column else None)
     if unit is None or dimension_of_unit_or_none(unit) is None:
-        raise value.refused(f"expected the unit of {value.key}, such as unit = \"N\"", "wrong-unit")
+        raise value.refused(f'expected the unit of {value.key}, such as unit = "N"', "wrong-unit")
     held, feedback = (table.get(key, flag, False) for key in ("hold", "feedback"))
     return _Input(formula, unit, held, feedback, value)
 
@@ -304,7 +306,9 @@ def _sensor(entry: Value, machine: Rig) -> Sensor | None:
     quantity = entry.need("quantity", one_of(*quantities), f"{shown(name)} has no quantity")
     column = entry.need("column", text(), f"{shown(name)} has no column")
     unit = entry.get("unit", text(), unit_of_column(column or ""))
-    noise = entry.need("noise_rms", _noise, f'{shown(name)} has no noise_rms: a number, or "unknown"')
+    noise = entry.need(
+        "noise_rms", _noise, f'{shown(name)} has no noise_rms: a number, or "unknown"'
+    )
     step = entry.get("adc_step", number(0.0), 0.0)
     entry.get("rate_hz", number(0.0, above=True), 0.0)
     zero = entry.get("zero", _free_or_number, None)
@@ -317,7 +321,9 @@ def _sensor(entry: Value, machine: Rig) -> Sensor | None:
     if unit is None:
         entry.report(f"{column} ends in no unit: state unit", "wrong-unit", at="column")
         return None
-    if dimension_of_unit_or_none(unit) not in [dimension_of_unit(u) for u in DIMENSIONS_MEASURED[quantity]]:
+    if dimension_of_unit_or_none(unit) not in [
+        dimension_of_unit(u) for u in DIMENSIONS_MEASURED[quantity]
+    ]:
         entry.report(f"{unit} is no unit of {quantity}", "wrong-unit", at="unit")
         return None
     if scale == 0:
@@ -325,7 +331,7 @@ def _sensor(entry: Value, machine: Rig) -> Sensor | None:
         return None
     known = noise if noise is None or noise == math.inf else math.hypot(noise, step / math.sqrt(12))
     if known == 0:
-        entry.report("a sensor has noise: state noise_rms, or \"unknown\"", at="noise_rms")
+        entry.report('a sensor has noise: state noise_rms, or "unknown"', at="noise_rms")
         return None
     return Sensor(
         name, quantity, column or "", unit, factor_of(unit), dimension_of_unit(unit),
@@ -388,9 +394,7 @@ class _Data:
     def __init__(self, entries: RigEntries, entry: _RunEntry) -> None:
         self._entries, self._entry = entries, entry
         self._notes: list[str] = []
-        self._columns = {
-            s.name: entry.columns.get(s.name, s.column) for s in entries.sensors
-        }
+        self._columns = {s.name: entry.columns.get(s.name, s.column) for s in entries.sensors}
         names = {entries.clock.column, *self._columns.values()}
         for made in entry.inputs.values():
             names |= made.formula.names
@@ -411,7 +415,9 @@ class _Data:
         ]
         if not readings:
             message = "the file has no column of any sensor"
-            self._file.refuse_header("missing-column", message, f"expected {', '.join(self._columns.values())}")
+            self._file.refuse_header(
+                "missing-column", message, f"expected {', '.join(self._columns.values())}"
+            )
         start = self._start(readings, time_s)
         held = frozenset(name for name, made in entry.inputs.items() if made.held)
         feedback = any(made.feedback for made in entry.inputs.values())
@@ -474,7 +480,9 @@ class _Data:
             try:
                 check_names(formula, {*names, "t"})
             except FormulaError as error:
-                raise written.error_inside(str(error), error.start, error.end, "unknown-name") from error
+                raise written.error_inside(
+                    str(error), error.start, error.end, "unknown-name"
+                ) from error
         if formula.text in known and formula.text in formula.names:
             return known[formula.text]
         return evaluate(formula, {"t": time_s, **known}, time_s)
@@ -485,7 +493,10 @@ class _Data:
         begin = time_s[0] + entry.part[0] * (time_s[-1] - time_s[0]) / entry.part[1]
         used = time_s >= begin
         if entry.use is not None and entry.use.value is not None:
-            used &= np.nan_to_num(self._evaluated(entry.use.formula, known, time_s, entry.use.value)) != 0
+            used &= (
+                np.nan_to_num(self._evaluated(entry.use.formula, known, time_s, entry.use.value))
+                != 0
+            )
         if not used.any():
             raise entry.value.error(f"no row of {entry.shown} is used", "empty-file")
         return np.asarray(used, dtype=float)
@@ -530,4 +541,11 @@ def _first(readings: list[Reading], node: str) -> float:
     return float(own[0].values[0])
 
 
-__all__ = ["DataFile", "DataFileError", "Diagnostic", "RigEntries", "read_rig_entries", "read_rig_experiment"]
+__all__ = [
+    "DataFile",
+    "DataFileError",
+    "Diagnostic",
+    "RigEntries",
+    "read_rig_entries",
+    "read_rig_experiment",
+]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from mopro.diagnosis import Estimate, Verdict
@@ -11,6 +12,7 @@ from mopro.experiment.conclude.wording import interval_words
 from mopro.rig.data import RigExperiment
 from mopro.rig.file import read_rig
 from mopro.rig.model import Rig
+from mopro.rig.simulation import BASE
 from mopro.source import Source
 
 _HEAD = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]")
@@ -26,43 +28,45 @@ def machine_text(experiment: RigExperiment, verdict: Verdict) -> str:
     for effect in verdict.calibration:
         fitted |= {n: e for n, e in effect.parameters.items() if n in rig.numbers}
     found = {e.name for e in verdict.fitted if e.name not in rig.numbers}
-    lines = list(_without_effects(_with_numbers(rig, fitted, place), found))
-    effects = {e.name: e for e in rig.effects}
+    lines = list(_without_effects(_with_numbers(rig, fitted, verdict, place), found))
     for named in verdict.fitted:
         if named.name in found:
             lines += ["", *_section(named.name, verdict, named.parameters, place)]
             if named.indistinguishable_from:
-                lines.append(f"# or instead of it: {_plain(', '.join(named.indistinguishable_from))}")
-    assert effects.keys() >= set(), "the definitions of a user's effects stay in the text"
+                lines.append(
+                    f"# or instead of it: {_plain(', '.join(named.indistinguishable_from))}"
+                )
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def machine_with(experiment: RigExperiment, verdict: Verdict) -> Rig:
     """The machine that `machine_text` describes, in the unit that its sensors gave it."""
-    from dataclasses import replace
-
     rig = experiment.machine
     made = read_rig(Source(f"{rig.name} (reconciled)", machine_text(experiment, verdict)))
     return replace(made, unit=rig.unit)
 
 
-def _with_numbers(rig: Rig, fitted: Mapping[str, Estimate], place: str) -> Iterator[str]:
+def _with_numbers(
+    rig: Rig, fitted: Mapping[str, Estimate], verdict: Verdict, place: str
+) -> Iterator[str]:
     """Lines of the file, each fitted number with its value in the place of the old one."""
     section = ""
     for line in rig.source.text.splitlines():
         head, key = _HEAD.match(line), _KEY.match(line)
         section = head[1] if head else section
-        named = key[1] if key and (section == "base" or _TOP.match(line)) else None
+        named = key[1] if key and (section == "base" or _TOP.match(line)) else ""
         if named in fitted:
-            yield _number(named, rig, fitted[named], place)
+            before = verdict.base_before.get(BASE, {}).get(named, rig.numbers[named].value)
+            yield _number(named, rig, fitted[named], before, place)
         else:
             yield line
 
 
-def _number(name: str, rig: Rig, estimate: Estimate, place: str) -> str:
+def _number(name: str, rig: Rig, estimate: Estimate, before: float, place: str) -> str:
     number = rig.numbers[name]
     tolerance = f", tolerance = {number.tolerance!r}" if number.tolerance else ""
-    value = f"{{ value = {_digits(estimate.value)}, unit = \"{number.unit}\"{tolerance} }}"
+    tolerance += f", before = {_digits(before)}"
+    value = f'{{ value = {_digits(estimate.value)}, unit = "{number.unit}"{tolerance} }}'
     return f"{name} = {value}  # {_origin(estimate, place)}"
 
 
@@ -91,7 +95,7 @@ def _section(
         if estimate is None:
             yield f"{parameter} = {_digits(value)}"
         else:
-            stated = f"{{ value = {_digits(value)}, unit = \"{estimate.unit}\" }}"
+            stated = f'{{ value = {_digits(value)}, unit = "{estimate.unit}" }}'
             yield f"{parameter} = {stated}  # {_origin(estimate, place)}"
 
 

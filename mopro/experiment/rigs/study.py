@@ -58,8 +58,9 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     data = plain_series(model)
     _check_runs(model, parameters)
     base = fitted_base(model, data, parameters)
-    check_scales(model, data, base)
+    notes = check_scales(model, data, base)
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
+    experiment = replace(experiment, notes=(*experiment.notes, *notes))
     return Study(experiment, model, base, series)
 
 
@@ -76,12 +77,16 @@ def _check_runs(model: Model, parameters: Sequence[Parameter]) -> None:
                 f"the model of {reading.sensor.name} gives no finite number at {at:.6g} s: it "
                 "divides by zero, or runs away"
             )
-            raise run.value.error(message, "not-finite", "look at the law and the numbers of the machine")
+            raise run.value.error(
+                message, "not-finite", "look at the law and the numbers of the machine"
+            )
 
 
 def _with_signs(experiment: RigExperiment, foreign: Simulate | None) -> RigExperiment:
     """The experiment with each free sign as it fits better."""
-    free = {r.sensor.name for run in experiment.trials for r in run.readings if r.sensor.sign is None}
+    free = {
+        r.sensor.name for run in experiment.trials for r in run.readings if r.sensor.sign is None
+    }
     for name in sorted(free):
         ways = [_signed(experiment, name, sign) for sign in (1, -1)]
         experiment = min(ways, key=lambda way: _misfit(way, foreign))
