@@ -120,9 +120,12 @@ def _of_fits(
     stated = _share_left(model, data, base, 1.0, nth)
     if stated < _TRIED:
         return None, stated
-    shares = {f: _share_left(model, data, base, f, nth) for f in (-1.0, *_KNOWN)}
+    # A wrong law may fit a little better at half or twice the scale.
+    tried = (-1.0, *(f for f in _KNOWN if not 0.5 <= f <= 2.0))
+    shares = {f: _share_left(model, data, base, f, nth) for f in tried}
     best = min(shares, key=lambda f: shares[f])
-    return (best if shares[best] < _BETTER * stated else None), stated
+    fits = shares[best] < _BETTER * min(stated, 1.0)
+    return (best if fits else None), stated
 
 
 def _share_left(

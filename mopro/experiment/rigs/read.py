@@ -419,6 +419,8 @@ class _Data:
                 "missing-column", message, f"expected {', '.join(self._columns.values())}"
             )
         start = self._start(readings, time_s)
+        if self._entries.machine.kind == AXIS and None in start.values():
+            time_s, inputs, readings = _from_first(time_s, inputs, readings)
         held = frozenset(name for name, made in entry.inputs.items() if made.held)
         feedback = any(made.feedback for made in entry.inputs.values())
         run = Run(
@@ -533,6 +535,16 @@ class _Data:
             first = {n: _first(readings, n) for n in machine.nodes}
             return {**first, **stated}
         return {}
+
+
+def _from_first(
+    time_s: Floats, inputs: Mapping[str, Floats], readings: list[Reading]
+) -> tuple[Floats, dict[str, Floats], list[Reading]]:
+    """The rows from the first that is compared: where a start is free, it is there."""
+    first = min(int(r.rows[0]) for r in readings)
+    moved = [replace(r, rows=r.rows - first) for r in readings]
+    cut = {name: np.ascontiguousarray(own[first:]) for name, own in inputs.items()}
+    return time_s[first:], cut, moved
 
 
 def _first(readings: list[Reading], node: str) -> float:

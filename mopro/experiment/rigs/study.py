@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+import traceback
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +22,12 @@ from mopro.rig.data import RigExperiment
 from mopro.rig.names import check, effects_of
 from mopro.rig.series import plain_series, series_of
 from mopro.rig.simulation import Model, Simulate
+
+# What a program that is somebody's model may raise.
+_OF_A_PROGRAM = (
+    ArithmeticError, AssertionError, AttributeError, ImportError, LookupError, MemoryError,
+    NameError, OSError, RuntimeError, SyntaxError, TypeError, ValueError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -132,12 +140,29 @@ def _loaded(file: Path, name: str) -> Simulate:
     if spec is None or spec.loader is None or not file.is_file():
         raise DataError(f"there is no file {file}", "no-such-file")
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except _OF_A_PROGRAM as error:
+        raise _failed(file, error) from error
     function = getattr(module, name, None)
     if not callable(function):
         raise DataError(f"{file} has no function {name}", "no-such-function")
-    found: Simulate = function
-    return found
+
+    def simulate(numbers: Mapping[str, float], columns: Mapping[str, Floats]) -> Mapping[str, Any]:
+        try:
+            found: Mapping[str, Any] = function(numbers, columns)
+        except _OF_A_PROGRAM as error:
+            raise _failed(file, error) from error
+        return found
+
+    return simulate
+
+
+def _failed(file: Path, error: BaseException) -> DataError:
+    """The error of a model that is a program, with the line of it that was running."""
+    own = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(file)]
+    place = f", line {own[-1]}" if own else ""
+    return DataError(f"{file}{place}: {type(error).__name__}: {error}", "failed-model")
 
 
 __all__ = ["ModelError", "Study", "study"]
