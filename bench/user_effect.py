@@ -16,7 +16,6 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from helpers.rigs import DRIVE, FRICTION_OF_PLACE, drive_folder
-
 from mopro.experiment.opened import open_experiment
 
 CASES = 20

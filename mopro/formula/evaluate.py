@@ -43,6 +43,16 @@ def evaluate(formula: Formula, names: Values, time_s: Floats) -> Floats:
     return np.broadcast_to(np.asarray(found, dtype=float), time_s.shape)
 
 
+def over_grid(formula: Formula, names: Values, shape: tuple[int, int]) -> Floats:
+    """The formula for names that are numbers or arrays that broadcast to `shape`.
+
+    Not for a formula of whole signals.
+    """
+    with np.errstate(all="ignore"):
+        found = _value(formula.tree, names, np.zeros(0))
+    return np.broadcast_to(np.asarray(found, dtype=float), shape)
+
+
 def _value(node: ast.expr, names: Values, time_s: Floats) -> Any:
     def of(part: ast.expr) -> Any:
         return _value(part, names, time_s)

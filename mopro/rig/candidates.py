@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
-from mopro.diagnosis import Candidate, Parameter, ResidualView, Role, Series, Settings
+from mopro.diagnosis import Candidate, Parameter, Role, Series, Settings
 from mopro.formula import Dimension, Formula, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.rig.base import DIFFERENCE
@@ -25,6 +24,7 @@ from mopro.rig.model import (
     Number,
 )  # fmt: skip
 from mopro.rig.names import capacity_of, inertia_of, names_of
+from mopro.rig.search import Search
 from mopro.rig.simulation import Known, Model, term_of
 
 # An amplitude is looked for up to this multiple of what would make the term as large as the
@@ -36,10 +36,7 @@ _SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
 # two to be told from a bend, and in median steps of it.
 _MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS = 0.5, 4.0
 _PERIOD_STARTS = (0.05, 0.15, 0.4)
-# Frequencies of a periodogram for each cycle in the span, and most of them.
-_OVERSAMPLED, _MOST_FREQUENCIES = 5, 3000
 _SHAPE_DIFFERENCE = 1e-5
-_GRID = 12
 # A start is looked for by a simulation at this share of the range's end, and within these shares.
 _TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-4, 0.3
 # Distance of a start from the value of the machine's file, as a share of the range.
@@ -118,7 +115,7 @@ def _candidate(
         parameters = tuple(_about(p, own.get(p.name, 0.0)) for p in parameters)
     find = None
     if shapes and effect.enters == MEASUREMENT:
-        find = _Finder(model, effect, parameters, settings)
+        find = Search(model, effect, parameters, _MOST_PERIODS_OF_SPAN)
     return Candidate(
         effect.name, parameters, effect.form,
         flexible=any(p.role == PERIOD for p in effect.parameters), find_starts=find,
@@ -149,7 +146,7 @@ def _sizes(model: Model, settings: Settings) -> _Sized:
     names = {"step": math.inf, "length": 0.0, "x_span": 0.0, "v_max": 0.0, "a_max": 0.0}
     known = names_of(model.experiment)
     for run in model.experiment.trials:
-        values = _values_in(model, run, settings)
+        values = model.values_in(run, settings)
         for name, own in values.items():
             dimension = known.get(name)
             if dimension is not None and np.isfinite(own).all():
@@ -166,16 +163,6 @@ def _sizes(model: Model, settings: Settings) -> _Sized:
             ) else 0.0  # fmt: skip
             names[name] = max(names[name], size)
     return _Sized(names, spans, steps)
-
-
-def _values_in(model: Model, run: Run, settings: Settings) -> dict[str, Floats]:
-    """Time, inputs and states of a run without effects."""
-    motion = model.motion(run, settings)
-    found = {"t": run.time_s, **motion.inputs, **motion.states}
-    if "x" in found:
-        found["v"] = found.get("v", np.gradient(found["x"], run.time_s))
-        found["a"] = np.gradient(found["v"], run.time_s)
-    return found
 
 
 def _sized(size: float | Formula, factor: float, sized: _Sized) -> float:
@@ -268,7 +255,7 @@ def _size_of_term(
     for run in model.experiment.trials:
         off = {p.name: fixed.get(p.name, 0.0) * p.factor for p in effect.parameters}
         one = next(p.factor for p in effect.parameters if p.name == name)
-        known: Known = {**_values_in(model, run, settings), **model.values(settings)}
+        known: Known = {**model.values_in(run, settings), **model.values(settings)}
         for local in _locals(model, effect, run, known):
             with_one = term_of(effect, {**off, name: one}, {**known, **local}, run.time_s)
             without = term_of(effect, off, {**known, **local}, run.time_s)
@@ -325,7 +312,7 @@ def _scale_of(model: Model, effect: Effect, settings: Settings, data: Sequence[S
     rig = model.rig
     found = 0.0
     for run in model.experiment.trials:
-        values = _values_in(model, run, settings)
+        values = model.values_in(run, settings)
         match effect.enters:
             case "force" | "friction":
                 inertia = inertia_of(rig)
@@ -348,89 +335,3 @@ def _scale_of(model: Model, effect: Effect, settings: Settings, data: Sequence[S
                 ]
         found = max([found, *(float(np.max(np.abs(s))) for s in sizes if np.isfinite(s).all())])
     return found or 1.0
-
-
-# -- searches ----------------------------------------------------------------------------
-
-
-class _Finder:
-    """Search for the shapes of a term of the measurement: the residual's best on a grid."""
-
-    def __init__(
-        self, model: Model, effect: Effect, parameters: tuple[Parameter, ...], settings: Settings
-    ) -> None:
-        self._model, self._effect, self._parameters = model, effect, parameters
-        self._settings = settings
-
-    def __call__(self, view: ResidualView) -> Iterator[Mapping[str, float]]:
-        left = np.concatenate(list(view.residuals))
-        shapes = [p for p in self._parameters if p.role is Role.SHAPE]
-        sizes = [p for p in self._parameters if p.role is Role.AMPLITUDE]
-        best: tuple[float, dict[str, float]] = (0.0, {})
-        known = self._known(view.settings)
-        for values in product(*(self._grid(p) for p in shapes)):
-            shape = {p.name: value for p, value in zip(shapes, values, strict=True)}
-            columns = self._columns(shape, sizes, known, view)
-            found, *_ = np.linalg.lstsq(columns, left, rcond=1e-9)
-            gain = float(left @ (columns @ found))
-            if gain > best[0]:
-                within = (p.within(f) for p, f in zip(sizes, found.tolist(), strict=True))
-                best = gain, shape | {p.name: f for p, f in zip(sizes, within, strict=True)}
-        if best[1]:
-            # A search must not begin where the effect is off.
-            found = {p.name: best[1][p.name] for p in self._parameters}
-            yield found | {
-                p.name: p.starts[0] for p in sizes[:1] if found[p.name] == p.null and p.starts
-            }
-
-    def _grid(self, p: Parameter) -> Floats:
-        if not p.inverse:
-            return np.geomspace(p.low, p.high, _GRID) if p.low > 0 else np.linspace(
-                p.low, p.high, 2 * _GRID
-            )  # fmt: skip
-        longest = p.high / _MOST_PERIODS_OF_SPAN
-        count = min(int(_OVERSAMPLED * longest / p.low) + 2, _MOST_FREQUENCIES)
-        return 1 / np.linspace(1 / p.high, 1 / p.low, count)
-
-    def _known(self, settings: Settings) -> list[Known]:
-        """The names of each run at the settings of a fit."""
-        model = self._model
-        return [
-            {**_values_in(model, run, settings), **model.values(settings)}
-            for run in model.experiment.trials
-        ]
-
-    def _columns(
-        self, shape: Mapping[str, float], sizes: Sequence[Parameter],
-        known: Sequence[Known], view: ResidualView,
-    ) -> Floats:  # fmt: skip
-        """Whitened change of all readings for one unit of each amplitude (samples x sizes)."""
-        model, effect = self._model, self._effect
-        factors = {p.name: p.factor for p in effect.parameters}
-        shaped = {name: value * factors[name] for name, value in shape.items()}
-        columns = []
-        for size in sizes:
-            own = dict.fromkeys(factors, 0.0) | shaped | {size.name: factors[size.name]}
-            parts, nth = [], 0
-            for run, names in zip(model.experiment.trials, known, strict=True):
-                for reading in run.readings:
-                    part = np.zeros(len(reading.rows))
-                    sensor = reading.sensor
-                    if model.shows(effect, sensor) and effect.name not in run.without:
-                        rows = {
-                            n: np.asarray(v)[reading.rows] if np.ndim(v) else v
-                            for n, v in names.items()
-                        }
-                        if effect.term.formula.of_signals or "y" in effect.term.formula.names:
-                            local = {"y": evaluate(sensor.reads.formula, names, run.time_s)}
-                            term = term_of(effect, own, {**names, **local}, run.time_s)
-                            term = term[reading.rows]
-                        else:
-                            term = term_of(effect, own, rows, run.time_s[reading.rows])
-                        scale = (sensor.sign or 1) * (sensor.scale or 1.0) / sensor.factor
-                        part = term * scale / view.sigmas[nth]
-                        part = part - part.mean() if sensor.zero is None else part
-                    parts.append(part)
-                    nth += 1
-            columns.append(np.nan_to_num(np.concatenate(parts)))
-        return np.array(columns).T

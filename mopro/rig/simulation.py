@@ -130,6 +130,15 @@ class Model:
     def _entering(self, place: str, active: Active) -> Iterator[tuple[Effect, Mapping[str, float]]]:
         yield from ((effect, own) for effect, own in active if effect.enters == place)
 
+    def values_in(self, run: Run, settings: Settings) -> dict[str, Floats]:
+        """Time, inputs and states of a run, with the speed and acceleration of an axis."""
+        motion = self.motion(run, settings)
+        found = {"t": run.time_s, **motion.inputs, **motion.states}
+        if "x" in found:
+            found["v"] = found.get("v", _gradient(found["x"], run.time_s))
+            found["a"] = _gradient(found["v"], run.time_s)
+        return found
+
     # -- one run -----------------------------------------------------------------------
 
     def _readings(self, run: Run, settings: Settings) -> list[Floats]:
