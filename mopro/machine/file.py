@@ -67,7 +67,8 @@ def read_machine(source: Source) -> Machine:
 
 def _machine(root: Value, source: Source) -> Machine:
     before = root.faults
-    root.only({"name", _EFFECTS, *_SECTIONS, *_OPTIONAL})
+    root.only({"name", "kind", _EFFECTS, *_SECTIONS, *_OPTIONAL})
+    root.get("kind", one_of("sawyer"), "sawyer")
     missing = 'expected a name, such as name = "mine"'
     name = root.need("name", text(message=missing, rule="missing-key"), missing)
     parts: dict[str, Any] = {
