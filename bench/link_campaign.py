@@ -44,7 +44,7 @@ BREAKAGES = ("late end", "neither old nor new", "moved after stop")
 
 @dataclass
 class Tally:
-    """What came of trials: endings, faults that happened, and what broke."""
+    """Counts over trials: endings, faults that happened, and what broke."""
 
     endings: Counter[str] = field(default_factory=Counter)
     faults: Counter[str] = field(default_factory=Counter)
@@ -176,7 +176,7 @@ def run_trial(dialect: str, seed: int) -> Tally:
 
 
 def moved_since(device: Device, now_s: float) -> bool:
-    """Whether the motor is told to move, or moves by itself, after `now_s`."""
+    """True if the motor is told to move, or moves by itself, after `now_s`."""
     before = [device.do(name, {}, now_s)[0] for name in ("position", "measured")]
     moving = device.do("motion", {}, now_s)[0]
     after = [device.do(name, {}, now_s + AFTERWARDS_S)[0] for name in ("position", "measured")]
@@ -184,7 +184,7 @@ def moved_since(device: Device, now_s: float) -> bool:
 
 
 def told_the_truth(run: Run, program: Program, station: Station) -> bool:
-    """Whether the report's moves are those that the machine made."""
+    """True if the report's moves are those that the machine made."""
     rows = station.device.do("moves", {"first": 1}, 1e6)
     truth = [(row["complete"], row["lost"], row["slipped"], row["lag"]) for row in rows]
     unit = 12500 * load_machine("chow1992").microstep_m

@@ -1,4 +1,4 @@
-"""How near a flash comes to what its line can carry.
+"""Time of a flash against the least that its line allows.
 
     python bench/link_throughput.py [--statements 2000] [--baud 9600 115200] [--wall]
 

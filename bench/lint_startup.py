@@ -1,4 +1,4 @@
-"""How long `mopro lint programs/LVDT3.CMD` takes, in units of `import click, lark`.
+"""Time of `mopro lint programs/LVDT3.CMD`, in units of `import click, lark`.
 
 Both are whole processes, taken in turn, in one run; the medians are compared. Python may
 keep its bytecode and mopro its parser, as in an installation in use. With `--text` only

@@ -255,7 +255,7 @@ def test_standard_output_by_name_takes_its_place_among_what_is_printed(tmp_path,
 
 @pytest.fixture
 def order(monkeypatch):
-    """What is asked of the system, in order: files and folders flushed, and renames."""
+    """Calls of the system, in order: files and folders flushed, and renames."""
     done = []
     real_fsync, real_rename = os.fsync, Path.replace
 

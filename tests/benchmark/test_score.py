@@ -149,7 +149,7 @@ def test_the_table_counts():
 
 
 def after(first, promised, second):
-    """What is hidden is a viscous drag."""
+    """A follow-up of a case that hides a viscous drag."""
     truth = answer(HIDDEN)
     sigmas = {pair_key("viscous_drag", rival): sigma for rival, sigma in promised.items()}
     others = {pair_key("start_delay", "trigger_delay"): 0.1}

@@ -1,4 +1,4 @@
-"""What commands write: never over their inputs, never torn, never lost to a drawing."""
+"""Outputs of commands: never over their inputs, never torn, never lost to a drawing."""
 
 import json
 import os

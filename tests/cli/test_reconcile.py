@@ -389,7 +389,7 @@ def words_of(text):
 
 
 def shown_in(columns):
-    """What a person sees in a terminal of so many columns."""
+    """The output in a terminal of so many columns."""
     child, terminal = pty.fork()
     if child == 0:
         arguments = [sys.executable, "-m", "mopro", "reconcile", str(TABLE_3_2)]

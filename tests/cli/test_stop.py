@@ -1,4 +1,4 @@
-"""What ends `mopro run --port`, from outside: stops are counted at the virtual controller."""
+"""Ends of `mopro run --port` from outside: stops are counted at the virtual controller."""
 
 import json
 import resource
@@ -110,7 +110,7 @@ def running(controller, folder, *args, limit=None, wait=True):
 
 
 def told(process, controller, code=1):
-    """What the process said at its end, after a stop that the controller has heard."""
+    """Output and errors of the process at its end, after a stop that the controller has heard."""
     out, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == code, errors
     assert "Traceback" not in errors

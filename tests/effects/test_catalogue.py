@@ -180,7 +180,7 @@ def test_effects_asked_for_in_python_are_checked_too():
 
 
 def test_terms_are_scalar_functions_without_hidden_state():
-    """What a kernel holds must not change behind its back."""
+    """A compiled kernel keeps the values that its terms had when it was made."""
     for effect in catalogue().values():
         for kind in ("force", "reaction", "slide", "setpoint"):
             term = getattr(effect, kind)

@@ -1,4 +1,4 @@
-"""What no fixed start leads to is looked for: periods, and when current falls at rest."""
+"""Searches for starting values: periods, and the time after which current falls at rest."""
 
 import dataclasses
 

@@ -370,7 +370,7 @@ def heated(schedule, effects):
 
 
 def early_W(unheated, temperature):
-    """What is added before anything has warmed up: C dT/dt over the first ten seconds."""
+    """Heat (W) added before anything has warmed up: C dT/dt over the first ten seconds."""
     return (temperature - unheated)[5] / TIMES[5] * CAPACITY
 
 

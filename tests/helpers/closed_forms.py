@@ -102,7 +102,7 @@ def pull_out_share():
 
 
 def slip_residue():
-    """How far from a whole pitch an axis thrown off its tooth comes to rest, in pitches."""
+    """Distance in pitches between a whole pitch and the rest of an axis thrown off its tooth."""
     _, lag, _ = swing(0.0, 0.7, zeta=0.03, until=1.0)
     pitches = lag[-1] / PITCH
     assert abs(round(pitches)) >= 1, "it must slip to begin with"

@@ -16,7 +16,7 @@ SAFE_MARGIN = 0.05
 
 @dataclass(frozen=True)
 class Verdict:
-    """What lint says of each move's line, and what the emulator did there."""
+    """Agreement of lint with the emulator on one program, at its payload (kg)."""
 
     text: str
     payload_kg: float
@@ -62,7 +62,7 @@ def judge(text: str, payload_kg: float) -> Verdict:
 
 
 def agreement(count: int, seed: int) -> tuple[Counter[str], list[Verdict]]:
-    """How often each outcome came about, and the disagreements."""
+    """Counts of the outcomes of `count` random programs, and the disagreements."""
     source = random.Random(seed)
     verdicts = [
         judge(random_program(source), source.choice((0.0, 0.0, 1.0, 2.268))) for _ in range(count)

@@ -85,7 +85,7 @@ class Stepwise:
 
 
 def jump_times(command, until):
-    """When the command passes from one microstep to the next, by bisection."""
+    """The times (s) at which the command passes from one microstep to the next, by bisection."""
     count = int(np.floor(abs(command.x(until)) / MICROSTEP + 0.5))
     half_steps = (np.arange(count) + 0.5) * MICROSTEP
     way = np.vectorize(lambda t: abs(command.x(t)))

@@ -18,7 +18,7 @@ CYCLE_M = 1.016e-3
 
 
 def source_table():
-    """What is in programs/thermal, as numbers of its columns."""
+    """The table of programs/thermal: an array of numbers for each column."""
     with open(PROGRAMS / "thermal" / "table-3-2.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}

@@ -1,4 +1,4 @@
-"""What the laboratory stored, read back; and files that it did not store."""
+"""Files of the laboratory, read back; and files of other origin."""
 
 import itertools
 

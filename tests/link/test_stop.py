@@ -1,4 +1,4 @@
-"""What ends a run: the stop goes out first, the report comes second, both ends in memory."""
+"""Ends of a run: the stop goes out first, the report comes second, both ends in memory."""
 
 import errno
 import io

@@ -1,4 +1,4 @@
-"""What lint says of the machine is what the emulator and the closed forms say."""
+"""Findings of lint on the machine, against the emulator and closed forms."""
 
 import re
 

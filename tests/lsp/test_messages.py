@@ -1,4 +1,4 @@
-"""What an editor may send: nothing mutes the server, and an end has a reason."""
+"""Messages that an editor may send: the server answers on, or ends with a reason."""
 
 import io
 import json
@@ -86,7 +86,7 @@ def test_a_body_that_is_no_message_is_survived(body):
 
 
 def opened(text, version):
-    """What is published about a text that is opened, and then given the next version."""
+    """Diagnostics published for a text that is opened, and then given the next version."""
     document = {"uri": "file:///nowhere/a.CMD", "languageId": "mopro"}
     sent = [
         HELLO,

@@ -165,6 +165,6 @@ def test_impossible_profiles_are_refused(s, v, a):
 
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_at_equal_set_acceleration_a_constant_one_is_never_slower(s, v, a):
-    """What parabolic profiles gain is that the motor can start them harder."""
+    """The gain of parabolic profiles is only that the motor can start them harder."""
     constant, parabolic = plan_profile(s, v, a), plan_profile(s, v, a, True)
     assert constant.duration_s <= parabolic.duration_s * (1 + 1e-12)

@@ -107,7 +107,7 @@ def test_a_loop_ends_at_the_time_asked_for_even_within_a_move():
 
 
 class TestLeaving:
-    """When a command goes past a place, against the trapezoid's closed form."""
+    """Times at which a command goes past a place, against the trapezoid's closed form."""
 
     def test_in_the_ramp_the_cruise_and_the_brake(self):
         track = schedule("MRI1 15.0\nWX1\n").tracks[1]

@@ -1,4 +1,4 @@
-"""What a figure draws of a series too long to be drawn."""
+"""Figures of series that are too long to be drawn point by point."""
 
 import numpy as np
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""How a move went: the worst of its axes, the row in the program's units, and its words."""
+"""Outcomes of moves: the worst of their axes, rows in the program's units, and their words."""
 
 from fractions import Fraction
 

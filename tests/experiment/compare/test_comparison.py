@@ -1,4 +1,4 @@
-"""Where data and simulation disagree: nothing where nothing is, and the right place."""
+"""Places of disagreement between data and simulation: the right one, or none."""
 
 import json
 import shutil

@@ -57,7 +57,7 @@ def ambiguous(one, others, sigmas=50.0, beside=()):
 
 
 def seen(program, effects, sensor, for_s=None, payload_kg=0.0):
-    """What `sensor` shows without noise, by the command's own emulator; and the run."""
+    """The reading of `sensor` without noise, by the command's own emulator; and the run."""
     emulator = Emulator(MACHINE, payload_kg, rate_hz=1.0 if for_s else 4000.0, effects=effects)
     sink = MemorySink()
     run = emulator.run(program, sink, for_s)
@@ -66,7 +66,7 @@ def seen(program, effects, sensor, for_s=None, payload_kg=0.0):
 
 
 def warmed(program, effects, sensor):
-    """What a thermometer shows in an hour without noise, by the heat balance alone."""
+    """The reading of a thermometer in an hour without noise, by the heat balance alone."""
     emulator = Emulator(MACHINE, effects=effects)
     stamps = np.arange(3600.0 * sensor.rate_hz + 1) / sensor.rate_hz
     temperature_C = emulator.begin(emulator.plan(program, 3600.0)).temperature_C(stamps)
@@ -148,7 +148,7 @@ def test_two_rivals_that_stay_alike_are_told():
 
 
 def test_rivals_are_parted_from_each_other_as_well():
-    """What was named first need not be what is true, and then they stand against each other."""
+    """The effect named first need not be the true one: alternatives are also compared in pairs."""
     lag = {"current_loop_lag": {"tau": 5e-4}}
     late, slow = {"trigger_delay": {"t_d": 2e-4}}, {"sensor_bandwidth": {"f_c": 1 / 2e-4 / 6.2832}}
     proposal = propose(experiment(LASER), ambiguous(lag, [late, slow]))
