@@ -41,6 +41,7 @@ COMMANDS = {
     "lsp": "mopro.cli.lsp",
     "machine": "mopro.cli.machine",
     "measure": "mopro.cli.measure",
+    "noise": "mopro.cli.noise",
     "ports": "mopro.cli.ports",
     "reconcile": "mopro.cli.reconcile",
     "run": "mopro.cli.run",
