@@ -13,9 +13,9 @@ from mopro.language.load import MOST_COLUMNS
 from mopro.language.parse import MOST_DIGITS as MOST_DIGITS_OF_PROGRAM
 from mopro.link.template import MOST_DIGITS
 from mopro.lint.stall_margins import MOST_EMULATED_S
+from mopro.logs import containers, layout, place, table
 from mopro.lsp.messages import MOST_BYTES as MOST_MESSAGE_BYTES
 from mopro.lsp.server import MOST_CHARACTERS
-from mopro.logs import containers, layout, place, table
 from mopro.machine.model import FASTEST_1_S
 from mopro.motion.planner import LONGEST_RUN_S, MOST_STATEMENTS
 from mopro.program.lower import MOST_DWELL_MS

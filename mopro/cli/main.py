@@ -34,6 +34,7 @@ COMMANDS = {
     "compare": "mopro.cli.compare",
     "compile": "mopro.cli.compile",
     "flash": "mopro.cli.flash",
+    "import": "mopro.cli.import_log",
     "fmt": "mopro.cli.fmt",
     "limits": "mopro.cli.limits",
     "link-test": "mopro.cli.link_test",

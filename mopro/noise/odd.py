@@ -68,3 +68,15 @@ def runs_of(values: Floats) -> tuple[Indices, Indices]:
     """Start and length of each run of equal readings."""
     starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0) + 1))
     return starts, np.diff(np.concatenate((starts, [len(values)])))
+
+
+def level_between(values: Floats) -> float:
+    """The noise that second differences of a smooth motion leave, robustly; a rough upper limit.
+
+    The variance of x(n-1) - 2 x(n) + x(n+1) of white noise is six times its own.
+    """
+    if len(values) < _FEWEST_RUNS:
+        return 0.0
+    second = np.diff(values, 2)
+    width = float(np.median(np.abs(second - np.median(second))))
+    return float(_MAD_TO_SIGMA * width / np.sqrt(6.0))
