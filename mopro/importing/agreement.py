@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ _Z95 = 1.96
 # Shifts that are tried, and the excess of a sum of squares that counts as none.
 _SHIFTS = 12
 _AS_GOOD = 1.02
+_LONGEST_STRIDE = 64
 # Correlation of command and measurement below which nothing is said of their relation.
 LEAST_CORRELATION = 0.5
 # Relative distance of a scale from a known factor at which it is called that, and from 1 at which
@@ -115,21 +117,26 @@ def agreement(
     seen = np.interp(grid, measured_s, measured)
     told = _at(grid, command_s, command, held)
 
+    stride = -(-len(measured) // _MOST_POINTS)
+    own_s, own = measured_s[::stride], measured[::stride]
+
     def cost(delay_s: float) -> float:
-        return _residual(_at(grid - delay_s, command_s, command, held), seen)[0]
+        return _residual(_at(own_s - delay_s, command_s, command, held), own)[0]
 
     # Of shifts that fit as well (a periodic command) the smallest.
     shifts = _shifts(told, seen, step)
     costs = [cost(shift) for shift in shifts]
     coarse = next(s for s, c in zip(shifts, costs, strict=True) if c <= _AS_GOOD * min(costs))
+    coarse = _descended(cost, coarse, step)
     found = optimize.minimize_scalar(
         cost, bounds=(coarse - 1.5 * step, coarse + 1.5 * step), method="bounded"
     )
     delay = float(found.x) if found.fun < cost(coarse) else coarse
-    shifted = _at(grid - delay, command_s, command, held)
-    _, scale, offset, residual = _residual(shifted, seen)
-    correlation = float(np.corrcoef(shifted, seen)[0, 1]) if np.ptp(shifted) else 0.0
-    interval = max(_interval(shifted, residual, scale, step), _held_interval(command_s, held))
+    shifted = _at(own_s - delay, command_s, command, held)
+    _, scale, offset, residual = _residual(shifted, own)
+    correlation = float(np.corrcoef(shifted, own)[0, 1]) if np.ptp(shifted) else 0.0
+    slope = scale * np.gradient(shifted, own_s)
+    interval = max(_interval(slope, residual), _held_interval(command_s, held))
     return Agreement(delay, interval, scale, offset, correlation, step)
 
 
@@ -167,6 +174,20 @@ def _shifts(told: Floats, seen: Floats, step: float) -> list[float]:
     return [lag * step for lag in sorted(found, key=abs)]
 
 
+def _descended(cost: Callable[[float], float], start: float, step: float) -> float:
+    """The whole steps from `start` to the nearest minimum, in strides of half the last length."""
+    best, least = start, cost(start)
+    stride = _LONGEST_STRIDE
+    while stride >= 1:
+        near = [best - stride * step, best + stride * step]
+        costs = [cost(shift) for shift in near]
+        if min(costs) < least:
+            best, least = near[int(np.argmin(costs))], min(costs)
+        else:
+            stride //= 2
+    return best
+
+
 def _residual(told: Floats, seen: Floats) -> tuple[float, float, float, Floats]:
     """Sum of squares, scale, offset and residual of seen = scale * told + offset."""
     centred = told - told.mean()
@@ -177,9 +198,8 @@ def _residual(told: Floats, seen: Floats) -> tuple[float, float, float, Floats]:
     return float(residual @ residual), scale, offset, residual
 
 
-def _interval(told: Floats, residual: Floats, scale: float, step: float) -> float:
+def _interval(slope: Floats, residual: Floats) -> float:
     """Half the 95 % interval of the delay: least squares with correlated residuals."""
-    slope = scale * np.gradient(told, step)
     information = float(slope @ slope)
     if information == 0:
         return math.inf
