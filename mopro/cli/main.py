@@ -35,6 +35,7 @@ COMMANDS = {
     "compile": "mopro.cli.compile",
     "flash": "mopro.cli.flash",
     "import": "mopro.cli.import_log",
+    "init": "mopro.cli.init",
     "fmt": "mopro.cli.fmt",
     "limits": "mopro.cli.limits",
     "link-test": "mopro.cli.link_test",

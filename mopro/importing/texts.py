@@ -19,6 +19,7 @@ _HEAD = (
     "# A comment gives the reason of what follows; CHECK marks what the log does not settle.",
 )
 _SLOWEST_SHARE = 3.0
+_UNIT_WORDS = {"m_s": "m/s", "rad_s": "rad/s", "Nm": "N m", "percent": "%", "duty": "1"}
 
 
 def experiment_text(source: str, proposal: Proposal, decisions: Sequence[Decision]) -> str:
@@ -56,9 +57,14 @@ def _foreign(proposal: Proposal) -> Iterator[str]:
     yield 'data = "data.csv"'
 
 
+def unit_word(one: Signal) -> str:
+    """The unit of a signal as files write it beside a key, such as m/s for a column `..._m_s`."""
+    return _UNIT_WORDS.get(one.unit or "", one.unit or "1")
+
+
 def _input(name: str, one: Signal) -> str:
     hold = ", hold = true" if one.held else ""
-    unit = _quoted(one.unit or "1")
+    unit = _quoted(unit_word(one))
     return f"{name} = {{ column = {_quoted(one.label)}, unit = {unit}{hold} }}"
 
 
@@ -82,7 +88,7 @@ def _sensor(proposal: Proposal, sensor: Signal) -> Iterator[str]:
     yield f"name = {_quoted(sensor_name(sensor))}"
     yield f"quantity = {_quoted(sensor.quantity or '')}"
     yield f"column = {_quoted(sensor.label)}"
-    yield f"unit = {_quoted(sensor.unit or '')}"
+    yield f"unit = {_quoted(unit_word(sensor))}"
     yield from _noise(proposal, sensor)
     yield from _relation(proposal, sensor)
 
@@ -181,7 +187,7 @@ def machine_text(source: str, name: str, proposal: Proposal) -> str:
 
 
 def _kinematic(proposal: Proposal) -> Iterator[str]:
-    yield f"unit = {_quoted(proposal.sensors[0].unit or '')}"
+    yield f"unit = {_quoted(unit_word(proposal.sensors[0]))}"
     if proposal.command is None:
         yield "# CHECK: the log has no command: the axis should stand still"
         yield 'position = "0"'
@@ -197,7 +203,7 @@ def _kinematic(proposal: Proposal) -> Iterator[str]:
 
 def _axis(proposal: Proposal) -> Iterator[str]:
     sensor = proposal.sensors[0]
-    yield f"unit = {_quoted(sensor.unit or '')}"
+    yield f"unit = {_quoted(unit_word(sensor))}"
     if not proposal.inputs:
         yield from _free_axis(sensor)
         return

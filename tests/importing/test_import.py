@@ -174,7 +174,7 @@ def test_a_heater_becomes_a_thermal_experiment(tmp_path, mopro):
         "T2": "-U * (T - ambient)",
     }
     assert experiment["inputs"]["duty"] == {
-        "column": "heater1_percent", "unit": "percent", "hold": True,
+        "column": "heater1_percent", "unit": "%", "hold": True,
     }  # fmt: skip
     assert [s["name"] for s in experiment["sensor"]] == ["T1", "T2"]
     assert machine["base"]["U"]["free"] is True
