@@ -28,6 +28,8 @@ _SI = {
 }  # fmt: skip
 _KNOWN = _SI.keys()
 _DEFAULTS = {"duty": "duty"}
+# Characters of a name without its unit: a formula takes no more than 40.
+_LONGEST_NAME = 32
 _PLACES = ("position", "angle")
 _INPUTS = ("force", "torque", "current", "voltage", "duty")
 # Of the steps between rows, those that change a held value at most.
@@ -126,6 +128,7 @@ def _converted(column: Column) -> tuple[str | None, Floats, str]:
 def _label(name: str, unit: str | None, labels: set[str]) -> str:
     """A name that a formula may use, new among `labels`."""
     plain = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "column"
+    plain = plain[:_LONGEST_NAME]
     if plain[0].isdigit():
         plain = f"c_{plain}"
     label = plain if unit is None else f"{plain}_{unit}"

@@ -19,6 +19,8 @@ _HEAD = (
     "# A comment gives the reason of what follows; CHECK marks what the log does not settle.",
 )
 _SLOWEST_SHARE = 3.0
+# Names that the formulas of some kind of machine know already.
+_RESERVED = frozenset("t x v a y u T pi ambient exchange foreign command".split())
 _UNIT_WORDS = {"m_s": "m/s", "rad_s": "rad/s", "Nm": "N m", "percent": "%", "duty": "1"}
 
 
@@ -78,8 +80,9 @@ def named_inputs(inputs: Sequence[Signal]) -> dict[str, Signal]:
 
 
 def sensor_name(one: Signal) -> str:
-    """The label without its unit."""
-    return one.label.removesuffix(f"_{one.unit}")
+    """The label without its unit, and never a name that formulas have for themselves."""
+    name = one.label.removesuffix(f"_{one.unit}")
+    return f"{name}_column" if name in _RESERVED else name
 
 
 def _sensor(proposal: Proposal, sensor: Signal) -> Iterator[str]:
@@ -89,6 +92,8 @@ def _sensor(proposal: Proposal, sensor: Signal) -> Iterator[str]:
     yield f"quantity = {_quoted(sensor.quantity or '')}"
     yield f"column = {_quoted(sensor.label)}"
     yield f"unit = {_quoted(unit_word(sensor))}"
+    if sensor.quantity == "temperature":
+        yield "zero = 0             # a temperature is absolute: no offset is fitted"
     yield from _noise(proposal, sensor)
     yield from _relation(proposal, sensor)
 
@@ -217,11 +222,16 @@ def _axis(proposal: Proposal) -> Iterator[str]:
     yield "# CHECK: the log does not state these; a free one is fitted within its range"
     yield f'{mass} = {{ value = 1.0, unit = "{unit}", free = true, range = [0.001, 1000] }}'
     yield f'viscous = {{ value = 1.0, unit = "{drag}", free = true, range = [0, 1000] }}'
-    if any(one.quantity in ("current", "voltage", "duty") for one in proposal.inputs):
+    quantities = {one.quantity for one in proposal.inputs}
+    if quantities & {"current", "voltage", "duty"}:
         unit = "N m/A" if angular else "N/A"
         yield f'constant = {{ value = 1.0, unit = "{unit}", free = true, range = [0.0001, 1000] }}'
-    if any(one.quantity in ("voltage", "duty") for one in proposal.inputs):
-        yield 'resistance = { value = 1.0, unit = "ohm", free = true, range = [0.001, 1000] }'
+    if quantities & {"voltage", "duty"}:
+        yield "# CHECK: state the resistance; only its ratio to the constant shows in the motion"
+        yield 'resistance = { value = 1.0, unit = "ohm" }'
+    if "duty" in quantities:
+        yield "# CHECK: state the supply; only its ratio to the resistance shows in the motion"
+        yield 'supply = { value = 12.0, unit = "V" }'
 
 
 def _free_axis(sensor: Signal) -> Iterator[str]:
