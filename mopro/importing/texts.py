@@ -20,7 +20,9 @@ _HEAD = (
 )
 _SLOWEST_SHARE = 3.0
 # Names that the formulas of some kind of machine know already.
-_RESERVED = frozenset("t x v a y u T pi ambient exchange foreign command".split())
+_RESERVED = frozenset(
+    ["t", "x", "v", "a", "y", "u", "T", "pi", "ambient", "exchange", "foreign", "command"]
+)
 _UNIT_WORDS = {"m_s": "m/s", "rad_s": "rad/s", "Nm": "N m", "percent": "%", "duty": "1"}
 
 
