@@ -95,7 +95,11 @@ def _sensor(proposal: Proposal, sensor: Signal) -> Iterator[str]:
     yield f"column = {_quoted(sensor.label)}"
     yield f"unit = {_quoted(unit_word(sensor))}"
     if sensor.quantity == "temperature":
-        yield "zero = 0             # a temperature is absolute: no offset is fitted"
+        yield "# a temperature is absolute: no offset is fitted"
+        yield "zero = 0"
+    elif proposal.kind == "axis" and proposal.inputs and sensor.is_place:
+        yield "# the place at the start is fitted: an offset beside it could not be told from it"
+        yield "zero = 0"
     yield from _noise(proposal, sensor)
     yield from _relation(proposal, sensor)
 
@@ -221,13 +225,18 @@ def _axis(proposal: Proposal) -> Iterator[str]:
     yield "# are 0 until they are stated here."
     yield ""
     yield "[base]"
-    yield "# CHECK: the log does not state these; a free one is fitted within its range"
-    yield f'{mass} = {{ value = 1.0, unit = "{unit}", free = true, range = [0.001, 1000] }}'
-    yield f'viscous = {{ value = 1.0, unit = "{drag}", free = true, range = [0, 1000] }}'
+    yield "# the log does not state these: a free one is fitted within its range"
     quantities = {one.quantity for one in proposal.inputs}
-    if quantities & {"current", "voltage", "duty"}:
-        unit = "N m/A" if angular else "N/A"
-        yield f'constant = {{ value = 1.0, unit = "{unit}", free = true, range = [0.0001, 1000] }}'
+    drag_line = f'viscous = {{ value = 1.0, unit = "{drag}", free = true, range = [0, 1000] }}'
+    if quantities & {"force", "torque"}:
+        yield f'{mass} = {{ value = 1.0, unit = "{unit}", free = true, range = [0.001, 1000] }}'
+        yield drag_line
+        return
+    yield f"# CHECK: state the {mass}: beside it, the motion shows only ratios of the others"
+    yield f'{mass} = {{ value = 1.0, unit = "{unit}" }}'
+    yield drag_line
+    unit = "N m/A" if angular else "N/A"
+    yield f'constant = {{ value = 1.0, unit = "{unit}", free = true, range = [0.0001, 1000] }}'
     if quantities & {"voltage", "duty"}:
         yield "# CHECK: state the resistance; only its ratio to the constant shows in the motion"
         yield 'resistance = { value = 1.0, unit = "ohm" }'
