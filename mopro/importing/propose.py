@@ -121,10 +121,10 @@ def _pair(kind: str, signals: Sequence[Signal]) -> tuple[Signal | None, list[Sig
 
 def _suits(kind: str, signal: Signal) -> bool:
     if kind == "thermal":
-        return signal.quantity == "temperature"
+        return signal.is_warmth
     if kind in ("kinematic", "sawyer"):
         return signal.is_place
-    return signal.quantity in ("position", "angle", "speed", "force", "torque")
+    return not signal.is_warmth
 
 
 def _inputs(kind: str, signals: Sequence[Signal]) -> list[Signal]:

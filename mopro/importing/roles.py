@@ -31,6 +31,8 @@ _DEFAULTS = {"duty": "duty"}
 # Characters of a name without its unit: a formula takes no more than 40.
 _LONGEST_NAME = 32
 _PLACES = ("position", "angle")
+_WARM = ("temperature",)
+_PUSHES = ("force", "torque")
 _INPUTS = ("force", "torque", "current", "voltage", "duty")
 # Of the steps between rows, those that change a held value at most.
 _HELD_CHANGES = 0.2
@@ -71,6 +73,15 @@ class Signal:
     @property
     def is_place(self) -> bool:
         return self.quantity in _PLACES
+
+    @property
+    def is_warmth(self) -> bool:
+        return self.quantity in _WARM
+
+    @property
+    def is_push(self) -> bool:
+        """True for a force and a torque, which move an axis without a motor's constant."""
+        return self.quantity in _PUSHES
 
     @property
     def stem(self) -> list[str]:
@@ -167,7 +178,7 @@ def _by_name(signal: Signal, column: Column, commands: bool, sensors: bool) -> t
         if signal.quantity in _INPUTS:
             return "input", told
         return "unused", "other columns were stated with --measured"
-    if signal.quantity in ("force", "torque", "current", "voltage"):
+    if signal.quantity in _INPUTS:
         return "input", told
     return "sensor", told
 

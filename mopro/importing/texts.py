@@ -94,7 +94,7 @@ def _sensor(proposal: Proposal, sensor: Signal) -> Iterator[str]:
     yield f"quantity = {_quoted(sensor.quantity or '')}"
     yield f"column = {_quoted(sensor.label)}"
     yield f"unit = {_quoted(unit_word(sensor))}"
-    if sensor.quantity == "temperature":
+    if sensor.is_warmth:
         yield "# a temperature is absolute: no offset is fitted"
         yield "zero = 0"
     elif proposal.kind == "axis" and proposal.inputs and sensor.is_place:
@@ -228,7 +228,7 @@ def _axis(proposal: Proposal) -> Iterator[str]:
     yield "# the log does not state these: a free one is fitted within its range"
     quantities = {one.quantity for one in proposal.inputs}
     drag_line = f'viscous = {{ value = 1.0, unit = "{drag}", free = true, range = [0, 1000] }}'
-    if quantities & {"force", "torque"}:
+    if any(one.is_push for one in proposal.inputs):
         yield f'{mass} = {{ value = 1.0, unit = "{unit}", free = true, range = [0.001, 1000] }}'
         yield drag_line
         return

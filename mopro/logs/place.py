@@ -46,10 +46,11 @@ def cell_span(text: str, line: int, nth: int, delimiter: str) -> Span:
 
 
 def _starts(text: str, delimiter: str) -> list[int]:
-    """Start of each cell, and one past the line's end: delimiters within quotes do not count."""
+    """Start of each cell, and one past the line's end: delimiters in a quoted cell do not count."""
     starts, quoted = [0], False
     for index, character in enumerate(text):
-        quoted ^= character == '"'
+        if character == '"':
+            quoted ^= quoted or not text[starts[-1] : index].strip()
         if character == delimiter and not quoted:
             starts.append(index + 1)
     return [*starts, len(text) + 1]

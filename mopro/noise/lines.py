@@ -69,7 +69,7 @@ def without_lines(values: Floats, lines: list[Line], rate_hz: float) -> Floats:
         return values
     design = np.column_stack([_waves(x.frequency_hz, len(values), rate_hz) for x in lines])
     mean = float(values.mean())
-    weights = np.linalg.lstsq(design, values - mean, rcond=None)[0]
+    weights = _weights(design, values - mean)
     less: Floats = values - design @ weights
     return less
 
@@ -77,6 +77,12 @@ def without_lines(values: Floats, lines: list[Line], rate_hz: float) -> Floats:
 def _waves(frequency_hz: float, count: int, rate_hz: float) -> Floats:
     phase = 2 * np.pi * frequency_hz / rate_hz * np.arange(count)
     return np.column_stack([np.sin(phase), np.cos(phase)])
+
+
+def _weights(design: Floats, values: Floats) -> Floats:
+    """Least squares by the normal equations: sines of distinct lines are nearly orthogonal."""
+    normal = np.linalg.lstsq(design.T @ design, design.T @ values, rcond=1e-10)[0]
+    return np.asarray(normal, np.float64)
 
 
 def _strongest(values: Floats, rate_hz: float) -> Line | None:
@@ -141,5 +147,5 @@ def _refined(values: Floats, rate_hz: float, near_hz: float, density: float) -> 
 
 def _amplitude(values: Floats, frequency_hz: float, rate_hz: float) -> float:
     waves = _waves(frequency_hz, len(values), rate_hz)
-    weights = np.linalg.lstsq(waves, values, rcond=None)[0]
+    weights = _weights(waves, values)
     return float(np.hypot(*weights))
