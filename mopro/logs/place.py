@@ -50,7 +50,7 @@ def _starts(text: str, delimiter: str) -> list[int]:
     starts, quoted = [0], False
     for index, character in enumerate(text):
         if character == '"':
-            quoted ^= quoted or not text[starts[-1] : index].strip()
+            quoted ^= text[starts[-1] : index + 1].lstrip().startswith('"')
         if character == delimiter and not quoted:
             starts.append(index + 1)
     return [*starts, len(text) + 1]
