@@ -1,4 +1,4 @@
-"""Reading, fitting and tables that the examples of measured machines share."""
+"""Reading, fitting and tables of an example in Python."""
 
 import csv
 from dataclasses import replace

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.main import EXIT_FAILED
+from mopro.cli.options import allow_python_option
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
@@ -47,8 +48,11 @@ _SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "white
     metavar="MACHINE",
     help="Compare with this machine instead, and show the gap of each run before and after.",
 )
+@allow_python_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(experiment: str, seed: int, applied: str | None, as_json: bool) -> int:
+def command(
+    experiment: str, seed: int, applied: str | None, allow_python: bool, as_json: bool
+) -> int:
     """Show where simulation and data disagree: by run, line, phase, direction and axis.
 
     A residual is measured minus simulated, without each sensor's offset. Exits with 1 if the
@@ -57,26 +61,25 @@ def command(experiment: str, seed: int, applied: str | None, as_json: bool) -> i
 
     Example: mopro compare unseen.toml --apply repaired.toml
     """
-    from dataclasses import replace
+    from mopro.experiment.compare.comparison import DISAGREEMENT
+    from mopro.experiment.opened import open_before, open_experiment
 
-    import numpy as np
-
-    from mopro.experiment import load_experiment
-    from mopro.experiment.compare.comparison import DISAGREEMENT, compare
-    from mopro.machine import load_machine
-
-    loaded = load_experiment(experiment)
+    loaded = (
+        open_experiment(experiment, allow_python=allow_python)
+        if applied is None
+        else open_before(experiment, applied, allow_python)
+    )
     for note in loaded.notes:
         say(note, err=True)
-    comparison = compare(loaded, np.random.default_rng(seed))
+    comparison = loaded.compare(seed)
     gaps: list[dict[str, object]] = []
     if applied is not None:
         before = comparison
-        loaded = replace(loaded, machine=load_machine(applied))
-        comparison = compare(loaded, np.random.default_rng(seed))
+        loaded = open_experiment(experiment, applied, allow_python)
+        comparison = loaded.compare(seed)
         gaps = list(_gaps(before, comparison))
     if as_json:
-        answer = {"experiment": experiment, "machine": loaded.machine.name, **comparison.as_json()}
+        answer = {"experiment": experiment, "machine": loaded.machine_name, **comparison.as_json()}
         if applied is not None:
             answer["applied"] = gaps
         say(json.dumps(answer, indent=1))
@@ -131,8 +134,13 @@ def _reason(comparison: Comparison) -> str:
     if any(series.white is False for series in comparison.series):
         return ": the residual of a whole run is too large, or not white"
     if any(series.white is None for series in comparison.series):
-        return ": the noise of a table is unknown; state it in a [[sensor]] of a temperature"
+        return f": the noise of {_quiet(comparison)} is unknown; state it in the [[sensor]]"
     return ""
+
+
+def _quiet(comparison: Comparison) -> str:
+    """The first series whose noise is unknown."""
+    return next(s.sensor for s in comparison.series if s.white is None)
 
 
 def _place_cells(place: Place) -> list[str]:

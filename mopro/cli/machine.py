@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from mopro.errors import ModelError
 
 if TYPE_CHECKING:
     from mopro.machine import Machine
+    from mopro.rig.model import Rig
 
 _SECTIONS = ("axis", "drive", "platen", "heat", "forcers", "limits")
 _MOST_ROWS = 200
@@ -56,11 +58,16 @@ def show(machine: str, as_json: bool) -> None:
     """
     from mopro.cli.table import print_table
     from mopro.machine import load_machine
+    from mopro.rig.file import kind_of, load_rig
 
-    loaded = load_machine(machine)
-    rows = [*_quantities(loaded), *_effects(loaded)]
+    if kind_of(machine) is not None:
+        rig = load_rig(machine)
+        name, rows = rig.name, list(_of_rig(rig))
+    else:
+        loaded = load_machine(machine)
+        name, rows = loaded.name, [*_quantities(loaded), *_effects(loaded)]
     if as_json:
-        say(json.dumps({"name": loaded.name, "quantities": rows}, indent=1))
+        say(json.dumps({"name": name, "quantities": rows}, indent=1))
         return
     keys = ("key", "value", "unit", "origin", "place")
     cells = [[str(row[key]) for key in keys] for row in rows]
@@ -141,11 +148,28 @@ def _checked(machine: str) -> str:
     from mopro.effects.resolve import active_effects
     from mopro.machine import load_machine
     from mopro.plant import try_out
+    from mopro.rig.file import kind_of, load_rig
 
+    if kind_of(machine) is not None:
+        return load_rig(machine).name
     loaded = load_machine(machine)
     active_effects(loaded, catalogue())
     try_out(loaded)
     return loaded.name
+
+
+def _of_rig(rig: Rig) -> Iterator[dict[str, Any]]:
+    """A row for each number and law of a machine of another kind, and for each effect in it."""
+    for number in rig.numbers.values():
+        origin = "free" if number.free else "stated"
+        row = {"key": f"base.{number.name}", "value": number.value, "unit": number.unit}
+        yield {**row, "origin": origin, "place": "", "tolerance": number.tolerance}
+    for name, law in rig.laws.items():
+        yield {"key": name, "value": law.formula.text, "unit": "", "origin": "law", "place": ""}
+    for effect, values in rig.active.items():
+        for name, value in values.items():
+            row = {"key": f"effects.{effect}.{name}", "value": value, "unit": ""}
+            yield {**row, "origin": "stated", "place": ""}
 
 
 def _quantities(machine: Machine) -> list[dict[str, Any]]:

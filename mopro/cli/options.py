@@ -77,19 +77,12 @@ class OutputFile(click.ParamType[Path]):
         return path
 
 
-class EffectName(click.ParamType[str]):
-    """The name of an effect of the catalogue."""
-
-    name = "effect"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        from mopro.effects import catalogue
-        from mopro.effects.resolve import suggestion
-
-        if value not in catalogue():
-            near = suggestion(value, catalogue())
-            self.fail(f"there is no effect called '{value}'; {near}", param, ctx)
-        return str(value)
+def allow_python_option() -> Callable[[Any], Any]:
+    return click.option(
+        "--allow-python",
+        is_flag=True,
+        help="Run a machine's model that is a program; look at it first if it is not yours.",
+    )
 
 
 def program_argument() -> Callable[[Any], Any]:

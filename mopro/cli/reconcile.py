@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
-from mopro.cli.options import EffectName, OutputFile
+from mopro.cli.options import OutputFile, allow_python_option
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 from mopro.cli.say import say
 from mopro.errors import DataError
@@ -33,8 +33,9 @@ _GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise"
 @click.option("--out", type=OutputFile(".toml"), help="The machine file with the effects added.")
 @click.option("--report", type=OutputFile(".html"), help="An HTML page with the evidence.")
 @click.option("--jobs", type=click.IntRange(1, 64), help="Simulations at once (as many as cores).")
-@click.option("--without", type=EffectName(), multiple=True, help="Leave this effect out.")
-@click.option("--only", type=EffectName(), multiple=True, help="Try this effect, no others.")
+@click.option("--without", metavar="EFFECT", multiple=True, help="Leave this effect out.")
+@click.option("--only", metavar="EFFECT", multiple=True, help="Try this effect, no others.")
+@allow_python_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
     experiment: str,
@@ -43,6 +44,7 @@ def command(
     jobs: int | None,
     without: tuple[str, ...],
     only: tuple[str, ...],
+    allow_python: bool,
     as_json: bool,
 ) -> int:
     """Find the effects that the machine's model lacks, add them, and show the gap shrink.
@@ -52,36 +54,41 @@ def command(
 
     Example: mopro reconcile experiment.toml --out machine.toml --report why.html
     """
-    from mopro.experiment import load_experiment
-    from mopro.experiment.conclude.conclusion import conclude
-    from mopro.experiment.read.file import read_entries
+    from mopro.experiment.opened import files_of, open_experiment
 
-    left_out = _left_out(without, only)
     outputs = [("--out", out), ("--report", report)]
     keep_inputs(outputs, [("EXPERIMENT", experiment)])
-    keep_inputs(outputs, [("EXPERIMENT", file) for file in read_entries(experiment).files])
-    loaded = load_experiment(experiment)
+    keep_inputs(outputs, [("EXPERIMENT", file) for file in files_of(experiment)])
+    loaded = open_experiment(experiment, allow_python=allow_python)
+    left_out = _left_out(without, only, loaded.effects)
     for note in loaded.notes:
         say(note, err=True)
     with claimed(out, report), _progress() as progress:
-        conclusion = conclude(loaded, jobs or os.cpu_count() or 1, progress, left_out)
+        conclusion = loaded.conclude(jobs or os.cpu_count() or 1, progress, left_out)
     code = _written(conclusion, out, report)
     if as_json:
-        answer = {"experiment": experiment, "machine": loaded.machine.name, **conclusion.as_json()}
+        answer = {"experiment": experiment, "machine": loaded.machine_name, **conclusion.as_json()}
         say(json.dumps(answer, indent=1, default=float, allow_nan=False))
     else:
         _tell(conclusion)
     return max(code, EXIT_FAILED if conclusion.verdict.verdict == "unexplained" else 0)
 
 
-def _left_out(without: tuple[str, ...], only: tuple[str, ...]) -> frozenset[str]:
-    """The effects that are no candidates; UsageError if that leaves none."""
-    from mopro.effects import catalogue
+def _left_out(
+    without: tuple[str, ...], only: tuple[str, ...], effects: frozenset[str]
+) -> frozenset[str]:
+    """Those of `effects` that are no candidates; UsageError if that leaves none, or for a name."""
+    from mopro.effects.resolve import suggestion
 
-    candidates = frozenset(only or catalogue()) - frozenset(without)
+    for option, name in [("--without", n) for n in without] + [("--only", n) for n in only]:
+        if name not in effects:
+            near = suggestion(name, effects)
+            raise click.BadParameter(f"there is no effect called '{name}'; {near}",
+                                     param_hint=f"'{option}'")  # fmt: skip
+    candidates = frozenset(only or effects) - frozenset(without)
     if not candidates:
         raise click.UsageError("--without leaves no effect to try: it names each of --only")
-    return frozenset(catalogue()) - candidates
+    return effects - candidates
 
 
 def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> int:
@@ -147,7 +154,7 @@ def _tell(conclusion: Conclusion) -> None:
         *calibration_words(verdict),
         *undecided_words(verdict),
         *reservations(verdict, conclusion.runs),
-        *left_out_words(conclusion.left_out),
+        *left_out_words(conclusion.left_out, conclusion.tried),
     ):
         say(note)
     if verdict.below_resolution:

@@ -101,3 +101,34 @@ TEMPERATURE = Quantity(
 
 # By name in an experiment file, in the order in which an experiment is designed for them.
 QUANTITIES = {quantity.name: quantity for quantity in (POSITION, FORCE, TEMPERATURE)}
+
+# Quantities that sensors of any machine measure, with a unit of each dimension that they may have.
+DIMENSIONS_MEASURED: dict[str, tuple[str, ...]] = {
+    "position": ("m", "rad", "count"),
+    "angle": ("rad", "count"),
+    "speed": ("m/s", "rad/s", "count/s"),
+    "force": ("N",),
+    "torque": ("N m",),
+    "current": ("A",),
+    "voltage": ("V",),
+    "duty": ("1",),
+    "temperature": ("C",),
+}
+# What the name of a column may end in, and the unit that it stands for; the longest counts.
+_SUFFIXES = {
+    "rad_per_s": "rad/s", "deg_per_s": "deg/s", "mm_per_s": "mm/s", "m_per_s": "m/s",
+    "count_per_s": "count/s", "rad_s": "rad/s", "deg_s": "deg/s", "mm_s": "mm/s", "m_s": "m/s",
+    "in_s": "in/s", "count_s": "count/s", "percent": "%", "duty": "1", "Nm": "N m",
+    **{unit: unit for unit in (
+        "m", "cm", "mm", "um", "in", "rad", "mrad", "deg", "arcmin", "arcsec", "turn", "count",
+        "N", "A", "mA", "V", "mV", "C", "K", "s", "ms", "us", "min", "h", "kg", "W",
+    )},
+}  # fmt: skip
+
+
+def unit_of_column(column: str) -> str | None:
+    """The unit that the name of a column ends in, such as N m of `motor_Nm`; None without one."""
+    for suffix in sorted(_SUFFIXES, key=len, reverse=True):
+        if column == suffix or column.endswith(f"_{suffix}"):
+            return _SUFFIXES[suffix]
+    return None

@@ -87,9 +87,10 @@ def read_machine(source: Source) -> Machine:
 
 def _machine(root: Value, source: Source) -> Machine:
     before = root.faults
-    root.only({"name", _EXTENDS, _EFFECTS, *_SECTIONS, *_OPTIONAL})
+    root.only({"name", "kind", _EXTENDS, _EFFECTS, *_SECTIONS, *_OPTIONAL})
     if _EXTENDS in root:
         root = _extended(root, source)
+    root.get("kind", one_of("sawyer"), "sawyer")
     missing = 'expected a name, such as name = "mine"'
     name = root.need("name", text(message=missing, rule="missing-key"), missing)
     parts: dict[str, Any] = {

@@ -54,7 +54,7 @@ def diagnosis_page(conclusion: Conclusion) -> str:
             heading("Remaining residual"),
             paragraph(_remainder(verdict)),
             heading("All candidates"),
-            *map(paragraph, left_out_words(conclusion.left_out)),
+            *map(paragraph, left_out_words(conclusion.left_out, conclusion.tried)),
             table("All effects that were tried", _TRIED, _candidates(verdict)),
             *_next(conclusion),
             *_provenance(conclusion),

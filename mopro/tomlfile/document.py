@@ -125,6 +125,26 @@ class Value:
         self.report(message, rule, hint)
         return Refused()
 
+    def error_inside(self, message: str, start: int, end: int, rule: str) -> ModelError:
+        """The error of a finding about the characters `start` to `end` (from 0) of this string.
+
+        It is placed at the key where the line does not hold the string as it is.
+        """
+        span, text, source = self.span, str(self.data), self._document.source
+        at = source.line(span.line).find(text, span.column - 1)
+        if at >= 0:
+            span = Span(span.line, at + start + 1, at + max(end, start + 1) + 1)
+        return ModelError(source, [Diagnostic(rule, message, span)])
+
+    def error(self, message: str, rule: str = "bad-value", hint: str | None = None) -> ModelError:
+        """The error of a finding about this value, for whoever has read the file already."""
+        return ModelError(self._document.source, [Diagnostic(rule, message, self.span, hint=hint)])
+
+    def include(self, error: ModelError) -> Refused:
+        """Note the findings of `error`, which are of this file, and give the exception to raise."""
+        self._document.found.extend(error.diagnostics)
+        return Refused()
+
     # -- tables ----------------------------------------------------------------
 
     def over(self, base: Mapping[str, Any]) -> Value:

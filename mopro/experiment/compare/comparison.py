@@ -115,10 +115,11 @@ def compare(
         where += rows
         series.append(whole)
     where.sort(key=lambda place: (not place.significant, -(place.sigma or 0.0), -place.rms))
-    return Comparison(_verdict(where, series), tuple(where), tuple(series))
+    return Comparison(verdict_of(where, series), tuple(where), tuple(series))
 
 
-def _verdict(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
+def verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
+    """Verdict of a comparison with these places and series."""
     if any(s.white is False for s in series) or any(p.significant for p in where):
         return DISAGREEMENT
     return NO_DISAGREEMENT if all(s.white for s in series) else NOT_JUDGED

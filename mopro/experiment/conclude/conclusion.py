@@ -3,23 +3,56 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from mopro.diagnosis import Series, Verdict
+from mopro.effects import catalogue
 from mopro.experiment.compare.comparison import Place, compare
 from mopro.experiment.conclude.machine_file import machine_text, machine_with
 from mopro.experiment.conclude.wording import reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
+from mopro.source import Source
 
 _MOST_PLACES = 40
 # Of the generator that draws the position of a reading within a coarse converter's step.
 _SEED = 0
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str:
+        """The name of a machine or a run."""
+        ...
+
+
+class Examined(Protocol):
+    """An experiment of any kind of machine, as far as a conclusion tells of it."""
+
+    @property
+    def source(self) -> Source:
+        """The experiment's file."""
+        ...
+
+    @property
+    def machine(self) -> _Named:
+        """Its machine."""
+        ...
+
+    @property
+    def trials(self) -> Sequence[_Named]:
+        """Its runs that have time series."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on its data."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -28,10 +61,10 @@ class Conclusion:
 
     `rerun_rms` is the RMS residual of each series, in its unit, when the experiment is
     simulated again on the machine that `machine_text` describes. `left_out` are the effects
-    that were no candidates.
+    that were no candidates, `tried` those that were.
     """
 
-    experiment: Experiment
+    experiment: Examined
     series: tuple[Series, ...]
     verdict: Verdict
     where: tuple[Place, ...]
@@ -39,6 +72,7 @@ class Conclusion:
     rerun_rms: tuple[float, ...]
     next_experiment: Proposal | None
     left_out: tuple[str, ...] = ()
+    tried: tuple[str, ...] = ()
 
     @property
     def runs(self) -> tuple[str, ...]:
@@ -95,6 +129,7 @@ def conclude(
         rerun_rms=tuple(_rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)),
         next_experiment=proposal,
         left_out=tuple(sorted(left_out)),
+        tried=tuple(name for name in catalogue() if name not in left_out),
     )
 
 

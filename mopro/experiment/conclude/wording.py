@@ -135,9 +135,8 @@ def faint_words(verdict: Verdict) -> list[str]:
     ]
 
 
-def left_out_words(left_out: Collection[str]) -> Iterator[str]:
+def left_out_words(left_out: Collection[str], tried: Collection[str]) -> Iterator[str]:
     """A line on the effects that were no candidates, or on the few that were; none if all were."""
-    tried = [name for name in catalogue() if name not in left_out]
     if len(left_out) > len(tried):
         yield f"No effects were tried but {', '.join(tried)}."
     elif left_out:

@@ -1,0 +1,160 @@
+"""The one place where an experiment's kind of machine decides who reads and judges it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from mopro.effects import catalogue
+from mopro.errors import Diagnostic, ModelError
+from mopro.experiment.check.load import load_experiment
+from mopro.experiment.compare.comparison import Comparison, compare
+from mopro.experiment.conclude.conclusion import Conclusion, conclude
+from mopro.experiment.model import Experiment
+from mopro.experiment.read.file import read_entries
+from mopro.experiment.rigs import compare as rig_compare
+from mopro.experiment.rigs import conclude as rig_conclude
+from mopro.experiment.rigs.read import RigEntries, read_rig_entries
+from mopro.experiment.rigs.study import Study, study
+from mopro.machine import load_machine
+from mopro.rig.file import kind_of
+from mopro.rig.model import KINDS
+from mopro.source import Span
+from mopro.tomlfile import Document, read_source
+
+Progress = Callable[[str], None]
+
+
+class Opened(Protocol):
+    """An experiment of any kind of machine, read and checked."""
+
+    @property
+    def machine_name(self) -> str:
+        """The machine's name."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on the data."""
+        ...
+
+    @property
+    def effects(self) -> frozenset[str]:
+        """The names of the effects that are candidates."""
+        ...
+
+    def compare(self, seed: int) -> Comparison:
+        """Compare the data with the machine's model."""
+        ...
+
+    def conclude(self, jobs: int, progress: Progress, left_out: Collection[str]) -> Conclusion:
+        """Find what the model lacks, without the effects in `left_out`."""
+        ...
+
+
+@dataclass(frozen=True)
+class OfTheMotor:
+    """An experiment on a Sawyer motor."""
+
+    experiment: Experiment
+
+    @property
+    def machine_name(self) -> str:
+        return self.experiment.machine.name
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return self.experiment.notes
+
+    @property
+    def effects(self) -> frozenset[str]:
+        return frozenset(catalogue())
+
+    def compare(self, seed: int) -> Comparison:
+        return compare(self.experiment, np.random.default_rng(seed))
+
+    def conclude(self, jobs: int, progress: Progress, left_out: Collection[str]) -> Conclusion:
+        return conclude(self.experiment, jobs, progress, left_out)
+
+
+@dataclass(frozen=True)
+class OfARig:
+    """An experiment on a machine of another kind."""
+
+    study: Study
+
+    @property
+    def machine_name(self) -> str:
+        return self.study.experiment.machine.name
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return self.study.experiment.notes
+
+    @property
+    def effects(self) -> frozenset[str]:
+        return rig_conclude.names(self.study)
+
+    def compare(self, seed: int) -> Comparison:
+        return rig_compare.compare(self.study)
+
+    def conclude(self, jobs: int, progress: Progress, left_out: Collection[str]) -> Conclusion:
+        return rig_conclude.conclude(self.study, jobs, progress, left_out)
+
+
+def is_rig(path: str | Path) -> bool:
+    """True if the experiment of file `path` is on a machine of another kind; ModelError."""
+    machine = Document(read_source(path)).root.data.get("machine")
+    if not isinstance(machine, str):
+        return False
+    return machine in KINDS or kind_of(Path(path).parent / machine) is not None
+
+
+def files_of(path: str | Path) -> list[Path]:
+    """Every file that an experiment reads; ModelError."""
+    return read_rig_entries(path).files if is_rig(path) else read_entries(path).files
+
+
+def open_before(path: str | Path, applied: str, allow_python: bool = False) -> Opened:
+    """The experiment on the machine that `applied` was before effects were found in it.
+
+    A motor's is that of the experiment; see open_experiment for the errors.
+    """
+    if not is_rig(path):
+        return open_experiment(path)
+    own, entries = read_rig_entries(path).machine, _entries(path, applied)
+    machine = entries.machine.without_effects(own.active.keys())
+    return OfARig(study(replace(entries, machine=machine), allow_python))
+
+
+def open_experiment(
+    path: str | Path, applied: str | None = None, allow_python: bool = False
+) -> Opened:
+    """The experiment in file `path`, on the machine `applied` if one is given.
+
+    Raises ModelError, SourceError, MotionError and DataError.
+    """
+    if is_rig(path):
+        return OfARig(study(_entries(path, applied), allow_python))
+    experiment = load_experiment(path)
+    if applied is not None:
+        experiment = replace(experiment, machine=load_machine(applied))
+    return OfTheMotor(experiment)
+
+
+def _entries(path: str | Path, applied: str | None) -> RigEntries:
+    entries = read_rig_entries(path, applied)
+    if applied is not None:
+        stated = read_rig_entries(path).machine.kind
+        if entries.machine.kind != stated:
+            message = f"{applied} is of kind {entries.machine.kind}, and the experiment of {stated}"
+            raise ModelError(entries.machine.source, [_kind_fault(message)])
+    return entries
+
+
+def _kind_fault(message: str) -> Diagnostic:
+    return Diagnostic("wrong-kind", message, Span(1, 1, 1))

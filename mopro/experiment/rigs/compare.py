@@ -1,0 +1,110 @@
+"""Comparison of an experiment on a machine of another kind with its model, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mopro.diagnosis import Series
+from mopro.diagnosis.noise_tests import whiteness_p
+from mopro.experiment.compare.comparison import (
+    FALSE_ALARMS,
+    Comparison,
+    Place,
+    SeriesTest,
+    verdict_of,
+)
+from mopro.experiment.compare.noise_tests import chi2_p, mean_p
+from mopro.experiment.rigs.study import Study
+from mopro.formula.evaluate import Floats
+from mopro.formula.signals import side
+
+NO_LINE = 0
+
+
+def compare(study: Study) -> Comparison:
+    """The residual of each series, and of its parts in each direction of motion.
+
+    Free numbers are fitted first, and offsets taken out.
+    """
+    residuals = study.residuals(study.model(study.base.settings))
+    groups = [list(_parts(series)) for series in study.series]
+    tests = 2 * len(residuals) + 2 * sum(map(len, groups))
+    level = FALSE_ALARMS / max(tests, 1)
+    series = tuple(_series(s, r, level) for s, r in zip(study.series, residuals, strict=True))
+    where = [
+        _place(own, residual, rows, level)
+        for own, residual, parts in zip(study.series, residuals, groups, strict=True)
+        for rows in parts
+    ]
+    where.sort(key=lambda place: (not place.significant, -(place.sigma or 0.0), -place.rms))
+    return Comparison(verdict_of(where, series), tuple(where), series)
+
+
+def _direction(series: Series) -> Floats:
+    """The direction of motion of each sample; 0 where there is none."""
+    velocity = series.labels.get("velocity")
+    if velocity is None or series.time_s is None:
+        return np.zeros(len(series))
+    return side(series.time_s, np.asarray(velocity, dtype=float))
+
+
+def _parts(series: Series) -> Iterator[np.ndarray[tuple[int], np.dtype[np.intp]]]:
+    """Rows of each part of a run, in each direction."""
+    assert series.folds is not None, "a reading has parts"
+    keys = series.folds * 3 + _direction(series).astype(np.int64)
+    for key in np.unique(keys):
+        yield np.flatnonzero(keys == key)
+
+
+def _place(
+    series: Series, residual: Floats, rows: np.ndarray[tuple[int], np.dtype[np.intp]], level: float
+) -> Place:
+    own, sigma, time_s = residual[rows], series.sigma, series.time_s
+    assert time_s is not None, "a reading has times"
+    p_value = None if sigma is None else min(chi2_p(own / sigma), mean_p(own / sigma))
+    rms = _rms(own)
+    return Place(
+        run=series.run,
+        line=NO_LINE,
+        phase=f"{time_s[rows[0]]:.4g} to {time_s[rows[-1]]:.4g} s",
+        axis=None,
+        direction=int(_direction(series)[rows[0]]),
+        sensor=series.sensor,
+        unit=series.unit,
+        count=len(rows),
+        mean=float(own.mean()),
+        rms=rms,
+        sigma=None if sigma is None else rms / sigma,
+        p_value=p_value,
+        significant=p_value is not None and p_value < level,
+    )
+
+
+def _series(series: Series, residual: Floats, level: float) -> SeriesTest:
+    sigma, rms = series.sigma, _rms(residual)
+    size_p = None if sigma is None else chi2_p(residual / sigma, fitted=1)
+    memory_p = whiteness_p(residual / sigma) if sigma is not None else None
+    return SeriesTest(
+        run=series.run,
+        sensor=series.sensor,
+        unit=series.unit,
+        count=len(series),
+        rms=rms,
+        noise_rms=sigma,
+        sigma=None if sigma is None else rms / sigma,
+        size_p=size_p,
+        memory_p=memory_p,
+        white=None if size_p is None or memory_p is None else min(size_p, memory_p) >= level,
+    )
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def worst(places: Sequence[Place], most: int) -> tuple[Place, ...]:
+    """The significant places; where no noise is known, the largest."""
+    known = [place for place in places if place.significant]
+    return tuple(known or [p for p in places if p.sigma is None])[:most]

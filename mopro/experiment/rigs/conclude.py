@@ -1,0 +1,66 @@
+"""Diagnosis of an experiment on a machine of another kind, and what follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import replace
+
+import numpy as np
+
+from mopro.diagnosis import Verdict, reconcile
+from mopro.errors import DataError
+from mopro.experiment.conclude.conclusion import Conclusion
+from mopro.experiment.rigs.compare import compare, worst
+from mopro.experiment.rigs.repaired import machine_text, machine_with
+from mopro.experiment.rigs.study import Study
+from mopro.rig.candidates import candidates
+from mopro.rig.simulation import BASE, Model
+
+_MOST_PLACES = 40
+
+
+def conclude(
+    study: Study,
+    jobs: int = 1,
+    progress: Callable[[str], None] = lambda _: None,
+    left_out: Collection[str] = (),
+) -> Conclusion:
+    """Find the effects that the machine lacks, without those in `left_out`, and repair its file."""
+    progress("comparing")
+    places = compare(study).where
+    every = candidates(study.model, study.series, study.base.settings)
+    tried = [c for c in every if c.name not in left_out]
+    try:
+        verdict = reconcile(
+            study.model, tried, study.series, base=study.base.parameters, jobs=jobs,
+            progress=progress,
+        )  # fmt: skip
+    except ValueError as error:
+        raise DataError(f"{study.experiment.source.name}: {error}", "not-finite") from error
+    progress("simulating the experiment again with the effects found")
+    return Conclusion(
+        experiment=study.experiment,
+        series=study.series,
+        verdict=verdict,
+        where=worst(places, _MOST_PLACES),
+        machine_text=machine_text(study.experiment, verdict),
+        rerun_rms=_rerun(study, verdict),
+        next_experiment=None,
+        left_out=tuple(sorted({c.name for c in every} & set(left_out))),
+        tried=tuple(dict.fromkeys(c.name for c in tried)),
+    )
+
+
+def names(study: Study) -> frozenset[str]:
+    """The names of all candidates."""
+    own = {number.name for number in study.experiment.machine.numbers.values() if number.tolerance}
+    return frozenset(own | {effect.name for effect in study.model.forms})
+
+
+def _rerun(study: Study, verdict: Verdict) -> tuple[float, ...]:
+    """RMS of the residual on the repaired machine; starts and scales are those of the verdict."""
+    machine = machine_with(study.experiment, verdict)
+    again = Model(replace(study.experiment, machine=machine), foreign=study.model.foreign)
+    own = {n: v for n, v in verdict.settings.get(BASE, {}).items() if n not in machine.numbers}
+    residuals = study.residuals(again({BASE: own} if own else {}))
+    return tuple(float(np.sqrt(np.mean(r**2))) for r in residuals)

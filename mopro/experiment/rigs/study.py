@@ -1,0 +1,168 @@
+"""An experiment on a machine of another kind, with its model and the free numbers fitted."""
+
+from __future__ import annotations
+
+import importlib.util
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mopro.diagnosis import Parameter, Series
+from mopro.diagnosis.residual import Residuals
+from mopro.errors import DataError, ModelError
+from mopro.experiment.rigs.doubts import check_scales
+from mopro.experiment.rigs.read import RigEntries, read_rig_experiment
+from mopro.formula.evaluate import Floats
+from mopro.rig.base import BaseFit, base_of, fitted_base
+from mopro.rig.data import RigExperiment
+from mopro.rig.names import check, effects_of
+from mopro.rig.series import plain_series, series_of
+from mopro.rig.simulation import Model, Simulate
+
+# What a program that is somebody's model may raise.
+_OF_A_PROGRAM = (
+    ArithmeticError, AssertionError, AttributeError, ImportError, LookupError, MemoryError,
+    NameError, OSError, RuntimeError, SyntaxError, TypeError, ValueError,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Study:
+    """The model, its data, and the free numbers as they fit without effects."""
+
+    experiment: RigExperiment
+    model: Model
+    base: BaseFit
+    series: tuple[Series, ...]
+
+    def residuals(self, predicted: Sequence[Floats]) -> list[Floats]:
+        """Measured less predicted, without the fitted offsets and drifts, in each unit."""
+        return [_without(s, s.values - own) for s, own in zip(self.series, predicted, strict=True)]
+
+
+def _without(series: Series, residual: Floats) -> Floats:
+    shapes = series.nuisance_shapes()
+    if not shapes.shape[1]:
+        return residual
+    fitted: Floats = residual - shapes @ np.linalg.lstsq(shapes, residual, rcond=None)[0]
+    return fitted
+
+
+def study(entries: RigEntries, allow_python: bool = False) -> Study:
+    """Read, check and fit an experiment. ModelError, DataError.
+
+    A model that is a program is run only if `allow_python`.
+    """
+    foreign = _foreign(entries, allow_python)
+    experiment = read_rig_experiment(entries)
+    check(experiment, effects_of(experiment))
+    experiment = _with_signs(experiment, foreign)
+    model = Model(experiment, foreign=foreign)
+    parameters = base_of(model)
+    data = plain_series(model)
+    _check_runs(model, parameters)
+    base = fitted_base(model, data, parameters)
+    notes = check_scales(model, data, base)
+    series = tuple(data) if foreign else tuple(series_of(model, base.settings))
+    experiment = replace(experiment, notes=(*experiment.notes, *notes))
+    return Study(experiment, model, base, series)
+
+
+def _check_runs(model: Model, parameters: Sequence[Parameter]) -> None:
+    """ModelError if the model without effects leaves the finite numbers."""
+    predicted = model(BaseFit(tuple(parameters)).settings)
+    for (run, reading), own in zip(model.readings, predicted, strict=True):
+        wrong = np.flatnonzero(~np.isfinite(own))
+        if len(own) != len(reading.values):
+            raise DataError(f"the model gives {len(own)} values for {len(reading.values)} measured")
+        if len(wrong) and run.value is not None:
+            at = float(run.time_s[reading.rows[wrong[0]]])
+            message = (
+                f"the model of {reading.sensor.name} gives no finite number at {at:.6g} s: it "
+                "divides by zero, or runs away"
+            )
+            raise run.value.error(
+                message, "not-finite", "look at the law and the numbers of the machine"
+            )
+
+
+def _with_signs(experiment: RigExperiment, foreign: Simulate | None) -> RigExperiment:
+    """The experiment with each free sign as it fits better."""
+    free = {
+        r.sensor.name for run in experiment.trials for r in run.readings if r.sensor.sign is None
+    }
+    for name in sorted(free):
+        ways = [_signed(experiment, name, sign) for sign in (1, -1)]
+        experiment = min(ways, key=lambda way: _misfit(way, foreign))
+    return experiment
+
+
+def _signed(experiment: RigExperiment, name: str, sign: int) -> RigExperiment:
+    trials = tuple(
+        replace(run, readings=tuple(
+            replace(r, sensor=replace(r.sensor, sign=sign)) if r.sensor.name == name else r
+            for r in run.readings
+        ))
+        for run in experiment.trials
+    )  # fmt: skip
+    note = f"sensor {name}: its sign is free, and {sign:+d} fits better"
+    others = tuple(n for n in experiment.notes if not n.startswith(f"sensor {name}: its sign"))
+    return replace(experiment, trials=trials, notes=(*others, note))
+
+
+def _misfit(experiment: RigExperiment, foreign: Simulate | None) -> float:
+    model = Model(experiment, foreign=foreign)
+    data = plain_series(model)
+    base = fitted_base(model, data, base_of(model))
+    return float(np.sum(Residuals(model, data).at(base.settings) ** 2))
+
+
+def _foreign(entries: RigEntries, allowed: bool) -> Simulate | None:
+    """The function of a model that is a program."""
+    if entries.machine.python is None or entries.foreign is None:
+        return None
+    file, name = entries.foreign, entries.machine.python[1]
+    if not allowed:
+        raise DataError(
+            f"{entries.machine.name} is a program, {file}, and is run only with --allow-python: "
+            "look at it first, if it is not yours",
+            "not-allowed",
+        )
+    return _loaded(file, name)
+
+
+def _loaded(file: Path, name: str) -> Simulate:
+    spec = importlib.util.spec_from_file_location("mopro_foreign_model", file)
+    if spec is None or spec.loader is None or not file.is_file():
+        raise DataError(f"there is no file {file}", "no-such-file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except _OF_A_PROGRAM as error:
+        raise _failed(file, error) from error
+    function = getattr(module, name, None)
+    if not callable(function):
+        raise DataError(f"{file} has no function {name}", "no-such-function")
+
+    def simulate(numbers: Mapping[str, float], columns: Mapping[str, Floats]) -> Mapping[str, Any]:
+        try:
+            found: Mapping[str, Any] = function(numbers, columns)
+        except _OF_A_PROGRAM as error:
+            raise _failed(file, error) from error
+        return found
+
+    return simulate
+
+
+def _failed(file: Path, error: BaseException) -> DataError:
+    """The error of a model that is a program, with the line of it that was running."""
+    own = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(file)]
+    place = f", line {own[-1]}" if own else ""
+    return DataError(f"{file}{place}: {type(error).__name__}: {error}", "failed-model")
+
+
+__all__ = ["ModelError", "Study", "study"]

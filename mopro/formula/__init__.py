@@ -1,0 +1,15 @@
+"""Formulas that people write in files: parsed, checked by dimension, evaluated; never executed."""
+
+from mopro.formula.dimension import Dimension, UnitError, dimension_of_unit, factor_of, product
+from mopro.formula.language import Formula, FormulaError, parse
+
+__all__ = [
+    "Dimension",
+    "Formula",
+    "FormulaError",
+    "UnitError",
+    "dimension_of_unit",
+    "factor_of",
+    "parse",
+    "product",
+]

@@ -1,0 +1,112 @@
+"""Functions of a whole signal in time, sampled regularly or not: lag, delay, play, friction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+# Untyped in numba. Compiled code is kept where numba keeps it.
+_compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True)
+# Share of the largest value beyond which a signal tells its side.
+_SIDE = 0.1
+
+
+@_compiled
+def _lag(time_s: Floats, signal: Floats, tau: float) -> Floats:
+    result = signal.copy()
+    for i in range(1, len(signal)):
+        step = (time_s[i] - time_s[i - 1]) / tau
+        # The exact answer to a signal that is linear between two samples.
+        share = -math.expm1(-step)
+        slope = (signal[i] - signal[i - 1]) / step
+        result[i] = result[i - 1] + share * (signal[i - 1] - slope - result[i - 1])
+        result[i] += signal[i] - signal[i - 1]
+    return result
+
+
+def lag(time_s: Floats, signal: Floats, tau: float) -> Floats:
+    """A first-order lag of time constant `tau` (s); the signal itself at 0 or below."""
+    found: Floats = _lag(time_s, signal, tau) if tau > 0 else signal
+    return found
+
+
+def delayed(time_s: Floats, signal: Floats, delay: float) -> Floats:
+    """The signal `delay` (s) earlier, linear between samples; its first value before them."""
+    return np.interp(time_s - delay, time_s, signal)
+
+
+@_compiled
+def _play(signal: Floats, width: float) -> Floats:
+    result = signal.copy()
+    for i in range(1, len(signal)):
+        low, high = signal[i] - width / 2, signal[i] + width / 2
+        result[i] = min(max(result[i - 1], low), high)
+    return result
+
+
+def play(time_s: Floats, signal: Floats, width: float) -> Floats:
+    """The output of a play (backlash) of full `width`, in its middle at the beginning."""
+    found: Floats = _play(signal, max(width, 0.0))
+    return found
+
+
+@_compiled
+def _presliding(signal: Floats, reach: float) -> Floats:
+    result = np.zeros_like(signal)
+    for i in range(1, len(signal)):
+        moved = result[i - 1] + (signal[i] - signal[i - 1]) / reach
+        result[i] = min(max(moved, -1.0), 1.0)
+    return result
+
+
+def presliding(time_s: Floats, signal: Floats, reach: float) -> Floats:
+    """Dry friction as a share of its limit, -1 to 1: it follows the signal until it slides.
+
+    `reach` is the change of the signal from the middle to sliding.
+    """
+    found: Floats = _presliding(signal, max(reach, 1e-300))
+    return found
+
+
+def side(time_s: Floats, signal: Floats) -> Floats:
+    """The side (-1 or 1) on which the signal last was, by a tenth of its largest value.
+
+    0 before that.
+    """
+    strong = np.where(np.abs(signal) > _SIDE * np.max(np.abs(signal), initial=0.0), 1, 0)
+    last = np.maximum.accumulate(np.where(strong, np.arange(len(signal)), -1))
+    return np.where(last >= 0, np.sign(signal)[last], 0.0)
+
+
+def before(time_s: Floats, signal: Floats) -> Floats:
+    """The sum of all earlier samples; samples that are not there (NaN) count nothing."""
+    known = np.nan_to_num(signal)
+    return np.cumsum(known) - known
+
+
+def since_change(time_s: Floats, signal: Floats) -> Floats:
+    """Time (s) since the signal last changed, or since the beginning."""
+    changed = np.concatenate([[True], np.diff(signal) != 0])
+    return time_s - np.maximum.accumulate(np.where(changed, time_s, time_s[0]))
+
+
+def rate(time_s: Floats, signal: Floats) -> Floats:
+    """The derivative in time (1/s), by central differences."""
+    return np.gradient(signal, time_s) if len(signal) > 1 else np.zeros_like(signal)
+
+
+def first(time_s: Floats, signal: Floats) -> Floats:
+    """The first value of the signal, at all times."""
+    return np.full_like(signal, signal[0])
+
+
+SIGNALS: dict[str, Callable[..., Floats]] = {
+    "lag": lag, "delayed": delayed, "play": play, "presliding": presliding, "side": side,
+    "before": before, "since_change": since_change, "rate": rate, "first": first,
+}  # fmt: skip

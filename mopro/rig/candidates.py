@@ -1,0 +1,337 @@
+"""The effects of a machine of another kind as candidates, their ranges from the data's sizes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mopro.diagnosis import Candidate, Parameter, Role, Series, Settings
+from mopro.formula import Dimension, Formula, dimension_of_unit
+from mopro.formula.evaluate import Floats, evaluate
+from mopro.rig.base import DIFFERENCE
+from mopro.rig.data import Run
+from mopro.rig.model import (
+    AMPLITUDE,
+    COMMAND,
+    FRICTION,
+    MEASUREMENT,
+    PERIOD,
+    Effect,
+    EffectParameter,
+    Number,
+)  # fmt: skip
+from mopro.rig.names import capacity_of, inertia_of, names_of
+from mopro.rig.search import Search
+from mopro.rig.simulation import Known, Model, term_of
+
+# An amplitude is looked for up to this multiple of what would make the term as large as the
+# quantity that it is added to, and simulated first at this share of it.
+_LARGEST, _PROBED = 3.0, 0.03
+# A shape without a range: shares of the span of the quantity of its unit, and where it starts.
+_SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
+# Longest and shortest period that is looked for: in the span of its variable, of which it takes
+# two to be told from a bend, and in median steps of it.
+_MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS = 0.5, 4.0
+_PERIOD_STARTS = (0.05, 0.15, 0.4)
+_SHAPE_DIFFERENCE = 1e-5
+# A start is looked for by a simulation at this share of the range's end, and within these shares.
+_TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-4, 0.3
+# Distance of a start from the value of the machine's file, as a share of the range.
+_START_DISTANCE = 0.1
+# Tolerances within which a number is looked for.
+_WIDER = 5.0
+
+
+@dataclass(frozen=True)
+class _Sized:
+    """Sizes of the data: names with their spans and dimensions, for ranges of parameters."""
+
+    names: Mapping[str, float]
+    spans: Mapping[Dimension, float]
+    steps: Mapping[Dimension, float]
+
+
+def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list[Candidate]:
+    """All effects as candidates, and the numbers that are known with a tolerance.
+
+    `settings` are those of the free numbers without effects, at which terms are measured.
+    """
+    found = [_of_number(n) for n in model.rig.numbers.values() if n.tolerance]
+    if model.rig.kind == "python":
+        return found + [_of_foreign(effect) for effect in model.forms]
+    sized = _sizes(model, settings)
+    for effect in model.forms:
+        made = _candidate(model, effect, data, settings, sized)
+        found += [made] if made is not None else []
+    names = {(c.name, c.form) for c in found}
+    return [c for c in found if c.extends is None or (c.name, c.extends) in names]
+
+
+def _of_number(number: Number) -> Candidate:
+    reach = number.tolerance * abs(number.value)
+    value = number.value
+    parameter = Parameter(
+        number.name, number.unit, value - _WIDER * reach, value + _WIDER * reach,
+        (value + reach / 2,), null=value, tolerated=(value - reach, value + reach),
+    )  # fmt: skip
+    return Candidate(number.name, (parameter,))
+
+
+def _of_foreign(effect: Effect) -> Candidate:
+    made = []
+    for p in effect.parameters:
+        if not isinstance(p.low, float) or not isinstance(p.high, float):
+            assert effect.value is not None
+            message = f"expected a range of {p.name}: the model is a program, and tells no sizes"
+            raise effect.value[p.name].error(message, "missing-key")
+        start = p.start if isinstance(p.start, float) else p.low + 0.55 * (p.high - p.low)
+        role = Role.AMPLITUDE if p.role == AMPLITUDE else Role.SHAPE
+        made.append(Parameter(p.name, p.unit, p.low, p.high, (start,), role))
+    return Candidate(effect.name, tuple(made), effect.form, extends=effect.extends)
+
+
+def _candidate(
+    model: Model, effect: Effect, data: Sequence[Series], settings: Settings, sized: _Sized
+) -> Candidate | None:
+    """The candidate of an effect; None for a listed one that does nothing in these data."""
+    shapes = [_shape(p, sized) for p in effect.parameters if p.role != AMPLITUDE]
+    fixed = {p.name: p.starts[0] for p in shapes}
+    sizes = _scale_of(model, effect, settings, data)
+    amplitudes = []
+    for p in effect.parameters:
+        if p.role == AMPLITUDE:
+            made = _amplitude(model, effect, p, {**fixed}, settings, sized, sizes)
+            if made is None:
+                return None
+            if p.start is None and p.low is None:
+                made = _probed(model, effect, made, fixed, data, settings)
+            amplitudes.append(made)
+    parameters = _in_order(effect, [*shapes, *amplitudes])
+    own = model.rig.active.get(effect.name)
+    if own is not None:
+        parameters = tuple(_about(p, own.get(p.name, 0.0)) for p in parameters)
+    find = None
+    if shapes and effect.enters == MEASUREMENT:
+        find = Search(model, effect, parameters, _MOST_PERIODS_OF_SPAN)
+    return Candidate(
+        effect.name, parameters, effect.form,
+        flexible=any(p.role == PERIOD for p in effect.parameters), find_starts=find,
+    )  # fmt: skip
+
+
+def _in_order(effect: Effect, made: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    by_name = {p.name: p for p in made}
+    return tuple(by_name[p.name] for p in effect.parameters)
+
+
+def _about(parameter: Parameter, null: float) -> Parameter:
+    """`parameter` of an effect that the machine's file switches on: its null is the value there."""
+    if parameter.role is not Role.AMPLITUDE:
+        return replace(parameter, starts=(min(max(null, parameter.low), parameter.high),))
+    low, high = min(parameter.low, null), max(parameter.high, null)
+    moved = replace(parameter, null=null, low=low, high=high)
+    step = _START_DISTANCE if moved.scaled(null) < 1 - _START_DISTANCE else -_START_DISTANCE
+    return replace(moved, starts=(moved.value(moved.scaled(null) + step),))
+
+
+# -- sizes -------------------------------------------------------------------------------
+
+
+def _sizes(model: Model, settings: Settings) -> _Sized:
+    spans: dict[Dimension, float] = {}
+    steps: dict[Dimension, float] = {}
+    names = {"step": math.inf, "length": 0.0, "x_span": 0.0, "v_max": 0.0, "a_max": 0.0}
+    known = names_of(model.experiment)
+    for run in model.experiment.trials:
+        values = model.values_in(run, settings)
+        for name, own in values.items():
+            dimension = known.get(name)
+            if dimension is not None and np.isfinite(own).all():
+                spans[dimension] = max(spans.get(dimension, 0.0), float(np.ptp(own)))
+                moved = np.abs(np.diff(own))
+                moved = moved[moved > 0]
+                if len(moved):
+                    steps[dimension] = min(steps.get(dimension, math.inf), float(np.median(moved)))
+        names["step"] = min(names["step"], float(np.median(np.diff(run.time_s))))
+        names["length"] = max(names["length"], float(np.ptp(run.time_s)))
+        for name, of in (("x_span", "x"), ("v_max", "v"), ("a_max", "a")):
+            size = float(np.ptp(values[of]) if of == "x" else np.max(np.abs(values[of]))) if (
+                of in values
+            ) else 0.0  # fmt: skip
+            names[name] = max(names[name], size)
+    return _Sized(names, spans, steps)
+
+
+def _sized(size: float | Formula, factor: float, sized: _Sized) -> float:
+    """A number of a file, or what a formula of the sizes comes to, in the parameter's unit."""
+    if isinstance(size, float):
+        return size
+    return float(evaluate(size, sized.names, np.zeros(1))[0]) / factor
+
+
+def _shape(p: EffectParameter, sized: _Sized) -> Parameter:
+    dimension = dimension_of_unit(p.unit)
+    span = (sized.spans.get(dimension) or 1.0) / p.factor
+    step = (sized.steps.get(dimension) or span / 100) / p.factor
+    low, high = _SHAPES[0] * span, _SHAPES[1] * span
+    starts = tuple(share * span for share in _SHAPE_STARTS)
+    if p.role == PERIOD:
+        low, high = min(_SHORTEST_STEPS * step, span / 4), _MOST_PERIODS_OF_SPAN * span
+        starts = tuple(share * span for share in _PERIOD_STARTS)
+    if p.low is not None and p.high is not None:
+        low, high = (_sized(end, p.factor, sized) for end in (p.low, p.high))
+        starts = tuple(low + share * (high - low) for share in _SHAPE_STARTS)
+    if p.start is not None:
+        starts = (_sized(p.start, p.factor, sized),)
+    return Parameter(
+        p.name, p.unit, low, high, tuple(min(max(s, low), high) for s in starts), Role.SHAPE,
+        inverse=p.role == PERIOD and low > 0, difference=_SHAPE_DIFFERENCE,
+    )  # fmt: skip
+
+
+def _amplitude(
+    model: Model, effect: Effect, p: EffectParameter, fixed: Mapping[str, float],
+    settings: Settings, sized: _Sized, scale: float,
+) -> Parameter | None:  # fmt: skip
+    if p.low is not None and p.high is not None:
+        low, high = (_sized(end, p.factor, sized) for end in (p.low, p.high))
+        if not low < high:
+            return None
+        start = low + 0.55 * (high - low) if low < 0 else low + 0.05 * (high - low)
+        start = _sized(p.start, p.factor, sized) if p.start is not None else start
+    else:
+        size = _size_of_term(model, effect, p.name, fixed, settings)
+        if not size or not math.isfinite(size):
+            return None
+        high = _LARGEST * scale / size
+        low = 0.0 if p.positive or effect.enters == FRICTION else -high
+        start = _sized(p.start, p.factor, sized) if p.start is not None else _PROBED * high
+    difference = 1e-3 if effect.enters == COMMAND else DIFFERENCE
+    return Parameter(p.name, p.unit, low, high, (start,), difference=difference)
+
+
+def _probed(
+    model: Model, effect: Effect, parameter: Parameter, fixed: Mapping[str, float],
+    data: Sequence[Series], settings: Settings,
+) -> Parameter:  # fmt: skip
+    """`parameter` with a range and a start from what one simulation shows it to do.
+
+    It starts where it changes the predictions by about what is left of the data. A long motion
+    magnifies what a force does, so that the size of a term alone tells little.
+    """
+    tried = parameter.high * _TRIED
+    off = dict.fromkeys((p.name for p in effect.parameters), 0.0) | dict(fixed)
+    with_it = {**settings, effect.name: off | {parameter.name: tried}}
+    change = residual = 0.0
+    for series, one, other in zip(data, model(settings), model(with_it), strict=True):
+        reach = float(np.ptp(series.values)) or 1.0
+        change = max(change, _scatter(other - one) / reach)
+        residual = max(residual, _scatter(series.values - one) / reach)
+    if not change or not math.isfinite(change):
+        return parameter
+    # Alone it would change the readings by several times their range.
+    high = min(parameter.high, _LARGEST * tried / change)
+    low = parameter.low if parameter.low == 0 else -high
+    start = min(max(tried * residual / change, _LEAST_START * high), _MOST_START * high)
+    return replace(parameter, low=low, high=high, starts=(start,))
+
+
+def _scatter(values: Floats) -> float:
+    """The RMS of values about their mean."""
+    return float(np.std(values))
+
+
+def _size_of_term(
+    model: Model, effect: Effect, name: str, fixed: Mapping[str, float], settings: Settings
+) -> float:
+    """The largest change by the term for one unit of a parameter, without other effects.
+
+    ModelError where a user's term gives no finite number.
+    """
+    largest = 0.0
+    for run in model.experiment.trials:
+        off = {p.name: fixed.get(p.name, 0.0) * p.factor for p in effect.parameters}
+        one = next(p.factor for p in effect.parameters if p.name == name)
+        known: Known = {**model.values_in(run, settings), **model.values(settings)}
+        for local in _locals(model, effect, run, known):
+            with_one = term_of(effect, {**off, name: one}, {**known, **local}, run.time_s)
+            without = term_of(effect, off, {**known, **local}, run.time_s)
+            change = np.abs(with_one - without)
+            _check_finite(effect, change, run)
+            largest = max(largest, float(change.max()))
+    return largest
+
+
+def _check_finite(effect: Effect, change: Floats, run: Run) -> None:
+    if np.isfinite(change).all():
+        return
+    at = float(run.time_s[np.flatnonzero(~np.isfinite(change))[0]])
+    message = (
+        f"the formula gives no finite number at {at:.6g} s of run {run.name}: "
+        "it divides by zero, or runs away"
+    )
+    if effect.value is not None:
+        raise effect.value["formula"].error(message, "not-finite")
+
+
+def _locals(model: Model, effect: Effect, run: Run, known: Known) -> Iterator[Known]:
+    """Names that a term has where it enters: one set for each place that it enters."""
+    match effect.enters:
+        case "measurement":
+            for reading in run.readings:
+                if model.shows(effect, reading.sensor):
+                    formula = reading.sensor.reads.formula
+                    yield {"y": evaluate(formula, known, run.time_s)}
+        case "input":
+            yield from ({"u": own} for n, own in run.inputs.items() if effect.target in ("", n))
+        case "power":
+            for node in model.rig.nodes:
+                yield _in_node(model, node, known)
+        case _:
+            yield {}
+
+
+def _in_node(model: Model, node: str, known: Known) -> Known:
+    own = np.asarray(known[node])
+    others = [np.asarray(known[n]) - own for n in model.rig.nodes if n != node]
+    used = model.rig.laws[node].formula.names
+    foreign = [known[n] for n in model.experiment.units if n not in used and n != "ambient"]
+    return {
+        "T": own,
+        "ambient": known.get("ambient", float(own[0])),
+        "exchange": sum(others, np.zeros_like(own)),
+        "foreign": foreign[0] if foreign else 0.0,
+    }
+
+
+def _scale_of(model: Model, effect: Effect, settings: Settings, data: Sequence[Series]) -> float:
+    """The size (SI) of the quantity that a term is added to, in these data."""
+    rig = model.rig
+    found = 0.0
+    for run in model.experiment.trials:
+        values = model.values_in(run, settings)
+        match effect.enters:
+            case "force" | "friction":
+                inertia = inertia_of(rig)
+                mass = model.values(settings)[inertia] if inertia else 1.0
+                inputs = [values[n] for n in ("force", "torque") if n in values]
+                sizes = [mass * values["a"], *inputs]
+            case "power":
+                capacity = capacity_of(rig)
+                held = model.values(settings)[capacity] if capacity else 1.0
+                sizes = [held * np.gradient(values[n], run.time_s) for n in rig.nodes]
+            case "input":
+                sizes = [own for name, own in run.inputs.items() if effect.target in ("", name)]
+            case "ambient":
+                sizes = [np.ones(1)]
+            case _:
+                sizes = [
+                    np.array([np.ptp(r.values) * r.sensor.factor])
+                    for r in run.readings
+                    if effect.target in ("", r.sensor.name)
+                ]
+        found = max([found, *(float(np.max(np.abs(s))) for s in sizes if np.isfinite(s).all())])
+    return found or 1.0

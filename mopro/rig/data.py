@@ -1,0 +1,84 @@
+"""Measured runs of a machine of another kind: signals, sensors and their samples, in SI inside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.formula import Dimension
+from mopro.formula.evaluate import Floats
+from mopro.rig.model import Rig, Written
+from mopro.source import Source
+from mopro.tomlfile import Value
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor: a reading is `sign` * `scale` * what it `reads` + an offset, in `unit`.
+
+    `noise_rms` is None where nobody knows it. `scale`, `sign` and `zero` are None where they are
+    free; a drift is None (there is none), 0 (straight) or the time (s) after which it may bend.
+    """
+
+    name: str
+    quantity: str
+    column: str
+    unit: str
+    factor: float
+    dimension: Dimension
+    noise_rms: float | None
+    reads: Written
+    zero: float | None = None
+    drift_s: float | None = None
+    scale: float | None = 1.0
+    sign: int | None = 1
+    value: Value | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Samples of one sensor: `values` (n,) in its unit, at the rows `rows` (n,) of the run."""
+
+    sensor: Sensor
+    rows: Indices
+    values: Floats
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: the time (s) and inputs (SI) of each row, and what was measured.
+
+    `start`: values of states at the first row, None where they are free. `without`: effects
+    that are known to be off. `feedback`: an input was made from the readings, by a closed loop,
+    so that a dependence of the readings on it tells nothing of the machine.
+    """
+
+    name: str
+    time_s: Floats
+    inputs: Mapping[str, Floats]
+    held: frozenset[str]
+    readings: tuple[Reading, ...]
+    start: Mapping[str, float | None]
+    without: frozenset[str] = frozenset()
+    feedback: bool = False
+    value: Value | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True)
+class RigExperiment:
+    """An experiment on a machine of another kind; `dimensions` are those of the inputs.
+
+    `units` are the units of the inputs, by name. `notes` are remarks on the data.
+    """
+
+    source: Source
+    machine: Rig
+    trials: tuple[Run, ...]
+    units: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+    columns: tuple[Mapping[str, Floats], ...] = ()

@@ -1,0 +1,225 @@
+"""Names that the formulas of a machine may use in an experiment, with their dimensions."""
+
+from __future__ import annotations
+
+from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
+from mopro.formula.dimension import NUMBER
+from mopro.rig.data import RigExperiment, Sensor
+from mopro.rig.file import catalogue
+from mopro.rig.model import (
+    AMBIENT,
+    AXIS,
+    COMMAND,
+    FORCE,
+    FRICTION,
+    INPUT,
+    KINEMATIC,
+    MEASUREMENT,
+    POWER,
+    PYTHON,
+    THERMAL,
+    Effect,
+    Rig,
+    Written,
+)  # fmt: skip
+
+Dimensions = dict[str, Dimension | None]
+_TIME = dimension_of_unit("s")
+_KELVIN = dimension_of_unit("K")
+_SI = {"length": "m", "angle": "rad", "count": "count"}
+
+
+def divided(one: Dimension, other: Dimension) -> Dimension:
+    return tuple(a - b for a, b in zip(one, other, strict=True))
+
+
+def inertia_of(rig: Rig) -> str | None:
+    """The number that is the axis' mass or inertia; None if it has none."""
+    return next((name for name in ("mass", "inertia") if name in rig.numbers), None)
+
+
+def capacity_of(rig: Rig) -> str | None:
+    """The number that is the nodes' heat capacity; None if it has none."""
+    return "capacity" if "capacity" in rig.numbers else None
+
+
+def axis_dimension(experiment: RigExperiment) -> Dimension:
+    return dimension_of_unit(experiment.machine.unit or "1")
+
+
+def names_of(experiment: RigExperiment) -> Dimensions:
+    """The names of time, inputs, numbers and states."""
+    rig = experiment.machine
+    known: Dimensions = {"t": _TIME}
+    known |= {name: dimension_of_unit(unit) for name, unit in experiment.units.items()}
+    known |= {name: dimension_of_unit(number.unit) for name, number in rig.numbers.items()}
+    if rig.kind == THERMAL:
+        known |= dict.fromkeys(rig.nodes, _KELVIN)
+    elif rig.kind != PYTHON:
+        x = axis_dimension(experiment)
+        known |= {"x": x, "v": divided(x, _TIME), "a": divided(divided(x, _TIME), _TIME)}
+    return known
+
+
+def in_a_node(experiment: RigExperiment) -> Dimensions:
+    """Names that the formulas of a node have beside the others."""
+    units = list(experiment.units.values())
+    foreign = dimension_of_unit(units[0]) if units else NUMBER
+    return {"T": _KELVIN, "ambient": _KELVIN, "exchange": _KELVIN, "foreign": foreign}
+
+
+def force_dimension(experiment: RigExperiment) -> Dimension:
+    """That of an axis' force: of an acceleration where it has no mass or inertia."""
+    rig = experiment.machine
+    inertia = inertia_of(rig)
+    own = dimension_of_unit(rig.numbers[inertia].unit) if inertia else NUMBER
+    x = divided(divided(axis_dimension(experiment), _TIME), _TIME)
+    return tuple(a + b for a, b in zip(own, x, strict=True))
+
+
+def power_dimension(experiment: RigExperiment) -> Dimension:
+    """That of a node's power: of a rate where it has no capacity."""
+    capacity = capacity_of(experiment.machine)
+    own = dimension_of_unit(experiment.machine.numbers[capacity].unit) if capacity else NUMBER
+    return tuple(a + b for a, b in zip(own, divided(_KELVIN, _TIME), strict=True))
+
+
+def effects_of(experiment: RigExperiment) -> tuple[Effect, ...]:
+    """The effects of the machine's file, and those of the catalogue whose names there are.
+
+    A user's effect takes the place of a listed one of its name.
+    """
+    rig = experiment.machine
+    own = {effect.name for effect in rig.effects} | rig.numbers.keys()
+    listed = catalogue(rig.kind, tuple(sorted(_units(experiment).items())))
+    known = names_of(experiment).keys()
+    fed_back = any(run.feedback for run in experiment.trials)
+    return (
+        *rig.effects,
+        *(
+            e
+            for e in listed
+            if e.name not in own
+            and _needs(e) <= known | _local(rig, e)
+            and (experiment.units or not (e.driven or e.enters == INPUT))
+            and not (fed_back and _follows(e))
+        ),
+    )
+
+
+def _follows(effect: Effect) -> bool:
+    """True if an effect is one of the command: what made the command hides what acts on it."""
+    return effect.enters in (COMMAND, INPUT) or bool(effect.term.formula.names & {"x", "v", "a"})
+
+
+def _needs(effect: Effect) -> frozenset[str]:
+    return effect.term.formula.names - {p.name for p in effect.parameters}
+
+
+def _local(rig: Rig, effect: Effect) -> set[str]:
+    if effect.enters == POWER:
+        several = {"exchange"} if len(rig.nodes) > 1 else set()
+        return {"T", "ambient", *several, *({"foreign"} if len(rig.nodes) > 1 else ())}
+    return {MEASUREMENT: {"y"}, INPUT: {"u"}}.get(effect.enters, set())
+
+
+def _units(experiment: RigExperiment) -> dict[str, str]:
+    """The units that stand for `{x}` and the like in the catalogue."""
+    rig, inputs = experiment.machine, experiment.units
+    first = next(iter(inputs.values()), "1")
+    units = {"load": inputs.get("load", "1"), "foreign": first}
+    if rig.kind == THERMAL:
+        return {**units, "power": "W" if capacity_of(rig) else "K/s"}
+    if rig.kind == KINEMATIC:
+        return {**units, "x": rig.unit or "1"}
+    x = next(si for si in _SI.values() if dimension_of_unit(si) == axis_dimension(experiment)
+             and (si != "rad" or dimension_of_unit(rig.unit or "1") == NUMBER))  # fmt: skip
+    force = {"mass": "N", "inertia": "N m"}.get(inertia_of(rig) or "", product(x, "1/s2"))
+    return {**units, "x": x, "force": force}
+
+
+def check(experiment: RigExperiment, effects: tuple[Effect, ...]) -> None:
+    """ModelError for a law or an effect that uses an unknown name, or whose units do not match."""
+    rig, known = experiment.machine, names_of(experiment)
+    for law in rig.laws.values():
+        names = known | (in_a_node(experiment) if rig.kind == THERMAL else {})
+        law.check(names, _law_dimension(experiment), "the law")
+    for sensor in sensors_of(experiment):
+        if rig.kind != PYTHON:
+            sensor.reads.check(known, None if sensor.quantity == "count" else sensor.dimension,
+                               f"sensor {sensor.name}")  # fmt: skip
+    for effect in effects:
+        if rig.kind != PYTHON:
+            _check_effect(effect, experiment, known)
+
+
+def _check_effect(effect: Effect, experiment: RigExperiment, known: Dimensions) -> None:
+    own: Dimensions = {p.name: dimension_of_unit(p.unit) for p in effect.parameters}
+    sensors = [s for s in sensors_of(experiment) if effect.target in ("", s.name)]
+    wanted: Dimension | None = None
+    match effect.enters:
+        case "command":
+            wanted = axis_dimension(experiment)
+        case "force" | "friction":
+            wanted = force_dimension(experiment)
+        case "power":
+            wanted, own = power_dimension(experiment), own | in_a_node(experiment)
+        case "ambient":
+            wanted = _KELVIN
+        case "measurement":
+            wanted = sensors[0].dimension if len({s.dimension for s in sensors}) == 1 else None
+            own["y"] = wanted
+        case "input":
+            units = [u for n, u in experiment.units.items() if effect.target in ("", n)]
+            wanted = dimension_of_unit(units[0]) if len(set(units)) == 1 else None
+            own["u"] = wanted
+    if effect.target and not sensors and effect.enters == MEASUREMENT and effect.value is not None:
+        raise effect.value["enters"].error(f"there is no sensor {effect.target}", "unknown-name")
+    effect.term.check(known | own, wanted, f"what enters as {effect.enters}")
+    if effect.term.formula.of_signals and effect.enters in (FORCE, FRICTION, POWER):
+        assert effect.value is not None
+        message = "lag, delayed, play and the like act on whole signals, not inside an equation"
+        raise effect.value["formula"].error(message, "bad-formula")
+
+
+def _law_dimension(experiment: RigExperiment) -> Dimension | None:
+    match experiment.machine.kind:
+        case "kinematic":
+            return axis_dimension(experiment)
+        case "axis":
+            return divided(divided(axis_dimension(experiment), _TIME), _TIME)
+        case "thermal":
+            return power_dimension(experiment)
+    return None
+
+
+def sensors_of(experiment: RigExperiment) -> list[Sensor]:
+    """The sensors that were read, each once."""
+    found = [r.sensor for run in experiment.trials for r in run.readings]
+    return list({sensor.name: sensor for sensor in found}.values())
+
+
+def axis_law(experiment: RigExperiment) -> Formula | None:
+    """The force that the numbers of an axis and its inputs make; None where its file has a law."""
+    rig, inputs = experiment.machine, experiment.units.keys()
+    if "acceleration" in rig.laws:
+        return None
+    has = rig.numbers.keys()
+    parts: list[str] = [name for name in ("force", "torque") if name in inputs]
+    if "constant" in has and "current" in inputs:
+        parts.append("constant * current")
+    if {"constant", "resistance"} <= has and "voltage" in inputs:
+        parts.append("constant * (voltage - constant * v) / resistance")
+    if {"constant", "resistance", "supply"} <= has and "duty" in inputs:
+        parts.append("constant * (supply * duty - constant * v) / resistance")
+    parts += ["-viscous * v"] if "viscous" in has else []
+    parts += ["-spring * x"] if "spring" in has else []
+    parts += ["-gravity * sin(x)"] if "gravity" in has else []
+    return parse(" + ".join(parts) or "0")
+
+
+__all__ = [
+    "AMBIENT", "AXIS", "COMMAND", "FRICTION", "Written", "axis_dimension", "axis_law",
+    "capacity_of", "check", "effects_of", "force_dimension", "in_a_node", "inertia_of",
+    "names_of", "sensors_of",
+]  # fmt: skip

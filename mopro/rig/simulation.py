@@ -1,0 +1,369 @@
+"""Predictions of all readings of an experiment on a machine of another kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.diagnosis import Settings
+from mopro.formula import Formula, parse
+from mopro.formula.bytecode import Assembler
+from mopro.formula.evaluate import Floats, evaluate
+from mopro.formula.language import substituted
+from mopro.rig.data import Reading, RigExperiment, Run, Sensor
+from mopro.rig.model import (
+    AMBIENT,
+    AXIS,
+    COMMAND,
+    FORCE,
+    FRICTION,
+    INPUT,
+    KINEMATIC,
+    MEASUREMENT,
+    POWER,
+    THERMAL,
+    Effect,
+)  # fmt: skip
+from mopro.rig.names import axis_law, capacity_of, effects_of, inertia_of, sensors_of
+
+BASE = "base"
+SCALE = "scale of {}"
+START = "start of {}, {}"
+Codes = list[tuple[int, int]]
+# Effects that are on, with their parameters in SI.
+Active = tuple[tuple[Effect, Mapping[str, float]], ...]
+# Names of formulas with their values.
+Known = Mapping[str, Floats | float]
+Simulate = Callable[[Mapping[str, float], Mapping[str, Floats]], Mapping[str, Any]]
+# Halvings of the step of integration after which it is taken as it is.
+_MOST_HALVINGS = 6
+# Change by a halved step, as a share of the range of a state, that is small enough.
+_STEP_ERROR = 1e-4
+
+
+@dataclass(frozen=True)
+class Motion:
+    """States of one run at its rows, by name, with its inputs as the model saw them."""
+
+    states: Mapping[str, Floats]
+    inputs: Mapping[str, Floats]
+
+
+@dataclass(frozen=True)
+class _Program:
+    """Equations of a set of effects as codes; `slots` are the places of their numbers."""
+
+    codes: NDArray[np.int64]
+    segments: NDArray[np.int64]
+    slots: Mapping[str, int]
+    constants: tuple[float, ...]
+
+
+class Model:
+    """The model of an experiment: called with settings, it predicts each reading in its unit.
+
+    `forms`: all effects that may be switched on; the settings' parameters tell the form.
+    `foreign`: the function of a model that is a program.
+    """
+
+    def __init__(
+        self,
+        experiment: RigExperiment,
+        foreign: Simulate | None = None,
+    ) -> None:
+        self.experiment = experiment
+        self.rig = experiment.machine
+        self.forms = effects_of(experiment)
+        self._by_name: dict[str, list[Effect]] = {}
+        for effect in sorted(self.forms, key=lambda form: len(form.parameters)):
+            self._by_name.setdefault(effect.name, []).append(effect)
+        self._order = list(dict.fromkeys(effect.name for effect in self.forms))
+        self.foreign = foreign
+        self._programs: dict[tuple[tuple[str, str], ...], _Program] = {}
+        self._steps: dict[str, float] = {}
+
+    def __call__(self, settings: Settings) -> list[Floats]:
+        return [
+            predicted
+            for run in self.experiment.trials
+            for predicted in self._readings(run, settings)
+        ]
+
+    @cached_property
+    def readings(self) -> list[tuple[Run, Reading]]:
+        """Each reading with its run, in the order of the predictions."""
+        return [(run, reading) for run in self.experiment.trials for reading in run.readings]
+
+    # -- numbers and effects -----------------------------------------------------------
+
+    def values(self, settings: Settings) -> dict[str, float]:
+        """The numbers of the model in SI."""
+        base = settings.get(BASE, {})
+        stated = {
+            name: float(settings.get(name, {}).get(name, base.get(name, number.value)))
+            for name, number in self.rig.numbers.items()
+        }
+        return {name: value * self.rig.numbers[name].factor for name, value in stated.items()}
+
+    def active(self, run: Run, settings: Settings) -> Active:
+        """The effects that are on in a run, with their parameters in SI."""
+        found = []
+        for name in self._order:
+            own = settings.get(name, self.rig.active.get(name))
+            if own is not None and name not in run.without:
+                effect = self.form(name, own.keys())
+                values = {p.name: own.get(p.name, 0.0) * p.factor for p in effect.parameters}
+                found.append((effect, values))
+        return tuple(found)
+
+    def form(self, name: str, parameters: Collection[str]) -> Effect:
+        """The form of an effect that has these parameters."""
+        forms = self._by_name[name]
+        fits = (form for form in forms if set(parameters) <= {p.name for p in form.parameters})
+        return next(fits, forms[-1])
+
+    def _entering(self, place: str, active: Active) -> Iterator[tuple[Effect, Mapping[str, float]]]:
+        yield from ((effect, own) for effect, own in active if effect.enters == place)
+
+    def values_in(self, run: Run, settings: Settings) -> dict[str, Floats]:
+        """Time, inputs and states of a run, with the speed and acceleration of an axis."""
+        motion = self.motion(run, settings)
+        found = {"t": run.time_s, **motion.inputs, **motion.states}
+        if "x" in found:
+            found["v"] = found.get("v", _gradient(found["x"], run.time_s))
+            found["a"] = _gradient(found["v"], run.time_s)
+        return found
+
+    # -- one run -----------------------------------------------------------------------
+
+    def _readings(self, run: Run, settings: Settings) -> list[Floats]:
+        if self.foreign is not None:
+            return self._of_foreign(run, settings)
+        motion, values = self.motion(run, settings), self.values(settings)
+        known: Known = {"t": run.time_s, **motion.inputs, **values, **motion.states}
+        active = self.active(run, settings)
+        made: dict[str, Floats] = {}
+        return [self._reading(r, known, active, settings, run, made) for r in run.readings]
+
+    def _reading(
+        self, reading: Reading, known: Known,
+        active: Active, settings: Settings, run: Run,
+        made: dict[str, Floats],
+    ) -> Floats:  # fmt: skip
+        sensor = reading.sensor
+        value = evaluate(sensor.reads.formula, with_rates(known, sensor.reads.formula), run.time_s)
+        for effect, own in self._entering(MEASUREMENT, active):
+            if self.shows(effect, sensor):
+                value = value + term_of(effect, own, {**known, "y": value}, run.time_s)
+        scale = settings.get(BASE, {}).get(SCALE.format(sensor.name), sensor.scale or 1.0)
+        return (sensor.sign or 1) * scale / sensor.factor * value[reading.rows]
+
+    def shows(self, effect: Effect, sensor: Sensor) -> bool:
+        """True if the sensor is one that an effect of the measurement is for."""
+        if effect.target:
+            return effect.target == sensor.name
+        own = sensors_of(self.experiment)
+        return effect.own or sensor.dimension == own[0].dimension
+
+    def motion(self, run: Run, settings: Settings) -> Motion:
+        """States of the machine at the rows of a run."""
+        active = self.active(run, settings)
+        inputs = self._inputs(run, active, settings)
+        if self.rig.kind == KINEMATIC:
+            return Motion({"x": self._followed(run, inputs, active, settings)}, inputs)
+        step_s = self._step_s(run, inputs, active, settings)
+        return Motion(self._integrated(run, inputs, active, settings, step_s), inputs)
+
+    def _inputs(self, run: Run, active: Active, settings: Settings) -> dict[str, Floats]:
+        inputs = dict(run.inputs)
+        values: dict[str, Floats | float] = {"t": run.time_s, **self.values(settings)}
+        for effect, own in self._entering(INPUT, active):
+            for name in [name for name in inputs if effect.target in ("", name)]:
+                known = {**values, **inputs, "u": inputs[name]}
+                inputs[name] = inputs[name] + term_of(effect, own, known, run.time_s)
+        return inputs
+
+    def _followed(
+        self, run: Run, inputs: Mapping[str, Floats], active: Active,
+        settings: Settings,
+    ) -> Floats:  # fmt: skip
+        """Position of a kinematic machine: each effect acts on what those before it left."""
+        known: dict[str, Any] = {"t": run.time_s, **inputs, **self.values(settings)}
+        x = evaluate(self.rig.laws["position"].formula, known, run.time_s)
+        for effect, own in self._entering(COMMAND, active):
+            x = x + term_of(effect, own, {**known, "x": x}, run.time_s)
+        return x
+
+    def _of_foreign(self, run: Run, settings: Settings) -> list[Floats]:
+        numbers = {name: float(n.value) for name, n in self.rig.numbers.items()}
+        numbers |= {n: float(v) for n, v in settings.get(BASE, {}).items() if n in numbers}
+        for effect in self.forms:
+            own = settings.get(effect.name, {})
+            numbers |= {p.name: float(own.get(p.name, 0.0)) for p in effect.parameters}
+        assert self.foreign is not None
+        position = self.experiment.trials.index(run)
+        found = self.foreign(numbers, dict(self.experiment.columns[position]))
+        return [np.asarray(found[r.sensor.name], dtype=float)[r.rows] for r in run.readings]
+
+    # -- equations ---------------------------------------------------------------------
+
+    def _step_s(
+        self, run: Run, inputs: Mapping[str, Floats], active: Active,
+        settings: Settings,
+    ) -> float:  # fmt: skip
+        """The step of integration: halved until it hardly changes the states of a first run."""
+        if run.name not in self._steps:
+            step_s = float(np.median(np.diff(run.time_s))) if len(run.time_s) > 1 else 1.0
+            found = self._integrated(run, inputs, active, settings, step_s)
+            for _ in range(_MOST_HALVINGS):
+                halved = self._integrated(run, inputs, active, settings, step_s / 2)
+                if _alike(found, halved):
+                    break
+                found, step_s = halved, step_s / 2
+            self._steps[run.name] = step_s
+        return self._steps[run.name]
+
+    def _integrated(
+        self, run: Run, inputs: Mapping[str, Floats], active: Active,
+        settings: Settings, step_s: float,
+    ) -> dict[str, Floats]:  # fmt: skip
+        from mopro.rig import integrate
+
+        program = self._program([effect for effect, _ in active])
+        variables = np.zeros(max(program.slots.values(), default=0) + 1 + len(program.constants))
+        variables[len(variables) - len(program.constants) :] = program.constants
+        for name, value in self.values(settings).items():
+            variables[program.slots[name]] = value
+        for effect, own in active:
+            for parameter, value in own.items():
+                variables[program.slots[f"{effect.name}.{parameter}"]] = value
+        names = self.states
+        states = np.zeros((len(names), len(run.time_s)))
+        states[:, 0] = [self._start(run, name, settings) for name in names]
+        shift = sum(
+            float(term_of(effect, own, {"t": run.time_s}, run.time_s)[0])
+            for effect, own in self._entering(AMBIENT, active)
+        )
+        for name, first in zip(names, states[:, 0].tolist(), strict=True):
+            if self.rig.kind == THERMAL:
+                variables[program.slots[f"ambient {name}"]] = first + shift
+        arrays = [inputs[n] + (shift if n == "ambient" else 0.0) for n in self.experiment.units]
+        packed = np.array(arrays) if arrays else np.zeros((0, len(run.time_s)))
+        held = np.array([float(n in run.held) for n in self.experiment.units])
+        advance = integrate.axis if self.rig.kind == AXIS else integrate.nodes
+        advance(
+            program.codes, program.segments, variables, run.time_s, packed, held, step_s, states
+        )
+        return dict(zip(names, states, strict=True))
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The names of the states that are integrated."""
+        return ("x", "v") if self.rig.kind == AXIS else self.rig.nodes
+
+    def _start(self, run: Run, state: str, settings: Settings) -> float:
+        stated = run.start.get(state)
+        if stated is not None:
+            return stated
+        return float(settings.get(BASE, {}).get(START.format(run.name, state), 0.0))
+
+    def _program(self, active: Sequence[Effect]) -> _Program:
+        key = tuple((effect.name, effect.form) for effect in active)
+        if key not in self._programs:
+            self._programs[key] = self._assembled(active)
+        return self._programs[key]
+
+    def _assembled(self, active: Sequence[Effect]) -> _Program:
+        every = ["t", *self.states, *self.experiment.units, *self.rig.numbers]
+        every += [f"ambient {node}" for node in self.rig.nodes]
+        every += [f"{effect.name}.{p.name}" for effect in active for p in effect.parameters]
+        slots = {name: place for place, name in enumerate(every)}
+        assembler = Assembler(len(slots))
+        if self.rig.kind == AXIS:
+            parts = self._axis_codes(assembler, slots, active)
+        else:
+            parts = [self._node_codes(assembler, slots, active, node) for node in self.rig.nodes]
+        ends = np.cumsum([0, *map(len, parts)])
+        codes = np.array([code for part in parts for code in part], dtype=np.int64).reshape(-1, 2)
+        segments = np.column_stack([ends[:-1], ends[1:]]).astype(np.int64)
+        return _Program(codes, segments, slots, tuple(assembler.constants))
+
+    def _axis_codes(
+        self, assembler: Assembler, slots: Mapping[str, int], active: Sequence[Effect]
+    ) -> list[Codes]:
+        """Codes of the acceleration, and of the limit of dry friction as an acceleration."""
+        terms = {
+            place: [_codes(assembler, e, slots) for e in active if e.enters == place]
+            for place in (FORCE, FRICTION)
+        }
+        law, inertia = axis_law(self.experiment), inertia_of(self.rig)
+        own = [] if law is None else [assembler.codes(law, slots)]
+        dry = [assembler.codes(parse("dry"), slots)] if "dry" in self.rig.numbers else []
+        by = assembler.codes(parse(inertia), slots) if inertia else []
+        force = assembler.quotient(assembler.sum([*own, *terms[FORCE]]), by)
+        friction = assembler.quotient(assembler.sum([*dry, *terms[FRICTION]]), by)
+        stated = [assembler.codes(law.formula, slots) for law in self.rig.laws.values()]
+        return [assembler.sum([*stated, *([force] if force else [])]), friction]
+
+    def _node_codes(
+        self, assembler: Assembler, slots: Mapping[str, int], active: Sequence[Effect], node: str
+    ) -> Codes:
+        """Codes of the rate of one thermal node."""
+        law = self.rig.laws[node].formula
+        ambient = "ambient" if "ambient" in slots else f"ambient {node}"
+        own = {**slots, "T": slots[node], "ambient": slots[ambient]}
+        others = " + ".join(f"({other} - T)" for other in self.rig.nodes if other != node)
+        foreign = [name for name in self.experiment.units if name not in law.names]
+        foreign = [name for name in foreign if name != "ambient"]
+        inner = {
+            "exchange": parse(others or "0"),
+            "foreign": parse(foreign[0] if foreign else "0"),
+        }
+        terms = [
+            _codes(assembler, effect, own, inner) for effect in active if effect.enters == POWER
+        ]
+        capacity = capacity_of(self.rig)
+        by = assembler.codes(parse(capacity), slots) if capacity else []
+        return assembler.quotient(assembler.sum([assembler.codes(law, own), *terms]), by)
+
+
+def _codes(
+    assembler: Assembler, effect: Effect, slots: Mapping[str, int],
+    inner: Mapping[str, Formula] | None = None,
+) -> Codes:  # fmt: skip
+    own = {p.name: slots[f"{effect.name}.{p.name}"] for p in effect.parameters}
+    formula = substituted(effect.term.formula, inner) if inner else effect.term.formula
+    return assembler.codes(formula, {**slots, **own})
+
+
+def term_of(effect: Effect, own: Mapping[str, float], known: Known, time_s: Floats) -> Floats:
+    formula = effect.term.formula
+    return evaluate(formula, with_rates({**known, **own}, formula), time_s)
+
+
+def with_rates(known: Known, formula: Formula) -> Known:
+    """The names, with the speed and acceleration if the formula asks for them."""
+    missing = formula.names & {"v", "a"} - known.keys()
+    if not missing or "x" not in known:
+        return known
+    time_s = np.asarray(known["t"])
+    v = np.asarray(known.get("v", _gradient(np.asarray(known["x"]), time_s)))
+    return {**known, "v": v, "a": _gradient(v, time_s)}
+
+
+def _gradient(values: Floats, time_s: Floats) -> Floats:
+    return np.gradient(values, time_s) if len(values) > 1 else np.zeros_like(values)
+
+
+def _alike(one: Mapping[str, Floats], other: Mapping[str, Floats]) -> bool:
+    """True if no state differs by more than a small share of its range; NaN never does."""
+    for name, values in one.items():
+        reach = float(np.ptp(other[name])) if np.isfinite(other[name]).all() else np.nan
+        if not np.max(np.abs(values - other[name])) <= _STEP_ERROR * reach:
+            return False
+    return True

@@ -1,0 +1,76 @@
+"""Synthetic records of machines beside the motor, of the form of the measured sets."""
+
+import csv
+import math
+
+import numpy as np
+
+
+def write(path, columns):
+    """A CSV file of columns."""
+    with path.open("w", encoding="utf-8", newline="") as lines:
+        writer = csv.writer(lines)
+        writer.writerow(columns)
+        writer.writerows(np.column_stack(list(columns.values())).tolist())
+
+
+def driven(length_s=8.0, *, mass=2.0, viscous=3.0, spring=40.0, dry=0.0, of_place=0.0, seed=1):
+    """Columns of a mass on a spring, driven by a force; friction `dry` (N), `of_place` (N/m)."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, length_s, 0.02)
+    first, second = rng.uniform(0.3, 0.7), rng.uniform(1.0, 1.6)
+    force = 4 * np.sin(2 * math.pi * first * t) + 3 * np.sin(2 * math.pi * second * t + 1)
+    x = v = 0.0
+    places, h = [], 2e-4
+    for push in force.tolist():
+        places.append(x)
+        for _ in range(100):
+            w = v + h / mass * (push - viscous * v - spring * x)
+            limit = h / mass * (dry + of_place * abs(x))
+            v = math.copysign(max(abs(w) - limit, 0.0), w)
+            x += h * v
+    measured = 1e3 * np.array(places) + 0.2 * rng.standard_normal(len(t))
+    return {"time_s": t, "force_N": force, "position_mm": measured}
+
+
+DRIVE = """\
+kind = "axis"
+name = "drive"
+unit = "mm"
+
+[base]
+mass = { value = 2.0, unit = "kg", tolerance = 0.05 }
+viscous = { value = 2.0, unit = "N s/m", free = true, range = [0, 30] }
+spring = { value = 50, unit = "N/m", free = true, range = [0, 200] }
+"""
+FRICTION_OF_PLACE = """
+[[effect]]
+name = "friction of place"
+enters = "friction"
+formula = "F1 * abs(x)"
+F1 = { unit = "N/m" }
+"""
+DRIVEN = """\
+machine = "machine.toml"
+
+[inputs]
+force = { column = "force_N", hold = true }
+
+[[sensor]]
+name = "scale"
+quantity = "position"
+column = "position_mm"
+noise_rms = 0.2
+
+[[run]]
+data = "run.csv"
+start = { x = 0, v = 0 }
+"""
+
+
+def drive_folder(folder, machine=DRIVE, experiment=DRIVEN, **hidden):
+    """A folder with a drive, its experiment and a record of it; the experiment's file."""
+    (folder / "machine.toml").write_text(machine, encoding="utf-8")
+    (folder / "experiment.toml").write_text(experiment, encoding="utf-8")
+    write(folder / "run.csv", driven(**hidden))
+    return folder / "experiment.toml"

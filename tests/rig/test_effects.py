@@ -1,0 +1,111 @@
+"""A user's effect: found where it is hidden, absent where it is not; files that are repaired."""
+
+import json
+import tomllib
+
+import pytest
+
+from helpers.commands import run_here
+from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder
+
+HIDDEN_N_M = 12.0
+
+
+def reconciled(folder, *options):
+    drive_folder(folder, DRIVE + FRICTION_OF_PLACE, **dict(options))
+    done = run_here(folder, "reconcile", "experiment.toml", "--json", "--out", "out.toml")
+    assert done.returncode in (0, 1), done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_friction_of_place_is_found(tmp_path, seed):
+    answer = reconciled(tmp_path, ("of_place", HIDDEN_N_M), ("seed", seed))
+    (effect,) = answer["effects"]
+    assert effect["name"] == "friction of place"
+    assert effect["parameters"]["F1"]["value"] == pytest.approx(HIDDEN_N_M, rel=0.1)
+    repaired = tomllib.loads((tmp_path / "out.toml").read_text("utf-8"))
+    assert repaired["effects"]["friction of place"]["F1"]["unit"] == "N/m"
+    assert repaired["base"]["viscous"].keys() == {"value", "unit", "before"}
+    assert answer["gap"]["runs"][0]["rerun_rms"] == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize("hidden", [{}, {"dry": 0.4}])
+def test_friction_of_place_is_absent_where_it_is_not(tmp_path, hidden):
+    answer = reconciled(tmp_path, *hidden.items(), ("seed", 3))
+    named = {effect["name"] for effect in answer["effects"]}
+    assert named == ({"dry_friction"} if hidden else set())
+
+
+def test_a_repaired_file_is_read_compared_and_finds_no_more(tmp_path):
+    reconciled(tmp_path, ("of_place", HIDDEN_N_M))
+    assert "no findings" in run_here(tmp_path, "machine", "check", "out.toml").stdout
+    assert "friction of place" in run_here(tmp_path, "machine", "show", "out.toml").stdout
+    done = run_here(tmp_path, "compare", "experiment.toml", "--apply", "out.toml", "--json")
+    (gap,) = json.loads(done.stdout)["applied"]
+    assert gap["after_rms"] < 0.25 < gap["before_rms"]
+    text = DRIVEN.replace("machine.toml", "out.toml")
+    (tmp_path / "again.toml").write_text(text, encoding="utf-8")
+    again = run_here(tmp_path, "reconcile", "again.toml", "--json", "--report", "page.html")
+    assert json.loads(again.stdout)["verdict"] == "none"
+    assert "friction of place" in (tmp_path / "page.html").read_text("utf-8")
+
+
+def test_an_effect_is_left_out_by_its_name(tmp_path):
+    drive_folder(tmp_path, DRIVE + FRICTION_OF_PLACE, length_s=2.0)
+    wrong = run_here(tmp_path, "reconcile", "experiment.toml", "--only", "friction of plaice")
+    assert wrong.returncode == 2
+    assert "did you mean `friction of place`?" in wrong.stderr
+    options = ("--only", "friction of place", "--json")
+    answer = json.loads(run_here(tmp_path, "reconcile", "experiment.toml", *options).stdout)
+    assert "dry_friction" in answer["left_out"]
+
+
+MODEL = """\
+def simulate(numbers, columns):
+    x = columns["force_N"] / numbers["k"]
+    return {"scale": 1e3 * (x + numbers["k3"] * x**3)}
+"""
+FOREIGN = """\
+kind = "python"
+name = "spring"
+python = "model.py:simulate"
+
+[base]
+k = { value = 100.0, unit = "N/m", free = true, range = [10, 1000] }
+
+[[effect]]
+name = "hardening"
+k3 = { unit = "1/m2", range = [-50, 50] }
+"""
+
+
+def foreign_folder(folder):
+    experiment = DRIVEN.replace("start = { x = 0, v = 0 }\n", "")
+    drive_folder(folder, FOREIGN, experiment, length_s=2.0)
+    (folder / "model.py").write_text(MODEL, encoding="utf-8")
+
+
+def test_a_model_that_is_a_program_is_run_only_if_it_is_allowed(tmp_path):
+    foreign_folder(tmp_path)
+    (tmp_path / "model.py").write_text("open('ran', 'w').close()\n" + MODEL, encoding="utf-8")
+    refused = run_here(tmp_path, "reconcile", "experiment.toml")
+    assert refused.returncode == 2
+    assert "--allow-python" in refused.stderr
+    assert not (tmp_path / "ran").exists()
+    allowed = run_here(tmp_path, "reconcile", "experiment.toml", "--allow-python", "--json")
+    assert allowed.returncode in (0, 1), allowed.stderr
+    assert (tmp_path / "ran").exists()
+    assert "k" in json.loads(allowed.stdout)["base"]
+
+
+@pytest.mark.parametrize(
+    "text", ["def simulate(n, c):\n    return 1 / 0\n", "x = )", "y = 1\n", "import nothing_here\n"]
+)
+def test_a_program_that_fails_is_told_in_words(tmp_path, text):
+    foreign_folder(tmp_path)
+    (tmp_path / "model.py").write_text(text, encoding="utf-8")
+    done = run_here(tmp_path, "compare", "experiment.toml", "--allow-python")
+    assert done.returncode == 2
+    assert "model.py" in done.stderr
+    assert "Traceback" not in done.stderr

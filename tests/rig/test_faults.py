@@ -1,0 +1,167 @@
+"""Faults of files of machines beside the motor: each told in words, at its place."""
+
+import math
+
+import numpy as np
+import pytest
+
+from helpers.commands import run_here
+from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, driven, write
+
+EFFECT = FRICTION_OF_PLACE
+
+
+@pytest.fixture(scope="module")
+def record():
+    return driven(3.0)
+
+
+def told(folder, record, machine=DRIVE, experiment=DRIVEN, *options):
+    """What `mopro compare` says on stderr of files that it refuses."""
+    (folder / "machine.toml").write_text(machine, encoding="utf-8")
+    (folder / "experiment.toml").write_text(experiment, encoding="utf-8")
+    write(folder / "run.csv", record)
+    done = run_here(folder, "compare", "experiment.toml", *options)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("F1 * abs(x)", "F1 * abs(x", "machine.toml:13:20: no formula"),
+        ("F1 * abs(x)", "F1 * exec(x)", "machine.toml:13:17: exec is no function"),
+        ("F1 * abs(x)", "F1 * abs(y2)", "machine.toml:13:21: unknown name y2"),
+        ("F1 * abs(x)", "F1 * abs(v)", "[wrong-unit]"),
+        ("F1 * abs(x)", "F1 * (x + t)", "machine.toml:13:22: units do not match: m and s"),
+        ("F1 * abs(x)", "F1 * lag(x, t)", "whole signals"),
+        ("F1 * abs(x)", "F1 * x.real", "a dot is not of the language"),
+        ("N/m", "furlong", "'furlong' in 'furlong' is no unit"),
+        ('friction"', 'frixion"', "expected enters: one of force, friction"),
+        ("F1 =", "x =", "has a meaning in formulas already"),
+        ('{ unit = "N/m" }', "3", "expected F1 ="),
+        ("formula =", "formulae =", "has no formula"),
+        ('kind = "axis"', 'kind = "axes"', "expected kind: one of"),
+        ("mass = {", "mess = {", "expected a mass or an inertia"),
+        ("range = [0, 30]", "range = [5, 30]", "viscous is outside of its range"),
+        ("range = [0, 30]", "range = 3", "[lowest, highest]"),
+        ("tolerance = 0.05", "tolerance = 5", "a share"),
+        ('unit = "mm"', 'unit = "kg"', "a unit of a length"),
+    ],
+)
+def test_faults_of_a_machine_file(tmp_path, record, old, new, words):
+    machine = DRIVE + EFFECT
+    assert old in machine
+    assert words in told(tmp_path, record, machine.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('column = "force_N", hold', 'column = "forse_N", hold', "did you mean force_N"),
+        ('column = "force_N", hold', 'formula = "forse_N + 1", unit = "N", hold', "unknown name"),
+        ('column = "force_N", hold', 'formula = "force_N +", unit = "N", hold', "no formula"),
+        ('"position_mm"', '"position"', "state unit"),
+        ('"position"\n', '"mass"\n', "expected quantity: one of"),
+        ("noise_rms = 0.2", "noise_rms = 0", "a sensor has noise"),
+        ("noise_rms = 0.2", 'noise_rms = "some"', "expected noise_rms"),
+        ("noise_rms = 0.2", "noise_rms = 0.2\nscale = 0", "a scale of 0"),
+        ('data = "run.csv"', 'data = "ran.csv"', "there is no file"),
+        ("start = { x = 0, v = 0 }", "start = { z = 0 }", "unknown key z"),
+        ("start = { x = 0, v = 0 }", "part = [0.5, 0.2]", "shares of the time"),
+        ("start = { x = 0, v = 0 }", 'use = "time_s > 99"', "no row of run.csv is used"),
+        ("start = { x = 0, v = 0 }", 'program = "run.csv"', "goes where it is told"),
+        ("[inputs]", 'time = "force_N"\n[inputs]', "expected a unit of time"),
+        ("[inputs]", 'time = { column = "position_mm", unit = "s" }\n[inputs]', "does not go on"),
+    ],
+)
+def test_faults_of_an_experiment_file(tmp_path, record, old, new, words):
+    assert old in DRIVEN
+    assert words in told(tmp_path, record, experiment=DRIVEN.replace(old, new))
+
+
+def test_a_law_that_divides_by_zero_is_told(tmp_path, record):
+    machine = DRIVE.replace("\n[base]", '\nacceleration = "1 / (spring - spring) * x"\n[base]')
+    machine = machine.replace("[base]", '[base]\nk = { value = 1, unit = "1/s2" }')
+    said = told(tmp_path, record, machine.replace("spring) * x", "spring) * x * spring * k"))
+    assert "no finite number" in said
+
+
+def test_a_law_that_runs_away_is_told(tmp_path, record):
+    machine = DRIVE.replace("\n[base]", '\nacceleration = "k * x**3 + 1e3 * k * m"\n[base]')
+    machine += 'k = { value = 1e9, unit = "1/s2" }\nm = { value = 1, unit = "m" }\n'
+    said = told(tmp_path, record, machine.replace("k * x**3", "k * x**3 / m**2"))
+    assert "runs away" in said
+
+
+def test_a_term_that_divides_by_zero_is_told_at_its_formula(tmp_path):
+    machine = DRIVE + EFFECT.replace("abs(x)", "x / (t / (t + t) - 1 / 2)").replace("F1", "F9")
+    drive_folder(tmp_path, machine)
+    done = run_here(tmp_path, "reconcile", "experiment.toml")
+    assert done.returncode == 2
+    assert "machine.toml:13:1: the formula gives no finite number at 0 s of run" in done.stderr
+
+
+def test_columns_of_text_and_empty_ones_are_told_with_line_and_column(tmp_path, record):
+    told(tmp_path, record, DRIVE.replace("axis", "axes"))
+    lines = (tmp_path / "run.csv").read_text("utf-8").splitlines()
+    lines[3] = lines[3].rsplit(",", 1)[0] + ",fast"
+    (tmp_path / "machine.toml").write_text(DRIVE, encoding="utf-8")
+    (tmp_path / "run.csv").write_text("\n".join(lines), encoding="utf-8")
+    assert "'fast' is no number" in run_here(tmp_path, "compare", "experiment.toml").stderr
+    empty = [lines[0], *(line.rsplit(",", 1)[0] + "," for line in lines[1:])]
+    (tmp_path / "run.csv").write_text("\n".join(empty), encoding="utf-8")
+    said = run_here(tmp_path, "compare", "experiment.toml").stderr
+    assert "position_mm has 0 samples" in said
+
+
+# -- scales ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.2, -1.0])
+def test_readings_of_another_scale_or_sign_are_told(tmp_path, record, factor):
+    scaled = record | {"position_mm": factor * record["position_mm"]}
+    (tmp_path / "machine.toml").write_text(DRIVE, encoding="utf-8")
+    (tmp_path / "experiment.toml").write_text(DRIVEN, encoding="utf-8")
+    write(tmp_path / "run.csv", scaled)
+    said = run_here(tmp_path, "compare", "experiment.toml").stderr
+    assert ("of the other sign" if factor < 0 else f"{factor:.4g} times too large") in said
+
+
+def test_a_free_scale_and_sign_are_calibrated(tmp_path, record):
+    scaled = record | {"position_mm": -3.0 * record["position_mm"]}
+    (tmp_path / "machine.toml").write_text(
+        DRIVE.replace("free = true", "free = false"), encoding="utf-8"
+    )
+    text = DRIVEN.replace("noise_rms", 'scale = "free"\nsign = "free"\nnoise_rms')
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    machine = (tmp_path / "machine.toml").read_text("utf-8")
+    machine = machine.replace('value = 2.0, unit = "N s', 'value = 3.0, unit = "N s')
+    (tmp_path / "machine.toml").write_text(machine.replace("value = 50", "value = 40"))
+    write(tmp_path / "run.csv", scaled)
+    done = run_here(tmp_path, "reconcile", "experiment.toml", "--only", "mass")
+    assert "Fitted: scale of scale = " in done.stdout
+
+
+def test_a_swing_in_degrees_that_is_taken_for_radians_is_refused(tmp_path):
+    t = 0.02 * np.arange(600)
+    x, v, angles = math.radians(60.0), 0.0, []
+    for _ in t:
+        angles.append(x)
+        for _ in range(20):
+            v -= 1e-3 * (25.0 * np.sin(x) + 0.05 * v)
+            x += 1e-3 * v
+    write(tmp_path / "run.csv", {"time_s": t, "angle_rad": np.degrees(angles)})
+    (tmp_path / "machine.toml").write_text(
+        'kind = "axis"\nname = "pendulum"\nunit = "rad"\nacceleration = "-w2 * sin(x) - b * v"\n'
+        '[base]\nw2 = { value = 24, unit = "1/s2", free = true, range = [10, 50] }\n'
+        'b = { value = 0.05, unit = "1/s", free = true, range = [0, 1] }\n'
+    )
+    (tmp_path / "experiment.toml").write_text(
+        'machine = "machine.toml"\n[[sensor]]\nname = "encoder"\nquantity = "angle"\n'
+        'column = "angle_rad"\nnoise_rms = "unknown"\n[[run]]\ndata = "run.csv"\n'
+    )
+    done = run_here(tmp_path, "compare", "experiment.toml")
+    assert done.returncode == 2
+    assert "degrees are taken for radians" in done.stderr

@@ -1,0 +1,216 @@
+"""Kinds of machine and sensors of many quantities, on records with a hidden effect."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from helpers.commands import run_here
+from helpers.rigs import write
+
+RNG = np.random.default_rng
+T = np.arange(0, 12, 0.02)
+MOVES = 30 * np.sin(0.8 * T) * np.sin(2.1 * T)
+
+
+def reconciled(folder, experiment, columns, machine=None, **files):
+    """The answer of `mopro reconcile --json` on files of these texts and columns."""
+    (folder / "experiment.toml").write_text(experiment, encoding="utf-8")
+    if machine is not None:
+        (folder / "machine.toml").write_text(machine, encoding="utf-8")
+    for name, text in files.items():
+        (folder / name.replace("_", ".")).write_text(text, encoding="utf-8")
+    write(folder / "run.csv", columns)
+    done = run_here(folder, "reconcile", "experiment.toml", "--json", "--jobs", "1")
+    assert done.returncode in (0, 1), done.stderr
+    return json.loads(done.stdout)
+
+
+def sizes(answer):
+    """Value of each parameter of each effect, by `effect.parameter`."""
+    return {
+        f"{effect['name']}.{name}": p["value"]
+        for effect in answer["effects"]
+        for name, p in effect["parameters"].items()
+    }
+
+
+FOLLOWS = """\
+machine = "kinematic"
+[inputs]
+command = { column = "target_mm" }
+[[sensor]]
+name = "scale"
+quantity = "position"
+column = "position_mm"
+noise_rms = 0.02
+[[run]]
+data = "run.csv"
+"""
+
+
+def test_a_bare_kinematic_machine_has_backlash(tmp_path):
+    x = [float(MOVES[0])]
+    for target in MOVES[1:].tolist():
+        x.append(min(max(x[-1], target - 0.25), target + 0.25))
+    measured = np.array(x) + 0.02 * RNG(1).standard_normal(len(T)) + 3.0
+    answer = reconciled(
+        tmp_path, FOLLOWS, {"time_s": T, "target_mm": MOVES, "position_mm": measured}
+    )
+    assert answer["verdict"] == "named"
+    assert sizes(answer) == {"backlash.w": pytest.approx(0.5, abs=0.02)}
+
+
+def test_no_effect_is_named_where_there_is_none(tmp_path):
+    measured = MOVES + 0.02 * RNG(2).standard_normal(len(T))
+    columns = {"time_s": T, "target_mm": MOVES, "position_mm": measured}
+    assert reconciled(tmp_path, FOLLOWS, columns)["verdict"] == "none"
+
+
+def test_a_stamp_in_milliseconds_since_a_date_and_irregular_sampling(tmp_path):
+    t = np.cumsum(RNG(3).uniform(0.005, 0.05, 800))
+    target = 20 * np.sin(1.3 * t) + 5 * np.sin(4.1 * t)
+    late = np.interp(t - 0.08, t, target) + 0.02 * RNG(4).standard_normal(len(t))
+    experiment = FOLLOWS.replace("[inputs]", 'time = { column = "stamp", unit = "ms" }\n[inputs]')
+    columns = {"stamp": 1e3 * t + 1.7e12, "target_mm": target, "position_mm": late}
+    found = sizes(reconciled(tmp_path, experiment, columns))
+    assert found["delay.d"] == pytest.approx(0.08, abs=0.005)
+
+
+def test_a_known_intervention_takes_an_effect_out_of_a_run(tmp_path):
+    wave = 0.4 * np.sin(2 * math.pi * T / 3.0)
+    noise = 0.05 * RNG(5).standard_normal((2, len(T)))
+    write(tmp_path / "off.csv", {"time_s": T, "target_mm": MOVES, "position_mm": MOVES + noise[1]})
+    experiment = FOLLOWS.replace("0.02", "0.05")
+    experiment += '[[run]]\ndata = "off.csv"\nwithout = ["periodic_in_time"]\n'
+    columns = {"time_s": T, "target_mm": MOVES, "position_mm": MOVES + wave + noise[0]}
+    found = sizes(reconciled(tmp_path, experiment, columns))
+    assert found["periodic_in_time.P"] == pytest.approx(3.0, rel=0.01)
+
+
+def test_a_program_of_the_controller_is_a_command(tmp_path):
+    t = np.arange(0, 2.0, 0.005)
+    program = "UU012500/1\nVEL1 2.0\nACC1 20.0\nMRI1 2.0\nWX1\n"
+    inch = np.interp(t, [0.05, 1.05], [0.0, 2.0]) + 2e-4 * RNG(6).standard_normal(len(t))
+    experiment = FOLLOWS.replace('command = { column = "target_mm" }\n', "")
+    experiment = experiment.replace("[inputs]\n", "").replace("position_mm", "position_in")
+    experiment += 'program = "P.CMD"\n'
+    (tmp_path / "P.CMD").write_text(program, encoding="utf-8")
+    answer = reconciled(tmp_path, experiment, {"time_s": t, "position_in": inch})
+    assert answer["gap"]["before_rms"] < 0.2
+
+
+MOTOR = """\
+kind = "axis"
+name = "motor"
+unit = "rad"
+[base]
+inertia = { value = 0.002, unit = "kg m2" }
+constant = { value = 0.1, unit = "N m/A" }
+resistance = { value = 2.0, unit = "ohm" }
+supply = { value = 24.0, unit = "V" }
+"""
+DRIVEN_BY_DUTY = """\
+machine = "machine.toml"
+[inputs]
+duty = { column = "pwm_percent", hold = true }
+[[sensor]]
+name = "tacho"
+quantity = "speed"
+column = "speed_rad_s"
+noise_rms = 0.3
+[[run]]
+data = "run.csv"
+start = { v = 0 }
+"""
+
+
+def test_a_motor_under_duty_has_dry_friction_in_its_speed(tmp_path):
+    duty = np.where(np.sin(0.9 * T) > 0, 20.0, -12.0) + 8 * np.sin(2.7 * T)
+    v, speeds, h = 0.0, [], 1e-3
+    for share in (duty / 100).tolist():
+        speeds.append(v)
+        for _ in range(20):
+            w = v + h / 0.002 * 0.1 * (24 * share - 0.1 * v) / 2.0
+            v = math.copysign(max(abs(w) - h / 0.002 * 0.05, 0.0), w)
+    measured = np.array(speeds) + 0.3 * RNG(7).standard_normal(len(T))
+    columns = {"time_s": T, "pwm_percent": duty, "speed_rad_s": measured}
+    answer = reconciled(tmp_path, DRIVEN_BY_DUTY, columns, MOTOR)
+    assert sizes(answer)["dry_friction.Fc"] == pytest.approx(0.05, rel=0.05)
+    (effect,) = answer["effects"]
+    assert effect["parameters"]["Fc"]["unit"] == "N m"
+
+
+OVEN = """\
+kind = "thermal"
+name = "oven"
+[nodes]
+chamber = "power - U * (T - ambient)"
+[base]
+capacity = { value = 500, unit = "J/K", free = true, range = [100, 2000] }
+U = { value = 1.0, unit = "W/K", free = true, range = [0.1, 10] }
+"""
+HEATED = """\
+machine = "machine.toml"
+time = "time_min"
+[inputs]
+power = { column = "heater_W", hold = true }
+ambient = { column = "room_C" }
+[[sensor]]
+name = "chamber"
+quantity = "temperature"
+column = "chamber_C"
+noise_rms = 0.05
+zero = 0
+[[run]]
+data = "run.csv"
+start = { chamber = "free" }
+"""
+
+
+def test_an_oven_in_watts_has_a_lag_of_its_sensor(tmp_path):
+    minutes = np.arange(0, 60, 0.1)
+    power = np.where((minutes % 20) < 12, 60.0, 0.0)
+    room = 20 + 2 * np.sin(minutes / 15)
+    inside, read, readings = 20.0, 20.0, []
+    for watts, air in zip(power.tolist(), room.tolist(), strict=True):
+        readings.append(read)
+        for _ in range(60):
+            inside += 0.1 / 800 * (watts - 1.5 * (inside - air))
+            read += 0.1 / 25 * (inside - read)
+    measured = np.array(readings) + 0.05 * RNG(8).standard_normal(len(minutes))
+    columns = {"time_min": minutes, "heater_W": power, "room_C": room, "chamber_C": measured}
+    answer = reconciled(tmp_path, HEATED, columns, OVEN)
+    assert sizes(answer)["sensor_lag.tau"] == pytest.approx(25.0, abs=1.5)
+    assert answer["base"]["capacity"]["value"] == pytest.approx(800, rel=0.02)
+    assert answer["base"]["U"]["value"] == pytest.approx(1.5, rel=0.02)
+
+
+def test_a_user_s_period_and_shape_are_searched_for(tmp_path):
+    machine = """\
+kind = "kinematic"
+name = "screw"
+unit = "mm"
+[[effect]]
+name = "bump"
+enters = "measurement"
+formula = "h * exp(-((x - x0) / w)**2)"
+h = { unit = "mm" }
+x0 = { unit = "mm", role = "shape", range = [-30, 30] }
+w = { unit = "mm", role = "shape", range = [0.5, 10] }
+"""
+    bump = 0.2 * np.exp(-(((MOVES - 12) / 2.5) ** 2))
+    measured = MOVES + bump + 0.02 * RNG(9).standard_normal(len(T))
+    experiment = FOLLOWS.replace('"kinematic"', '"machine.toml"')
+    columns = {"time_s": T, "target_mm": MOVES, "position_mm": measured}
+    found = sizes(reconciled(tmp_path, experiment, columns, machine))
+    assert found["bump.x0"] == pytest.approx(12.0, abs=0.2)
+    assert found["bump.h"] == pytest.approx(0.2, abs=0.02)
+
+
+def test_the_sawyer_motor_may_be_called_by_its_kind(tmp_path):
+    text = (run_here(tmp_path, "machine", "show", "chow1992", "--json")).stdout
+    assert json.loads(text)["name"] == "chow1992"
+    (tmp_path / "bad.toml").write_text('kind = "toaster"\nname = "x"\n', encoding="utf-8")
+    assert "expected kind: one of" in run_here(tmp_path, "machine", "check", "bad.toml").stderr
