@@ -21,11 +21,14 @@ from mopro.machine.model import FASTEST_1_S
 from mopro.motion.planner import LONGEST_RUN_S, MOST_STATEMENTS
 from mopro.program.lower import MOST_DWELL_MS
 from mopro.recording import reading
+from mopro.rig import file as rigs
 from mopro.tomlfile import MOST_BYTES as MOST_TOML_BYTES
 from mopro.tomlfile.scan import MOST_LEVELS
 
 MIB = 1 << 20
 BOUNDS = [
+    ("a machine beside the motor", [f"{rigs.MOST_NUMBERS} numbers, {rigs.MOST_EFFECTS} effects"]),
+    ("a machine beside the motor", [f"effects of {rigs.MOST_PARAMETERS} parameters"]),
     ("a formula", [f"{formulas.MOST_CHARACTERS} characters", f"{formulas.MOST_LEVELS} levels"]),
     ("program", [f"{MOST_PROGRAM_BYTES // MIB} MiB", f"{MOST_COLUMNS} characters a line"]),
     ("program", [f"{MOST_DIGITS_OF_PROGRAM} characters a number"]),

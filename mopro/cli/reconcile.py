@@ -128,7 +128,6 @@ def _progress() -> Iterator[Callable[[str], None]]:
 def _tell(conclusion: Conclusion) -> None:
     from mopro.cli.table import print_table
     from mopro.experiment.conclude.wording import (
-        NO_PROPOSAL,
         calibration_words,
         draft_words,
         faint_words,
@@ -165,7 +164,7 @@ def _tell(conclusion: Conclusion) -> None:
         say(f"This program would distinguish them ({conclusion.next_experiment.summary}):\n")
         say(conclusion.next_experiment.text)
     elif verdict.verdict == "ambiguous":
-        say(NO_PROPOSAL)
+        say(conclusion.advice)
 
 
 def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:

@@ -11,7 +11,6 @@ from pathlib import Path
 from mopro.diagnosis import Verdict
 from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.conclude.wording import (
-    NO_PROPOSAL,
     calibration_words,
     draft_words,
     effect_words,
@@ -196,7 +195,7 @@ def _next(conclusion: Conclusion) -> Iterator[str]:
         return
     yield heading("The next experiment")
     if proposal is None:
-        yield paragraph(NO_PROPOSAL)
+        yield paragraph(conclusion.advice)
         return
     yield paragraph(f"This program would distinguish the alternatives: {proposal.summary}.")
     yield listing(proposal.text)

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from mopro.errors import ModelError
+from mopro.errors import Diagnostic, ModelError
 from mopro.formula import Formula, FormulaError, UnitError, dimension_of_unit, parse, product
 from mopro.formula.language import FUNCTIONS, PI, SIGNALS
 from mopro.rig.model import (
@@ -27,7 +27,7 @@ from mopro.rig.model import (
     Rig,
     Written,
 )  # fmt: skip
-from mopro.source import Source
+from mopro.source import Source, Span
 from mopro.tomlfile import Document, Refused, Value, read_source, shown
 from mopro.tomlfile.schema import flag, number_in, one_of, table_in, text
 
@@ -53,7 +53,7 @@ RESERVED = {
     THERMAL: frozenset({"t", "T", "y", "u", "ambient", "exchange", "foreign", PI}),
     PYTHON: frozenset(),
 }
-_MOST_NUMBERS, _MOST_EFFECTS, _MOST_PARAMETERS = 40, 60, 8
+MOST_NUMBERS, MOST_EFFECTS, MOST_PARAMETERS = 40, 60, 8
 # The range of a free number without one, in its value.
 _LOWEST, _HIGHEST = 0.1, 10.0
 
@@ -70,10 +70,18 @@ def kind_of(name_or_path: str | Path) -> str | None:
 
 
 def load_rig(name_or_path: str | Path) -> Rig:
-    """The machine of that file, or the bare kind of that name; ModelError with all findings."""
-    if str(name_or_path) in KINDS:
+    """The machine of that file, or a bare kinematic one; ModelError with all findings.
+
+    Other kinds have numbers or formulas that only a file can state.
+    """
+    if str(name_or_path) == KINEMATIC:
         kind = str(name_or_path)
         return read_rig(Source(kind, f'kind = "{kind}"\nname = "{kind}"\n'), bare=True)
+    if str(name_or_path) in KINDS:
+        source = Source(str(name_or_path), "")
+        message = f"a machine of kind {name_or_path} needs a file: its numbers are not known"
+        hint = f'write one with kind = "{name_or_path}"; docs/machines.md has examples'
+        raise ModelError(source, [Diagnostic("no-numbers", message, Span(1, 1, 1), hint=hint)])
     return read_rig(read_source(name_or_path))
 
 
@@ -96,8 +104,8 @@ def _rig(root: Value, source: Source, bare: bool) -> Rig:
         made for entry in root.sections("effect") if (made := _own_effect(entry, kind)) is not None
     )
     _check_distinct(root, effects)
-    if len(effects) > _MOST_EFFECTS:
-        root.report(f"more than {_MOST_EFFECTS} effects", "too-large", at="effect")
+    if len(effects) > MOST_EFFECTS:
+        root.report(f"more than {MOST_EFFECTS} effects", "too-large", at="effect")
     python = root.need("python", _callable, _NO_PYTHON) if kind == PYTHON else None
     active = root.get("effects", _active, {})
     if root.faults > before:
@@ -140,10 +148,10 @@ def _unit(value: Value) -> str:
 
 def _numbers(section: Value, kind: str) -> dict[str, Number]:
     table = table_in(section)
-    if len(table.data) > _MOST_NUMBERS:
-        raise table.refused(f"more than {_MOST_NUMBERS} numbers", "too-large")
+    if len(table.data) > MOST_NUMBERS:
+        raise table.refused(f"more than {MOST_NUMBERS} numbers", "too-large")
     for entry in table.values():
-        _check_name(entry, kind)
+        check_name(entry, kind)
     found = {entry.key: section.get(entry.key, _number, None) for entry in table.values()}
     return {name: number for name, number in found.items() if number is not None}
 
@@ -177,7 +185,8 @@ def _inline(value: Value, form: str) -> Value:
     return value
 
 
-def _check_name(value: Value, kind: str) -> None:
+def check_name(value: Value, kind: str) -> None:
+    """Note a name that is none, or that formulas of a kind know already."""
     taken = RESERVED[kind] | FUNCTIONS.keys() | SIGNALS.keys()
     if not _NAME.fullmatch(value.key):
         value.report(f"{value.key} is no name: letters, digits and _ only", "bad-name")
@@ -234,8 +243,10 @@ def _bare_laws(kind: str) -> dict[str, Written]:
 
 def _nodes(section: Value) -> dict[str, Written]:
     table = table_in(section)
+    if not table.data:
+        raise table.refused('expected nodes, such as heater = "-U * (T - ambient)"')
     for entry in table.values():
-        _check_name(entry, THERMAL)
+        check_name(entry, THERMAL)
     laws = {entry.key: table.get(entry.key, _written, None) for entry in table.values()}
     return {name: law for name, law in laws.items() if law is not None}
 
@@ -267,8 +278,8 @@ def _effect(entry: Value, kind: str, units: Mapping[str, str], own: bool) -> Eff
     )
     if not any(p.role == "amplitude" for p in parameters) and entry.faults == before:
         entry.report(f"{shown(name)} has no parameter that is an amplitude", "missing-key")
-    if len(parameters) > _MOST_PARAMETERS:
-        entry.report(f"more than {_MOST_PARAMETERS} parameters", "too-large")
+    if len(parameters) > MOST_PARAMETERS:
+        entry.report(f"more than {MOST_PARAMETERS} parameters", "too-large")
     form, extends = (entry.get(key, text(empty=True), None) for key in ("form", "extends"))
     if entry.faults > before:
         raise Refused
@@ -291,7 +302,7 @@ def _parameter(units: Mapping[str, str], kind: str) -> Callable[[Value], EffectP
     def read(value: Value) -> EffectParameter:
         table = _inline(value, '{ unit = "..." }')
         table.only(_PARAMETER_KEYS)
-        _check_name(value, kind)
+        check_name(value, kind)
         unit = _template(table["unit"], units) if "unit" in table else ""
         if not unit:
             raise value.refused(f"{value.key} has no unit", "missing-key")

@@ -72,6 +72,8 @@ def test_faults_of_a_machine_file(tmp_path, record, old, new, words):
         ("start = { x = 0, v = 0 }", "part = [0.5, 0.2]", "shares of the time"),
         ("start = { x = 0, v = 0 }", 'use = "time_s > 99"', "no row of run.csv is used"),
         ("start = { x = 0, v = 0 }", 'program = "run.csv"', "goes where it is told"),
+        ('machine = "machine.toml"', 'machine = "axis"', "needs a file"),
+        ("force = {", "x = {", "has a meaning in formulas already"),
         ("[inputs]", 'time = "force_N"\n[inputs]', "expected a unit of time"),
         ("[inputs]", 'time = { column = "position_mm", unit = "s" }\n[inputs]', "does not go on"),
     ],

@@ -13,7 +13,7 @@ from mopro.diagnosis import Series, Verdict
 from mopro.effects import catalogue
 from mopro.experiment.compare.comparison import Place, compare
 from mopro.experiment.conclude.machine_file import machine_text, machine_with
-from mopro.experiment.conclude.wording import reservations
+from mopro.experiment.conclude.wording import NO_PROPOSAL, reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
@@ -62,6 +62,7 @@ class Conclusion:
     `rerun_rms` is the RMS residual of each series, in its unit, when the experiment is
     simulated again on the machine that `machine_text` describes. `left_out` are the effects
     that were no candidates, `tried` those that were.
+    `advice`: what else to do where alternatives are left and no next experiment is proposed.
     """
 
     experiment: Examined
@@ -73,6 +74,7 @@ class Conclusion:
     next_experiment: Proposal | None
     left_out: tuple[str, ...] = ()
     tried: tuple[str, ...] = ()
+    advice: str = NO_PROPOSAL
 
     @property
     def runs(self) -> tuple[str, ...]:

@@ -17,6 +17,10 @@ from mopro.rig.candidates import candidates
 from mopro.rig.simulation import BASE, Model
 
 _MOST_PLACES = 40
+_ADVICE = (
+    "A run that is driven in another way, another sensor, or a known change of the machine "
+    "(`without` in a run) may distinguish them."
+)
 
 
 def conclude(
@@ -47,6 +51,7 @@ def conclude(
         rerun_rms=_rerun(study, verdict),
         next_experiment=None,
         left_out=tuple(sorted({c.name for c in every} & set(left_out))),
+        advice=_ADVICE,
         tried=tuple(dict.fromkeys(c.name for c in tried)),
     )
 

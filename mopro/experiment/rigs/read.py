@@ -19,8 +19,8 @@ from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.language import check_names
 from mopro.instruments.quantity import DIMENSIONS_MEASURED, unit_of_column
 from mopro.rig.data import Reading, RigExperiment, Run, Sensor
-from mopro.rig.file import load_rig
-from mopro.rig.model import AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, Rig, Written
+from mopro.rig.file import check_name, load_rig
+from mopro.rig.model import AMBIENT, AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, Rig, Written
 from mopro.source import Source
 from mopro.tomlfile import Document, Refused, Value, read_source, shown
 from mopro.tomlfile.schema import flag, number, number_in, one_of, table_in, text
@@ -128,7 +128,7 @@ class _Reader:
         if machine is None:
             raise Refused
         clock = root.get("time", _clock, _Clock("time_s", 1.0))
-        inputs = root.get("inputs", _inputs, {})
+        inputs = root.get("inputs", _inputs(machine.kind), {})
         sensors = [s for entry in root.sections("sensor") if (s := _sensor(entry, machine))]
         runs = [self._run(entry, inputs, machine) for entry in root.sections("run")]
         for key, found in (("sensor", sensors), ("run", runs)):
@@ -177,7 +177,7 @@ class _Reader:
             part=entry.get("part", _part, (0.0, 1.0)),
             use=entry.get("use", _formula, None),
             columns=entry.get("columns", _texts, {}),
-            inputs={**inputs, **entry.get("inputs", _inputs, {})},
+            inputs={**inputs, **entry.get("inputs", _inputs(machine.kind), {})},
             start=entry.get("start", _starts(machine), {}),
             without=entry.get("without", _names, frozenset()),
             program=program,
@@ -269,11 +269,16 @@ def dimension_of_unit_or_none(unit: str) -> object:
         return None
 
 
-def _inputs(section: Value) -> dict[str, _Input]:
-    found = {
-        entry.key: section.get(entry.key, _input, None) for entry in table_in(section).values()
-    }
-    return {name: made for name, made in found.items() if made is not None}
+def _inputs(kind: str) -> Callable[[Value], dict[str, _Input]]:
+    def read(section: Value) -> dict[str, _Input]:
+        found = {}
+        for entry in table_in(section).values():
+            if entry.key != AMBIENT:
+                check_name(entry, kind)
+            found[entry.key] = section.get(entry.key, _input, None)
+        return {name: made for name, made in found.items() if made is not None}
+
+    return read
 
 
 def _input(value: Value) -> _Input:
@@ -328,6 +333,12 @@ def _sensor(entry: Value, machine: Rig) -> Sensor | None:
         return None
     if scale == 0:
         entry.report("a scale of 0 reads nothing", at="scale")
+        return None
+    several = machine.kind == THERMAL and len(machine.nodes) > 1
+    if reads is None and several and quantity == "temperature" and name not in machine.nodes:
+        listed = ", ".join(machine.nodes)
+        message = f"state what it reads, one of {listed}: it is not called as a node"
+        entry.report(message, "missing-key", at="name")
         return None
     known = noise if noise is None or noise == math.inf else math.hypot(noise, step / math.sqrt(12))
     if known == 0:
