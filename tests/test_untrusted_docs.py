@@ -14,6 +14,7 @@ from mopro.language.load import MOST_COLUMNS
 from mopro.language.parse import MOST_DIGITS as MOST_DIGITS_OF_PROGRAM
 from mopro.link.template import MOST_DIGITS
 from mopro.lint.stall_margins import MOST_EMULATED_S
+from mopro.logs import containers, layout, place, table
 from mopro.lsp.messages import MOST_BYTES as MOST_MESSAGE_BYTES
 from mopro.lsp.server import MOST_CHARACTERS
 from mopro.machine.model import FASTEST_1_S
@@ -40,6 +41,12 @@ BOUNDS = [
     ("TOML", [f"{MOST_TOML_BYTES // MIB} MiB", f"{MOST_LEVELS} levels"]),
     ("a machine's motion", [f"{FASTEST_1_S:g} /s"]),
     ("CSV data", [f"{data.MOST_ROWS} rows", f"{data.MOST_CHARACTERS - 1} characters"]),
+    ("a log (text)", [f"{table.MOST_ROWS} rows", f"{layout.MOST_COLUMNS} columns"]),
+    ("a log (text)", [f"{place.MOST_CHARACTERS} characters"]),
+    (
+        "a log (Parquet, NPZ, HDF5, MCAP)",
+        [f"{containers.MOST_COLUMNS} columns", f"{containers.MOST_MESSAGE_BYTES} bytes"],
+    ),
     ("`.DAT`", [f"{daq.MOST_LINES} lines"]),
     ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_ROWS} rows"]),
     ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_COLUMNS} columns"]),

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
+from mopro.cli.options import OutputFile
 from mopro.cli.say import say
 from mopro.errors import ModelError
 
@@ -19,6 +21,22 @@ if TYPE_CHECKING:
 
 _SECTIONS = ("axis", "drive", "platen", "heat", "forcers", "limits")
 _MOST_ROWS = 200
+_EXTENDING = """# A machine that differs from BASE; all that is not stated here is that of BASE.
+# `mopro machine show BASE` prints what there is.
+
+name = "NAME"
+extends = "BASE"
+
+# What differs, each with unit and origin (thesis, derived, assumed or measured):
+#
+# [axis]
+# moving_mass = { value = 2.8, unit = "kg", origin = "measured", place = "scales" }
+#
+# Effects beyond the model (docs/effects.md):
+#
+# [effects.viscous_drag]
+# b = { value = 5.0, unit = "N s/m", origin = "measured", place = "mopro reconcile" }
+"""
 _UNREADABLE = ("unknown-machine", "too-large")
 
 
@@ -77,6 +95,41 @@ def check(machines: tuple[str, ...]) -> int:
         else:
             say(f"{machine}: {name}: no findings")
     return code
+
+
+@command.command()
+@click.argument("file", type=OutputFile(".toml"))
+@click.option(
+    "--from",
+    "base",
+    metavar="NAME",
+    default="chow1992",
+    show_default=True,
+    help="A built-in machine, or a kind: chow1992, kinematic, axis or thermal.",
+)
+@click.option("--extends", is_flag=True, help="State only what differs from the built-in machine.")
+def new(file: Path, base: str, extends: bool) -> None:
+    """Write a commented machine file to begin with; no file is overwritten.
+
+    Example: mopro machine new mine.toml --from chow1992
+    """
+    from mopro.files import write
+    from mopro.machine.file import builtin_machines, template, templates
+
+    if base not in templates():
+        raise click.UsageError(f"--from: no machine is called {base}: {', '.join(templates())}")
+    if extends and base not in builtin_machines():
+        raise click.UsageError("--extends needs a built-in machine: a kind has no numbers")
+    if file.exists():
+        raise click.UsageError(f"{file} exists, and is not overwritten: choose another name")
+    text = _EXTENDING.replace("BASE", base) if extends else template(base)
+    write(file, text.replace("NAME", toml_text(file.stem)).encode())
+    say(f"written: {file}; check it with: mopro machine check {file}")
+
+
+def toml_text(name: str) -> str:
+    """A file's name as it may stand between quotes of TOML."""
+    return "".join(c if c.isprintable() and c not in '\\"' else "_" for c in name)
 
 
 @command.command()

@@ -22,27 +22,31 @@ from mopro.units import INCH_M
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
     from mopro.experiment.model import Floats
+    from mopro.instruments.sensor import Sensor
     from mopro.recording import Recording
+
+# Instruments of the thesis, with raw files of their own.
+_LABORATORY = ("lvdt", "thermocouple")
 
 
 @click.command()
 @program_argument()
 @click.option(
     "--instrument",
-    type=click.Choice(["lvdt", "thermocouple"]),
     default="lvdt",
+    metavar="NAME|FILE",
     show_default=True,
-    help="What is connected to the converter.",
+    help="lvdt, thermocouple, laser, encoder, or a file with the keys of a [[sensor]].",
 )
 @click.option("--out", type=OutputFile(".dat", ".csv"), required=True, help="A .DAT or .csv file.")
 @click.option(
-    "--axis", type=click.IntRange(1, 2), default=1, show_default=True, help="LVDT's axis."
+    "--axis", type=click.IntRange(1, 2), default=1, show_default=True, help="The measured axis."
 )
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
 @click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
 @click.option("--for", "for_s", type=duration_type(), metavar="DURATION")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the LVDT's ripple.")
-@click.option("--no-ripple", is_flag=True, help="An LVDT without ripple.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the noise.")
+@click.option("--no-ripple", is_flag=True, help="An instrument without noise.")
 @grammar_option()
 def command(
     file: str,
@@ -59,17 +63,22 @@ def command(
     """Write what the laboratory's instruments would have stored of an emulated run.
 
     The LVDT gives 960 voltages at 800 Hz, the thermocouple a temperature a second and,
-    after two minutes, every 15 seconds.
+    after two minutes, every 15 seconds. A laser, an encoder and an instrument of your own
+    sample to the end of the run. `mopro compare` reads what is written, with a [[sensor]] of
+    this kind, or with the keys of the file.
 
-    Example: mopro measure programs/LVDT3.CMD --out LVDT20.DAT
+    Example: mopro measure programs/LVDT3.CMD --instrument laser --out pass.csv
     """
     from mopro.emulator import Emulator
     from mopro.machine import load_machine
     from mopro.recording import MemorySink
 
-    keep_inputs([("--out", out)], [("FILE", file), ("--machine", machine_file(machine))])
+    own = None if instrument in _LABORATORY else instrument
+    inputs = [("FILE", file), ("--machine", machine_file(machine)), ("--instrument", own)]
+    keep_inputs([("--out", out)], inputs)
+    sensor = None if own is None else _sensor(own, axis, out)
     program = compiled_program(file, grammar)
-    rate_hz = 4000.0 if instrument == "lvdt" else 10.0
+    rate_hz = 10.0 if _is_slow(instrument, sensor) else 4000.0
     emulator = Emulator(load_machine(machine), payload, rate_hz, seed)
     if instrument == "lvdt" and for_s is None:
         for_s = _lvdt_duration_s()
@@ -77,11 +86,43 @@ def command(
     with claimed(out):
         run = emulator.run(program, sink, for_s)
     recording = sink.recording(emulator.header(program), run)
-    if instrument == "lvdt":
-        count = _lvdt(recording, emulator, axis, None if no_ripple else seed, out)
+    noise_seed = None if no_ripple else seed
+    if sensor is not None:
+        count = _sampled(recording, emulator, sensor, noise_seed, out)
+    elif instrument == "lvdt":
+        count = _lvdt(recording, emulator, axis, noise_seed, out)
     else:
         count = _thermocouple(recording, emulator, out)
     say(f"{count} readings: {out}")
+
+
+def _sensor(instrument: str, axis: int, out: Path) -> Sensor:
+    """The instrument by its name or file; it has no raw format."""
+    from mopro.experiment.read.file import instrument as read_instrument
+
+    sensor = read_instrument(instrument, axis)
+    if out.suffix.lower() == ".dat":
+        known = " and ".join(_LABORATORY)
+        raise click.UsageError(f"only {known} write .DAT files: choose a .csv file for --out")
+    return sensor
+
+
+def _is_slow(instrument: str, sensor: Sensor | None) -> bool:
+    """True if the instrument sees heat only, which needs few samples."""
+    return instrument == "thermocouple" if sensor is None else sensor.quantity.slow
+
+
+def _sampled(
+    recording: Recording, emulator: Emulator, sensor: Sensor, seed: int | None, out: Path
+) -> int:
+    import numpy as np
+
+    from mopro.plant import measure
+
+    generator = None if seed is None else np.random.default_rng(seed)
+    stamps, seen = measure(recording, sensor, emulator.machine, emulator.active, generator)
+    _write_csv(out, sensor.column, stamps, seen)
+    return len(seen)
 
 
 def _lvdt_duration_s() -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import Field
 from functools import cache, partial
@@ -25,16 +26,18 @@ from mopro.machine.model import (
 from mopro.program import AXES
 from mopro.source import Source
 from mopro.tomlfile import Document, Refused, Value, read_named, shown
-from mopro.tomlfile.schema import Reader, number_in, one_of, record, text
+from mopro.tomlfile.schema import Reader, number_in, one_of, record, table_in, text
 from mopro.units import to_si, units_of
 
 ORIGINS = ("thesis", "derived", "assumed", "measured")
 _SECTIONS: dict[str, type[Any]] = {"axis": Axis, "drive": Drive, "platen": Platen, "heat": Heat}
 _OPTIONAL: dict[str, type[Any]] = {"forcers": Forcers, "limits": Limits}
 _EFFECTS = "effects"
+_EXTENDS = "extends"
 # Beside this file in a checkout and when installed; importlib.resources takes longer to
 # import than the machine takes to read.
 _FOLDER = Path(__file__).with_name("machines")
+_TEMPLATES = Path(__file__).with_name("templates")
 _VALUE_KEYS = {"value", "unit", "origin", "place"}
 _TOLERANCE = "tolerance"
 
@@ -49,8 +52,25 @@ def builtin_machines() -> list[str]:
 
 @cache
 def _builtin(name: str) -> Machine:
-    file = _FOLDER / f"{name}.toml"
-    return read_machine(Source(f"{name}.toml", file.read_text("utf-8")))
+    return read_machine(Source(f"{name}.toml", _builtin_text(name)))
+
+
+def _builtin_text(name: str) -> str:
+    return (_FOLDER / f"{name}.toml").read_text("utf-8")
+
+
+def templates() -> list[str]:
+    """The names that `template` knows: built-in machines, and kinds of machine."""
+    kinds = (p.name.removesuffix(".toml") for p in _TEMPLATES.iterdir() if p.suffix == ".toml")
+    return [*builtin_machines(), *sorted(kinds)]
+
+
+def template(name: str) -> str:
+    """The text of a commented machine file to begin with; its name is `NAME`."""
+    if name in builtin_machines():
+        lines = _builtin_text(name).splitlines(keepends=True)
+        return "".join('name = "NAME"\n' if x.startswith("name =") else x for x in lines)
+    return (_TEMPLATES / f"{name}.toml").read_text("utf-8")
 
 
 def load_machine(name_or_path: str) -> Machine:
@@ -67,7 +87,9 @@ def read_machine(source: Source) -> Machine:
 
 def _machine(root: Value, source: Source) -> Machine:
     before = root.faults
-    root.only({"name", "kind", _EFFECTS, *_SECTIONS, *_OPTIONAL})
+    root.only({"name", "kind", _EXTENDS, _EFFECTS, *_SECTIONS, *_OPTIONAL})
+    if _EXTENDS in root:
+        root = _extended(root, source)
     root.get("kind", one_of("sawyer"), "sawyer")
     missing = 'expected a name, such as name = "mine"'
     name = root.need("name", text(message=missing, rule="missing-key"), missing)
@@ -84,6 +106,18 @@ def _machine(root: Value, source: Source) -> Machine:
     return Machine(
         name=str(name), provenance=_provenance(root), effects=effects, source=source, **parts
     )
+
+
+def _extended(root: Value, source: Source) -> Value:
+    """The file with all that it does not state taken from the built-in machine it extends."""
+    names = builtin_machines()
+    known = f"expected {_EXTENDS}: the name of a built-in machine, {', '.join(names)}"
+    base = one_of(*names, message=known, rule="unknown-machine")(root[_EXTENDS])
+    for key in (*_SECTIONS, *_OPTIONAL):
+        if key in root:
+            table_in(root[key])
+    below = tomllib.loads(_builtin_text(base)) | {"name": Path(source.name).stem}
+    return root.over(below)
 
 
 # -- quantities --------------------------------------------------------------------

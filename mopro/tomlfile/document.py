@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -146,6 +146,19 @@ class Value:
         return Refused()
 
     # -- tables ----------------------------------------------------------------
+
+    def over(self, base: Mapping[str, Any]) -> Value:
+        """This table with what `base` has beside it, section by section.
+
+        A key of a section that both state is this table's. What `base` alone states has the
+        place of the section around it, or the beginning of the file.
+        """
+        merged = dict(base)
+        for key, own in self.data.items():
+            below = base.get(key)
+            both = isinstance(own, dict) and isinstance(below, dict)
+            merged[key] = {**below, **own} if both and below is not None else own
+        return Value(self._document, self._path, merged)
 
     def __contains__(self, key: str) -> bool:
         return key in self.data

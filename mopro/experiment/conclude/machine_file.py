@@ -18,6 +18,7 @@ from mopro.source import Source
 
 # The heading of a section, and the key at the start of a line.
 _HEAD = re.compile(r"\s*\[+([^\]]+)\]")
+_REPAIRED = re.compile(r"(.*)-repaired(?:-(\d+))?", re.DOTALL)
 _KEY = re.compile(r"""\s*([\w.\-"' \t]+?)\s*=""")
 
 
@@ -36,12 +37,37 @@ def machine_text(experiment: Experiment, verdict: Verdict) -> str:
     machine = experiment.machine
     source = machine.source or Source(machine.name, "")
     named = lasting(experiment, verdict)
-    remaining = "\n".join(_without(source, {effect.name for effect in named})).rstrip("\n")
+    kept = _without(source, {effect.name for effect in named})
+    remaining = "\n".join(_renamed(kept, repaired_name(machine.name))).rstrip("\n")
     place = Path(experiment.source.name).name
     sections = [
         "\n".join(_section(catalogue()[effect.name], effect, verdict, place)) for effect in named
     ]
     return "\n\n".join([remaining, *sections]) + "\n"
+
+
+def repaired_name(name: str) -> str:
+    """The name of a machine file with effects added: its own, told apart from the base's."""
+    match = _REPAIRED.fullmatch(name)
+    if match is None:
+        return f"{name}-repaired"
+    return f"{match[1]}-repaired-{int(match[2] or 1) + 1}"
+
+
+def _renamed(lines: Iterator[str], name: str) -> Iterator[str]:
+    """The lines with the file's name stated as `name`, in the place of its own or first."""
+    stated = f"name = {_quoted(name)}"
+    kept = list(lines)
+    top = next((n for n, line in enumerate(kept) if _HEAD.match(line)), len(kept))
+    own = next((n for n, line in enumerate(kept[:top]) if _is_name(line)), None)
+    if own is None:
+        return iter([stated, *kept])
+    return iter([*kept[:own], stated, *kept[own + 1 :]])
+
+
+def _is_name(line: str) -> bool:
+    key = _KEY.match(line)
+    return key is not None and _path(key[1]) == ["name"]
 
 
 def machine_with(experiment: Experiment, verdict: Verdict) -> Machine:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import math
-from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -21,12 +20,14 @@ from numpy.typing import NDArray
 
 from mopro.errors import DataFileError, Diagnostic
 from mopro.experiment.model import Floats
+from mopro.logs.place import cell_span
 from mopro.source import Source, Span
 
 TIME = "time_s"
 MOST_CHARACTERS = 10_000
 MOST_ROWS = 20_000_000
 _MOST_FAULTS = 50
+_COMMA = ","
 _DOS_END_OF_FILE = "\x1a"
 _FILE = Span(1, 1, 1)
 _RECORDINGS = (".parquet", ".npz")
@@ -64,7 +65,7 @@ class DataFile:
     def place(self, row: int, column: str) -> Span:
         """Span of the cell of `column` in data row `row`."""
         line = int(self.lines[row])
-        return cell_span(self.source.line(line), line, self.names.index(column))
+        return cell_span(self.source.line(line), line, self.names.index(column), _COMMA)
 
     def refuse(
         self, rule: str, message: str, row: int, column: str, hint: str | None = None
@@ -105,26 +106,6 @@ def other_unit(column: str, names: Iterable[str]) -> str | None:
         if name != column and name.rpartition("_")[0] == stem:
             return name
     return None
-
-
-def cell_span(text: str, line: int, nth: int) -> Span:
-    """The place of the `nth` cell in a line of comma-separated ones."""
-    start, end = _cell_start(text, nth), _cell_start(text, nth + 1) - 1
-    if start > len(text):
-        return Span(line, len(text) + 1, len(text) + 2)
-    cell = text[start:end]
-    lead = len(cell) - len(cell.lstrip())
-    return Span(line, start + lead + 1, start + 1 + max(len(cell), lead + 1))
-
-
-def _cell_start(text: str, nth: int) -> int:
-    """The index of the `nth` cell, one beyond the end for a cell that is not there."""
-    if nth == 0:
-        return 0
-    commas = [i for i, character in enumerate(text) if character == ","]
-    # The text up to a comma has one cell more than before, unless the comma is in quotes.
-    found = bisect_left(commas, nth + 1, key=lambda i: len(next(_reader([text[: i + 1]]))))
-    return commas[found] + 1 if found < len(commas) else len(text) + 1
 
 
 def _reader(lines: Iterable[str]) -> Iterator[list[str]]:
@@ -275,7 +256,9 @@ class _Rows:
     def _report(
         self, rule: str, message: str, line: int, text: str, nth: int, hint: str | None = None
     ) -> None:
-        self._faults.append(Diagnostic(rule, message, cell_span(text, line, nth), hint=hint))
+        self._faults.append(
+            Diagnostic(rule, message, cell_span(text, line, nth, _COMMA), hint=hint)
+        )
         if len(self._faults) >= _MOST_FAULTS:
             self._check()
 

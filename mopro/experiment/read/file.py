@@ -15,7 +15,7 @@ from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine, builtin_machines, load_machine
 from mopro.program import AXES
 from mopro.source import Source, Span
-from mopro.tomlfile import Document, Refused, Value, read_source, shown
+from mopro.tomlfile import Document, Refused, Value, read_named, read_source, shown
 from mopro.tomlfile.schema import Reader, flag, number, one_of, quantity, text
 
 
@@ -45,7 +45,7 @@ _NO_MACHINE = 'expected a machine, such as machine = "chow1992"'
 
 @dataclass(frozen=True)
 class SensorEntry:
-    """A `[[sensor]]`; `kind` is None, `lvdt` or `thermocouple`."""
+    """A `[[sensor]]`; `kind` is None or the name of an instrument of `raw.KINDS`."""
 
     sensor: Sensor
     kind: str | None
@@ -100,6 +100,29 @@ def read_entries(path: str | Path) -> Entries:
     """Read the file's entries; raises ModelError with all findings."""
     document = Document(read_source(path))
     return document.read(_Reader(document.source).entries)
+
+
+def instrument(name_or_path: str, axis: int) -> Sensor:
+    """The sensor of an instrument by its name, or by a file with the keys of a `[[sensor]]`.
+
+    Raises ModelError with the findings in the file.
+    """
+    if name_or_path in KINDS:
+        return _of_kind(name_or_path, axis)
+    document = Document(read_named("instrument", name_or_path, KINDS))
+    return document.read(_instrument).sensor
+
+
+def _of_kind(name: str, axis: int) -> Sensor:
+    kind = KINDS[name]
+    return Sensor(**(kind.defaults(axis, {}) | {"axis": axis, "quantity": kind.quantity}))
+
+
+def _instrument(root: Value) -> SensorEntry:
+    entry = _sensor(root)
+    if entry is None:
+        raise Refused
+    return entry
 
 
 class _Reader:

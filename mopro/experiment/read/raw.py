@@ -1,7 +1,7 @@
-"""Readers and default sensors for the data files of the thesis' instruments.
+"""Instruments that a sensor may be: their defaults, and the readers of the thesis' raw files.
 
 An LVDT's file has volts, proportional to the position about its centre, whose offset is
-unknown; a thermocouple's file has °C and seconds.
+unknown; a thermocouple's file has °C and seconds. A laser and an encoder write no raw files.
 """
 
 from __future__ import annotations
@@ -21,15 +21,22 @@ from mopro.instruments.sensor import Sensor
 from mopro.instruments.thermocouple import COUNTS_PER_C
 
 RAW_SUFFIX = ".dat"
+_LASER_NOISE_M = 0.5e-6
+_ENCODER_NOISE_M = 0.2e-6
+_ENCODER_STEP_M = 1e-6
 
 
 @dataclass(frozen=True)
 class Kind:
-    """An instrument: its quantity, the defaults of its sensor and the reader of its file."""
+    """An instrument: its quantity, the defaults of its sensor and the reader of its raw file.
+
+    `full` is the number of readings with which its memory is full, so that the run may go on.
+    """
 
     quantity: Quantity
     defaults: Callable[[int, Mapping[str, Any]], dict[str, Any]]
-    read: Callable[[Path, Sensor], Reading]
+    read: Callable[[Path, Sensor], Reading] | None = None
+    full: int | None = None
 
 
 def _lvdt_defaults(axis: int, stated: Mapping[str, Any]) -> dict[str, Any]:
@@ -70,7 +77,35 @@ def _read_thermocouple(path: Path, sensor: Sensor) -> Reading:
     return Reading(sensor, time_s, temperature_C)
 
 
+def _laser_defaults(axis: int, stated: Mapping[str, Any]) -> dict[str, Any]:
+    """An interferometer: 2 kHz, 0.5 µm of air between it and the forcer."""
+    return _position_defaults("laser", axis, stated, 2000.0, _LASER_NOISE_M, 0.0)
+
+
+def _encoder_defaults(axis: int, stated: Mapping[str, Any]) -> dict[str, Any]:
+    """A linear encoder: 1 kHz, steps of 1 µm, 0.2 µm of noise before them."""
+    return _position_defaults("encoder", axis, stated, 1000.0, _ENCODER_NOISE_M, _ENCODER_STEP_M)
+
+
+def _position_defaults(
+    name: str, axis: int, stated: Mapping[str, Any], rate_hz: float, noise_m: float, step_m: float
+) -> dict[str, Any]:
+    column = stated.get("column", f"position_{axis}_mm")
+    unit_m = Sensor(name, POSITION, column, rate_hz).unit_si
+    return {
+        "name": name,
+        "quantity": POSITION.name,
+        "column": column,
+        "rate_hz": rate_hz,
+        "noise_rms": noise_m / unit_m,
+        "adc_step": step_m / unit_m,
+    }
+
+
 KINDS = {
-    "lvdt": Kind(POSITION, _lvdt_defaults, _read_lvdt),
+    "lvdt": Kind(POSITION, _lvdt_defaults, _read_lvdt, full=Lvdt().samples),
     "thermocouple": Kind(TEMPERATURE, _thermocouple_defaults, _read_thermocouple),
+    "laser": Kind(POSITION, _laser_defaults),
+    "encoder": Kind(POSITION, _encoder_defaults),
 }
+RAW_KINDS = tuple(name for name, kind in KINDS.items() if kind.read is not None)

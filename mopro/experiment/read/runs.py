@@ -19,7 +19,7 @@ from mopro.experiment.model import (
 )
 from mopro.experiment.read.data import TIME, DataFile, other_unit, read_data, refused
 from mopro.experiment.read.file import Entries, RunEntry, SensorEntry, read_entries
-from mopro.experiment.read.raw import KINDS, RAW_SUFFIX
+from mopro.experiment.read.raw import KINDS, RAW_KINDS, RAW_SUFFIX
 from mopro.experiment.read.readings import clock, reading
 from mopro.instruments.sensor import Sensor
 from mopro.program import AXES, Program
@@ -72,8 +72,15 @@ class _Runs:
             command = read_command(folder / run.motion)
         readings = self._readings(run, folder / run.data)
         # An LVDT's file holds 960 samples, however long the program is.
-        partial = run.partial or Path(run.data).suffix.lower() == RAW_SUFFIX
+        raw = Path(run.data).suffix.lower() == RAW_SUFFIX
+        partial = run.partial or raw or any(map(self._is_full, readings))
         return Trial(run.data, program, command, run.payload_kg, readings, run.span, partial)
+
+    def _is_full(self, reading: Reading) -> bool:
+        """True if the memory of the instrument was full: the run may have gone on."""
+        kinds = {e.sensor.name: e.kind for e in self._entries.sensors}
+        kind = kinds.get(reading.sensor.name)
+        return kind is not None and len(reading.values) == KINDS[kind].full
 
     def _program(self, path: Path) -> Program:
         program = compile_file(path, self._entries.grammar)
@@ -114,17 +121,18 @@ class _Runs:
 
     def _raw(self, run: RunEntry, path: Path) -> Reading:
         entry = self._raw_sensor(run, path)
-        assert entry.kind is not None, "only an instrument of the thesis has a raw file"
-        return KINDS[entry.kind].read(path, entry.sensor)
+        read = KINDS[entry.kind or ""].read
+        assert read is not None, "only an instrument of the thesis has a raw file"
+        return read(path, entry.sensor)
 
     def _raw_sensor(self, run: RunEntry, path: Path) -> SensorEntry:
         """The sensor that the run names, or the only one with such files."""
-        raw = [entry for entry in self._entries.sensors if entry.kind]
+        raw = [entry for entry in self._entries.sensors if entry.kind in RAW_KINDS]
         named = [entry for entry in raw if run.sensor in (None, entry.sensor.name)]
         if len(named) == 1:
             return named[0]
         names = ", ".join(entry.sensor.name for entry in raw) or "none"
-        kinds = " or ".join(f'"{kind}"' for kind in KINDS)
+        kinds = " or ".join(f'"{kind}"' for kind in RAW_KINDS)
         message = f"a {RAW_SUFFIX.upper()} file is of one sensor of kind {kinds}: there are {names}"
         hint = 'say which in the run, such as sensor = "lvdt"'
         source = self._entries.source

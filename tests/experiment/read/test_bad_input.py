@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from mopro.errors import DataError, MoproError
 from mopro.experiment import load_experiment
-from mopro.experiment.read.data import cell_span, read_data
+from mopro.experiment.read.data import read_data
 from mopro.experiment.read.readings import reading
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
+from mopro.logs.place import cell_span
 
 RUN = 'program = "fast.CMD"\ndata = "fast.csv"'
 
@@ -107,7 +108,7 @@ def test_a_quote_that_is_not_closed_names_its_line(fast, text, place):
     ],
 )
 def test_where_a_cell_stands(text, nth, columns):
-    span = cell_span(text, 3, nth)
+    span = cell_span(text, 3, nth, ",")
     assert (span.line, span.column, span.end_column) == (3, *columns)
 
 

@@ -1,0 +1,250 @@
+"""Imports logs: reads them, aligns their clocks, writes a folder with data and experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.errors import DataError
+from mopro.files import make_folder, output, write
+from mopro.importing.agreement import agreement
+from mopro.importing.propose import Proposal, Wishes, propose
+from mopro.importing.roles import Chosen, Signal, signals_of
+from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
+from mopro.logs import Asked, Decision, Log, read_log
+from mopro.logs.clock import spacing_of
+
+Floats = NDArray[np.float64]
+
+# Seconds since 1970: an earlier first stamp is a time of the log's own.
+_FIRST_DATE_S = 1e8
+_LATEST_START_S = 1.0
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What was written, and on which decisions."""
+
+    files: tuple[Path, ...]
+    proposal: Proposal
+    decisions: tuple[Decision, ...]
+
+
+def import_logs(
+    paths: Sequence[Path], folder: Path, wishes: Wishes, asked: Asked | None = None
+) -> Imported:
+    """Write `folder` with an experiment of the logs in `paths`; no file there is overwritten.
+
+    Raises DataError where a log cannot be read or does not say what it is about, and where
+    a file would be overwritten: before anything is written.
+    """
+    logs = [read_log(path, asked) for path in paths]
+    decisions: list[Decision] = [d for log in logs for d in log.decisions]
+    signals = _signals(logs, wishes, decisions)
+    _check_names(paths, signals, wishes)
+    signals = _aligned(signals, decisions)
+    proposal = propose(str(paths[0]), signals, wishes)
+    decisions += proposal.decisions
+    names = ["experiment.toml", "data.csv"]
+    names.append("command.csv" if proposal.kind == "sawyer" else "machine.toml")
+    if proposal.kind == "sawyer" and proposal.command is None:
+        names.pop()
+    files = tuple(folder / name for name in names)
+    _keep(files)
+    _write(folder, [str(path.name) for path in paths], proposal, decisions)
+    return Imported(files, proposal, tuple(decisions))
+
+
+def _keep(files: Sequence[Path]) -> None:
+    there = [str(file) for file in files if file.exists() or file.is_symlink()]
+    if there:
+        message = f"{', '.join(there)} exists, and nothing is overwritten: choose another folder"
+        raise DataError(message, "exists")
+
+
+# -- signals ------------------------------------------------------------------------------
+
+
+def _signals(logs: Sequence[Log], wishes: Wishes, decisions: list[Decision]) -> list[Signal]:
+    """The signals of all logs; clocks of several logs have the log's number before their names."""
+    chosen = Chosen(wishes.commands, wishes.sensors)
+    first_date = min(
+        (o for log in logs for o in log.origins.values() if o >= _FIRST_DATE_S), default=0.0
+    )
+    signals: list[Signal] = []
+    labels: set[str] = set()
+    for number, log in enumerate(logs, start=1):
+        shifts = {
+            name: _shift(name, log, origin, first_date, decisions)
+            for name, origin in log.origins.items()
+        }
+        for signal in signals_of(log, chosen, shifts):
+            label = signal.label if signal.label not in labels else f"log{number}_{signal.label}"
+            labels.add(label)
+            signals.append(replace(signal, label=label, clock=f"{number}:{signal.clock}"))
+    return signals
+
+
+def _shift(
+    name: str, log: Log, origin: float, first_date: float, decisions: list[Decision]
+) -> float:
+    """Time in the data of a clock's first stamp."""
+    subject = f"column {name}"
+    if origin >= _FIRST_DATE_S:
+        if origin == first_date:
+            decisions.append(Decision(subject, "t = 0 at the first stamp", "it is a date"))
+        return origin - first_date
+    length = float(log.clocks[name][-1])
+    if origin > max(length, _LATEST_START_S):
+        reason = f"it begins at {origin:.6g} s"
+        decisions.append(Decision(subject, "t = 0 at the first stamp", reason, check=True))
+        return 0.0
+    return origin
+
+
+def _check_names(paths: Sequence[Path], signals: Sequence[Signal], wishes: Wishes) -> None:
+    known = {signal.raw for signal in signals}
+    for name in (*wishes.commands, *wishes.sensors):
+        if name not in known:
+            message = f"{paths[0]}: there is no column {name} of numbers; there are"
+            raise DataError(f"{message} {', '.join(sorted(known))}", "missing-column")
+
+
+def _aligned(signals: list[Signal], decisions: list[Decision]) -> list[Signal]:
+    """Signals on one time: clocks of commands are shifted to those of their measurements."""
+    _tell_sampling(signals, decisions)
+    sensors = [s for s in signals if s.role == "sensor"]
+    if not sensors:
+        return signals
+    measured = sensors[0]
+    moved: dict[str, float] = {}
+    for other in signals:
+        foreign = other.clock != measured.clock and other.clock not in moved
+        if foreign and other.role in ("command", "sensor") and other.quantity == measured.quantity:
+            moved[other.clock] = _offset(other, measured, decisions)
+    for clock in {s.clock for s in signals} - {measured.clock, *moved}:
+        taken = f"as that of {measured.raw}"
+        reason = "no column of both clocks can be compared"
+        decisions.append(Decision(f"clock {_own(clock)}", taken, reason, check=True))
+    return [replace(s, time_s=s.time_s + moved.get(s.clock, 0.0)) for s in signals]
+
+
+def _own(clock: str) -> str:
+    return clock.split(":", 1)[1]
+
+
+def _offset(other: Signal, measured: Signal, decisions: list[Decision]) -> float:
+    """Seconds to add to the times of `other`; 0 where the two do not follow each other."""
+    subject = f"clock {_own(other.clock)} of {other.raw}"
+    found = agreement(*other.present, *measured.present, other.held)
+    if found is None or not found.related:
+        reason = f"{measured.raw} does not follow it"
+        decisions.append(Decision(subject, "not shifted", reason, check=True))
+        return 0.0
+    interval = f"{found.delay_s:.5g} ± {found.delay_ci_s:.2g} s (95 %)"
+    if not found.delayed:
+        decisions.append(Decision(subject, "not shifted", f"offset {interval}: none to be seen"))
+        return 0.0
+    reason = f"offset to the clock of {measured.raw} by cross-correlation: {interval}"
+    decisions.append(Decision(subject, f"shifted by {found.delay_s:.6g} s", reason, check=True))
+    return found.delay_s
+
+
+def _tell_sampling(signals: Sequence[Signal], decisions: list[Decision]) -> None:
+    for clock in dict.fromkeys(s.clock for s in signals):
+        times = next(s.time_s for s in signals if s.clock == clock)
+        if len(times) < 3:
+            continue
+        spacing = spacing_of(times)
+        if not spacing.regular:
+            taken = f"irregular, {spacing.interval_s:.4g} s in the median"
+            decisions.append(Decision(f"sampling of {_own(clock)}", taken, "kept as it is"))
+        elif spacing.gaps:
+            first = spacing.gaps[0]
+            where = f"{len(spacing.gaps)}, the first after {times[first]:.6g} s"
+            decisions.append(Decision(f"gaps of {_own(clock)}", where, "kept as they are"))
+        else:
+            rate = f"{spacing.rate_hz:.6g} Hz"
+            decisions.append(Decision(f"rate of {_own(clock)}", rate, "the median interval"))
+
+
+# -- files --------------------------------------------------------------------------------
+
+
+def _write(
+    folder: Path, sources: Sequence[str], proposal: Proposal, decisions: Sequence[Decision]
+) -> None:
+    source = ", ".join(sources)
+    try:
+        make_folder(folder)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DataError(f"{folder}: cannot be made: {reason}", "unwritable-output") from error
+    times, columns = _table(proposal)
+    if proposal.kind == "sawyer":
+        _write_sawyer(folder, times, columns, proposal)
+    else:
+        _write_csv(folder / "data.csv", times, columns)
+        name = Path(sources[0]).stem
+        write(folder / "machine.toml", machine_text(source, name, proposal).encode())
+    write(folder / "experiment.toml", experiment_text(source, proposal, decisions).encode())
+
+
+def _table(proposal: Proposal) -> tuple[Floats, dict[str, Floats]]:
+    """One time for all signals, and their values at it; what drives the machine has no gaps."""
+    signals = proposal.signals
+    clocks = {s.clock: s.time_s for s in signals}
+    if len(clocks) == 1:
+        times = next(iter(clocks.values()))
+    else:
+        times = np.unique(np.concatenate(list(clocks.values())))
+    columns = {}
+    for signal in signals:
+        if signal.role in ("command", "input"):
+            columns[signal.label] = _filled(times, signal)
+        else:
+            columns[signal.label] = _placed(times, signal)
+    return times, columns
+
+
+def _filled(times: Floats, signal: Signal) -> Floats:
+    known_s, values = signal.present
+    if not signal.held:
+        return np.interp(times, known_s, values)
+    rows = np.clip(np.searchsorted(known_s, times, side="right") - 1, 0, len(values) - 1)
+    filled: Floats = values[rows]
+    return filled
+
+
+def _placed(times: Floats, signal: Signal) -> Floats:
+    if len(times) == len(signal.values):
+        return signal.values
+    placed = np.full(len(times), np.nan)
+    placed[np.searchsorted(times, signal.time_s)] = signal.values
+    return placed
+
+
+def _write_sawyer(
+    folder: Path, times: Floats, columns: dict[str, Floats], proposal: Proposal
+) -> None:
+    labels = sawyer_labels(proposal)
+    measured = {name: columns[label] for label, name in labels.items()}
+    _write_csv(folder / "data.csv", times, measured)
+    if proposal.command is not None:
+        name = f"position_1_{proposal.command.unit}"
+        _write_csv(folder / "command.csv", times, {name: columns[proposal.command.label]})
+
+
+def _write_csv(path: Path, times: Floats, columns: dict[str, Floats]) -> None:
+    import pyarrow as pa
+    from pyarrow import csv
+
+    arrays = {"time_s": pa.array(np.round(times, 9))}
+    arrays |= {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
+    with output(path) as draft, open(draft, "wb") as file:
+        file.write((",".join(arrays) + "\n").encode())
+        csv.write_csv(pa.table(arrays), file, csv.WriteOptions(include_header=False))

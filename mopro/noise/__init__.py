@@ -1,0 +1,10 @@
+"""Noise of a sensor at standstill: level, memory, hum, converter's step, outliers.
+
+Knows numpy and scipy alone. `report` takes times and readings and gives a `NoiseReport`.
+"""
+
+from mopro.noise.odd import level_between
+from mopro.noise.report import Estimate, NoiseReport, TooShort, report
+from mopro.noise.step import step_of
+
+__all__ = ["Estimate", "NoiseReport", "TooShort", "level_between", "report", "step_of"]

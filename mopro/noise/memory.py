@@ -1,0 +1,194 @@
+"""Memory of noise: a spectral model fitted by Whittle's likelihood.
+
+Three models compete by the Bayesian information criterion: white noise; a first-order
+autoregression AR(1); a white floor with a rise S = W (1 + (fc / f)^α) below a corner fc.
+Reference: P. Whittle (1953), Estimation and information in stationary time series.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+Floats = NDArray[np.float64]
+Model = Callable[[Floats, Floats], Floats]
+
+_MOST_BINS = 300
+_FEWEST_BINS = 12
+_Z95 = 1.96
+# Bounds of the parameters that are not a level: lag-one correlation, exponent of the rise.
+_MOST_CORRELATION = 0.999
+_EXPONENTS = (0.3, 2.5)
+
+
+@dataclass(frozen=True)
+class Memory:
+    """A fitted spectrum: `kind` white, ar1 or flicker, and its parameters.
+
+    `correlation` is that of neighbouring readings with half its 95 % interval (ar1),
+    `time_constant_s` its decay; `corner_hz` and `slope` (negative) describe a rise of the spectrum
+    towards low frequencies (flicker). `white_rms` is the level of the flat part; the variance
+    of white noise of this level is that density over the whole band. `inflation` is
+    1 + 2 Σ ρ², by which the memory reduces the degrees of freedom of a variance.
+    """
+
+    kind: str
+    white_rms: float
+    inflation: float
+    correlation: float = 0.0
+    correlation_ci: float = 0.0
+    time_constant_s: float = 0.0
+    corner_hz: float = 0.0
+    corner_ci_hz: tuple[float, float] = (0.0, 0.0)
+    slope: float = 0.0
+    slope_ci: float = 0.0
+
+
+def memory_of(stretches: list[Floats], rate_hz: float) -> Memory | None:
+    """The memory of stretches of readings at a fixed rate; None if they are too short."""
+    frequencies, power, weights = _pooled(stretches, rate_hz)
+    if len(power) < _FEWEST_BINS or not np.all(power > 0):
+        return None
+    half_band = rate_hz / 2
+    x = frequencies / half_band
+    fits = {kind: _fitted(kind, x, power, weights) for kind in ("white", "ar1", "flicker")}
+    least = min(fits, key=lambda kind: fits[kind].criterion)
+    fit = fits[least]
+    white = float(np.sqrt(_floor(least, fit.parameters) * half_band))
+    length = max(map(len, stretches))
+    inflation = _inflation(_MODELS[least], fit.parameters, length)
+    return _described(least, fit, white, inflation, rate_hz)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    parameters: Floats
+    deviations: Floats
+    criterion: float
+
+
+def _pooled(stretches: list[Floats], rate_hz: float) -> tuple[Floats, Floats, Floats]:
+    """Frequencies, mean density and number of ordinates in logarithmic bins of all stretches."""
+    raw = [_periodogram(stretch, rate_hz) for stretch in stretches]
+    frequencies = np.concatenate([f for f, _ in raw])
+    power = np.concatenate([p for _, p in raw])
+    order = np.argsort(frequencies)
+    frequencies, power = frequencies[order], power[order]
+    if len(power) <= _MOST_BINS:
+        return frequencies, power, np.ones(len(power))
+    edges = np.unique(np.rint(np.geomspace(1, len(power) + 1, _MOST_BINS)).astype(int) - 1)
+    counts = np.diff(edges).astype(float)
+    means = [np.add.reduceat(v, edges[:-1])[: len(counts)] / counts for v in (frequencies, power)]
+    return means[0], means[1], counts
+
+
+def _periodogram(values: Floats, rate_hz: float) -> tuple[Floats, Floats]:
+    """One-sided density without the frequencies 0 and Nyquist."""
+    count = len(values)
+    transform = np.fft.rfft(values - values.mean())
+    power = 2 * np.abs(transform) ** 2 / (count * rate_hz)
+    inner = slice(1, (count + 1) // 2)
+    return (np.arange(len(power)) * rate_hz / count)[inner], power[inner]
+
+
+# -- models: frequency in half bands, logarithmic or bounded parameters -------------------
+
+
+def _white(p: Floats, x: Floats) -> Floats:
+    return np.full_like(x, np.exp(p[0]))
+
+
+def _ar1(p: Floats, x: Floats) -> Floats:
+    phi = _MOST_CORRELATION * np.tanh(p[1])
+    spectrum: Floats = np.exp(p[0]) * (1 - phi**2) / (1 - 2 * phi * np.cos(np.pi * x) + phi**2)
+    return spectrum
+
+
+def _flicker(p: Floats, x: Floats) -> Floats:
+    spectrum: Floats = np.exp(p[0]) * (1 + np.exp(p[2] * (p[1] - np.log(x))))
+    return spectrum
+
+
+_MODELS: dict[str, Model] = {"white": _white, "ar1": _ar1, "flicker": _flicker}
+# Starts: the level is that of the mean density.
+_STARTS: dict[str, list[list[float]]] = {
+    "white": [[]],
+    "ar1": [[0.1], [0.8], [1.8]],
+    "flicker": [[np.log(0.02), 1.0], [np.log(0.1), 1.5], [np.log(0.3), 2.0]],
+}
+
+
+def _fitted(kind: str, x: Floats, power: Floats, weights: Floats) -> _Fit:
+    model = _MODELS[kind]
+
+    def cost(parameters: Floats) -> float:
+        spectrum = model(parameters, x)
+        return float(weights @ (np.log(spectrum) + power / spectrum))
+
+    level = float(np.log(weights @ power / weights.sum()))
+    bounds = {
+        "white": [(level - 50, level + 50)],
+        "ar1": [(level - 50, level + 50), (-3.0, 4.0)],
+        "flicker": [(level - 50, level + 50), (np.log(x[0]) - 1, 0.5), _EXPONENTS],
+    }[kind]
+    found = [
+        optimize.minimize(cost, np.array([level, *start]), method="Nelder-Mead", bounds=bounds)
+        for start in _STARTS[kind]
+    ]
+    best = min(found, key=lambda result: float(result.fun))
+    parameters = np.asarray(best.x, float)
+    penalty = len(parameters) * np.log(weights.sum())
+    deviations = _deviations(model, parameters, x, weights)
+    return _Fit(parameters, deviations, 2 * float(best.fun) + float(penalty))
+
+
+def _deviations(model: Model, parameters: Floats, x: Floats, weights: Floats) -> Floats:
+    """Standard deviations of the parameters: Fisher's information of Whittle's likelihood."""
+    small = 1e-4
+    slopes = []
+    for k in range(len(parameters)):
+        moved = np.zeros(len(parameters))
+        moved[k] = small
+        up, down = model(parameters + moved, x), model(parameters - moved, x)
+        slopes.append((np.log(up) - np.log(down)) / (2 * small))
+    information = np.array([[float(weights @ (a * b)) for b in slopes] for a in slopes])
+    deviations: Floats = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)), 0.0))
+    return deviations
+
+
+def _floor(kind: str, p: Floats) -> float:
+    """Density of the flat part: that at the highest frequency for AR(1)."""
+    return float(_ar1(p, np.ones(1))[0] if kind == "ar1" else np.exp(p[0]))
+
+
+def _inflation(model: Model, parameters: Floats, length: int) -> float:
+    """1 + 2 Σ ρ² of the model over stretches of this length, by Parseval's theorem."""
+    count = min(max(length, 64), 1 << 16) // 2
+    spectrum = model(parameters, (np.arange(count) + 1) / count)
+    return float(np.mean(spectrum**2) / np.mean(spectrum) ** 2)
+
+
+def _described(kind: str, fit: _Fit, white: float, inflation: float, rate_hz: float) -> Memory:
+    if kind == "white":
+        return Memory(kind, white, 1.0)
+    half_band, (p, sd) = rate_hz / 2, (fit.parameters, fit.deviations)
+    if kind == "ar1":
+        phi = float(_MOST_CORRELATION * np.tanh(p[1]))
+        half = _Z95 * float(sd[1] * _MOST_CORRELATION * (1 - np.tanh(p[1]) ** 2))
+        constant = -1 / (rate_hz * np.log(phi)) if phi > 0 else 0.0
+        return Memory(kind, white, inflation, phi, half, float(constant))
+    corner = float(np.exp(p[1])) * half_band
+    spread = float(np.exp(min(_Z95 * sd[1], 50.0)))
+    return Memory(
+        kind,
+        white,
+        inflation,
+        corner_hz=corner,
+        corner_ci_hz=(corner / spread, corner * spread),
+        slope=-float(p[2]),
+        slope_ci=_Z95 * float(sd[2]),
+    )

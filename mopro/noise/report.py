@@ -1,0 +1,195 @@
+"""Report on the noise of one column: everything that an experiment file should state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from mopro.noise.lines import Line, lines_of, without_lines
+from mopro.noise.memory import Memory, memory_of
+from mopro.noise.odd import held_of, outliers_of, stuck_of
+from mopro.noise.standstill import Stretch, stretches_of
+from mopro.noise.step import rms_before_rounding, step_of
+
+Floats = NDArray[np.float64]
+
+FEWEST_READINGS = 64
+# Largest deviation of a sampling interval from the median one, for a spectrum to mean something.
+_MOST_JITTER = 0.2
+_TAIL = 0.025
+# Share of the noise below which a step of the readings does not matter.
+_SMALL_STEP = 0.05
+_MOST_SPECTRUM = 1 << 20
+_MOST_OUTLIERS = 0.05
+# Time constants that a stretch lasts at least, and the steepest rise: else it may be moving.
+_FEWEST_CONSTANTS = 20.0
+_STEEPEST = -1.8
+# Amplitude of a line, in noise: a larger one is a motion rather than hum.
+_LARGEST_LINE = 30.0
+
+
+class TooShort(ValueError):
+    """Too few readings at standstill to say anything."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class NoiseReport:
+    """The noise of a column at standstill, in its unit.
+
+    `rms` is the standard deviation of a reading without outliers and lines, before the
+    converter rounded it; `noise_rms` and `adc_step` are what to state. `step` is that of the
+    readings, 0 if there is none. `stretches` are index ranges of standstill, `outliers` indices,
+    `stuck` index ranges. `held` is the number of readings for which a value is repeated.
+    `memory` is None where sampling is irregular or the stretches are short.
+    """
+
+    readings: int
+    duration_s: float
+    rate_hz: float
+    regular: bool
+    stretches: tuple[Stretch, ...]
+    rms: Estimate
+    step: float
+    memory: Memory | None
+    lines: tuple[Line, ...]
+    outliers: tuple[int, ...]
+    stuck: tuple[Stretch, ...]
+    held: int
+
+    @property
+    def adc_step(self) -> float:
+        """The converter's step to state; 0 if it is too small to matter."""
+        return self.step if self.step > _SMALL_STEP * self.rms.value else 0.0
+
+    @property
+    def noise_rms(self) -> float:
+        """The noise to state; 0 if the converter's step hides it."""
+        return self.rms.value
+
+    @property
+    def wanders(self) -> bool:
+        """True if the signal wanders as long as it was watched, or swings: it may be moving."""
+        if any(line.amplitude > _LARGEST_LINE * self.rms.value > 0 for line in self.lines):
+            return True
+        if self.memory is None:
+            return False
+        slow = self.memory.time_constant_s * _FEWEST_CONSTANTS > self.duration_s
+        return slow or self.memory.slope < _STEEPEST
+
+    @property
+    def hidden(self) -> bool:
+        """True if no reading left its code: the noise is known to be less than the step only."""
+        return self.rms.value == 0.0
+
+
+def report(time_s: Floats, values: Floats, whole: bool = False) -> NoiseReport:
+    """The noise of `values` at `time_s` (s), both (n) and without NaN.
+
+    With `whole` all readings count as standstill. Raises TooShort if there are fewer than
+    FEWEST_READINGS at standstill.
+    """
+    if len(values) and float(np.ptp(values)) == 0.0:
+        raise TooShort("the column does not change")
+    held = held_of(values) if len(values) > 1 else 1
+    if held > 1:
+        return _of_updates(time_s, values, held, whole)
+    return _report(time_s, values, 1, whole, np.arange(len(values)))
+
+
+def _of_updates(time_s: Floats, values: Floats, held: int, whole: bool) -> NoiseReport:
+    """Of a sensor that holds its value: its updates are the readings."""
+    kept = np.arange(len(values) % held, len(values), held)
+    return _report(time_s[kept], values[kept], held, whole, kept)
+
+
+def _report(
+    time_s: Floats, values: Floats, held: int, whole: bool, places: NDArray[np.intp]
+) -> NoiseReport:
+    step = step_of(values)
+    found = [(0, len(values))] if whole else stretches_of(values, step)
+    readings = sum(end - start for start, end in found)
+    if readings < FEWEST_READINGS:
+        message = f"{readings} readings at standstill, and at least {FEWEST_READINGS} are needed"
+        raise TooShort(message)
+    intervals = np.diff(time_s)
+    usual = float(np.median(intervals))
+    regular = bool(np.quantile(np.abs(intervals - usual), 0.98) < _MOST_JITTER * usual)
+    stuck = stuck_of(values) if _alive(values, found, step) else []
+    cleaned, outliers = _cleaned(values, found, stuck, step)
+    rate_hz = 1 / usual
+    lines = lines_of(max(cleaned, key=len), rate_hz) if regular else []
+    quiet = [without_lines(c, lines, rate_hz) for c in cleaned]
+    memory = memory_of([q[:_MOST_SPECTRUM] for q in quiet], rate_hz) if regular else None
+    duration_s = sum(float(time_s[end - 1] - time_s[start]) for start, end in found)
+    return NoiseReport(
+        readings,
+        duration_s,
+        rate_hz,
+        regular,
+        tuple((int(places[a]), int(places[b - 1]) + 1) for a, b in found),
+        _level(quiet, lines, memory, step),
+        step,
+        memory,
+        tuple(lines),
+        tuple(int(places[i]) for i in outliers),
+        tuple((int(places[a]), int(places[b - 1]) + held) for a, b in stuck),
+        held,
+    )
+
+
+def _alive(values: Floats, found: list[Stretch], step: float) -> bool:
+    """True if readings at standstill leave their code, so that a run of equal ones is odd."""
+    return step == 0 or float(np.median([values[a:b].std() for a, b in found])) > step
+
+
+def _cleaned(
+    values: Floats, found: list[Stretch], stuck: list[Stretch], step: float
+) -> tuple[list[Floats], list[int]]:
+    """The stretches with outliers replaced by the median, and the outliers' indices."""
+    cleaned: list[Floats] = []
+    outliers: list[int] = []
+    alive = np.ones(len(values), dtype=bool)
+    for first, last in stuck:
+        alive[first + 1 : last] = False
+    for start, end in found:
+        kept = start + np.flatnonzero(alive[start:end])
+        if len(kept) < 2:
+            continue
+        part = values[kept]
+        odd = outliers_of(part, step)
+        outliers += kept[odd].tolist()
+        part[odd] = np.median(part)
+        cleaned.append(part)
+    if not cleaned:
+        raise TooShort("all readings at standstill are one stuck value")
+    readings = sum(end - start for start, end in found)
+    if len(outliers) > _MOST_OUTLIERS * readings:
+        message = f"{len(outliers)} of {readings} readings are far from the others"
+        raise TooShort(f"{message}: that is no noise about a level")
+    return cleaned, outliers
+
+
+def _level(quiet: list[Floats], lines: list[Line], memory: Memory | None, step: float) -> Estimate:
+    """The pooled standard deviation with its chi-squared interval."""
+    count = sum(map(len, quiet))
+    lost = len(quiet) + 2 * len(lines)
+    squares = sum(float(np.sum((q - q.mean()) ** 2)) for q in quiet)
+    rounded = float(np.sqrt(squares / max(count - lost, 1)))
+    rms = rms_before_rounding(quiet, rounded, step)
+    freedom = max((count - lost) / (memory.inflation if memory else 1.0), 1.0)
+    low, high = (
+        rms * float(np.sqrt(freedom / stats.chi2.ppf(q, freedom))) for q in (1 - _TAIL, _TAIL)
+    )
+    return Estimate(rms, low, high)

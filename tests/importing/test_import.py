@@ -1,0 +1,268 @@
+"""`mopro import` on logs that another generator made, with known relations and traps."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+RATE_HZ = 100.0
+
+
+def moves(rng, seconds=30.0, rate_hz=RATE_HZ):
+    """A command (mm) of smooth moves between random places, with rests."""
+    times = np.arange(0, seconds, 1 / rate_hz)
+    knots = np.arange(0, seconds + 2, 2.0)
+    places = rng.uniform(0, 50, len(knots))
+    phase = np.clip((times % 2.0) - 0.5, 0, 1)
+    n = (times // 2).astype(int)
+    return times, places[n] + (places[n + 1] - places[n]) * (3 * phase**2 - 2 * phase**3)
+
+
+def write_csv(path, columns, delimiter=",", empty=""):
+    rows = zip(*columns.values(), strict=True)
+    lines = [delimiter.join(empty if c is None else f"{c:.9g}" for c in row) for row in rows]
+    path.write_text("\n".join([delimiter.join(columns), *lines]) + "\n")
+
+
+def imported(mopro, folder, *arguments, name="log.csv"):
+    done = mopro("import", name, "--as", "out", "--json", *arguments)
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    files = {p.name: tomllib.loads(p.read_text()) for p in (folder / "out").glob("*.toml")}
+    return answer, files
+
+
+@pytest.fixture
+def servo(tmp_path):
+    """Writes a log of a servo: measured = scale * command(t - delay) + noise."""
+
+    def make(
+        scale=1.0, delay_s=0.0, clock_s=0.0, command="target_mm", measured="actual_mm", seed=0
+    ):
+        rng = np.random.default_rng(seed)
+        times, told = moves(rng)
+        seen = scale * np.interp(times - delay_s, times, told) + 0.01 * abs(scale) * rng.normal(
+            size=len(times)
+        )
+        write_csv(tmp_path / "log.csv", {"time_s": times + clock_s, command: told, measured: seen})
+        return times, told, seen
+
+    return make
+
+
+def test_a_servo_becomes_a_kinematic_experiment(mopro, tmp_path, servo):
+    times, told, seen = servo()
+    answer, files = imported(mopro, tmp_path)
+    experiment = files["experiment.toml"]
+    assert answer["kind"] == files["machine.toml"]["kind"] == "kinematic"
+    assert experiment["inputs"]["command"] == {"column": "target_mm", "unit": "mm"}
+    (sensor,) = experiment["sensor"]
+    assert sensor["quantity"] == "position"
+    assert sensor["noise_rms"] == pytest.approx(0.01, rel=0.1)
+    assert experiment["run"] == [{"data": "data.csv"}]
+    data = np.genfromtxt(tmp_path / "out" / "data.csv", delimiter=",", names=True)
+    assert data["time_s"] == pytest.approx(times)
+    assert data["target_mm"] == pytest.approx(told)
+    assert data["actual_mm"] == pytest.approx(seen)
+    assert answer["check"] == []
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [
+        (1000.0, "a unit off by 10^3"),
+        (0.1, "a unit off by 10^-1"),
+        (5.0, "a factor of 5"),
+        (180 / np.pi, "degrees taken for radians"),
+        (np.pi / 180, "radians taken for degrees"),
+        (1 / 25.4, "inches taken for millimetres"),
+        (-1.0, "the sign is opposite"),
+        (-10.0, "the sign is opposite and the readings are 10 times the command"),
+    ],
+)
+def test_another_scale_or_sign_is_told(mopro, tmp_path, servo, scale, said):
+    servo(scale)
+    answer, _ = imported(mopro, tmp_path)
+    assert any(said in words for words in answer["check"])
+
+
+def test_units_that_differ_are_no_scale(mopro, tmp_path, servo):
+    servo(1000.0, measured="actual_um")
+    assert imported(mopro, tmp_path)[0]["check"] == []
+
+
+def test_counts_against_a_length_are_scaled_freely(mopro, tmp_path, servo):
+    servo(437.0, measured="actual_count")
+    answer, files = imported(mopro, tmp_path)
+    assert files["experiment.toml"]["sensor"][0]["scale"] == "free"
+    assert any("the scale between them is fitted" in words for words in answer["check"])
+
+
+@pytest.mark.parametrize("delay_s", [2.5, 0.2, -3.0])
+def test_a_delay_of_one_clock_is_told_and_not_removed(mopro, tmp_path, servo, delay_s):
+    _, _, seen = servo(delay_s=delay_s)
+    answer, _ = imported(mopro, tmp_path)
+    (words,) = [w for w in answer["check"] if "the readings come" in w]
+    assert f"{abs(delay_s):.4g} ±" in words or f"{abs(delay_s):.2g}" in words
+    assert ("after" if delay_s > 0 else "before") in words
+    data = np.genfromtxt(tmp_path / "out" / "data.csv", delimiter=",", names=True)
+    assert data["actual_mm"] == pytest.approx(seen)
+
+
+def test_two_clocks_are_aligned_with_an_interval(tmp_path, mopro):
+    inside = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        times, told = moves(rng)
+        offset = rng.uniform(-8, 8)
+        seen_s = np.arange(0, 25, 0.013)
+        seen = np.interp(seen_s, times, told) + 0.05 * rng.normal(size=len(seen_s))
+        write_csv(tmp_path / "told.csv", {"t_s": times, "cmd_mm": told})
+        write_csv(tmp_path / "seen.csv", {"t_ms": 1e3 * (seen_s + 10 + offset), "pos_mm": seen})
+        out = f"out{seed}"
+        done = mopro("import", "told.csv", "seen.csv", "--as", out, "--json")
+        decisions = json.loads(done.stdout)["decisions"]
+        (moved,) = [d for d in decisions if d["taken_as"].startswith("shifted by")]
+        estimate, _, half = moved["reason"].split("cross-correlation: ")[1].split()[:3]
+        assert abs(float(estimate) - 10 - offset) < 0.005
+        inside += abs(float(estimate) - 10 - offset) <= float(half)
+        assert moved["check"]
+        data = np.genfromtxt(tmp_path / out / "data.csv", delimiter=",", names=True)
+        both = ~np.isnan(data["pos_mm"])
+        assert np.std(data["pos_mm"][both] - data["cmd_mm"][both]) < 0.1
+    assert inside >= 8
+
+
+def test_dates_align_clocks_that_have_them(tmp_path, mopro):
+    times, told = moves(np.random.default_rng(0))
+    stamps = 1_700_000_000_000_000_000 + np.rint(times * 1e9).astype(np.int64)
+    for name, column, start in (("a", "cmd_mm", 0), ("b", "pos_mm", 500)):
+        rows = [f"{s},{v:.6f}" for s, v in zip(stamps[start:], told[start:], strict=True)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([f"stamp_ns,{column}", *rows]) + "\n")
+    done = mopro("import", "a.csv", "b.csv", "--as", "out", "--json")
+    decisions = json.loads(done.stdout)["decisions"]
+    assert any("none to be seen" in d["reason"] for d in decisions)
+    data = np.genfromtxt(tmp_path / "out" / "data.csv", delimiter=",", names=True)
+    assert np.isnan(data["pos_mm"][:500]).all()
+    assert data["pos_mm"][600] == pytest.approx(data["cmd_mm"][600])
+
+
+def test_a_command_on_change_is_held(tmp_path, mopro):
+    times = np.arange(0, 20, 0.05)
+    told = 10.0 * (times // 4)
+    seen = told + 0.01 * np.random.default_rng(0).normal(size=len(times))
+    changes = [v if n == 0 or v != told[n - 1] else None for n, v in enumerate(told)]
+    write_csv(tmp_path / "log.csv", {"time_s": times, "setpoint_mm": changes, "pos_mm": seen})
+    _, files = imported(mopro, tmp_path)
+    assert files["experiment.toml"]["inputs"]["command"]["hold"] is True
+    data = np.genfromtxt(tmp_path / "out" / "data.csv", delimiter=",", names=True)
+    assert data["setpoint_mm"] == pytest.approx(told)
+
+
+def test_a_heater_becomes_a_thermal_experiment(tmp_path, mopro):
+    times = np.arange(0, 900, 1.0)
+    duty = 50.0 * (times % 300 < 150)
+    warm = 20 + 30 * (1 - np.exp(-times / 150))
+    columns = {"time_s": times, "heater1_percent": duty, "T1 (degC)": warm, "T2 (degC)": warm - 5}
+    write_csv(tmp_path / "log.csv", columns, delimiter=";")
+    answer, files = imported(mopro, tmp_path)
+    machine, experiment = files["machine.toml"], files["experiment.toml"]
+    assert answer["kind"] == machine["kind"] == "thermal"
+    assert machine["nodes"] == {
+        "T1": "a_duty * duty - U * (T - ambient)",
+        "T2": "-U * (T - ambient)",
+    }
+    assert experiment["inputs"]["duty"] == {
+        "column": "heater1_percent", "unit": "%", "hold": True,
+    }  # fmt: skip
+    assert [s["name"] for s in experiment["sensor"]] == ["T1", "T2"]
+    assert machine["base"]["U"]["free"] is True
+
+
+def test_a_free_pendulum_swings_at_its_frequency(tmp_path, mopro):
+    times = np.arange(0, 30, 0.01)
+    angle = 0.3 * np.exp(-times / 10) * np.cos(8.0 * times)
+    write_csv(tmp_path / "log.csv", {"time_s": times, "angle_rad": angle})
+    _, files = imported(mopro, tmp_path, "--kind", "axis")
+    w2 = files["machine.toml"]["base"]["w2"]
+    assert w2["range"][0] < 64 < w2["range"][1]
+    assert w2["value"] == pytest.approx(64, rel=0.1)
+
+
+def test_an_axis_under_force_has_its_input(tmp_path, mopro):
+    times = np.arange(0, 10, 0.01)
+    write_csv(
+        tmp_path / "log.csv",
+        {"time_s": times, "motor current [mA]": 500 * np.sin(times), "pos_mm": np.cos(times)},
+    )
+    answer, files = imported(mopro, tmp_path)
+    assert answer["kind"] == "axis"
+    assert files["experiment.toml"]["inputs"]["current"]["unit"] == "A"
+    data = np.genfromtxt(tmp_path / "out" / "data.csv", delimiter=",", names=True)
+    assert np.max(data["motor_current_A"]) == pytest.approx(0.5, rel=0.01)
+
+
+def test_what_cannot_be_decided_is_asked_for(tmp_path, mopro):
+    times = np.arange(0, 30, 0.01)
+    write_csv(tmp_path / "log.csv", {"time_s": times, "angle_rad": np.cos(times)})
+    done = mopro("import", "log.csv", "--as", "out")
+    assert done.returncode == 2
+    assert "say which it is: --kind axis" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_nothing_is_overwritten(tmp_path, mopro, servo):
+    servo()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "machine.toml").write_text("mine")
+    done = mopro("import", "log.csv", "--as", "out")
+    assert done.returncode == 2
+    assert "machine.toml exists, and nothing is overwritten" in done.stderr
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["machine.toml"]
+    assert (tmp_path / "out" / "machine.toml").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["absent.csv"], "absent.csv: cannot be read"),
+        (["log.csv", "--command", "speed"], "there is no column speed of numbers"),
+        (["log.csv", "--kind", "thermal"], "no column is a measurement for a machine of kind"),
+    ],
+)
+def test_wrong_use_exits_with_2(tmp_path, mopro, servo, arguments, said):
+    servo()
+    done = mopro("import", *arguments, "--as", "out")
+    assert done.returncode == 2
+    assert said in done.stderr
+
+
+def test_names_that_would_break_the_files_do_not(tmp_path, mopro):
+    times, told = moves(np.random.default_rng(0))
+    name = "pos'] = 1\\\"; [mm]"
+    columns = {"time_s": times, "target [mm]": told, f'"{name}"'.replace('\\"', '""'): told + 0.01}
+    write_csv(tmp_path / "log.csv", columns)
+    _, files = imported(mopro, tmp_path)
+    assert files["experiment.toml"]["sensor"][0]["column"] == "pos_1_mm"
+
+
+def test_an_import_for_the_drive_of_1992_runs(tmp_path, mopro):
+    """The logged command of a straight move, read by an encoder: no disagreement."""
+    times = np.arange(0, 2, 0.001)
+    told = 25.4 * (3 * np.clip(times - 0.3, 0, 1) ** 2 - 2 * np.clip(times - 0.3, 0, 1) ** 3)
+    seen = told + 0.05 * np.random.default_rng(0).normal(size=len(times))
+    write_csv(tmp_path / "log.csv", {"t [s]": times, "cmd [mm]": told, "laser pos [mm]": seen})
+    imported(mopro, tmp_path, "--kind", "sawyer")
+    done = mopro("compare", "out/experiment.toml", "--json")
+    assert done.returncode in (0, 1), done.stderr
+    (series,) = json.loads(done.stdout)["series"]
+    assert series["rms"] < 0.1
+
+
+def test_a_real_process_says_what_it_decided(tmp_path, mopro_process, servo):
+    servo()
+    done = mopro_process("import", "log.csv", "--as", "out")
+    assert done.returncode == 0
+    assert "column target_mm: command (position in mm; its name says" in done.stdout
+    assert "next: mopro compare out" in done.stdout
