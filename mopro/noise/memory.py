@@ -135,9 +135,10 @@ def _fitted(kind: str, x: Floats, power: Floats, weights: Floats) -> _Fit:
         "ar1": [(level - 50, level + 50), (-3.0, 4.0)],
         "flicker": [(level - 50, level + 50), (np.log(x[0]) - 1, 0.5), _EXPONENTS],
     }[kind]
+    low, high = np.transpose(bounds)
+    starts = [np.clip([level, *start], low, high) for start in _STARTS[kind]]
     found = [
-        optimize.minimize(cost, np.array([level, *start]), method="Nelder-Mead", bounds=bounds)
-        for start in _STARTS[kind]
+        optimize.minimize(cost, start, method="Nelder-Mead", bounds=bounds) for start in starts
     ]
     best = min(found, key=lambda result: float(result.fun))
     parameters = np.asarray(best.x, float)

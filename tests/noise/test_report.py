@@ -188,3 +188,11 @@ def test_a_wander_as_long_as_the_record_is_told():
     for correlation, wanders in ((0.997, True), (0.9, False)):
         values = autoregression(np.random.default_rng(10), correlation)
         assert report(time_s, values, whole=True).wanders is wanders
+
+
+def test_short_standstills_are_fitted_without_a_warning():
+    """Their lowest frequency is above where the search for a memory begins."""
+    rng = np.random.default_rng(3)
+    for count in (70, 140, 300):
+        noise = LEVEL * rng.normal(size=count)
+        assert report(np.arange(count) / RATE_HZ, noise).rms == pytest.approx(LEVEL, rel=0.3)
