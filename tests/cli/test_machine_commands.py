@@ -125,6 +125,7 @@ def test_a_new_file_of_a_kind_is_toml_with_its_name(mopro, tmp_path, kind):
     assert mopro("machine", "new", "m y.toml", "--from", kind).returncode == 0
     machine = tomllib.loads((tmp_path / "m y.toml").read_text())
     assert (machine["kind"], machine["name"]) == (kind, "m y")
+    assert mopro("machine", "check", "m y.toml").stdout == "m y.toml: m y: no findings\n"
 
 
 def test_an_extending_file_states_only_what_differs(mopro, tmp_path):

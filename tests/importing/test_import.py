@@ -266,3 +266,47 @@ def test_a_real_process_says_what_it_decided(tmp_path, mopro_process, servo):
     assert done.returncode == 0
     assert "column target_mm: command (position in mm; its name says" in done.stdout
     assert "next: mopro compare out" in done.stdout
+
+
+def swing(times):
+    return {"angle_rad": 0.3 * np.exp(-times / 5) * np.cos(8.0 * times)}
+
+
+def pushed(times):
+    force = np.sign(np.sin(times))
+    speed = np.cumsum(force) * (times[1] - times[0])
+    return {"force_N": force, "pos_m": np.cumsum(speed) * (times[1] - times[0])}
+
+
+def motor(times):
+    force, place = pushed(times).values()
+    return {"pwm_percent": 50 * force, "shaft angle_deg": 20 * place}
+
+
+def heated(times):
+    return {
+        "heater1_percent": np.full(len(times), 50.0),
+        "T (degC)": 20 + 30 * (1 - np.exp(-times / 4)),
+    }
+
+
+def tracked(times):
+    return {"target_deg": 10 * np.sin(times), "actual_deg": 10 * np.sin(times - 0.1)}
+
+
+@pytest.mark.parametrize(
+    ("columns", "arguments"),
+    [(swing, ["--kind", "axis"]), (pushed, []), (motor, []), (heated, []), (tracked, [])],
+)
+def test_what_is_written_can_be_compared(tmp_path, mopro, columns, arguments):
+    times = np.arange(0, 12, 0.02)
+    noisy = {
+        name: values + (1e-3 * np.random.default_rng(0).normal(size=len(times)))
+        for name, values in columns(times).items()
+    }
+    write_csv(tmp_path / "log.csv", {"time_s": times, **noisy})
+    imported(mopro, tmp_path, *arguments)
+    assert mopro("machine", "check", "out/machine.toml").returncode == 0
+    done = mopro("compare", "out/experiment.toml", "--json")
+    assert done.returncode in (0, 1), done.stderr
+    assert json.loads(done.stdout)["series"]
