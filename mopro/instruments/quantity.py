@@ -102,17 +102,45 @@ TEMPERATURE = Quantity(
 # By name in an experiment file, in the order in which an experiment is designed for them.
 QUANTITIES = {quantity.name: quantity for quantity in (POSITION, FORCE, TEMPERATURE)}
 
-# Quantities that sensors of any machine measure, with a unit of each dimension that they may have.
-DIMENSIONS_MEASURED: dict[str, tuple[str, ...]] = {
-    "position": ("m", "rad", "count"),
-    "angle": ("rad", "count"),
-    "speed": ("m/s", "rad/s", "count/s"),
-    "force": ("N",),
-    "torque": ("N m",),
-    "current": ("A",),
-    "voltage": ("V",),
-    "duty": ("1",),
-    "temperature": ("C",),
+
+@dataclass(frozen=True)
+class Measurable:
+    """A quantity that sensors of any machine measure.
+
+    `units`: one of each dimension that it may have. `reads`: the state of an axis that such a
+    sensor reads (`x` or `v`), "" for the input of the quantity's name. `of_node`: it is read
+    from a thermal node, where there are such.
+    """
+
+    name: str
+    units: tuple[str, ...]
+    reads: str = ""
+    of_node: bool = False
+
+    @property
+    def tells_place(self) -> bool:
+        """True if it tells where an axis is."""
+        return self.reads == "x"
+
+    @property
+    def tells_speed(self) -> bool:
+        """True if it tells how fast an axis moves, and not where it is."""
+        return self.reads == "v"
+
+
+MEASURABLES = {
+    measurable.name: measurable
+    for measurable in (
+        Measurable("position", ("m", "rad", "count"), reads="x"),
+        Measurable("angle", ("rad", "count"), reads="x"),
+        Measurable("speed", ("m/s", "rad/s", "count/s"), reads="v"),
+        Measurable("force", ("N",)),
+        Measurable("torque", ("N m",)),
+        Measurable("current", ("A",)),
+        Measurable("voltage", ("V",)),
+        Measurable("duty", ("1",)),
+        Measurable("temperature", ("C",), of_node=True),
+    )
 }
 # What the name of a column may end in, and the unit that it stands for; the longest counts.
 _SUFFIXES = {

@@ -85,9 +85,9 @@ def _first_motion(run: Run) -> tuple[float, float, float, float]:
 
     In SI, as the start of a run is.
     """
-    placed = [r for r in run.readings if r.sensor.quantity in ("position", "angle")]
+    placed = [r for r in run.readings if r.sensor.quantity.tells_place]
     if not placed:
-        moving = [r for r in run.readings if r.sensor.quantity == "speed"]
+        moving = [r for r in run.readings if r.sensor.quantity.tells_speed]
         reach = max((float(np.max(np.abs(_si(r)))) for r in moving), default=1.0) or 1.0
         first = float(_si(moving[0])[0]) if moving else 0.0
         return 0.0, first, reach, _REACH * reach

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mopro.formula import Dimension
 from mopro.formula.evaluate import Floats
+from mopro.instruments.quantity import Measurable
 from mopro.rig.model import Rig, Written
 from mopro.source import Source
 from mopro.tomlfile import Value
@@ -26,7 +27,7 @@ class Sensor:
     """
 
     name: str
-    quantity: str
+    quantity: Measurable
     column: str
     unit: str
     factor: float

@@ -24,6 +24,8 @@ ENTERS = {
     THERMAL: (POWER, AMBIENT, INPUT, MEASUREMENT),
     PYTHON: (),
 }
+# Where a term is a part of an equation, which is evaluated moment by moment.
+IN_EQUATIONS = (FORCE, FRICTION, POWER)
 AMPLITUDE, SHAPE, PERIOD = ROLES = ("amplitude", "shape", "period")
 
 

@@ -7,11 +7,8 @@ from mopro.formula.dimension import NUMBER
 from mopro.rig.data import RigExperiment, Sensor
 from mopro.rig.file import catalogue
 from mopro.rig.model import (
-    AMBIENT,
-    AXIS,
     COMMAND,
-    FORCE,
-    FRICTION,
+    IN_EQUATIONS,
     INPUT,
     KINEMATIC,
     MEASUREMENT,
@@ -20,7 +17,6 @@ from mopro.rig.model import (
     THERMAL,
     Effect,
     Rig,
-    Written,
 )  # fmt: skip
 
 Dimensions = dict[str, Dimension | None]
@@ -146,7 +142,7 @@ def check(experiment: RigExperiment, effects: tuple[Effect, ...]) -> None:
         law.check(names, _law_dimension(experiment), "the law")
     for sensor in sensors_of(experiment):
         if rig.kind != PYTHON:
-            sensor.reads.check(known, None if sensor.quantity == "count" else sensor.dimension,
+            sensor.reads.check(known, sensor.dimension,
                                f"sensor {sensor.name}")  # fmt: skip
     for effect in effects:
         if rig.kind != PYTHON:
@@ -176,7 +172,7 @@ def _check_effect(effect: Effect, experiment: RigExperiment, known: Dimensions) 
     if effect.target and not sensors and effect.enters == MEASUREMENT and effect.value is not None:
         raise effect.value["enters"].error(f"there is no sensor {effect.target}", "unknown-name")
     effect.term.check(known | own, wanted, f"what enters as {effect.enters}")
-    if effect.term.formula.of_signals and effect.enters in (FORCE, FRICTION, POWER):
+    if effect.term.formula.of_signals and effect.enters in IN_EQUATIONS:
         assert effect.value is not None
         message = "lag, delayed, play and the like act on whole signals, not inside an equation"
         raise effect.value["formula"].error(message, "bad-formula")
@@ -216,10 +212,3 @@ def axis_law(experiment: RigExperiment) -> Formula | None:
     parts += ["-spring * x"] if "spring" in has else []
     parts += ["-gravity * sin(x)"] if "gravity" in has else []
     return parse(" + ".join(parts) or "0")
-
-
-__all__ = [
-    "AMBIENT", "AXIS", "COMMAND", "FRICTION", "Written", "axis_dimension", "axis_law",
-    "capacity_of", "check", "effects_of", "force_dimension", "in_a_node", "inertia_of",
-    "names_of", "sensors_of",
-]  # fmt: skip

@@ -52,7 +52,7 @@ def _told(model: Model, run: Run, reading: Reading) -> bool:
 
     The place that an axis takes under its forces does not describe its own error.
     """
-    placed = reading.sensor.quantity in ("position", "angle")
+    placed = reading.sensor.quantity.tells_place
     return (
         model.rig.kind != THERMAL and not run.feedback and not (placed and model.rig.kind == AXIS)
     )
@@ -75,7 +75,7 @@ def _labels(run: Run, reading: Reading, states: Mapping[str, Floats]) -> dict[st
     """Position, speed and acceleration of the model, in the unit of a position sensor or in SI."""
     if "x" not in states or len(run.time_s) < 2 or not np.isfinite(states["x"]).all():
         return {}
-    placed = reading.sensor.quantity in ("position", "angle")
+    placed = reading.sensor.quantity.tells_place
     x = states["x"] / (reading.sensor.factor if placed else 1.0)
     if not np.ptp(x):
         return {}

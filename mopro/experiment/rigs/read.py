@@ -17,7 +17,7 @@ from mopro.experiment.rigs.command import command_of
 from mopro.formula import Formula, FormulaError, UnitError, dimension_of_unit, factor_of, parse
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.language import check_names
-from mopro.instruments.quantity import DIMENSIONS_MEASURED, unit_of_column
+from mopro.instruments.quantity import MEASURABLES, Measurable, unit_of_column
 from mopro.rig.data import Reading, RigExperiment, Run, Sensor
 from mopro.rig.file import check_name, load_rig
 from mopro.rig.model import AMBIENT, AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, Rig, Written
@@ -188,7 +188,7 @@ class _Reader:
 
 def _with_unit(machine: Rig, sensors: list[Sensor]) -> Rig:
     """The machine, in the unit of the first sensor of a place if it states none."""
-    placed = next((s for s in sensors if s.quantity in ("position", "angle")), None)
+    placed = next((s for s in sensors if s.quantity.tells_place), None)
     if machine.unit or machine.kind in (THERMAL, PYTHON):
         return machine
     return replace(machine, unit=placed.unit if placed else "1")
@@ -307,8 +307,7 @@ def _sensor(entry: Value, machine: Rig) -> Sensor | None:
     before = entry.faults
     entry.only(_SENSOR_KEYS)
     name = entry.need("name", text(), "the sensor has no name")
-    quantities = tuple(DIMENSIONS_MEASURED)
-    quantity = entry.need("quantity", one_of(*quantities), f"{shown(name)} has no quantity")
+    stated = entry.need("quantity", one_of(*MEASURABLES), f"{shown(name)} has no quantity")
     column = entry.need("column", text(), f"{shown(name)} has no column")
     unit = entry.get("unit", text(), unit_of_column(column or ""))
     noise = entry.need(
@@ -321,21 +320,20 @@ def _sensor(entry: Value, machine: Rig) -> Sensor | None:
     scale = entry.get("scale", _free_or_number, 1.0)
     sign = entry.get("sign", _sign, 1)
     reads = entry.get("reads", _formula, None)
-    if entry.faults > before or quantity is None or name is None:
+    if entry.faults > before or stated is None or name is None:
         return None
+    quantity = MEASURABLES[stated]
     if unit is None:
         entry.report(f"{column} ends in no unit: state unit", "wrong-unit", at="column")
         return None
-    if dimension_of_unit_or_none(unit) not in [
-        dimension_of_unit(u) for u in DIMENSIONS_MEASURED[quantity]
-    ]:
-        entry.report(f"{unit} is no unit of {quantity}", "wrong-unit", at="unit")
+    if dimension_of_unit_or_none(unit) not in [dimension_of_unit(u) for u in quantity.units]:
+        entry.report(f"{unit} is no unit of {quantity.name}", "wrong-unit", at="unit")
         return None
     if scale == 0:
         entry.report("a scale of 0 reads nothing", at="scale")
         return None
     several = machine.kind == THERMAL and len(machine.nodes) > 1
-    if reads is None and several and quantity == "temperature" and name not in machine.nodes:
+    if reads is None and several and quantity.of_node and name not in machine.nodes:
         listed = ", ".join(machine.nodes)
         message = f"state what it reads, one of {listed}: it is not called as a node"
         entry.report(message, "missing-key", at="name")
@@ -370,11 +368,10 @@ def _drift(value: Value) -> float | None:
     return table.need("every_s", number(0.0, above=True), "expected { every_s = 100 }")
 
 
-def _default_reads(quantity: str, name: str, machine: Rig) -> Written:
-    if quantity == "temperature" and machine.kind == THERMAL:
+def _default_reads(quantity: Measurable, name: str, machine: Rig) -> Written:
+    if quantity.of_node and machine.kind == THERMAL:
         return Written.of(name if name in machine.nodes else machine.nodes[0])
-    names = {"position": "x", "angle": "x", "speed": "v"}
-    return Written.of(names.get(quantity, quantity))
+    return Written.of(quantity.reads or quantity.name)
 
 
 # -- data --------------------------------------------------------------------------------
@@ -537,9 +534,9 @@ class _Data:
         machine, stated = self._entries.machine, self._entry.start
         factor = factor_of(machine.unit or "1")
         if machine.kind == AXIS:
-            seen = {r.sensor.quantity for r in readings}
-            default_x = None if seen & {"position", "angle"} else 0.0
-            default_v = None if seen & {"position", "angle", "speed"} else 0.0
+            placed = any(r.sensor.quantity.tells_place for r in readings)
+            moving = placed or any(r.sensor.quantity.tells_speed for r in readings)
+            default_x, default_v = None if placed else 0.0, None if moving else 0.0
             found = {"x": default_x, "v": default_v}
             return found | {n: None if v is None else v * factor for n, v in stated.items()}
         if machine.kind == THERMAL:
