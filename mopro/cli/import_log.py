@@ -75,7 +75,7 @@ def command(
 
 
 def _checks(experiment: Path) -> list[str]:
-    """What the files ask to be checked, in their order."""
+    """The lines of the files that ask for a check, in their order."""
     found = []
     for file in (experiment, experiment.with_name("machine.toml")):
         if file.exists():

@@ -1,4 +1,4 @@
-"""How a measured column follows a command: delay with interval, scale, sign, offset."""
+"""Agreement of a measured column with a command: delay with interval, scale, sign, offset."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Agreement:
         return abs(self.delay_s) > max(self.delay_ci_s, self.interval_s)
 
     def words(self) -> list[str]:
-        """What a person should look at: scale, sign and delay in words."""
+        """Words for a person to check: scale, sign and delay in words."""
         if not self.related:
             return []
         found = [text for text in (_scale_words(self.scale),) if text]

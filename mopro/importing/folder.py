@@ -27,7 +27,7 @@ _LATEST_START_S = 1.0
 
 @dataclass(frozen=True)
 class Imported:
-    """What was written, and on which decisions."""
+    """The files written, and the decisions behind them."""
 
     files: tuple[Path, ...]
     proposal: Proposal

@@ -19,7 +19,7 @@ _AXES_OF_SAWYER = 2
 
 @dataclass(frozen=True)
 class Wishes:
-    """What the user states instead of the log: kind, commands, measured columns."""
+    """Facts that the user states instead of the log: kind, commands, measured columns."""
 
     kind: str | None = None
     commands: tuple[str, ...] = ()

@@ -32,7 +32,7 @@ _MARKS = {
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text is read: `first_line` is that of the first row of data.
+    """Layout of a text of rows: `first_line` is that of the first row of data.
 
     `names` are the headings, `units` the cells of a row of units below them (or None), `sample`
     the cells of the first rows.

@@ -24,7 +24,7 @@ ROW_CLOCK = "row"
 
 @dataclass(frozen=True)
 class Asked:
-    """What the caller knows about a log: column and unit of the times, or the rate instead.
+    """Facts about a log that the caller states: column and unit of the times, or the rate instead.
 
     `missing` are words that stand for a missing reading.
     """
