@@ -14,7 +14,7 @@ _TIME_UNITS = ("s", "ms", "us", "ns", "min", "h")
 
 
 def log_options() -> Callable[[Any], Any]:
-    """Options for facts that a log may not state: its times, and its words for a missing reading."""
+    """Options for facts that a log may not state: its times, its words for a missing reading."""
     options = [
         click.option("--time", metavar="COLUMN", help="The column of times."),
         click.option("--time-unit", type=click.Choice(_TIME_UNITS), help="Unit of the times."),
