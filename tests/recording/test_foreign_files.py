@@ -59,30 +59,29 @@ def test_a_small_file_of_very_many_rows_is_refused_before_it_is_read(tmp_path, m
     assert "100001 rows of 1 columns, expected at most 100000 rows" in refusal(path)
 
 
+def with_header(path, text):
+    """The recording `path` of one column, in the format of its suffix, with `text` as header."""
+    if path.suffix == ".parquet":
+        parquet(path, {"time_s": TIMES}, text)
+    elif path.suffix == ".csv":
+        path.write_text(f"# mopro {text}\ntime_s\n0.0\n")
+    else:
+        np.savez(path, time_s=TIMES, mopro=np.frombuffer(text.encode(), np.uint8))
+    return path
+
+
 @pytest.mark.parametrize(
     "text", ["", "{}", "[1]", "null", '{"a": 1}', "[" * 100_000, "9" * 6000, '"' * 10]
 )
 @pytest.mark.parametrize("suffix", [".parquet", ".csv", ".npz"])
 def test_a_header_that_is_none(tmp_path, text, suffix):
-    path = tmp_path / f"r{suffix}"
-    if suffix == ".parquet":
-        parquet(path, {"time_s": TIMES}, text)
-    elif suffix == ".csv":
-        path.write_text(f"# mopro {text}\ntime_s\n0.0\n")
-    else:
-        np.savez(path, time_s=TIMES, mopro=np.frombuffer(text.encode(), np.uint8))
+    path = with_header(tmp_path / f"r{suffix}", text)
     assert "is no recording" in refusal(path)
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".csv", ".npz"])
 def test_a_header_beyond_its_bound(tmp_path, suffix):
-    path, text = tmp_path / f"r{suffix}", " " * (1 << 20) + TEXT
-    if suffix == ".parquet":
-        parquet(path, {"time_s": TIMES}, text)
-    elif suffix == ".csv":
-        path.write_text(f"# mopro {text}\ntime_s\n0.0\n")
-    else:
-        np.savez(path, time_s=TIMES, mopro=np.frombuffer(text.encode(), np.uint8))
+    path = with_header(tmp_path / f"r{suffix}", " " * (1 << 20) + TEXT)
     assert "is no recording" in refusal(path)
 
 
