@@ -18,7 +18,7 @@ from mopro.experiment.model import Experiment
 from mopro.experiment.read.file import read_entries
 from mopro.experiment.rigs import compare as rig_compare
 from mopro.experiment.rigs import conclude as rig_conclude
-from mopro.experiment.rigs.read import RigEntries, read_rig_entries
+from mopro.experiment.rigs.entries import RigEntries, read_rig_entries
 from mopro.experiment.rigs.study import Study, study
 from mopro.machine import load_machine
 from mopro.rig.file import kind_of

@@ -15,7 +15,8 @@ from mopro.diagnosis import Parameter, Series
 from mopro.diagnosis.residual import Residuals
 from mopro.errors import DataError, ModelError
 from mopro.experiment.rigs.doubts import check_scales
-from mopro.experiment.rigs.read import RigEntries, read_rig_experiment
+from mopro.experiment.rigs.entries import RigEntries
+from mopro.experiment.rigs.read import read_rig_experiment
 from mopro.formula.evaluate import Floats
 from mopro.rig.base import BaseFit, base_of, fitted_base
 from mopro.rig.data import RigExperiment
