@@ -5,7 +5,7 @@
 The first, second, ... call of a kind fails: opening to write or to read, write, fsync, rename,
 mkdir, unlink, change of mode. Calls are those of Python on files below the working folder,
 the cache included. What libraries write that are not Python meets the last kind, a disk that is
-full at one to seven eighths of the largest output (if that is 4 KiB or more). Prints for each
+full at one to seven eighths of the largest output (but not below 4 KiB). Prints for each
 command and kind the tries and the failures, and exits with 1 if there is any:
 
 - an output that is neither what it was before nor complete, or an input that is gone,

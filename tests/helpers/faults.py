@@ -126,8 +126,9 @@ class Workplace:
         """The trial, or None if there were fewer calls of this kind."""
         limit = 0
         if call == FULL_DISK:
-            limit = number * max(map(len, self.expected.values())) // _EIGHTHS
-            if number >= _EIGHTHS or limit < _SMALLEST_LIMIT:
+            largest = max(map(len, self.expected.values()))
+            limit = max(_SMALLEST_LIMIT, number * largest // _EIGHTHS)
+            if number >= _EIGHTHS or limit >= largest:
                 return None
         code, called, said = self._run(call, number, limit)
         if called < number and not limit:
