@@ -51,7 +51,7 @@ def _play(signal: Floats, width: float) -> Floats:
 
 
 def play(time_s: Floats, signal: Floats, width: float) -> Floats:
-    """The output of a play (backlash) of full `width`, in its middle at the beginning."""
+    """The output of a play of full `width`, in its middle at the beginning."""
     found: Floats = _play(signal, max(width, 0.0))
     return found
 

@@ -115,7 +115,7 @@ def _delimiter(lines: list[str]) -> str:
             return 0.0, 0.0
         cells = [cell for row in rows if len(row) == width for cell in row]
         usable = sum(_holds_data(c) or c.lower() in MISSING for c in cells)
-        return count / len(rows) * usable / len(cells), float(width)
+        return count / len(rows) * usable / sum(map(len, rows)), float(width)
 
     best = max(_DELIMITERS, key=score)
     return best if score(best)[0] > 0 else ","

@@ -55,6 +55,7 @@ def first_clock(log):
         "time,pos_mm\n2026-11-22 19:30:54.1+01:00,1.5\n2026-11-22 19:30:54.2+01:00,2.5\n"
         "2026-11-22 19:30:54.3+01:00,-3\n",
         "time,pos_mm\n23:59:59.9,1.5\n0:00:00.0,2.5\n0:00:00.1,-3\n",
+        "time_s\tpos [mm]\tnote, or not\n0\t1.5\tword\n0.1\t2.5\tword\n0.2\t-3\tword\n",
     ],
 )
 def test_every_layout_gives_the_same_columns(log, content):

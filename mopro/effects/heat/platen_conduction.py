@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
 
-from mopro.diagnosis.model import Candidate, Role
-from mopro.diagnosis.model import Parameter as Fitted
-from mopro.effects.base import Domain, Effect, Parameter, Surroundings, View
+from mopro.effects.base import Domain, Effect, Parameter, Surroundings
 
 
 class PlatenConduction(Effect):
@@ -33,19 +29,3 @@ class PlatenConduction(Effect):
     def heat(self, here: Surroundings, *p: float) -> None:
         conductance = p[0] + p[1] * math.hypot(*here.lengths_m)
         here.extra_W -= conductance * (here.temperature_C - p[2])
-
-    def forms(self, view: View) -> Iterator[Candidate]:
-        """Its forms with the platen's temperature free, as nobody measured it.
-
-        A machine file that states it is believed.
-        """
-        stated = "T_p" in view.own(self.name)
-        low, high = self.parameter("T_p").plausible
-        platen = Fitted(
-            "T_p", "C", low, high, (view.machine.heat.ambient_C,), Role.CONSTANT,
-            plausible=(low, high),
-        )  # fmt: skip
-        for form in super().forms(view):
-            fixed = {name: value for name, value in form.fixed.items() if name != "T_p"}
-            freed = replace(form, parameters=(*form.parameters, platen), fixed=fixed)
-            yield form if stated else freed
