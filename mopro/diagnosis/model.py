@@ -230,6 +230,14 @@ class Series:
     def nuisance_shapes(self) -> Floats:
         return np.ones((len(self), 1)) if self.nuisances is None else self.nuisances
 
+    def without_nuisances(self, residual: Floats) -> Floats:
+        """A residual of this series (samples, in its unit) less the nuisances fitted to it."""
+        shapes = self.nuisance_shapes()
+        if not shapes.shape[1]:
+            return residual
+        left: Floats = residual - shapes @ np.linalg.lstsq(shapes, residual, rcond=None)[0]
+        return left
+
 
 class Simulate(Protocol):
     """Predict each series, in their order, lengths and units, with the effects in `settings`.

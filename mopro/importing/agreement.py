@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, signal
 
+from mopro.instruments.slips import UNIT_SLIPS
+
 Floats = NDArray[np.float64]
 
 _MOST_POINTS = 1 << 16
@@ -28,12 +30,9 @@ _FAR = 0.15
 _DEGREES = 180 / math.pi
 # Factor -> what it looks like; powers of ten are told apart.
 _FACTORS = {
-    _DEGREES: "degrees taken for radians",
-    1 / _DEGREES: "radians taken for degrees",
+    **{factor: f"{own} taken for {other}" for factor, (own, other) in UNIT_SLIPS.items()},
     3600 * _DEGREES: "arc seconds taken for radians",
     1 / (3600 * _DEGREES): "radians taken for arc seconds",
-    25.4: "millimetres taken for inches",
-    1 / 25.4: "inches taken for millimetres",
     2 * math.pi: "radians taken for turns",
     1 / (2 * math.pi): "turns taken for radians",
     5.0: "a factor of 5",

@@ -32,11 +32,12 @@ _NUMBERS = "iuf"
 # Before numpy 2, mopro 0.1.0 stored an option of the writer beside the columns.
 _NO_COLUMNS = {KEY, "allow_pickle"}
 
-# What the libraries raise for a file that is not what its name says: a member that the archive
-# lacks is a KeyError, its unknown compression a NotImplementedError, nested JSON a RecursionError.
+# What the libraries raise for a file that is not what its name says. An unknown compression is a
+# NotImplementedError (zipfile, pyarrow), JSON nested too deep a RecursionError, pyarrow's own are
+# ValueErrors.
 _FAULTS = (
-    EOFError, KeyError, NotImplementedError, OverflowError, RecursionError, ValueError,
-    csv.Error, zipfile.BadZipFile, zlib.error,
+    EOFError, NotImplementedError, RecursionError, ValueError, csv.Error, zipfile.BadZipFile,
+    zlib.error,
 )  # fmt: skip
 
 Wanted = Collection[str] | None

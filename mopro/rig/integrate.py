@@ -72,7 +72,7 @@ def _rubbed(
     first: float, h: float, x: float, v: float, codes: Any, segments: Any, variables: Floats,
     stack: Floats, inputs: Floats, held: Floats, i: int, begin: float, span: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """The same with dry friction, which holds an axis at rest or turns with its motion.
+    """One step with dry friction, which holds an axis at rest or turns with its motion.
 
     A step ends where the velocity passes zero, and what is left of it begins there.
     """

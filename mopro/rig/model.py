@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from mopro.errors import ModelError
-from mopro.formula import Dimension, Formula, FormulaError, dimension_of_unit, factor_of
+from mopro.formula import Dimension, Formula, FormulaError, factor_of
 from mopro.formula.dimension import dimension_in, words
 from mopro.formula.language import check_names, parse
 from mopro.source import Source
@@ -125,10 +125,6 @@ class Effect:
     own: bool = False
     driven: bool = False
     value: Value | None = field(default=None, compare=False)
-
-    @property
-    def dimensions(self) -> dict[str, Dimension]:
-        return {p.name: dimension_of_unit(p.unit) for p in self.parameters}
 
 
 @dataclass(frozen=True)

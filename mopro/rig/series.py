@@ -26,7 +26,7 @@ def series_of(model: Model, settings: Settings) -> list[Series]:
 
 
 def plain_series(model: Model) -> list[Series]:
-    """The same without labels, which need no simulation."""
+    """A Series for each reading, in order, without labels: no simulation is needed."""
     return [_series(model, run, reading, {}) for run, reading in model.readings]
 
 

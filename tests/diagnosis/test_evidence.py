@@ -89,7 +89,7 @@ def test_a_line_counts_by_the_power_of_the_noise_in_its_band(cycles, band):
 
 
 def test_a_slow_change_counts_little_against_noise_that_wanders():
-    """The same change in chi-squared, slow and quick, against a wander and white noise."""
+    """A slow and a quick change of equal chi-squared, against a wander and white noise."""
     rng = np.random.default_rng(2)
     wander = signal.lfilter([1.0], [1.0, -0.9], rng.standard_normal(5000))
     remainder = wander + 1.2 * rng.standard_normal(5000)

@@ -17,7 +17,7 @@ def record():
 
 
 def told(folder, record, machine=DRIVE, experiment=DRIVEN, *options):
-    """What `mopro compare` says on stderr of files that it refuses."""
+    """The stderr of `mopro compare` for files that it refuses."""
     (folder / "machine.toml").write_text(machine, encoding="utf-8")
     (folder / "experiment.toml").write_text(experiment, encoding="utf-8")
     write(folder / "run.csv", record)

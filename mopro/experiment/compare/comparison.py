@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mopro.diagnosis.noise_tests import whiteness_p
+from mopro.diagnosis.verdict import rms
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
 from mopro.experiment.compare.noise_tests import (
     chi2_p,
@@ -51,6 +52,22 @@ class Place:
     p_value: float | None
     significant: bool
 
+    @staticmethod
+    def of(
+        residual: Floats, noise_rms: float | None, p_value: float | None, level: float, **where: Any
+    ) -> Place:
+        """The place of a `residual`, significant at `level`; `where` are its other fields."""
+        size = rms(residual)
+        return Place(
+            count=len(residual),
+            mean=float(residual.mean()),
+            rms=size,
+            sigma=None if noise_rms is None else size / noise_rms,
+            p_value=p_value,
+            significant=p_value is not None and p_value < level,
+            **where,
+        )
+
 
 @dataclass(frozen=True)
 class SeriesTest:
@@ -71,6 +88,24 @@ class SeriesTest:
     memory_p: float | None
     white: bool | None
 
+    @staticmethod
+    def of(
+        residual: Floats, noise_rms: float | None, size_p: float | None, memory_p: float | None,
+        level: float, **which: Any,
+    ) -> SeriesTest:  # fmt: skip
+        """The tests of a `residual` at `level`; `which` are its other fields."""
+        size, known = rms(residual), [p for p in (size_p, memory_p) if p is not None]
+        return SeriesTest(
+            count=len(residual),
+            rms=size,
+            noise_rms=noise_rms,
+            sigma=None if noise_rms is None else size / noise_rms,
+            size_p=size_p,
+            memory_p=memory_p,
+            white=min(known) >= level if known else None,
+            **which,
+        )
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -79,6 +114,12 @@ class Comparison:
     verdict: str
     where: tuple[Place, ...]
     series: tuple[SeriesTest, ...]
+
+    @staticmethod
+    def of(where: Sequence[Place], series: Sequence[SeriesTest]) -> Comparison:
+        """The comparison of these places and series."""
+        first = sorted(where, key=lambda p: (not p.significant, -(p.sigma or 0.0), -p.rms))
+        return Comparison(_verdict_of(where, series), tuple(first), tuple(series))
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -114,11 +155,10 @@ def compare(
         rows, whole = _table(table, predict_table(table, experiment.machine), level)
         where += rows
         series.append(whole)
-    where.sort(key=lambda place: (not place.significant, -(place.sigma or 0.0), -place.rms))
-    return Comparison(verdict_of(where, series), tuple(where), tuple(series))
+    return Comparison.of(where, series)
 
 
-def verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
+def _verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
     """Verdict of a comparison with these places and series."""
     if any(s.white is False for s in series) or any(p.significant for p in where):
         return DISAGREEMENT
@@ -151,85 +191,42 @@ def _places(labels: Labels) -> Iterator[np.ndarray[Any, np.dtype[np.intp]]]:
 
 
 def _place(r: _Residual, rows: np.ndarray[Any, np.dtype[np.intp]], level: float) -> Place:
-    sensor, first = r.reading.sensor, int(rows[0])
-    values, z = r.values[rows], r.z[rows]
-    p_value = min(chi2_p(z), mean_p(z))
-    rms = _rms(values)
-    return Place(
+    sensor, first, z = r.reading.sensor, int(rows[0]), r.z[rows]
+    return Place.of(
+        r.values[rows],
+        sensor.sigma,
+        min(chi2_p(z), mean_p(z)),
+        level,
         run=r.run,
         line=int(r.labels.line[first]),
         phase=str(r.labels.phase[first]),
         axis=sensor.axis if sensor.quantity.of_axis else None,
         direction=int(r.labels.direction[first]),
         sensor=sensor.name,
-        unit=r.reading.sensor.unit,
-        count=len(rows),
-        mean=float(values.mean()),
-        rms=rms,
-        sigma=rms / sensor.sigma,
-        p_value=p_value,
-        significant=p_value < level,
+        unit=sensor.unit,
     )
 
 
 def _series(r: _Residual, level: float) -> SeriesTest:
-    sensor = r.reading.sensor
-    size_p, memory_p = chi2_p(r.z, fitted=1), whiteness_p(r.z)
-    rms = _rms(r.values)
-    return SeriesTest(
-        run=r.run,
-        sensor=sensor.name,
-        unit=r.reading.sensor.unit,
-        count=len(r.z),
-        rms=rms,
-        noise_rms=sensor.sigma,
-        sigma=rms / sensor.sigma,
-        size_p=size_p,
-        memory_p=memory_p,
-        white=min(size_p, memory_p) >= level,
-    )
+    sensor, size_p = r.reading.sensor, chi2_p(r.z, fitted=1)
+    return SeriesTest.of(
+        r.values, sensor.sigma, size_p, whiteness_p(r.z), level,
+        run=r.run, sensor=sensor.name, unit=sensor.unit,
+    )  # fmt: skip
 
 
 def _table(table: SteadyTable, predicted: Floats, level: float) -> tuple[list[Place], SeriesTest]:
     """Each row of a table as a Place, and the table as a whole; not judged without known noise."""
-    residual = table.rise_K - predicted
-    noise = table.noise_K
-    places = []
-    for row, value in enumerate(residual.tolist(), start=1):
-        p_value = None if noise is None else mean_p(np.array([value / noise]))
-        places.append(
-            Place(
-                run=table.name,
-                line=row,
-                phase=STEADY,
-                axis=None,
-                direction=0,
-                sensor="table",
-                unit="C",
-                count=1,
-                mean=value,
-                rms=abs(value),
-                sigma=None if noise is None else abs(value) / noise,
-                p_value=p_value,
-                significant=p_value is not None and p_value < level,
-            )
+    residual, noise = table.rise_K - predicted, table.noise_K
+    places = [
+        Place.of(
+            own, noise, None if noise is None else mean_p(own / noise), level, run=table.name,
+            line=row, phase=STEADY, axis=None, direction=0, sensor="table", unit="C",
         )
-    rms = _rms(residual)
+        for row, own in enumerate(residual[:, None], start=1)
+    ]  # fmt: skip
     size_p = None if noise is None else chi2_p(residual / noise)
-    whole = SeriesTest(
-        run=table.name,
-        sensor="table",
-        unit="C",
-        count=len(residual),
-        rms=rms,
-        noise_rms=noise,
-        sigma=None if noise is None else rms / noise,
-        size_p=size_p,
-        memory_p=None,
-        white=None if size_p is None else size_p >= level,
+    whole = SeriesTest.of(
+        residual, noise, size_p, None, level, run=table.name, sensor="table", unit="C"
     )
     return places, whole
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mopro.diagnosis import Series, Verdict
+from mopro.diagnosis.verdict import rms
 from mopro.effects import catalogue
 from mopro.experiment.compare.comparison import Place, compare
 from mopro.experiment.conclude.machine_file import machine_text, machine_with
@@ -128,7 +129,10 @@ def conclude(
         verdict=verdict,
         where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
         machine_text=machine_text(experiment, verdict),
-        rerun_rms=tuple(_rms(s, predicted) for s, predicted in zip(series, again({}), strict=True)),
+        rerun_rms=tuple(
+            rms(s.without_nuisances(s.values - own))
+            for s, own in zip(series, again({}), strict=True)
+        ),
         next_experiment=proposal,
         left_out=tuple(sorted(left_out)),
         tried=tuple(name for name in catalogue() if name not in left_out),
@@ -142,12 +146,3 @@ def _strict(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_strict(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _rms(series: Series, predicted: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    """RMS of the residual in the unit of `series`, the nuisances fitted and taken out."""
-    residual = series.values - predicted
-    shapes = series.nuisance_shapes()
-    if shapes.shape[1]:
-        residual = residual - shapes @ np.linalg.lstsq(shapes, residual, rcond=None)[0]
-    return float(np.sqrt(np.mean(residual**2)))

@@ -13,7 +13,6 @@ from mopro.experiment.compare.comparison import (
     Comparison,
     Place,
     SeriesTest,
-    verdict_of,
 )
 from mopro.experiment.compare.noise_tests import chi2_p, mean_p
 from mopro.experiment.rigs.study import Study
@@ -38,8 +37,7 @@ def compare(study: Study) -> Comparison:
         for own, residual, parts in zip(study.series, residuals, groups, strict=True)
         for rows in parts
     ]
-    where.sort(key=lambda place: (not place.significant, -(place.sigma or 0.0), -place.rms))
-    return Comparison(verdict_of(where, series), tuple(where), series)
+    return Comparison.of(where, series)
 
 
 def _direction(series: Series) -> Floats:
@@ -64,8 +62,11 @@ def _place(
     own, sigma, time_s = residual[rows], series.sigma, series.time_s
     assert time_s is not None, "a reading has times"
     p_value = None if sigma is None else min(chi2_p(own / sigma), mean_p(own / sigma))
-    rms = _rms(own)
-    return Place(
+    return Place.of(
+        own,
+        sigma,
+        p_value,
+        level,
         run=series.run,
         line=NO_LINE,
         phase=f"{time_s[rows[0]]:.4g} to {time_s[rows[-1]]:.4g} s",
@@ -73,35 +74,17 @@ def _place(
         direction=int(_direction(series)[rows[0]]),
         sensor=series.sensor,
         unit=series.unit,
-        count=len(rows),
-        mean=float(own.mean()),
-        rms=rms,
-        sigma=None if sigma is None else rms / sigma,
-        p_value=p_value,
-        significant=p_value is not None and p_value < level,
     )
 
 
 def _series(series: Series, residual: Floats, level: float) -> SeriesTest:
-    sigma, rms = series.sigma, _rms(residual)
+    sigma = series.sigma
     size_p = None if sigma is None else chi2_p(residual / sigma, fitted=1)
-    memory_p = whiteness_p(residual / sigma) if sigma is not None else None
-    return SeriesTest(
-        run=series.run,
-        sensor=series.sensor,
-        unit=series.unit,
-        count=len(series),
-        rms=rms,
-        noise_rms=sigma,
-        sigma=None if sigma is None else rms / sigma,
-        size_p=size_p,
-        memory_p=memory_p,
-        white=None if size_p is None or memory_p is None else min(size_p, memory_p) >= level,
-    )
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    memory_p = None if sigma is None else whiteness_p(residual / sigma)
+    return SeriesTest.of(
+        residual, sigma, size_p, memory_p, level,
+        run=series.run, sensor=series.sensor, unit=series.unit,
+    )  # fmt: skip
 
 
 def worst(places: Sequence[Place], most: int) -> tuple[Place, ...]:

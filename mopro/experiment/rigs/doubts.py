@@ -10,16 +10,14 @@ import numpy as np
 
 from mopro.diagnosis import Parameter, Series
 from mopro.formula.evaluate import Floats
+from mopro.instruments.slips import UNIT_SLIPS
 from mopro.rig.base import BaseFit, fitted_base, slope_of
 from mopro.rig.model import KINEMATIC
 from mopro.rig.simulation import START, Model
 
 # Factors by which a reading may be off, and what they stand for.
 _KNOWN: dict[float, str] = {
-    180 / math.pi: "degrees are taken for radians",
-    math.pi / 180: "radians are taken for degrees",
-    25.4: "millimetres are taken for inches",
-    1 / 25.4: "inches are taken for millimetres",
+    **{factor: f"{own} are taken for {other}" for factor, (own, other) in UNIT_SLIPS.items()},
     10.0: "a factor of 10",
     0.1: "a factor of 1/10",
     100.0: "a factor of 100",
@@ -78,8 +76,7 @@ def _hint(factor: float) -> str:
 
 def _of_line(series: Series, predicted: Floats) -> float | None:
     """The known factor, or the sign, by which the readings are off the simulated ones."""
-    shapes = series.nuisance_shapes()
-    measured, simulated = (_apart(shapes, values) for values in (series.values, predicted))
+    measured, simulated = map(series.without_nuisances, (series.values, predicted))
     power = float(measured @ measured)
     slope = slope_of(measured, simulated)
     if not math.isfinite(slope) or not power:
@@ -99,13 +96,6 @@ def _named(slope: float) -> float | None:
         return None
     factor = min(near, key=lambda f: abs(math.log(abs(slope) / f)))
     return None if factor == 1.0 and slope > 0 else math.copysign(factor, slope)
-
-
-def _apart(shapes: Floats, values: Floats) -> Floats:
-    if not shapes.shape[1]:
-        return values
-    found: Floats = values - shapes @ np.linalg.lstsq(shapes, values, rcond=None)[0]
-    return found
 
 
 def _of_fits(
@@ -139,9 +129,9 @@ def _share_left(
     names = {START.format(model.readings[nth][0].name, state) for state in model.states}
     parameters = [_scaled(p, factor) if p.name in names else p for p in base.parameters]
     fit = fitted_base(model, scaled, parameters, at_once=True)
-    shapes = scaled[nth].nuisance_shapes()
-    left = _apart(shapes, np.nan_to_num(scaled[nth].values - model(fit.settings)[nth], nan=1e9))
-    whole = _apart(shapes, scaled[nth].values)
+    own = scaled[nth]
+    left = own.without_nuisances(np.nan_to_num(own.values - model(fit.settings)[nth], nan=1e9))
+    whole = own.without_nuisances(own.values)
     return float(left @ left) / (float(whole @ whole) or 1.0)
 
 

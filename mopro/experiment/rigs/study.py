@@ -42,15 +42,10 @@ class Study:
 
     def residuals(self, predicted: Sequence[Floats]) -> list[Floats]:
         """Measured less predicted, without the fitted offsets and drifts, in each unit."""
-        return [_without(s, s.values - own) for s, own in zip(self.series, predicted, strict=True)]
-
-
-def _without(series: Series, residual: Floats) -> Floats:
-    shapes = series.nuisance_shapes()
-    if not shapes.shape[1]:
-        return residual
-    fitted: Floats = residual - shapes @ np.linalg.lstsq(shapes, residual, rcond=None)[0]
-    return fitted
+        return [
+            s.without_nuisances(s.values - own)
+            for s, own in zip(self.series, predicted, strict=True)
+        ]
 
 
 def study(entries: RigEntries, allow_python: bool = False) -> Study:
