@@ -99,16 +99,21 @@ def test_neither_a_part_of_the_answer_nor_a_set_that_contains_it_is_an_alternati
     assert alternatives(sets, Screening(sets), line) == ()
 
 
-def test_two_pairs_of_effects_that_explain_the_same_are_alternatives_as_sets():
-    """A + D = B + C up to a little of another shape; no single effect stands for another one."""
+def of_pairs(apart):
+    """The verdict on A + D, which is B + C but for `apart` of another shape."""
     t = times()
     u, v, w, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0))
-    shapes = {"A": u + v, "B": u + w, "C": v + z + 0.05 * np.cos(29 * t), "D": w + z}
+    shapes = {"A": u + v, "B": u + w, "C": v + z + apart * np.cos(29 * t), "D": w + z}
 
     def simulate(settings):
         return [sum((own["size"] * shapes[name] for name, own in settings.items()), 0 * t)]
 
-    verdict = diagnosed(simulate, candidates(*shapes), of_size(A=1.0, D=1.0), 1.0, 1)
+    return diagnosed(simulate, candidates(*shapes), of_size(A=1.0, D=1.0), 1.0, 1)
+
+
+def test_two_pairs_of_effects_that_explain_the_same_are_alternatives_as_sets():
+    """A + D = B + C up to a little of another shape; no single effect stands for another one."""
+    verdict = of_pairs(0.05)
     assert verdict.verdict == "ambiguous"
     named = {effect.name for effect in verdict.effects}
     assert [named, *map(set, verdict.alternatives)] in ([{"A", "D"}, {"B", "C"}],
@@ -123,13 +128,6 @@ def test_two_pairs_of_effects_that_explain_the_same_are_alternatives_as_sets():
 
 
 def test_pairs_that_the_data_can_tell_apart_are_no_alternatives():
-    t = times()
-    u, v, w, z = (np.sin(f * t) for f in (7.0, 11.0, 17.0, 23.0))
-    shapes = {"A": u + v, "B": u + w, "C": v + z + 0.3 * np.cos(29 * t), "D": w + z}
-
-    def simulate(settings):
-        return [sum((own["size"] * shapes[name] for name, own in settings.items()), 0 * t)]
-
-    verdict = diagnosed(simulate, candidates(*shapes), of_size(A=1.0, D=1.0), 1.0, 1)
+    verdict = of_pairs(0.3)
     assert (verdict.verdict, verdict.alternatives) == ("named", ())
     assert {effect.name for effect in verdict.effects} == {"A", "D"}
