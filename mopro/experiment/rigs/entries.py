@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
-from mopro.formula import Formula, FormulaError, UnitError, dimension_of_unit, factor_of, parse
+from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, parse
+from mopro.formula.entry import check_name, read_formula
+from mopro.formula.written import Written
 from mopro.instruments.quantity import MEASURABLES, Measurable, unit_of_column
 from mopro.rig.data import Sensor
-from mopro.rig.file import check_name, load_rig
-from mopro.rig.model import AMBIENT, AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, Rig, Written
+from mopro.rig.file import HOSTS, load_rig
+from mopro.rig.model import AMBIENT, AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, Rig
 from mopro.source import Source
 from mopro.tomlfile import Document, Refused, Value, read_source, shown
 from mopro.tomlfile.schema import flag, number, number_in, one_of, table_in, text
@@ -200,12 +202,7 @@ def _part(value: Value) -> tuple[float, float]:
 
 
 def _formula(value: Value) -> Written:
-    stated = text(message=f"expected {value.key}: a formula of the data's columns")(value)
-    try:
-        return Written(parse(stated), value)
-    except FormulaError as error:
-        found = value.error_inside(str(error), error.start, error.end, "bad-formula")
-        raise value.include(found) from error
+    return read_formula(value, "a formula of the data's columns")
 
 
 def _texts(value: Value) -> dict[str, str]:
@@ -264,7 +261,7 @@ def _inputs(kind: str) -> Callable[[Value], dict[str, _Input]]:
         found = {}
         for entry in table_in(section).values():
             if entry.key != AMBIENT:
-                check_name(entry, kind)
+                check_name(entry, HOSTS[kind].reserved)
             found[entry.key] = section.get(entry.key, _input, None)
         return {name: made for name, made in found.items() if made is not None}
 
