@@ -9,9 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING
 
 from mopro.effects.base import Active, Effect
 from mopro.errors import MoproError
+
+if TYPE_CHECKING:
+    from mopro.formula.written import WrittenEffect
+    from mopro.machine import Machine
 
 ENTRY_POINTS = "mopro.effects"
 
@@ -100,6 +105,12 @@ class Catalogue(Mapping[str, Effect]):
     def __len__(self) -> int:
         return len(self._effects)
 
+    def beside(self, effects: Iterable[Effect]) -> Catalogue:
+        """This catalogue with `effects`, which take the place of others of their names."""
+        made = Catalogue({})
+        made._effects = {**self._effects, **{effect.name: effect for effect in effects}}
+        return made
+
     def stated_elsewhere(self) -> list[Effect]:
         """The effects that a machine file may state outside of `[effects]`."""
         return [self[name] for name in self if name not in _TARGETS or name in STATED_ELSEWHERE]
@@ -119,6 +130,21 @@ def catalogue() -> Catalogue:
             raise MoproError(message, "bad-effect")
         packaged[effect.name] = effect
     return Catalogue(packaged)
+
+
+def catalogue_of(machine: Machine) -> Catalogue:
+    """All effects by name, with those that the machine's file states as formulas.
+
+    Raises MoproError as `catalogue` does.
+    """
+    return _with_formulas(machine.formulas) if machine.formulas else catalogue()
+
+
+@cache
+def _with_formulas(formulas: tuple[WrittenEffect, ...]) -> Catalogue:
+    from mopro.effects.formula import effect_of  # few machines have any
+
+    return catalogue().beside(map(effect_of, formulas))
 
 
 def own_effects() -> Catalogue:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from mopro.errors import ModelError
 from mopro.formula.dimension import Dimension, dimension_in, factor_of, words
@@ -89,3 +91,20 @@ class WrittenEffect:
     own: bool = False
     driven: bool = False
     value: Value | None = field(default=None, compare=False)
+
+
+def toml_lines(effect: WrittenEffect) -> list[str]:
+    """The section `[[effect]]` that states an effect of a file, without its comments."""
+    assert effect.value is not None, "it was read from a file"
+    return ["[[effect]]", *(f"{key} = {_toml(data)}" for key, data in effect.value.data.items())]
+
+
+def _toml(data: Any) -> str:
+    """Text, number, truth, or a list or table of them, in one line."""
+    if isinstance(data, dict):
+        return f"{{ {', '.join(f'{key} = {_toml(own)}' for key, own in data.items())} }}"
+    if isinstance(data, list):
+        return f"[{', '.join(map(_toml, data))}]"
+    if not isinstance(data, str | bool):
+        return repr(data)
+    return json.dumps(data, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from mopro.effects import Active, Domain, catalogue
+from mopro.effects import Active, Domain, catalogue_of
 from mopro.effects.base import Surroundings
 from mopro.effects.resolve import active_effects, with_values
 from mopro.experiment.model import Floats, SteadyTable
@@ -63,9 +63,9 @@ def rises(
 
 
 def _active(machine: Machine, effects: Mapping[str, Mapping[str, float]]) -> list[Active]:
-    chosen = {a.name: a for a in active_effects(machine, catalogue())}
+    chosen = {a.name: a for a in active_effects(machine, catalogue_of(machine))}
     for name, values in effects.items():
-        chosen[name] = with_values(catalogue()[name], values)
+        chosen[name] = with_values(catalogue_of(machine)[name], values)
     return [a for a in chosen.values() if a.effect.domain is Domain.HEAT]
 
 
