@@ -74,15 +74,15 @@ def kind_of(name_or_path: str | Path) -> str | None:
 def load_rig(name_or_path: str | Path) -> Rig:
     """The machine of that file, or a bare kinematic one; ModelError with all findings.
 
-    Other kinds have numbers or formulas that only a file can state.
+    Other kinds have numbers or formulas that only a file, or an experiment's data, can state.
     """
     if str(name_or_path) == KINEMATIC:
         kind = str(name_or_path)
         return read_rig(Source(kind, f'kind = "{kind}"\nname = "{kind}"\n'), bare=True)
     if str(name_or_path) in KINDS:
         source = Source(str(name_or_path), "")
-        message = f"a machine of kind {name_or_path} needs a file: its numbers are not known"
-        hint = f'write one with kind = "{name_or_path}"; docs/machines.md has examples'
+        message = f"{name_or_path} is a kind, and has no numbers without an experiment"
+        hint = f"write a file with: mopro machine new mine.toml --from {name_or_path}"
         raise ModelError(source, [Diagnostic("no-numbers", message, Span(1, 1, 1), hint=hint)])
     return read_rig(read_source(name_or_path))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -54,6 +54,7 @@ class Rig:
     `laws`: the position of a kinematic machine, the acceleration of an axis, or the rate (the
     power) of each thermal node, by name. `active`: values of the effects that its file switches
     on, in the units of their parameters. `python`: file and function of a foreign model.
+    `bare`: only its kind was stated, and its numbers are yet to be taken from the data.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Rig:
     active: Mapping[str, Mapping[str, float]]
     source: Source
     python: tuple[str, str] | None = None
+    bare: bool = False
 
     def without_effects(self, kept: Collection[str]) -> Rig:
         """This machine as it was before it was repaired, with the effects `kept` only."""
@@ -74,6 +76,13 @@ class Rig:
         }
         active = {name: own for name, own in self.active.items() if name in kept}
         return replace(self, numbers=numbers, active=active)
+
+    def beside(self, effects: Iterable[WrittenEffect]) -> Rig:
+        """This machine with `effects`, which take the place of its own of the same names."""
+        added = tuple(effects)
+        names = {effect.name for effect in added}
+        kept = tuple(effect for effect in self.effects if effect.name not in names)
+        return replace(self, effects=kept + added)
 
     @property
     def nodes(self) -> tuple[str, ...]:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from mopro.experiment.rigs.bare import skeleton
 from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, parse
-from mopro.formula.entry import check_name, read_formula
+from mopro.formula.entry import check_name, read_effects, read_formula
 from mopro.formula.written import Written
 from mopro.instruments.quantity import MEASURABLES, Measurable, unit_of_column
 from mopro.rig.data import Sensor
@@ -21,7 +22,7 @@ from mopro.tomlfile import Document, Refused, Value, read_source, shown
 from mopro.tomlfile.schema import flag, number, number_in, one_of, table_in, text
 
 T = TypeVar("T")
-_TOP_KEYS = {"machine", "time", "inputs", "sensor", "run"}
+_TOP_KEYS = {"machine", "time", "inputs", "sensor", "run", "effect"}
 _SENSOR_KEYS = {
     "name", "quantity", "column", "unit", "noise_rms", "adc_step", "zero", "drift", "scale",
     "sign", "reads", "rate_hz",
@@ -112,13 +113,16 @@ class _Reader:
     def __init__(self, source: Source, applied: str | Path | None) -> None:
         self._source, self._applied = source, applied
         self._machine_file: Path | None = None
+        self._temperatures: tuple[str, ...] = ()
 
     def entries(self, root: Value) -> RigEntries:
         before = root.faults
         root.only(_TOP_KEYS)
+        self._temperatures = _temperatures(root)
         machine = root.need("machine", self._machine, "expected a machine")
         if machine is None:
             raise Refused
+        machine = machine.beside(read_effects(root, HOSTS[machine.kind]))
         clock = root.get("time", _clock, _Clock("time_s", 1.0))
         inputs = root.get("inputs", _inputs(machine.kind), {})
         sensors = [s for entry in root.sections("sensor") if (s := _sensor(entry, machine))]
@@ -141,6 +145,8 @@ class _Reader:
         if self._applied is not None:
             self._machine_file = None if str(self._applied) in KINDS else Path(self._applied)
             return load_rig(self._applied)
+        if name in (AXIS, THERMAL):
+            return skeleton(name, self._temperatures)
         if name in KINDS:
             return load_rig(name)
         self._machine_file = self._file(value)
@@ -176,6 +182,14 @@ class _Reader:
             value=entry,
         )
         return made if entry.faults == before else None
+
+
+def _temperatures(root: Value) -> tuple[str, ...]:
+    """The names of the sensors of a temperature, as far as they can be read."""
+    stated = root.data.get("sensor")
+    entries = [e for e in stated if isinstance(e, dict)] if isinstance(stated, list) else []
+    names = [e.get("name") for e in entries if e.get("quantity") == "temperature"]
+    return tuple(name for name in names if isinstance(name, str) and name.isidentifier())
 
 
 def _with_unit(machine: Rig, sensors: list[Sensor]) -> Rig:
