@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mopro.effects import catalogue
+from mopro.effects import catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.machine import Machine
 from mopro.motion import plan_profile
@@ -87,7 +87,7 @@ def follows(
         f"PARA1{'+' if profile == PARABOLA else '-'}\nMRI1 {distance:.5f}\nWX1\nWT50\n"
     )
     program = compile_text(text)
-    active = active_effects(machine, catalogue())
+    active = active_effects(machine, catalogue_of(machine))
     simulation = simulate(
         plan_with_effects(program, machine, active),
         machine,

@@ -18,6 +18,8 @@ ALLOWED = {
         "numpy", "scipy", "numba", "mopro.errors", "mopro.files", "mopro.units", "mopro.machine",
     },
 }  # fmt: skip
+# The formulas of a user's file are hidden by mopro's own plant: the reference plant knows none.
+EMULATED = "mopro.benchmark.stated"
 
 
 @pytest.fixture(scope="module")
@@ -44,13 +46,14 @@ def within(module, packages):
 def test_a_room_imports_only_what_it_may(graph, room):
     found = foreign_imports(graph, room)
     assert found, f"{room} imports nothing: is its name still right?"
+    found = {pair for pair in found if pair[0] != EMULATED}
     assert not {pair for pair in found if not within(pair[1], ALLOWED[room])}
 
 
-def test_one_module_of_the_benchmark_reads_mopro_s_machine_model(graph):
+def test_two_modules_of_the_benchmark_read_mopro_s_machine_model(graph):
     found = foreign_imports(graph, "mopro.benchmark")
     readers = {module for module, imported in found if within(imported, ["mopro.machine"])}
-    assert readers == {"mopro.benchmark.machine"}
+    assert readers == {"mopro.benchmark.machine", EMULATED}
 
 
 @pytest.mark.parametrize("imported", ["mopro", "mopro.emulator", "mopro.units"])

@@ -7,6 +7,7 @@ from mopro.controller import device, station, store
 from mopro.controller.tcp import IDLE_S
 from mopro.emulator.backend import MOST_SAMPLES
 from mopro.experiment.read import data
+from mopro.formula import entry as entries
 from mopro.formula import language as formulas
 from mopro.instruments import daq
 from mopro.language.load import MOST_BYTES as MOST_PROGRAM_BYTES
@@ -27,8 +28,11 @@ from mopro.tomlfile.scan import MOST_LEVELS
 
 MIB = 1 << 20
 BOUNDS = [
-    ("a machine beside the motor", [f"{rigs.MOST_NUMBERS} numbers, {rigs.MOST_EFFECTS} effects"]),
-    ("a machine beside the motor", [f"effects of {rigs.MOST_PARAMETERS} parameters"]),
+    (
+        "a machine beside the motor",
+        [f"{rigs.MOST_NUMBERS} numbers, {entries.MOST_EFFECTS} effects"],
+    ),
+    ("a machine beside the motor", [f"effects of {entries.MOST_PARAMETERS} parameters"]),
     ("a formula", [f"{formulas.MOST_CHARACTERS} characters", f"{formulas.MOST_LEVELS} levels"]),
     ("program", [f"{MOST_PROGRAM_BYTES // MIB} MiB", f"{MOST_COLUMNS} characters a line"]),
     ("program", [f"{MOST_DIGITS_OF_PROGRAM} characters a number"]),

@@ -12,15 +12,16 @@ import numpy as np
 from mopro.benchmark.equivalent import equivalents
 from mopro.benchmark.foreign_kinds import FOREIGN_KINDS, of_size
 from mopro.benchmark.grids.base import DEVIATION
-from mopro.benchmark.hidden import HIDDEN_EFFECTS, Parameters
+from mopro.benchmark.hidden import HIDDEN_EFFECTS, HiddenEffect, Parameters
 from mopro.benchmark.programs import PositionRange, ProgramWriter
 from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.listing import timeline
 from mopro.benchmark.reference.nominal import INCH_M, THESIS, Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
-from mopro.benchmark.sizes import SIZE_CLASSES, NoiselessRuns, class_of, strength_for
+from mopro.benchmark.sizes import SIZE_CLASSES, NoiselessRuns, Plant, class_of, strength_for
 from mopro.benchmark.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.stated import StatedEffects
 from mopro.benchmark.variables import EFFECT_VARIABLES
 
 _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
@@ -44,7 +45,8 @@ class Case:
     `effects` maps each hidden effect to its parameters (SI), `sizes` to its total size (σ),
     `alone` to the size (σ) of the part that the other effects cannot mimic. `offsets` are the
     sensors' zeros in their units, `files` the SHA-256 of the experiment's files by name.
-    `equivalent` are the effects that can stand in for deleted ones.
+    `equivalent` are the effects that can stand in for deleted ones. `stated` are candidates of
+    a user's file, and hidden if the specification says so.
     """
 
     number: str
@@ -62,6 +64,7 @@ class Case:
     files: dict[str, str] = field(default_factory=dict)
     equivalent: list[str] = field(default_factory=list)
     foreign_sigma: float = 0.0
+    stated: StatedEffects | None = None
 
     @property
     def cut_off(self) -> bool:
@@ -98,6 +101,7 @@ class Case:
             "files": self.files,
             **self._of_deleted(),
             **self._of_foreign(),
+            **({"stated": asdict(self.stated)} if self.stated and self.spec.stated else {}),
             **({} if self.spec.noise_factor == 1 else {"noise_factor": self.spec.noise_factor}),
         }
 
@@ -129,7 +133,19 @@ class Case:
 
     def noiseless(self) -> NoiselessRuns:
         """The runs without noise."""
-        return NoiselessRuns(self.runs, self.instruments, self.nominal)
+        own = self.stated.plant if self.stated and self.spec.stated else None
+        return NoiselessRuns(self.runs, self.instruments, self.nominal, own)
+
+    def hidden_effect(self, name: str) -> HiddenEffect:
+        """The effect of that name, of the user's file or of the benchmark."""
+        own = self.stated if self.spec.stated else None
+        return own.hidden(name) if own else HIDDEN_EFFECTS[name]
+
+    def plant(self) -> Plant:
+        """The plant with all that is hidden in the case."""
+        if self.stated and self.spec.stated:
+            return self.stated.plant(self.effects)
+        return ReferencePlant(self.effects, self.disturbance, self.nominal, self.foreign)
 
 
 def draw_case(
@@ -138,6 +154,7 @@ def draw_case(
     spec: CaseSpec,
     nominal: Nominal = THESIS,
     tolerated: Sequence[str] = (),
+    stated: StatedEffects | None = None,
 ) -> Case:
     """The case `number` of a grid; depends on no other case.
 
@@ -149,7 +166,7 @@ def draw_case(
         nominal = _off(np.random.default_rng([seed, 6, int(number)]), nominal, tolerated)
     g = np.random.default_rng([seed, 2, int(number)])
     for _ in range(_ATTEMPTS):
-        case = _attempt(g, number, spec, nominal)
+        case = _attempt(g, number, spec, nominal, stated)
         if coarser := _with_coarser_sensor(case):
             spec = coarser
         elif case.as_wanted:
@@ -171,17 +188,19 @@ def _off(g: Generator, nominal: Nominal, names: Sequence[str]) -> Nominal:
     return replace(nominal, **{n: getattr(nominal, n) * f for n, f in factors.items()})
 
 
-def _attempt(g: Generator, number: str, spec: CaseSpec, nominal: Nominal) -> Case:
+def _attempt(
+    g: Generator, number: str, spec: CaseSpec, nominal: Nominal, stated: StatedEffects | None
+) -> Case:
     """One draw of programs and effects, each as close to its wanted size as possible."""
     runs = _runs(g, spec, nominal)
-    case = Case(number, spec, runs, case_instruments(spec.sensor, spec.style), nominal)
+    instruments = case_instruments(spec.sensor, spec.style)
+    case = Case(number, spec, runs, instruments, nominal, stated=stated)
     noiseless = case.noiseless()
     for name, size in spec.effects:
-        drawn_effect = HIDDEN_EFFECTS[name].draw(g, nominal)
+        hidden = case.hidden_effect(name)
+        drawn_effect = hidden.draw(g, nominal)
         target = _target(g, size)
-        strength, total = strength_for(
-            noiseless, name, drawn_effect, target, HIDDEN_EFFECTS[name].least
-        )
+        strength, total = strength_for(noiseless, name, drawn_effect, target, hidden.least)
         case.effects[name] = drawn_effect(strength)
         case.sizes[name] = total
     if spec.effects:

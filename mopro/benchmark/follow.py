@@ -14,6 +14,8 @@ from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.nominal import Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
+from mopro.benchmark.sizes import Plant
+from mopro.benchmark.stated import StatedEffects
 
 FOLDER = "followed"
 # Recorded time of a proposed program that heats the motor in an endless loop.
@@ -40,7 +42,8 @@ def add_proposed_run(
     run = ProgramRun(text, payload_kg, _HEATING_S if hot else None)
     generator = np.random.default_rng([seed, 4, int(number)])
     plant = hidden_plant(answer)
-    data = measured(plant, run, instruments, answer["offsets"], generator)
+    foreign = Foreign(**answer["foreign"]) if answer.get("foreign") else None
+    data = measured(plant, run, instruments, answer["offsets"], generator, foreign)
     if plant.stalled:
         raise ValueError("the proposed program makes the hidden plant stall")
     contents = {name: (folder / name).read_bytes() for name in answer["files"]}
@@ -52,9 +55,11 @@ def add_proposed_run(
     return copy / EXPERIMENT
 
 
-def hidden_plant(answer: Mapping[str, Any]) -> ReferencePlant:
-    """The reference plant with the effects and the disturbance that `answer` states."""
+def hidden_plant(answer: Mapping[str, Any]) -> Plant:
+    """The plant with the effects and the disturbance that `answer` states."""
     effects = {e["name"]: e["parameters"] for e in answer["effects"]}
+    if answer.get("stated"):
+        return StatedEffects(**answer["stated"]).plant(effects)
     disturbance = Disturbance(**answer["strange"]) if answer["strange"] else None
     # Answers without a machine are older than --machine and belong to the default one.
     nominal = Nominal(**answer.get("machine", {}))

@@ -8,6 +8,7 @@ import numpy as np
 
 from mopro.benchmark.grids import base, deleted, foreign, noise, short, standard
 from mopro.benchmark.spec import CaseSpec
+from mopro.benchmark.stated import StatedEffects
 
 GRIDS: dict[str, Callable[[np.random.Generator], Iterator[CaseSpec]]] = {
     "smoke": standard.smoke,
@@ -24,10 +25,13 @@ GRIDS: dict[str, Callable[[np.random.Generator], Iterator[CaseSpec]]] = {
 TOLERANCES = {"base": base.TOLERANCE}
 
 
-def case_specs(grid: str, seed: int) -> list[CaseSpec]:
-    """The cases of a grid in random order, so that a number does not reveal a case's kind."""
+def case_specs(grid: str, seed: int, stated: StatedEffects | None = None) -> list[CaseSpec]:
+    """The cases of a grid in random order, so that a number does not reveal a case's kind.
+
+    With effects of a user's file, `stated`, also those in which one of them is hidden.
+    """
     generator = np.random.default_rng([seed, 1])
-    found = list(GRIDS[grid](generator))
+    found = [*GRIDS[grid](generator), *(stated.specs() if stated else ())]
     order = generator.permutation(len(found))
     return [found[i] for i in order]
 

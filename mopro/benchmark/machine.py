@@ -1,18 +1,19 @@
 """Conversion of a machine file to the numbers of the reference plant.
 
-The only module of the benchmark that reads mopro's own machine model; the reference plant
-itself gets plain numbers.
+Beside `stated` the only module of the benchmark that reads mopro's own machine model; the
+reference plant itself gets plain numbers.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import mopro.machine
 from mopro.benchmark.make import BenchmarkMachine
 from mopro.benchmark.reference.nominal import Nominal
+from mopro.benchmark.stated import StatedEffects
 from mopro.errors import DataError
 from mopro.machine import builtin_machines, load_machine
 from mopro.machine.model import FULL_STEPS_PER_PITCH, Axis, Machine
@@ -28,13 +29,23 @@ _BASE = {
 }  # fmt: skip
 
 
-def read_machine(name: str, tolerance: float = 0.0) -> BenchmarkMachine:
+def read_machine(name: str, tolerance: float = 0.0, effects: str | None = None) -> BenchmarkMachine:
     """The built-in machine `name`, or the one in the file of that name.
+
+    `effects`: the file with the effects of a user, if there is one.
 
     With a `tolerance` its file states this share for each number of the axis that may have one.
     Raises ModelError for a bad machine file, DataError for a machine with something that the
     reference plant does not simulate.
     """
+    made = _read(name, tolerance)
+    if effects is None:
+        return made
+    text = name if made.text is None else made.text.decode("utf-8")
+    return replace(made, effects=StatedEffects.read(effects, text))
+
+
+def _read(name: str, tolerance: float) -> BenchmarkMachine:
     machine = load_machine(name)
     if reason := _unsupported(machine):
         raise DataError(f"{name}: {reason}", "unsupported-machine")

@@ -16,11 +16,14 @@ import numpy as np
 from mopro.benchmark.case import Case, Generator, draw_case
 from mopro.benchmark.grid import case_specs, spread
 from mopro.benchmark.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
+from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
-from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
+from mopro.benchmark.reference.readings import ProgramRun
 from mopro.benchmark.reference.sensors import Instrument, stored
+from mopro.benchmark.sizes import Plant
 from mopro.benchmark.spec import CaseSpec
+from mopro.benchmark.stated import StatedEffects
 
 _MACHINE = "machine.toml"
 
@@ -33,13 +36,15 @@ class BenchmarkMachine:
     """The machine of all cases: its numbers, and the name that experiment files state.
 
     `text` is the content of its file, copied to each experiment; None for a built-in machine.
-    `tolerated` are the fields of `nominal` for which the file states a tolerance.
+    `tolerated` are the fields of `nominal` for which the file states a tolerance. `effects` are
+    those of a user's file, candidates in all cases and hidden in some.
     """
 
     nominal: Nominal = THESIS
     stated: str = "chow1992"
     text: bytes | None = None
     tolerated: tuple[str, ...] = ()
+    effects: StatedEffects | None = None
 
     @classmethod
     def of_file(
@@ -64,7 +69,8 @@ def make(
     `sample` to so many of them, evenly spread.
     Raises DataError, before anything is written, if files of other origin are in the way.
     """
-    numbered = [(f"{i:03d}", spec) for i, spec in enumerate(case_specs(grid, seed), start=1)]
+    specs = case_specs(grid, seed, machine.effects)
+    numbered = [(f"{i:03d}", spec) for i, spec in enumerate(specs, start=1)]
     wanted = spread([number for number, _ in numbered if not only or number in only], sample)
     chosen = [(number, spec) for number, spec in numbered if number in wanted]
     made = Manifest.read(out)
@@ -96,7 +102,7 @@ def _task(
     task: tuple[int, str, CaseSpec, BenchmarkMachine],
 ) -> tuple[str, dict[str, Any], Contents]:
     seed, number, spec, machine = task
-    case = draw_case(seed, number, spec, machine.nominal, machine.tolerated)
+    case = draw_case(seed, number, spec, machine.nominal, machine.tolerated, machine.effects)
     contents = experiment(case, np.random.default_rng([seed, 3, int(number)]), machine)
     return number, case.answer(), contents
 
@@ -109,10 +115,10 @@ def experiment(
     Their SHA-256 are put into the case.
     """
     contents = {} if machine.text is None else {machine.stated: machine.text}
-    plant = ReferencePlant(case.effects, case.disturbance, case.nominal, case.foreign)
+    plant = case.plant()
     for i, run in enumerate(case.runs, start=1):
         contents[f"run{i}.CMD"] = run.text.encode("ascii")
-        data = measured(plant, run, case.instruments, case.offsets, generator)
+        data = measured(plant, run, case.instruments, case.offsets, generator, case.foreign)
         name = data_name(f"run{i}", case.instruments)
         contents[name] = data_file(name, case.instruments, *data)
     contents[EXPERIMENT] = experiment_text(case, machine.stated).encode()
@@ -134,16 +140,17 @@ def hashes(folder: Path) -> dict[str, str]:
 
 
 def measured(
-    plant: ReferencePlant,
+    plant: Plant,
     run: ProgramRun,
     sensors: list[Instrument],
     offsets: list[float],
     generator: Generator,
+    foreign: Foreign | None = None,
 ) -> tuple[Floats, list[Floats]]:
     """Time stamps (s, shape (n,)) and each sensor's readings (its unit, shape (n,)), with noise."""
     stamps, clean = plant.readings(run, sensors, generator)
     readings = [
-        stored(series + offset, sensor, generator, plant.foreign)
+        stored(series + offset, sensor, generator, foreign)
         for series, sensor, offset in zip(clean, sensors, offsets, strict=True)
     ]
     return stamps, readings
@@ -175,6 +182,7 @@ def experiment_text(case: Case, machine: str) -> str:
     parts = [f'machine = "{machine}"\n', *map(_sensor_text, stated)]
     for i, run in enumerate(case.runs, start=1):
         parts.append(run_text(f"run{i}", run.payload_kg, case.instruments, case.cut_off))
+    parts += [case.stated.text] if case.stated else []
     return "\n".join(parts)
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -33,16 +34,33 @@ def class_of(total_sigma: float) -> str:
     return next(name for name, (_, high) in SIZE_CLASSES.items() if total_sigma < high)
 
 
+class Plant(Protocol):
+    """A machine with hidden effects; `stalled` once an axis has stalled."""
+
+    @property
+    def stalled(self) -> bool: ...
+
+    def readings(
+        self, run: ProgramRun, instruments: Sequence[Instrument], generator: np.random.Generator
+    ) -> tuple[Floats, list[Floats]]:
+        """Time stamps (s) and each instrument's readings (its unit), without noise."""
+        ...
+
+
 @dataclass
 class NoiselessRuns:
-    """Noiseless readings of the runs of a case, from which sizes are computed."""
+    """Noiseless readings of the runs of a case, from which sizes are computed.
+
+    `plant_of`: the plant with hidden effects, if it is not the reference plant.
+    """
 
     runs: Sequence[ProgramRun]
     instruments: Sequence[Instrument]
     nominal: Nominal = THESIS
+    plant_of: Callable[[dict[str, dict[str, float]]], Plant] | None = None
     _plain: list[Floats] | None = field(default=None, init=False)
 
-    def clean(self, plant: ReferencePlant) -> list[Floats]:
+    def clean(self, plant: Plant) -> list[Floats]:
         """The readings of each run and instrument in turn, in the instrument's unit."""
         generator = np.random.default_rng(0)
         return [
@@ -81,16 +99,21 @@ class NoiselessRuns:
 
     def _change(self, effects: dict[str, dict[str, float]], whole_of: str = "") -> Floats | None:
         """The same; that of the effect `whole_of` alone with its mean."""
-        plant = ReferencePlant(effects, nominal=self.nominal)
+        plant = self._plant(effects)
         return self.change_of(plant, whole=set(effects) == {whole_of})
 
-    def change_of(self, plant: ReferencePlant, whole: bool = False) -> Floats | None:
+    def _plant(self, effects: dict[str, dict[str, float]]) -> Plant:
+        if self.plant_of is not None:
+            return self.plant_of(effects)
+        return ReferencePlant(effects, nominal=self.nominal)
+
+    def change_of(self, plant: Plant, whole: bool = False) -> Floats | None:
         """Change of all readings in σ by all that is in `plant`; None if an axis stalls.
 
         Each series is less its mean, unless the `whole` change is asked for.
         """
         if self._plain is None:
-            self._plain = self.clean(ReferencePlant({}, nominal=self.nominal))
+            self._plain = self.clean(self._plant({}))
         shown = self.clean(plant)
         if plant.stalled:
             return None

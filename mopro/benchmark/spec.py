@@ -35,6 +35,7 @@ class CaseSpec:
     `foreign` is a kind of physics or fault that is in no catalogue.
     Recordings that are `cut` end before their program. The experiment states the sensors' noise
     times `noise_factor`. With `base` the machine's numbers are off within their tolerance.
+    Effects that are `stated` are those of a user's file.
     """
 
     group: str
@@ -49,6 +50,7 @@ class CaseSpec:
     cut: bool = False
     noise_factor: float = 1.0
     base: bool = False
+    stated: bool = False
 
 
 def single(

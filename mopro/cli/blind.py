@@ -38,6 +38,11 @@ def command() -> None:
 @click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
 @click.option("--sample", type=click.IntRange(1), help="Only so many cases, evenly spread.")
 @click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
+@click.option(
+    "--effects",
+    metavar="FILE.toml",
+    help="A file with [[effect]] sections: candidates in all cases, and hidden in some.",
+)
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True)
 def make(
     seed: int,
@@ -46,13 +51,15 @@ def make(
     cases: str | None,
     sample: int | None,
     machine: str,
+    effects: str | None,
     jobs: int,
 ) -> None:
     """Write a grid of experiments under --out, and their answers apart.
 
     Each case is a folder with experiment.toml, programs and data. answers.json holds
     what is hidden in them; its SHA-256 is printed, so that it can be published beforehand.
-    Effects are hidden in the machine that --machine states.
+    Effects are hidden in the machine that --machine states. Those of --effects state a range
+    for each of their parameters.
 
     Example: mopro blind make --seed 1 --grid small --out cases
     """
@@ -61,10 +68,10 @@ def make(
     from mopro.benchmark.make import make as write_cases
     from mopro.benchmark.manifest import ANSWERS
 
-    only, stated = _case_numbers(cases), read_machine(machine, TOLERANCES.get(grid, 0.0))
+    only, stated = _case_numbers(cases), read_machine(machine, TOLERANCES.get(grid, 0.0), effects)
     if Path(machine).is_file() and out.resolve() in Path(machine).resolve().parents:
         raise click.UsageError(f"--machine {machine} lies in the folder that --out would fill")
-    count = len(case_specs(grid, seed))
+    count = len(case_specs(grid, seed, stated.effects))
     if beyond := sorted(c for c in only if not 1 <= int(c) <= count):
         raise click.BadParameter(
             f"{beyond[0]}: the grid {grid} has cases 1 to {count}", param_hint="--cases"

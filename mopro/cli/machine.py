@@ -144,7 +144,7 @@ def effects() -> None:
 
 
 def _checked(machine: str) -> str:
-    from mopro.effects import catalogue
+    from mopro.effects import catalogue_of
     from mopro.effects.resolve import active_effects
     from mopro.machine import load_machine
     from mopro.plant import try_out
@@ -153,7 +153,7 @@ def _checked(machine: str) -> str:
     if kind_of(machine) is not None:
         return load_rig(machine).name
     loaded = load_machine(machine)
-    active_effects(loaded, catalogue())
+    active_effects(loaded, catalogue_of(loaded))
     try_out(loaded)
     return loaded.name
 
@@ -196,11 +196,11 @@ def _quantities(machine: Machine) -> list[dict[str, Any]]:
 
 
 def _effects(machine: Machine) -> list[dict[str, Any]]:
-    from mopro.effects import catalogue
+    from mopro.effects import catalogue_of
     from mopro.effects.resolve import active_effects
 
     rows = []
-    for active in active_effects(machine, catalogue()):
+    for active in active_effects(machine, catalogue_of(machine)):
         for parameter, value in zip(active.effect.parameters, active.values, strict=True):
             key = f"effects.{active.name}.{parameter.name}"
             source = machine.provenance.get(key)

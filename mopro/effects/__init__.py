@@ -1,10 +1,10 @@
 """Effects that the nominal model leaves out, one class in each file.
 
 A package adds effects through the entry-point group `mopro.effects`, whose targets
-are `Effect` subclasses.
+are `Effect` subclasses; a machine's file, as formulas.
 """
 
 from mopro.effects.base import Active, Domain, Effect, Parameter, on_axis
-from mopro.effects.registry import catalogue
+from mopro.effects.registry import catalogue, catalogue_of
 
-__all__ = ["Active", "Domain", "Effect", "Parameter", "catalogue", "on_axis"]
+__all__ = ["Active", "Domain", "Effect", "Parameter", "catalogue", "catalogue_of", "on_axis"]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mopro.diagnosis.model import Candidate, Role, Settings
 from mopro.diagnosis.model import Parameter as Fitted
+from mopro.units import to_si
 
 if TYPE_CHECKING:
     from mopro.instruments.quantity import Quantity
@@ -76,6 +77,10 @@ class Parameter:
     whole: bool = False
     per_run: bool = False
     role: Role | None = None
+
+    def converted(self, number: float, unit: str) -> float:
+        """`number`, stated in `unit`, in the parameter's own unit; ValueError if it is no such."""
+        return to_si(number, unit, self.dimension)
 
     def fault(self, value: float) -> str | None:
         """Error message for `value`; None if it is valid."""
@@ -294,6 +299,11 @@ class Effect:
         """True if it changes a program's statements, so that a logged command cannot show it."""
         return type(self).program is not Effect.program
 
+    @property
+    def changes_command(self) -> bool:
+        """True if it changes the commanded position itself, as the drive receives it."""
+        return type(self).command is not Effect.command
+
     # -- forms for the fit ----------------------------------------------------------
 
     def forms(self, view: View) -> Iterator[Candidate]:
@@ -348,6 +358,10 @@ class Effect:
     def schedule(self, schedule: Schedule, *p: float) -> Schedule:
         """The schedule as the controller executes it."""
         return schedule
+
+    def command(self, x: Floats, time_s: Floats, *p: float) -> Floats:
+        """The command (m) of one axis at ascending times, where it was `x` (m)."""
+        return x
 
     def tick_s(self, *p: float) -> tuple[float, bool]:
         """The controller's update interval, and whether it interpolates; 0 for none."""

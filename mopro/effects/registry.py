@@ -9,9 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING
 
 from mopro.effects.base import Active, Effect
 from mopro.errors import MoproError
+
+if TYPE_CHECKING:
+    from mopro.formula.written import WrittenEffect
+    from mopro.machine import Machine
 
 ENTRY_POINTS = "mopro.effects"
 
@@ -125,6 +130,21 @@ def catalogue() -> Catalogue:
             raise MoproError(message, "bad-effect")
         packaged[effect.name] = effect
     return Catalogue(packaged)
+
+
+def catalogue_of(machine: Machine) -> Catalogue:
+    """All effects by name, with those that the machine's file states as formulas.
+
+    Raises MoproError as `catalogue` does.
+    """
+    return _with_formulas(machine.formulas) if machine.formulas else catalogue()
+
+
+@cache
+def _with_formulas(formulas: tuple[WrittenEffect, ...]) -> Catalogue:
+    from mopro.effects.formula import effect_of  # few machines have any
+
+    return catalogue().beside(map(effect_of, formulas))
 
 
 def own_effects() -> Catalogue:

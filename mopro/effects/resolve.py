@@ -11,7 +11,6 @@ from mopro.errors import MOST_SHOWN, Diagnostic, ModelError
 from mopro.machine import Machine, StatedEffect, StatedValue
 from mopro.program import AXES
 from mopro.source import Source, Span
-from mopro.units import to_si
 
 
 def active_effects(machine: Machine, catalogue: Catalogue) -> tuple[Active, ...]:
@@ -68,7 +67,7 @@ class _Resolver:
         value = stated.number
         if stated.unit is not None:
             try:
-                value = to_si(value, stated.unit, parameter.dimension)
+                value = parameter.converted(value, stated.unit)
             except ValueError as error:
                 self._report("wrong-unit", f"{parameter.name}: {error}", stated.span)
                 return parameter.default

@@ -11,7 +11,7 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.effects import Active, catalogue
+from mopro.effects import Active, catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
@@ -66,10 +66,10 @@ class Emulator:
     @cached_property
     def active(self) -> tuple[Active, ...]:
         """The effects switched on, with their values."""
-        own = active_effects(self.machine, catalogue())
+        own = active_effects(self.machine, catalogue_of(self.machine))
         if not self.effects:
             return own
-        return active_effects(self.machine.with_effects(self.effects), catalogue())
+        return active_effects(self.machine.with_effects(self.effects), catalogue_of(self.machine))
 
     def header(self, program: Program) -> Header:
         versions = {name: version(name) for name in ("mopro", "numpy")}

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mopro.effects import catalogue
+from mopro.effects import catalogue_of
 from mopro.errors import Diagnostic, ModelError
 from mopro.experiment.check.load import load_experiment
 from mopro.experiment.compare.comparison import Comparison, compare
@@ -72,7 +72,7 @@ class OfTheMotor:
 
     @property
     def effects(self) -> frozenset[str]:
-        return frozenset(catalogue())
+        return frozenset(catalogue_of(self.experiment.machine))
 
     def compare(self, seed: int) -> Comparison:
         return compare(self.experiment, np.random.default_rng(seed))

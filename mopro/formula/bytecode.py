@@ -14,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.formula.language import PI, Formula
+from mopro.formula.language import PI, ZERO_C_IN_K, Formula
 
 Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -211,7 +211,7 @@ def _function(code: int, a: float) -> float:
     elif code == _SIGN:
         result = np.sign(a)
     elif code == _KELVIN:
-        result = a + 273.15
+        result = a + ZERO_C_IN_K
     elif code == _EXP:
         result = np.exp(a)
     elif code == _SQRT:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.formula import signals
-from mopro.formula.language import PI, Formula
+from mopro.formula.language import PI, ZERO_C_IN_K, Formula
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Floats | float]
@@ -24,7 +24,6 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
     ast.Eq: np.equal, ast.NotEq: np.not_equal,
 }  # fmt: skip
-ZERO_C_IN_K = 273.15
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos,
     "atan": np.arctan, "atan2": np.arctan2, "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh,

@@ -11,13 +11,14 @@ import copy
 import math
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 MOST_CHARACTERS = 500
 MOST_LEVELS = 40
 _LARGEST = 1e30
 PI = "pi"
+ZERO_C_IN_K = 273.15
 
 # Functions of numbers, with the number of their arguments (-1: two or more).
 FUNCTIONS = {
@@ -48,7 +49,7 @@ class Formula:
     """A formula whose tree has only nodes of the language; `names` are those it refers to."""
 
     text: str
-    tree: ast.expr
+    tree: ast.expr = field(compare=False)
     names: frozenset[str]
 
     @property
@@ -88,7 +89,7 @@ def substituted(formula: Formula, names: Mapping[str, Formula]) -> Formula:
 
     tree: ast.expr = Replace().visit(copy.deepcopy(formula.tree))
     inner = frozenset().union(*(names[name].names for name in formula.names & names.keys()))
-    return Formula(formula.text, tree, (formula.names - names.keys()) | inner)
+    return Formula(ast.unparse(tree), tree, (formula.names - names.keys()) | inner)
 
 
 def check_names(formula: Formula, known: Iterable[str]) -> None:

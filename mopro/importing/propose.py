@@ -168,7 +168,11 @@ def _noise(sensor: Signal) -> Noise:
 def _moves(command: Signal | None) -> list[Decision]:
     if command is None:
         return []
-    _, values = command.present
+    values = command.values
+    if command.held:
+        last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
+        values = values[last]
+    values = values[~np.isnan(values)]
     moving = np.concatenate(([False], np.diff(values) != 0, [False]))
     moves = int(np.count_nonzero(moving[1:] & ~moving[:-1]))
     return [Decision("moves", str(moves), f"changes of {command.raw}")]

@@ -36,6 +36,8 @@ _PUSHES = ("force", "torque")
 _INPUTS = ("force", "torque", "current", "voltage", "duty")
 # Of the steps between rows, those that change a held value at most.
 _HELD_CHANGES = 0.2
+# Blank cells in a row that are a rest; a reading that was lost leaves one or two.
+_SHORTEST_REST = 5
 
 
 @dataclass(frozen=True)
@@ -185,10 +187,19 @@ def _by_name(signal: Signal, column: Column, commands: bool, sensors: bool) -> t
 
 def _holds(values: Floats) -> bool:
     """True if the column has readings on changes only, or seldom changes."""
-    present = values[~np.isnan(values)]
+    blank = np.isnan(values)
+    present = values[~blank]
     if len(present) < len(values) / 2:
         return True
-    return bool(np.mean(np.diff(present) != 0) < _HELD_CHANGES)
+    changes = float(np.mean(np.diff(present) != 0))
+    return changes < _HELD_CHANGES or (changes == 1.0 and _rests(blank))
+
+
+def _rests(blank: NDArray[np.bool_]) -> bool:
+    """True if blank cells come in long runs, as in a log of changes of what moves and rests."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], blank, [False])).astype(int)))
+    lengths = edges[1::2] - edges[::2]
+    return bool(len(lengths) and np.median(lengths) >= _SHORTEST_REST)
 
 
 def decision_of(signal: Signal) -> Decision:

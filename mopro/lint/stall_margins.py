@@ -188,12 +188,12 @@ def emulated(
     laden: LadenMachine, motions: tuple[MoveOnAxis, ...]
 ) -> tuple[tuple[float, bool], ...]:
     """Margin and slip of each motion of a burst that starts at rest, emulated."""
-    from mopro.effects import catalogue
+    from mopro.effects import catalogue_of
     from mopro.effects.resolve import active_effects
     from mopro.plant import plan_with_effects, simulate
 
     machine = laden.machine
-    active = active_effects(machine, catalogue())
+    active = active_effects(machine, catalogue_of(machine))
     schedule = plan_with_effects(_program(motions), machine, active)
     # Without trips: the place of a burst is arbitrary, so limit switches do not apply.
     simulation = simulate(schedule, machine, active, payload_kg=laden.payload_kg)

@@ -53,7 +53,8 @@ _OF_UNIT = {
 _TIMES = ("time", "timestamp", "t", "stamp", "zeit", "clock", "datetime", "date", "uptime", "ts")
 _COMMANDS = (
     "command", "commanded", "cmd", "target", "setpoint", "set", "reference", "ref", "desired",
-    "demand", "goal", "sp", "input", "soll", "request", "requested", "heater", "duty",
+    "demand", "goal", "sp", "input", "soll", "sollwert", "vorgabe", "consigne", "request",
+    "requested", "heater", "duty",
 )  # fmt: skip
 _WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import Field
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mopro.machine.model import (
     FASTEST_1_S,
@@ -29,10 +29,14 @@ from mopro.tomlfile import Document, Refused, Value, read_named, shown
 from mopro.tomlfile.schema import Reader, number_in, one_of, record, table_in, text
 from mopro.units import to_si, units_of
 
+if TYPE_CHECKING:
+    from mopro.formula.written import WrittenEffect
+
 ORIGINS = ("thesis", "derived", "assumed", "measured")
 _SECTIONS: dict[str, type[Any]] = {"axis": Axis, "drive": Drive, "platen": Platen, "heat": Heat}
 _OPTIONAL: dict[str, type[Any]] = {"forcers": Forcers, "limits": Limits}
 _EFFECTS = "effects"
+_FORMULAS = "effect"
 _EXTENDS = "extends"
 # Beside this file in a checkout and when installed; importlib.resources takes longer to
 # import than the machine takes to read.
@@ -87,7 +91,7 @@ def read_machine(source: Source) -> Machine:
 
 def _machine(root: Value, source: Source) -> Machine:
     before = root.faults
-    root.only({"name", "kind", _EXTENDS, _EFFECTS, *_SECTIONS, *_OPTIONAL})
+    root.only({"name", "kind", _EXTENDS, _EFFECTS, _FORMULAS, *_SECTIONS, *_OPTIONAL})
     if _EXTENDS in root:
         root = _extended(root, source)
     root.get("kind", one_of("sawyer"), "sawyer")
@@ -99,13 +103,28 @@ def _machine(root: Value, source: Source) -> Machine:
         if key in _SECTIONS or key in root
     }
     effects = root.get(_EFFECTS, _effects, ())
+    formulas = formulas_in(root)
     if root.faults > before:
         raise Refused
     _check_rate(root["axis"], parts["axis"])
     _check_travel(root["platen"], parts["platen"], parts["heat"].forcer_side_m)
     return Machine(
-        name=str(name), provenance=_provenance(root), effects=effects, source=source, **parts
+        name=str(name),
+        provenance=_provenance(root),
+        effects=effects,
+        formulas=formulas,
+        source=source,
+        **parts,
     )
+
+
+def formulas_in(root: Value) -> tuple[WrittenEffect, ...]:
+    """The effects that a file states as formulas; faults are noted at their places."""
+    if _FORMULAS not in root:
+        return ()
+    from mopro.machine.formulas import read_formulas  # few files have any
+
+    return read_formulas(root)
 
 
 def _extended(root: Value, source: Source) -> Value:

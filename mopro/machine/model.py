@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mopro.program import AXES
 from mopro.source import Source, Span
+
+if TYPE_CHECKING:
+    from mopro.formula.written import WrittenEffect
 
 FULL_STEPS_PER_PITCH = 4
 # The fastest rate (1/s) that the emulator's steps of 50 µs resolve: RK4 is stable up to 2.78
@@ -184,7 +187,11 @@ class StatedEffect:
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine file's content; `provenance` is keyed by `section.key`."""
+    """A machine file's content; `provenance` is keyed by `section.key`.
+
+    `formulas` are effects of its own, beside those of the catalogue; `effects` switches on
+    any of them.
+    """
 
     name: str
     axis: Axis
@@ -195,6 +202,7 @@ class Machine:
     forcers: Forcers | None = None
     limits: Limits = Limits()
     effects: tuple[StatedEffect, ...] = ()
+    formulas: tuple[WrittenEffect, ...] = ()
     source: Source | None = field(default=None, compare=False, repr=False)
 
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:
@@ -211,6 +219,13 @@ class Machine:
             for name, values in effects.items()
         )
         return replace(self, effects=others + added, source=None)
+
+    def beside(self, formulas: Iterable[WrittenEffect]) -> Machine:
+        """This machine with `formulas`, which take the place of its own of the same names."""
+        added = tuple(formulas)
+        names = {effect.name for effect in added}
+        kept = tuple(effect for effect in self.formulas if effect.name not in names)
+        return replace(self, formulas=kept + added)
 
     @property
     def microstep_m(self) -> float:

@@ -9,10 +9,13 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.effects import Active
 from mopro.motion import Segment
 from mopro.motion.track import Track
 
 Floats = NDArray[np.float64]
+# Interval of the samples that a changed command is made of, and the most of them.
+_SAMPLED_S, _MOST_SAMPLES = 1e-3, 200_000
 
 _ROW = attrgetter(*(field.name for field in fields(Segment)))
 
@@ -55,6 +58,27 @@ class CommandTable:
         if not interpolate:
             start = np.floor(start + 0.5)
         table.coefficients = np.array([table.starts_s, start, speed, still, still])
+        return table
+
+    def changed(self, active: Active, microstep_m: float, until_s: float) -> CommandTable:
+        """The command as an effect changes it, by cubics between close samples; see Effect.command.
+
+        From `until_s` on it rests.
+        """
+        if not active.effect.changes_command:
+            return self
+        count = min(max(math.ceil(until_s / _SAMPLED_S), 2), _MOST_SAMPLES) + 1
+        time_s = np.linspace(0.0, until_s, count)
+        place_m = self.position_u(time_s) * microstep_m
+        x = active.effect.command(place_m, time_s, *active.values) / microstep_m
+        v, h = np.gradient(x, time_s), float(time_s[1])
+        v[0] = v[-1] = 0.0
+        slope, bend = np.diff(x) / h, v[:-1] + v[1:]
+        a = 2 * (3 * slope - bend - v[:-1]) / h
+        j = 6 * (bend - 2 * slope) / (h * h)
+        table = CommandTable.__new__(CommandTable)
+        table.starts_s = time_s
+        table.coefficients = np.array([time_s, x, v, np.append(a, 0.0), np.append(j, 0.0)])
         return table
 
     def rows(self, microstep_m: float) -> Floats:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mopro.effects import Active, Domain, catalogue, on_axis
+from mopro.effects import Active, Domain, catalogue_of, on_axis
 from mopro.effects.resolve import active_effects
 from mopro.errors import Diagnostic, ModelError, RunError
 from mopro.machine import Machine
@@ -71,7 +71,7 @@ def simulate(
     who simulates the same moves many times. Raises ModelError for unusable effects.
     """
     if active is None:
-        active = active_effects(machine, catalogue())
+        active = active_effects(machine, catalogue_of(machine))
     settings = PlantSettings(machine, payload_kg, resolved, stepping, compiled)
     if trips:
         return Simulation(settings, _prepare_tripped_run(schedule, machine, tuple(active)))
@@ -297,7 +297,7 @@ def _axis(
     if plant.mass_kg <= 0:
         message = f"axis {number} has a mass of {plant.mass_kg:g} kg with payload and effects"
         raise _unusable(settings.machine, message, active)
-    command = _command(schedule, number, active)
+    command = _command(schedule, number, active, settings.machine.microstep_m)
     scaling = with_heat(run.scalings[number], run.heat.temperature_C, schedule.duration_s, active)
     moves = [m for m in schedule.moves if number in m.axes]
     terms = TermSet.of(active)
@@ -322,9 +322,12 @@ def _unusable(machine: Machine, message: str, active: Sequence[Active]) -> Model
     return ModelError(source, [Diagnostic("unstable", message, span)])
 
 
-def _command(schedule: Schedule, number: int, active: Sequence[Active]) -> CommandTable:
+def _command(
+    schedule: Schedule, number: int, active: Sequence[Active], microstep_m: float
+) -> CommandTable:
     table = CommandTable(schedule.tracks[number])
     for a in active:
+        table = table.changed(a, microstep_m, schedule.duration_s)
         interval_s, interpolate = a.effect.tick_s(*a.values)
         if interval_s > 0:
             table = table.ticked(interval_s, interpolate, schedule.duration_s)

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from mopro.effects import catalogue
+from mopro.effects import catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.errors import Diagnostic, ModelError, RunError
 from mopro.machine import Machine
@@ -25,7 +25,7 @@ _PLACE = Span(1, 1, 2)
 
 def try_out(machine: Machine) -> None:
     """Emulate a move of one pitch and an hour's warmth; ModelError if a value is not finite."""
-    active = active_effects(machine, catalogue())
+    active = active_effects(machine, catalogue_of(machine))
     schedule = plan_with_effects(_one_pitch(machine), machine, active)
     warm = replace(schedule, duration_s=_WARM_S)
     simulation = simulate(warm, machine, active, compiled=False)

@@ -129,16 +129,14 @@ def slope_of(measured: Floats, simulated: Floats) -> float:
     return float(apart @ (measured - measured.mean())) / power if power > 0 else math.nan
 
 
-def fitted_base(
-    model: Model, data: Sequence[Series], parameters: Sequence[Parameter], at_once: bool = False
-) -> BaseFit:
-    """The free numbers fitted without effects, the beginning of the runs first if not `at_once`."""
+def fitted_base(model: Model, data: Sequence[Series], parameters: Sequence[Parameter]) -> BaseFit:
+    """The free numbers fitted without effects; an axis' to the beginning of the runs first."""
     if not parameters:
         return BaseFit(())
     found = tuple(parameters)
     started = BaseFit(found).settings
     residuals = Residuals(model, data, scaled_at=started)
-    for share in _SHARES if model.rig.kind == AXIS and not at_once else _SHARES[-1:]:
+    for share in _SHARES if model.rig.kind == AXIS else _SHARES[-1:]:
         masks = [_beginning(series, share) for series in data]
         own = residuals.subset(np.concatenate(masks)) if share < 1 else residuals
         found = _fit(own, found)

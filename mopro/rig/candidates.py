@@ -11,16 +11,13 @@ import numpy as np
 from mopro.diagnosis import Candidate, Parameter, Role, Series, Settings
 from mopro.formula import Dimension, Formula, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
+from mopro.formula.written import AMPLITUDE, PERIOD, EffectParameter, WrittenEffect
 from mopro.rig.base import DIFFERENCE
 from mopro.rig.data import Run
 from mopro.rig.model import (
-    AMPLITUDE,
     COMMAND,
     FRICTION,
     MEASUREMENT,
-    PERIOD,
-    Effect,
-    EffectParameter,
     Number,
 )  # fmt: skip
 from mopro.rig.names import capacity_of, inertia_of, names_of
@@ -80,7 +77,7 @@ def _of_number(number: Number) -> Candidate:
     return Candidate(number.name, (parameter,))
 
 
-def _of_foreign(effect: Effect) -> Candidate:
+def _of_foreign(effect: WrittenEffect) -> Candidate:
     made = []
     for p in effect.parameters:
         if not isinstance(p.low, float) or not isinstance(p.high, float):
@@ -94,7 +91,7 @@ def _of_foreign(effect: Effect) -> Candidate:
 
 
 def _candidate(
-    model: Model, effect: Effect, data: Sequence[Series], settings: Settings, sized: _Sized
+    model: Model, effect: WrittenEffect, data: Sequence[Series], settings: Settings, sized: _Sized
 ) -> Candidate | None:
     """The candidate of an effect; None for a listed one that does nothing in these data."""
     shapes = [_shape(p, sized) for p in effect.parameters if p.role != AMPLITUDE]
@@ -122,7 +119,7 @@ def _candidate(
     )  # fmt: skip
 
 
-def _in_order(effect: Effect, made: Sequence[Parameter]) -> tuple[Parameter, ...]:
+def _in_order(effect: WrittenEffect, made: Sequence[Parameter]) -> tuple[Parameter, ...]:
     by_name = {p.name: p for p in made}
     return tuple(by_name[p.name] for p in effect.parameters)
 
@@ -193,7 +190,7 @@ def _shape(p: EffectParameter, sized: _Sized) -> Parameter:
 
 
 def _amplitude(
-    model: Model, effect: Effect, p: EffectParameter, fixed: Mapping[str, float],
+    model: Model, effect: WrittenEffect, p: EffectParameter, fixed: Mapping[str, float],
     settings: Settings, sized: _Sized, scale: float,
 ) -> Parameter | None:  # fmt: skip
     if p.low is not None and p.high is not None:
@@ -214,7 +211,7 @@ def _amplitude(
 
 
 def _probed(
-    model: Model, effect: Effect, parameter: Parameter, fixed: Mapping[str, float],
+    model: Model, effect: WrittenEffect, parameter: Parameter, fixed: Mapping[str, float],
     data: Sequence[Series], settings: Settings,
 ) -> Parameter:  # fmt: skip
     """`parameter` with a range and a start from what one simulation shows it to do.
@@ -245,7 +242,7 @@ def _scatter(values: Floats) -> float:
 
 
 def _size_of_term(
-    model: Model, effect: Effect, name: str, fixed: Mapping[str, float], settings: Settings
+    model: Model, effect: WrittenEffect, name: str, fixed: Mapping[str, float], settings: Settings
 ) -> float:
     """The largest change by the term for one unit of a parameter, without other effects.
 
@@ -265,7 +262,7 @@ def _size_of_term(
     return largest
 
 
-def _check_finite(effect: Effect, change: Floats, run: Run) -> None:
+def _check_finite(effect: WrittenEffect, change: Floats, run: Run) -> None:
     if np.isfinite(change).all():
         return
     at = float(run.time_s[np.flatnonzero(~np.isfinite(change))[0]])
@@ -277,7 +274,7 @@ def _check_finite(effect: Effect, change: Floats, run: Run) -> None:
         raise effect.value["formula"].error(message, "not-finite")
 
 
-def _locals(model: Model, effect: Effect, run: Run, known: Known) -> Iterator[Known]:
+def _locals(model: Model, effect: WrittenEffect, run: Run, known: Known) -> Iterator[Known]:
     """Names that a term has where it enters: one set for each place that it enters."""
     match effect.enters:
         case "measurement":
@@ -307,7 +304,9 @@ def _in_node(model: Model, node: str, known: Known) -> Known:
     }
 
 
-def _scale_of(model: Model, effect: Effect, settings: Settings, data: Sequence[Series]) -> float:
+def _scale_of(
+    model: Model, effect: WrittenEffect, settings: Settings, data: Sequence[Series]
+) -> float:
     """The size (SI) of the quantity that a term is added to, in these data."""
     rig = model.rig
     found = 0.0

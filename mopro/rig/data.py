@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from mopro.formula import Dimension
 from mopro.formula.evaluate import Floats
+from mopro.formula.written import Written
 from mopro.instruments.quantity import Measurable
-from mopro.rig.model import Rig, Written
+from mopro.rig.model import Rig
 from mopro.source import Source
 from mopro.tomlfile import Value
 

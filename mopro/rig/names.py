@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
+from mopro.formula.written import WrittenEffect
 from mopro.rig.data import RigExperiment, Sensor
 from mopro.rig.file import catalogue
 from mopro.rig.model import (
@@ -15,7 +16,6 @@ from mopro.rig.model import (
     POWER,
     PYTHON,
     THERMAL,
-    Effect,
     Rig,
 )  # fmt: skip
 
@@ -80,7 +80,7 @@ def power_dimension(experiment: RigExperiment) -> Dimension:
     return tuple(a + b for a, b in zip(own, divided(_KELVIN, _TIME), strict=True))
 
 
-def effects_of(experiment: RigExperiment) -> tuple[Effect, ...]:
+def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
     """The effects of the machine's file, and those of the catalogue whose names there are.
 
     A user's effect takes the place of a listed one of its name.
@@ -103,16 +103,16 @@ def effects_of(experiment: RigExperiment) -> tuple[Effect, ...]:
     )
 
 
-def _follows(effect: Effect) -> bool:
+def _follows(effect: WrittenEffect) -> bool:
     """True if an effect is one of the command: what made the command hides what acts on it."""
     return effect.enters in (COMMAND, INPUT) or bool(effect.term.formula.names & {"x", "v", "a"})
 
 
-def _needs(effect: Effect) -> frozenset[str]:
+def _needs(effect: WrittenEffect) -> frozenset[str]:
     return effect.term.formula.names - {p.name for p in effect.parameters}
 
 
-def _local(rig: Rig, effect: Effect) -> set[str]:
+def _local(rig: Rig, effect: WrittenEffect) -> set[str]:
     if effect.enters == POWER:
         several = {"exchange"} if len(rig.nodes) > 1 else set()
         return {"T", "ambient", *several, *({"foreign"} if len(rig.nodes) > 1 else ())}
@@ -134,7 +134,7 @@ def _units(experiment: RigExperiment) -> dict[str, str]:
     return {**units, "x": x, "force": force}
 
 
-def check(experiment: RigExperiment, effects: tuple[Effect, ...]) -> None:
+def check(experiment: RigExperiment, effects: tuple[WrittenEffect, ...]) -> None:
     """ModelError for a law or an effect that uses an unknown name, or whose units do not match."""
     rig, known = experiment.machine, names_of(experiment)
     for law in rig.laws.values():
@@ -149,7 +149,7 @@ def check(experiment: RigExperiment, effects: tuple[Effect, ...]) -> None:
             _check_effect(effect, experiment, known)
 
 
-def _check_effect(effect: Effect, experiment: RigExperiment, known: Dimensions) -> None:
+def _check_effect(effect: WrittenEffect, experiment: RigExperiment, known: Dimensions) -> None:
     own: Dimensions = {p.name: dimension_of_unit(p.unit) for p in effect.parameters}
     sensors = [s for s in sensors_of(experiment) if effect.target in ("", s.name)]
     wanted: Dimension | None = None

@@ -8,8 +8,8 @@ import numpy as np
 
 from mopro.diagnosis import Parameter, ResidualView, Role
 from mopro.formula.evaluate import Floats, evaluate, over_grid
+from mopro.formula.written import WrittenEffect
 from mopro.rig.data import Reading, Run
-from mopro.rig.model import Effect
 from mopro.rig.simulation import Known, Model, term_of
 
 # Points of a grid along a shape, twice as many along one that may be 0; along a period so many for
@@ -29,7 +29,7 @@ class Search:
     """
 
     def __init__(
-        self, model: Model, effect: Effect, parameters: tuple[Parameter, ...], longest: float
+        self, model: Model, effect: WrittenEffect, parameters: tuple[Parameter, ...], longest: float
     ) -> None:
         self._model, self._effect, self._parameters = model, effect, parameters
         self._shapes = [p for p in parameters if p.role is Role.SHAPE]

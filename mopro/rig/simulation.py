@@ -15,6 +15,7 @@ from mopro.formula import Formula, parse
 from mopro.formula.bytecode import Assembler
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.language import substituted
+from mopro.formula.written import WrittenEffect
 from mopro.rig.data import Reading, RigExperiment, Run, Sensor
 from mopro.rig.model import (
     AMBIENT,
@@ -27,7 +28,6 @@ from mopro.rig.model import (
     MEASUREMENT,
     POWER,
     THERMAL,
-    Effect,
 )  # fmt: skip
 from mopro.rig.names import axis_law, capacity_of, effects_of, inertia_of, sensors_of
 
@@ -36,7 +36,7 @@ SCALE = "scale of {}"
 START = "start of {}, {}"
 Codes = list[tuple[int, int]]
 # Effects that are on, with their parameters in SI.
-Active = tuple[tuple[Effect, Mapping[str, float]], ...]
+Active = tuple[tuple[WrittenEffect, Mapping[str, float]], ...]
 # Names of formulas with their values.
 Known = Mapping[str, Floats | float]
 Simulate = Callable[[Mapping[str, float], Mapping[str, Floats]], Mapping[str, Any]]
@@ -79,7 +79,7 @@ class Model:
         self.experiment = experiment
         self.rig = experiment.machine
         self.forms = effects_of(experiment)
-        self._by_name: dict[str, list[Effect]] = {}
+        self._by_name: dict[str, list[WrittenEffect]] = {}
         for effect in sorted(self.forms, key=lambda form: len(form.parameters)):
             self._by_name.setdefault(effect.name, []).append(effect)
         self._order = list(dict.fromkeys(effect.name for effect in self.forms))
@@ -121,13 +121,15 @@ class Model:
                 found.append((effect, values))
         return tuple(found)
 
-    def form(self, name: str, parameters: Collection[str]) -> Effect:
+    def form(self, name: str, parameters: Collection[str]) -> WrittenEffect:
         """The form of an effect that has these parameters."""
         forms = self._by_name[name]
         fits = (form for form in forms if set(parameters) <= {p.name for p in form.parameters})
         return next(fits, forms[-1])
 
-    def _entering(self, place: str, active: Active) -> Iterator[tuple[Effect, Mapping[str, float]]]:
+    def _entering(
+        self, place: str, active: Active
+    ) -> Iterator[tuple[WrittenEffect, Mapping[str, float]]]:
         yield from ((effect, own) for effect, own in active if effect.enters == place)
 
     def values_in(self, run: Run, settings: Settings) -> dict[str, Floats]:
@@ -163,7 +165,7 @@ class Model:
         scale = settings.get(BASE, {}).get(SCALE.format(sensor.name), sensor.scale or 1.0)
         return (sensor.sign or 1) * scale / sensor.factor * value[reading.rows]
 
-    def shows(self, effect: Effect, sensor: Sensor) -> bool:
+    def shows(self, effect: WrittenEffect, sensor: Sensor) -> bool:
         """True if the sensor is one that an effect of the measurement is for."""
         if effect.target:
             return effect.target == sensor.name
@@ -272,13 +274,13 @@ class Model:
             return stated
         return float(settings.get(BASE, {}).get(START.format(run.name, state), 0.0))
 
-    def _program(self, active: Sequence[Effect]) -> _Program:
+    def _program(self, active: Sequence[WrittenEffect]) -> _Program:
         key = tuple((effect.name, effect.form) for effect in active)
         if key not in self._programs:
             self._programs[key] = self._assembled(active)
         return self._programs[key]
 
-    def _assembled(self, active: Sequence[Effect]) -> _Program:
+    def _assembled(self, active: Sequence[WrittenEffect]) -> _Program:
         every = ["t", *self.states, *self.experiment.units, *self.rig.numbers]
         every += [f"ambient {node}" for node in self.rig.nodes]
         every += [f"{effect.name}.{p.name}" for effect in active for p in effect.parameters]
@@ -294,7 +296,7 @@ class Model:
         return _Program(codes, segments, slots, tuple(assembler.constants))
 
     def _axis_codes(
-        self, assembler: Assembler, slots: Mapping[str, int], active: Sequence[Effect]
+        self, assembler: Assembler, slots: Mapping[str, int], active: Sequence[WrittenEffect]
     ) -> list[Codes]:
         """Codes of the acceleration, and of the limit of dry friction as an acceleration."""
         terms = {
@@ -311,7 +313,11 @@ class Model:
         return [assembler.sum([*stated, *([force] if force else [])]), friction]
 
     def _node_codes(
-        self, assembler: Assembler, slots: Mapping[str, int], active: Sequence[Effect], node: str
+        self,
+        assembler: Assembler,
+        slots: Mapping[str, int],
+        active: Sequence[WrittenEffect],
+        node: str,
     ) -> Codes:
         """Codes of the rate of one thermal node."""
         law = self.rig.laws[node].formula
@@ -333,7 +339,7 @@ class Model:
 
 
 def _codes(
-    assembler: Assembler, effect: Effect, slots: Mapping[str, int],
+    assembler: Assembler, effect: WrittenEffect, slots: Mapping[str, int],
     inner: Mapping[str, Formula] | None = None,
 ) -> Codes:  # fmt: skip
     own = {p.name: slots[f"{effect.name}.{p.name}"] for p in effect.parameters}
@@ -341,7 +347,9 @@ def _codes(
     return assembler.codes(formula, {**slots, **own})
 
 
-def term_of(effect: Effect, own: Mapping[str, float], known: Known, time_s: Floats) -> Floats:
+def term_of(
+    effect: WrittenEffect, own: Mapping[str, float], known: Known, time_s: Floats
+) -> Floats:
     formula = effect.term.formula
     return evaluate(formula, with_rates({**known, **own}, formula), time_s)
 

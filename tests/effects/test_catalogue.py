@@ -30,6 +30,7 @@ SHARED = {"forces/dahl.py", "forces/platen_edge.py", "command/scaled.py"}
 
 def test_each_file_of_a_room_is_registered_under_its_own_name():
     files = {path.relative_to(ROOMS).as_posix() for path in ROOMS.glob("*/[a-z]*.py")}
+    files = {file for file in files if not file.startswith("unlisted/")}
     registered = {target.partition(":")[0].replace(".", "/") + ".py" for target in OWN}
     assert files - SHARED == registered
     assert [e.name for e in own_effects().values()] == [

@@ -74,3 +74,30 @@ def drive_folder(folder, machine=DRIVE, experiment=DRIVEN, **hidden):
     (folder / "experiment.toml").write_text(experiment, encoding="utf-8")
     write(folder / "run.csv", driven(**hidden))
     return folder / "experiment.toml"
+
+
+def screw_log(places_mm, speed_mm_s, rest_s, *, play=0.06, ripple=0.02, scale=1.0004, seed=1):
+    """Text of a controller's log of a lead screw of 5 mm: moves to places, with rests between.
+
+    Semicolons, decimal commas, a line of notes, headings in German, a row of units; the set-point
+    is blank where it has not changed, the clock begins at 1000 s.
+    """
+    step, told = 0.02, [0.0]
+    for place in places_mm:
+        while abs(place - told[-1]) > 1e-9:
+            most = speed_mm_s * step
+            told.append(told[-1] + min(max(place - told[-1], -most), most))
+        told += [told[-1]] * round(rest_s / step)
+    command, at, followed = np.array(told), 0.0, []
+    for own in told:
+        at = min(max(at, own - play / 2), own + play / 2)
+        followed.append(at)
+    true = np.array(followed)
+    noise = 0.004 * np.random.default_rng(seed).standard_normal(len(true))
+    seen = scale * true + ripple * np.sin(2 * math.pi * true / 5 + 0.7) + noise
+    lines = ["Pruefstand;Achse X", "Zeit;Sollwert;Istwert", "[s];[mm];[mm]"]
+    for n, (own, read) in enumerate(zip(command, seen, strict=True)):
+        changed = n == 0 or own != command[n - 1]
+        cells = f"{1000 + step * n:.3f}", f"{own:.3f}" if changed else "", f"{read:.3f}"
+        lines.append(";".join(cells).replace(".", ","))
+    return "\n".join(lines) + "\n"

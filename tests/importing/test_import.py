@@ -6,6 +6,9 @@ import tomllib
 import numpy as np
 import pytest
 
+from helpers.commands import run_here
+from helpers.rigs import screw_log
+
 RATE_HZ = 100.0
 
 
@@ -310,3 +313,29 @@ def test_what_is_written_can_be_compared(tmp_path, mopro, columns, arguments):
     done = mopro("compare", "out/experiment.toml", "--json")
     assert done.returncode in (0, 1), done.stderr
     assert json.loads(done.stdout)["series"]
+
+
+def test_a_set_point_that_is_logged_on_changes_holds_through_the_rests(tmp_path):
+    """Most of its rows have a value: only its rests are blank."""
+    text = screw_log([3.0, -2.0, 4.0], 8.0, 0.8, ripple=0.0, scale=1.0)
+    (tmp_path / "screw.csv").write_text(text, "utf-8")
+    done = run_here(tmp_path, "import", "screw.csv", "--as", "screw")
+    assert "moves: 3 (changes of Sollwert)" in done.stdout
+    experiment = (tmp_path / "screw" / "experiment.toml").read_text("utf-8")
+    assert 'command = { column = "Sollwert_mm", unit = "mm", hold = true }' in experiment
+    options = ("--only", "backlash", "--json")
+    answer = json.loads(run_here(tmp_path, "reconcile", "screw/experiment.toml", *options).stdout)
+    (effect,) = answer["effects"]
+    assert effect["parameters"]["w"]["value"] == pytest.approx(0.06, abs=0.003)
+
+
+def test_readings_that_were_lost_do_not_make_an_input_hold(tmp_path):
+    rng = np.random.default_rng(1)
+    rows = ["time_s,force_N,position_mm"]
+    for n in range(200):
+        force = "" if n % 23 == 5 else f"{rng.normal():.4f}"
+        rows.append(f"{n / 50},{force},{rng.normal():.4f}")
+    (tmp_path / "log.csv").write_text("\n".join(rows), "utf-8")
+    done = run_here(tmp_path, "import", "log.csv", "--as", "there")
+    assert done.returncode == 0, done.stderr
+    assert "hold" not in (tmp_path / "there" / "experiment.toml").read_text("utf-8")

@@ -7,6 +7,8 @@ import pytest
 
 from helpers.commands import run_here
 from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, driven, write
+from mopro.errors import ModelError
+from mopro.experiment.opened import open_experiment
 
 EFFECT = FRICTION_OF_PLACE
 
@@ -72,7 +74,6 @@ def test_faults_of_a_machine_file(tmp_path, record, old, new, words):
         ("start = { x = 0, v = 0 }", "part = [0.5, 0.2]", "shares of the time"),
         ("start = { x = 0, v = 0 }", 'use = "time_s > 99"', "no row of run.csv is used"),
         ("start = { x = 0, v = 0 }", 'program = "run.csv"', "goes where it is told"),
-        ('machine = "machine.toml"', 'machine = "axis"', "needs a file"),
         ("force = {", "x = {", "has a meaning in formulas already"),
         ("[inputs]", 'time = "force_N"\n[inputs]', "expected a unit of time"),
         ("[inputs]", 'time = { column = "position_mm", unit = "s" }\n[inputs]', "does not go on"),
@@ -147,7 +148,7 @@ def test_a_free_scale_and_sign_are_calibrated(tmp_path, record):
 
 
 def test_a_swing_in_degrees_that_is_taken_for_radians_is_refused(tmp_path):
-    t = 0.02 * np.arange(600)
+    t = 0.02 * np.arange(300)
     x, v, angles = math.radians(60.0), 0.0, []
     for _ in t:
         angles.append(x)
@@ -167,3 +168,108 @@ def test_a_swing_in_degrees_that_is_taken_for_radians_is_refused(tmp_path):
     done = run_here(tmp_path, "compare", "experiment.toml")
     assert done.returncode == 2
     assert "degrees are taken for radians" in done.stderr
+
+
+HELD = """\
+machine = "kinematic"
+
+[inputs]
+command = { column = "target_count" }
+
+[[sensor]]
+name = "servo"
+quantity = "position"
+column = "actual_count"
+noise_rms = 2.0
+
+[[run]]
+data = "run.csv"
+"""
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"), [(10.0, "a factor of 10"), (0.2, "a factor of 1/5"), (-1.0, "other sign")]
+)
+def test_a_level_that_is_a_multiple_of_the_command_is_told(tmp_path, factor, words):
+    """A servo that holds its place: nothing moves that could show its scale."""
+    rng = np.random.default_rng(1)
+    there = 2047 + 2 * rng.standard_normal(200)
+    columns = {"time_s": np.arange(200) / 10, "target_count": np.full(200, 2047.0)}
+    (tmp_path / "experiment.toml").write_text(HELD, encoding="utf-8")
+    write(tmp_path / "run.csv", {**columns, "actual_count": there})
+    assert not open_experiment(tmp_path / "experiment.toml").notes
+    write(tmp_path / "run.csv", {**columns, "actual_count": factor * there})
+    (note,) = open_experiment(tmp_path / "experiment.toml").notes
+    assert "where the command is at 2047" in note
+    assert words in note
+
+
+ROOM = """\
+machine = "thermal"
+
+[inputs]
+power = { column = "power_W", unit = "W" }
+
+[[sensor]]
+name = "one"
+quantity = "temperature"
+column = "one_C"
+noise_rms = 0.1
+zero = 0
+
+[[sensor]]
+name = "two"
+quantity = "temperature"
+column = "two_C"
+noise_rms = 0.1
+zero = 0
+
+[[run]]
+data = "run.csv"
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t, ""),
+        (lambda t: 1.8 * t + 32, "is it in Fahrenheit?"),
+        (lambda t: 10 * t, "a factor of 10"),
+        (lambda t: 0.2 * t, "a factor of 1/5"),
+    ],
+    ids=["sound", "Fahrenheit", "ten", "a fifth"],
+)
+def test_a_node_that_begins_elsewhere_than_the_room_is_told(tmp_path, change, words):
+    t = np.arange(0.0, 300.0, 2.0)
+    warm = 21.0 + 20.0 * -np.expm1(-t / 100)
+    noise = 0.1 * np.random.default_rng(1).standard_normal((2, len(t)))
+    columns = {"time_s": t, "power_W": np.full_like(t, 4.0)}
+    columns |= {"one_C": change(warm + noise[0]), "two_C": 21.0 + noise[1]}
+    (tmp_path / "experiment.toml").write_text(ROOM, encoding="utf-8")
+    write(tmp_path / "run.csv", columns)
+    notes = [n for n in open_experiment(tmp_path / "experiment.toml").notes if "begin" in n]
+    assert [note.partition(":")[0] for note in notes] == (["one"] if words else [])
+    assert all(words in note for note in notes)
+
+
+def test_a_swing_of_another_scale_is_refused_with_the_factor(tmp_path):
+    """A pendulum whose frequency shows how far it swings."""
+    factor = 0.1
+    step, x, v, places = 0.01, 1.5, 0.0, []
+    for n in range(3200):
+        if n % 4 == 0:
+            places.append(x)
+        v += step / 4 * (-64.0 * math.sin(x) - 0.05 * v)
+        x += step / 4 * v
+    measured = factor * np.array(places)
+    law = 'acceleration = "-w2 * sin(x) - b * v"\n'
+    numbers = 'w2 = { value = 64, unit = "1/s2", free = true, range = [55, 75] }\n'
+    numbers += 'b = { value = 0.05, unit = "1/s", free = true, range = [0, 1] }\n'
+    text = f'kind = "axis"\nname = "swing"\nunit = "rad"\n{law}[base]\n{numbers}'
+    (tmp_path / "machine.toml").write_text(text, encoding="utf-8")
+    sensor = '[[sensor]]\nname = "s"\nquantity = "angle"\ncolumn = "x_rad"\nnoise_rms = 0.001\n'
+    asked = f'machine = "machine.toml"\n{sensor}[[run]]\ndata = "run.csv"\n'
+    (tmp_path / "experiment.toml").write_text(asked, encoding="utf-8")
+    write(tmp_path / "run.csv", {"time_s": step * np.arange(len(places)), "x_rad": measured})
+    with pytest.raises(ModelError, match=f"if they are {factor:g} times too large"):
+        open_experiment(tmp_path / "experiment.toml")

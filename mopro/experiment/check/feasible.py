@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from mopro.effects import Active, catalogue
+from mopro.effects import Active, catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.errors import Diagnostic, MotionError
 from mopro.experiment.model import Reading, Trial
@@ -70,9 +70,9 @@ def too_short(suspects: Sequence[Suspect], machine: Machine) -> Iterator[Diagnos
 def _shortest_s(trial: Trial, machine: Machine) -> float:
     """Least duration (s) of the program, with every effect that makes it faster at its bound."""
     assert trial.program is not None, "a logged command has no program"
-    effects = catalogue().values()
+    effects = catalogue_of(machine).values()
     faster = (Active(e, values, AXES) for e in effects if (values := e.fastest()) is not None)
-    own = active_effects(machine, catalogue())
+    own = active_effects(machine, catalogue_of(machine))
     return plan_with_effects(trial.program, machine, (*own, *faster)).duration_s
 
 

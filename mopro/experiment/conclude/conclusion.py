@@ -11,7 +11,7 @@ import numpy as np
 
 from mopro.diagnosis import Series, Verdict
 from mopro.diagnosis.verdict import rms
-from mopro.effects import catalogue
+from mopro.effects import catalogue_of
 from mopro.experiment.compare.comparison import Place, compare
 from mopro.experiment.conclude.machine_file import machine_text, machine_with
 from mopro.experiment.conclude.wording import NO_PROPOSAL, reservations
@@ -135,7 +135,7 @@ def conclude(
         ),
         next_experiment=proposal,
         left_out=tuple(sorted(left_out)),
-        tried=tuple(name for name in catalogue() if name not in left_out),
+        tried=tuple(name for name in catalogue_of(experiment.machine) if name not in left_out),
     )
 
 

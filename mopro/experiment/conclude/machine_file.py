@@ -8,10 +8,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from mopro.diagnosis import Named, Verdict
-from mopro.effects import catalogue
+from mopro.effects import catalogue_of
 from mopro.effects.base import AXIS, Effect, angle_in
 from mopro.experiment.conclude.wording import origin_words, reservation
 from mopro.experiment.model import Experiment
+from mopro.formula.written import toml_lines
 from mopro.machine import Machine
 from mopro.machine.file import read_machine
 from mopro.source import Source
@@ -19,16 +20,19 @@ from mopro.source import Source
 # The heading of a section, and the key at the start of a line.
 _HEAD = re.compile(r"\s*\[+([^\]]+)\]")
 _REPAIRED = re.compile(r"(.*)-repaired(?:-(\d+))?", re.DOTALL)
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_PART = re.compile(r'"[^"]*"|\'[^\']*\'|[\w-]+')
 _KEY = re.compile(r"""\s*([\w.\-"' \t]+?)\s*=""")
 
 
 def lasting(experiment: Experiment, verdict: Verdict) -> list[Named]:
     """The fitted effects that are properties of the machine, unlike an event in one run."""
     runs = tuple(trial.name for trial in experiment.trials)
+    effects = catalogue_of(experiment.machine)
     return [
         effect
         for effect in verdict.fitted
-        if effect.name in catalogue() and reservation(effect, verdict, runs) is None
+        if effect.name in effects and reservation(effect, verdict, runs) is None
     ]
 
 
@@ -40,10 +44,20 @@ def machine_text(experiment: Experiment, verdict: Verdict) -> str:
     kept = _without(source, {effect.name for effect in named})
     remaining = "\n".join(_renamed(kept, repaired_name(machine.name))).rstrip("\n")
     place = Path(experiment.source.name).name
+    effects, stated = catalogue_of(machine), _stated_elsewhere(machine, source)
     sections = [
-        "\n".join(_section(catalogue()[effect.name], effect, verdict, place)) for effect in named
+        *("\n".join(stated[e.name]) for e in named if e.name in stated),
+        *("\n".join(_section(effects[e.name], e, verdict, place)) for e in named),
     ]
     return "\n\n".join([remaining, *sections]) + "\n"
+
+
+def _stated_elsewhere(machine: Machine, source: Source) -> dict[str, list[str]]:
+    """Sections of the machine's formulas that its file does not state, by their names."""
+    if not machine.formulas:
+        return {}
+    own = {effect.name for effect in read_machine(source).formulas}
+    return {e.name: toml_lines(e) for e in machine.formulas if e.name not in own}
 
 
 def repaired_name(name: str) -> str:
@@ -90,7 +104,7 @@ def _without(source: Source, effects: set[str]) -> Iterator[str]:
 
 
 def _path(dotted: str) -> list[str]:
-    return [part.strip().strip("\"'") for part in dotted.split(".")]
+    return [part.strip("\"'") for part in _PART.findall(dotted)]
 
 
 def _values(effect: Named, verdict: Verdict) -> Mapping[str, float]:
@@ -102,7 +116,7 @@ def _section(effect: Effect, named: Named, verdict: Verdict, place: str) -> Iter
     for p in effect.parameters:
         if p.per_run:
             values.setdefault(p.name, values.get(angle_in(0, p.name), 0.0))
-    yield f"[effects.{named.name}]"
+    yield f"[effects.{named.name if _BARE.fullmatch(named.name) else _quoted(named.name)}]"
     if values.get(AXIS):
         yield f"axes = [{int(values[AXIS])}]"
     for parameter in effect.parameters:

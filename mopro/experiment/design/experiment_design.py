@@ -15,7 +15,8 @@ from itertools import combinations, groupby
 import numpy as np
 
 from mopro.diagnosis import Named, Settings, Verdict
-from mopro.effects import catalogue
+from mopro.effects import catalogue_of
+from mopro.effects.registry import Catalogue
 from mopro.effects.resolve import with_values
 from mopro.experiment.design.test_motions import (
     Bounds,
@@ -162,7 +163,8 @@ class _ProgramDesigner:
         every = [side for pair in self._pairs for side in (pair.one, pair.other)]
         machine = self._experiment.machine
         nominal = PlantConstants.of(machine, self._payload_kg)
-        plants = [_plant(nominal, side) for side in every]
+        effects = catalogue_of(machine)
+        plants = [_plant(nominal, side, effects) for side in every]
         weakest_N = min(plant.pull_out_force_N for plant in (nominal, *plants))
         mass_kg = max(plant.mass_kg for plant in plants)
         return Bounds.of(machine, mass_kg, weakest_N / nominal.pull_out_force_N)
@@ -270,9 +272,9 @@ class _ProgramDesigner:
         return f"{travel}, for {_HEATING_S / 60:g} min." if chosen[0].endless else f"{travel}."
 
 
-def _plant(plant: PlantConstants, settings: Settings) -> PlantConstants:
+def _plant(plant: PlantConstants, settings: Settings, effects: Catalogue) -> PlantConstants:
     """Constants of the equation of motion with the effects of `settings`."""
-    for a in (with_values(catalogue()[name], values) for name, values in settings.items()):
+    for a in (with_values(effects[name], values) for name, values in settings.items()):
         plant = a.effect.plant(plant, *a.values)
     return plant
 

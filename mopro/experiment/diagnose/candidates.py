@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from mopro.diagnosis import Candidate, Parameter, Role
-from mopro.effects import Domain, Effect, catalogue
+from mopro.effects import Domain, Effect, catalogue_of
 from mopro.effects.base import AXIS, WIDER
 from mopro.effects.unlisted import unlisted_terms
 from mopro.experiment.diagnose import thermal
@@ -62,7 +62,7 @@ def _of_motion(model: ForwardModel) -> Iterator[Candidate]:
     """
     programmed = all(trial.program is not None for trial in model.experiment.trials)
     sensors = [reading.sensor for _, reading in model.readings()]
-    for effect in catalogue().values():
+    for effect in catalogue_of(model.machine).values():
         if effect.domain is Domain.HEAT or (effect.changes_program and not programmed):
             continue
         seen = {s.axis for s in sensors if _shows(effect, s.quantity)}
@@ -83,7 +83,7 @@ def _shows(effect: Effect, quantity: Quantity) -> bool:
 def _of_heat(model: ForwardModel, lasting: bool) -> Iterator[Candidate]:
     """Thermal candidates: those that change the steady state (`lasting`), or all others."""
     machine = model.experiment.machine
-    for effect in catalogue().values():
+    for effect in catalogue_of(machine).values():
         if effect.domain is Domain.HEAT and thermal.lasts(effect, machine) is lasting:
             yield from effect.forms(model)
 
@@ -107,7 +107,8 @@ def _on_the_machine(candidate: Candidate, model: ForwardModel) -> Candidate:
     own = model.own(candidate.name)
     if own:
         candidate = _from_the_machine(candidate, own)
-    return _with_tolerance(candidate, catalogue()[candidate.name], model.experiment.machine)
+    effect = catalogue_of(model.machine)[candidate.name]
+    return _with_tolerance(candidate, effect, model.machine)
 
 
 def _from_the_machine(candidate: Candidate, own: Mapping[str, float]) -> Candidate:

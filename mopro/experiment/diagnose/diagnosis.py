@@ -11,7 +11,7 @@ from scipy import stats
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
 from mopro.diagnosis.residual import Residuals
-from mopro.effects import Effect, catalogue
+from mopro.effects import Effect, catalogue_of
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.diagnose.candidates import candidates, unlisted
 from mopro.experiment.diagnose.quantisation import thinned
@@ -118,7 +118,8 @@ def _with_offset(
     verdict: Verdict, data: Sequence[Series], model: Model, left_out: Collection[str]
 ) -> Verdict:
     """`verdict` (none) with the sensor offsets that all runs share, if there are any."""
-    kept = [effect for effect in catalogue().values() if effect.name not in left_out]
+    effects = catalogue_of(model.experiment.machine).values()
+    kept = [effect for effect in effects if effect.name not in left_out]
     offset_in = next(((e, e.constant_offset) for e in kept if e.constant_offset), None)
     if offset_in is None:
         return verdict

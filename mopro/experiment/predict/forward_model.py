@@ -16,7 +16,7 @@ import numpy as np
 from cachetools import LRUCache, cachedmethod
 
 from mopro.diagnosis import Settings
-from mopro.effects import Active, Domain, Effect, catalogue
+from mopro.effects import Active, Domain, Effect, catalogue_of
 from mopro.effects.base import AXIS, RUN, angle_in
 from mopro.effects.registry import Catalogue, in_order
 from mopro.effects.resolve import active_effects, with_values
@@ -67,7 +67,7 @@ class ForwardModel:
         self.experiment = experiment
         self._stepping = stepping
         self._resolved = resolved
-        self._catalogue = with_unlisted(catalogue())
+        self._catalogue = with_unlisted(catalogue_of(experiment.machine))
         self._own = active_effects(experiment.machine, self._catalogue)
         # Two threads may compute the same result; the lock guards the caches only.
         self._lock = Lock()

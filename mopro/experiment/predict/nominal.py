@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mopro.effects import catalogue
+from mopro.effects import catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.experiment.model import Experiment, Floats, SteadyTable, Trial
 from mopro.experiment.predict.alignment import aligned
@@ -41,7 +41,8 @@ def planned(trial: Trial, machine: Machine) -> Schedule:
         return schedule_of(trial.command, machine)
     endless = trial.program.loops_forever or trial.partial
     for_s = trial.duration_s if endless else None
-    return plan_with_effects(trial.program, machine, active_effects(machine, catalogue()), for_s)
+    active = active_effects(machine, catalogue_of(machine))
+    return plan_with_effects(trial.program, machine, active, for_s)
 
 
 def compiling_pays(experiment: Experiment) -> bool:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from mopro.effects import Active, Domain, catalogue
+from mopro.effects import Active, Domain, catalogue_of
 from mopro.effects.base import Surroundings
 from mopro.effects.resolve import active_effects, with_values
 from mopro.effects.unlisted import with_unlisted
@@ -64,7 +64,7 @@ def rises(
 
 
 def _active(machine: Machine, effects: Mapping[str, Mapping[str, float]]) -> list[Active]:
-    known = with_unlisted(catalogue())
+    known = with_unlisted(catalogue_of(machine))
     chosen = {a.name: a for a in active_effects(machine, known)}
     for name, values in effects.items():
         chosen[name] = with_values(known[name], values)

@@ -13,6 +13,7 @@ from mopro.experiment.read.raw import KINDS
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine, builtin_machines, load_machine
+from mopro.machine.file import formulas_in
 from mopro.program import AXES
 from mopro.source import Source, Span
 from mopro.tomlfile import Document, Refused, Value, read_named, read_source, shown
@@ -133,7 +134,7 @@ class _Reader:
         self._machine_file: Path | None = None
 
     def entries(self, root: Value) -> Entries:
-        root.only({"machine", "grammar", "sensor", "run"})
+        root.only({"machine", "grammar", "sensor", "run", "effect"})
         grammar = root.get("grammar", one_of(*_GRAMMARS), _GRAMMARS[0])
         sensors = self._sensors(root)
         tables = self._sections(root, "run")
@@ -141,11 +142,12 @@ class _Reader:
         runs = [self._run(entry, sensor_name) for entry in tables]
         _check_distinct_data(tables)
         machine = root.need("machine", self._machine, _NO_MACHINE)
+        formulas = formulas_in(root)
         if machine is None:
             raise Refused
         return Entries(
             self._source,
-            machine,
+            machine.beside(formulas),
             grammar,
             tuple(sensors.values()),
             tuple(e for e in runs if e is not None),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +11,10 @@ import numpy as np
 from mopro.diagnosis import Parameter, Series
 from mopro.formula.evaluate import Floats
 from mopro.instruments.slips import UNIT_SLIPS
-from mopro.rig.base import BaseFit, fitted_base, slope_of
-from mopro.rig.model import KINEMATIC
+from mopro.rig.base import BaseFit, base_of, fitted_base, slope_of
+from mopro.rig.data import Reading
+from mopro.rig.model import KINEMATIC, THERMAL
+from mopro.rig.series import plain_series
 from mopro.rig.simulation import START, Model
 
 # Factors by which a reading may be off, and what they stand for.
@@ -35,6 +37,16 @@ _EXPLAINED, _LEFT, _NEAR = 0.9, 0.5, 0.15
 # Share of the variance that the stated scale must leave for another one to be tried, and to be
 # refused; another scale must leave so much less.
 _TRIED, _POOR, _BETTER = 0.02, 0.3, 0.3
+# Share of a run, and samples of each reading at least, that other scales are tried on at first.
+_BEGINNING, _FEWEST = 0.15, 100
+# Of the scales that fit a beginning best, those that are tried on the whole.
+_LIKELY = 3
+# Most change of readings and command, as a share of their level, that a level is doubted at, and
+# nearness of its ratio to a known factor.
+_CHANGES, _LEVEL_NEAR = 0.3, 0.02
+# A room's temperature, and within how much two sensors have the same; up to this ratio two nodes
+# may differ.
+_ROOM_C, _SAME_C, _TWICE = 22.0, 1.0, 2.5
 
 
 def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[str]:
@@ -57,7 +69,61 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
         if left >= _POOR:
             raise sensor.value["column"].error(message, "wrong-scale", _hint(factor))
         notes[sensor.name] = f"{message}: {_hint(factor)}"
-    return list(notes.values())
+    return [*notes.values(), *_levels(model, predicted, notes.keys())]
+
+
+# -- levels, where little changes ----------------------------------------------------------
+
+
+def _levels(model: Model, predicted: Sequence[Floats], told: Collection[str]) -> Iterator[str]:
+    """Notes on sensors that stand at a known multiple of where they should stand."""
+    for run in model.experiment.trials:
+        rows = [i for i, (own, _) in enumerate(model.readings) if own is run]
+        for i in rows:
+            reading = model.readings[i][1]
+            if reading.sensor.name in told or reading.sensor.scale is None:
+                continue
+            if model.rig.kind == KINEMATIC:
+                found = _level(reading.values, predicted[i], "the command")
+            else:
+                others = [model.readings[j][1] for j in rows if j != i]
+                found = _first_level(reading, others) if model.rig.kind == THERMAL else None
+            if found is not None:
+                yield f"{reading.sensor.name}: the readings of {run.name} {found}"
+
+
+def _level(measured: Floats, simulated: Floats, of: str) -> str | None:
+    """The words for a level that is a known multiple of another; None where too much changes."""
+    level, other = float(np.median(measured)), float(np.median(simulated))
+    changes = max(float(np.ptp(measured)) / (abs(level) or 1.0), float(np.ptp(simulated)) / (
+        abs(other) or 1.0
+    ))  # fmt: skip
+    if not level or not other or changes > _CHANGES:
+        return None
+    near = [f for f in (*_KNOWN, 1.0) if abs(abs(level / other) / f - 1) < _LEVEL_NEAR]
+    if not near or (near[0] == 1.0 and level * other > 0):
+        return None
+    factor = math.copysign(near[0], level * other)
+    what = "of the other sign" if factor < 0 else _KNOWN[abs(factor)]
+    return f"are at {level:.6g} where {of} is at {other:.6g} ({what}): {_hint(factor)}"
+
+
+def _first_level(reading: Reading, others: Sequence[Reading]) -> str | None:
+    """As _level, for temperatures at the beginning, when all nodes have that of the room.
+
+    That of most others is right; of two, the one that is farther from a room's is doubted.
+    """
+    same = [o for o in others if o.sensor.quantity is reading.sensor.quantity]
+    if not same or any(r.sensor.zero != 0.0 for r in (reading, *same)):
+        return None
+    own, usual = float(reading.values[0]), float(np.median([o.values[0] for o in same]))
+    if len(same) == 1 and abs(own - _ROOM_C) < abs(usual - _ROOM_C):
+        return None
+    if abs((own - 32.0) / 1.8 - usual) < _SAME_C:
+        return f"begin at {own:.4g} where others begin at {usual:.4g} C: is it in Fahrenheit?"
+    if own * usual > 0 and 1 / _TWICE < own / usual < _TWICE:
+        return None
+    return _level(np.array([own]), np.array([usual]), "the beginning of others")
 
 
 def _words(series: Series, factor: float) -> str:
@@ -107,28 +173,50 @@ def _of_fits(
     """
     if not base.parameters or model.rig.kind == KINEMATIC:
         return None, 0.0
-    stated = _share_left(model, data, base, 1.0, nth)
+    stated = _share_left(model, data, 1.0, nth)
     if stated < _TRIED:
         return None, stated
     # A wrong law may fit a little better at half or twice the scale.
     tried = (-1.0, *(f for f in _KNOWN if not 0.5 <= f <= 2.0))
-    shares = {f: _share_left(model, data, base, f, nth) for f in tried}
+    brief = _begun(model)
+    of_brief = plain_series(brief)
+    likely = sorted(tried, key=lambda f: _share_left(brief, of_brief, f, nth))[:_LIKELY]
+    shares = {f: _share_left(model, data, f, nth) for f in likely}
     best = min(shares, key=lambda f: shares[f])
     fits = shares[best] < _BETTER * min(stated, 1.0)
     return (best if fits else None), stated
 
 
-def _share_left(
-    model: Model, data: Sequence[Series], base: BaseFit, factor: float, nth: int
-) -> float:
+def _begun(model: Model) -> Model:
+    """The model of the beginnings of the runs alone, which take less time to simulate."""
+    trials = []
+    for run in model.experiment.trials:
+        last = max([round(_BEGINNING * len(run.time_s)), *(_rows_of(r) for r in run.readings)])
+        readings = tuple(
+            replace(r, rows=r.rows[r.rows < last], values=r.values[r.rows < last])
+            for r in run.readings
+        )
+        inputs = {name: own[:last] for name, own in run.inputs.items()}
+        trials.append(replace(run, time_s=run.time_s[:last], inputs=inputs, readings=readings))
+    return Model(replace(model.experiment, trials=tuple(trials)))
+
+
+def _rows_of(reading: Reading) -> int:
+    """Rows of a run in which a reading has as many samples as a fit needs."""
+    fewest = min(_FEWEST, len(reading.rows))
+    return int(reading.rows[fewest - 1]) + 1
+
+
+def _share_left(model: Model, data: Sequence[Series], factor: float, nth: int) -> float:
     """Share of a series that the fitted model leaves, if its readings were `factor` too large."""
     scaled = [
         replace(s, values=s.values / factor, sigma=None) if i == nth else s
         for i, s in enumerate(data)
     ]
     names = {START.format(model.readings[nth][0].name, state) for state in model.states}
-    parameters = [_scaled(p, factor) if p.name in names else p for p in base.parameters]
-    fit = fitted_base(model, scaled, parameters, at_once=True)
+    # From the file's numbers: those that were fitted have followed readings that may be wrong.
+    parameters = [_scaled(p, factor) if p.name in names else p for p in base_of(model)]
+    fit = fitted_base(model, scaled, parameters)
     own = scaled[nth]
     left = own.without_nuisances(np.nan_to_num(own.values - model(fit.settings)[nth], nan=1e9))
     whole = own.without_nuisances(own.values)

@@ -9,17 +9,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
-from mopro.formula import Formula, FormulaError, UnitError, dimension_of_unit, factor_of, parse
+from mopro.experiment.rigs.bare import skeleton
+from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, parse
+from mopro.formula.entry import check_name, read_effects, read_formula
+from mopro.formula.written import Written
 from mopro.instruments.quantity import MEASURABLES, Measurable, unit_of_column
 from mopro.rig.data import Sensor
-from mopro.rig.file import check_name, load_rig
-from mopro.rig.model import AMBIENT, AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, Rig, Written
+from mopro.rig.file import HOSTS, load_rig
+from mopro.rig.model import AMBIENT, AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, Rig
 from mopro.source import Source
 from mopro.tomlfile import Document, Refused, Value, read_source, shown
 from mopro.tomlfile.schema import flag, number, number_in, one_of, table_in, text
 
 T = TypeVar("T")
-_TOP_KEYS = {"machine", "time", "inputs", "sensor", "run"}
+_TOP_KEYS = {"machine", "time", "inputs", "sensor", "run", "effect"}
 _SENSOR_KEYS = {
     "name", "quantity", "column", "unit", "noise_rms", "adc_step", "zero", "drift", "scale",
     "sign", "reads", "rate_hz",
@@ -110,13 +113,16 @@ class _Reader:
     def __init__(self, source: Source, applied: str | Path | None) -> None:
         self._source, self._applied = source, applied
         self._machine_file: Path | None = None
+        self._temperatures: tuple[str, ...] = ()
 
     def entries(self, root: Value) -> RigEntries:
         before = root.faults
         root.only(_TOP_KEYS)
+        self._temperatures = _temperatures(root)
         machine = root.need("machine", self._machine, "expected a machine")
         if machine is None:
             raise Refused
+        machine = machine.beside(read_effects(root, HOSTS[machine.kind]))
         clock = root.get("time", _clock, _Clock("time_s", 1.0))
         inputs = root.get("inputs", _inputs(machine.kind), {})
         sensors = [s for entry in root.sections("sensor") if (s := _sensor(entry, machine))]
@@ -139,6 +145,8 @@ class _Reader:
         if self._applied is not None:
             self._machine_file = None if str(self._applied) in KINDS else Path(self._applied)
             return load_rig(self._applied)
+        if name in (AXIS, THERMAL):
+            return skeleton(name, self._temperatures)
         if name in KINDS:
             return load_rig(name)
         self._machine_file = self._file(value)
@@ -176,6 +184,14 @@ class _Reader:
         return made if entry.faults == before else None
 
 
+def _temperatures(root: Value) -> tuple[str, ...]:
+    """The names of the sensors of a temperature, as far as they can be read."""
+    stated = root.data.get("sensor")
+    entries = [e for e in stated if isinstance(e, dict)] if isinstance(stated, list) else []
+    names = [e.get("name") for e in entries if e.get("quantity") == "temperature"]
+    return tuple(name for name in names if isinstance(name, str) and name.isidentifier())
+
+
 def _with_unit(machine: Rig, sensors: list[Sensor]) -> Rig:
     """The machine, in the unit of the first sensor of a place if it states none."""
     placed = next((s for s in sensors if s.quantity.tells_place), None)
@@ -200,12 +216,7 @@ def _part(value: Value) -> tuple[float, float]:
 
 
 def _formula(value: Value) -> Written:
-    stated = text(message=f"expected {value.key}: a formula of the data's columns")(value)
-    try:
-        return Written(parse(stated), value)
-    except FormulaError as error:
-        found = value.error_inside(str(error), error.start, error.end, "bad-formula")
-        raise value.include(found) from error
+    return read_formula(value, "a formula of the data's columns")
 
 
 def _texts(value: Value) -> dict[str, str]:
@@ -264,7 +275,7 @@ def _inputs(kind: str) -> Callable[[Value], dict[str, _Input]]:
         found = {}
         for entry in table_in(section).values():
             if entry.key != AMBIENT:
-                check_name(entry, kind)
+                check_name(entry, HOSTS[kind].reserved)
             found[entry.key] = section.get(entry.key, _input, None)
         return {name: made for name, made in found.items() if made is not None}
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mopro.diagnosis import Estimate, Verdict
 from mopro.experiment.conclude.wording import interval_words
+from mopro.formula.written import toml_lines
 from mopro.rig.data import RigExperiment
 from mopro.rig.file import read_rig
 from mopro.rig.model import Rig
@@ -29,6 +30,10 @@ def machine_text(experiment: RigExperiment, verdict: Verdict) -> str:
         fitted |= {n: e for n, e in effect.parameters.items() if n in rig.numbers}
     found = {e.name for e in verdict.fitted if e.name not in rig.numbers}
     lines = list(_without_effects(_with_numbers(rig, fitted, verdict, place), found))
+    stated = {effect.name for effect in read_rig(rig.source).effects}
+    for written in rig.effects:
+        if written.name in found - stated:
+            lines += ["", *toml_lines(written)]
     for named in verdict.fitted:
         if named.name in found:
             lines += ["", *_section(named.name, verdict, named.parameters, place)]

@@ -14,6 +14,7 @@ import numpy as np
 from mopro.diagnosis import Parameter, Series
 from mopro.diagnosis.residual import Residuals
 from mopro.errors import DataError, ModelError
+from mopro.experiment.rigs.bare import completed
 from mopro.experiment.rigs.doubts import check_scales
 from mopro.experiment.rigs.entries import RigEntries
 from mopro.experiment.rigs.read import read_rig_experiment
@@ -54,7 +55,7 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     A model that is a program is run only if `allow_python`.
     """
     foreign = _foreign(entries, allow_python)
-    experiment = read_rig_experiment(entries)
+    experiment = completed(read_rig_experiment(entries))
     check(experiment, effects_of(experiment))
     experiment = _with_signs(experiment, foreign)
     model = Model(experiment, foreign=foreign)

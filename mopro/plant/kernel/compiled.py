@@ -7,7 +7,7 @@ import hashlib
 import platform
 from collections.abc import Callable
 from importlib.metadata import version
-from types import FunctionType
+from types import CellType, FunctionType
 from typing import Any
 
 import numba
@@ -59,7 +59,8 @@ def _compiled(terms: TermSet, nominal: bool, plain: Integrate, allocates: bool) 
             return function
         if function.__closure__ is None:
             return _shared(function, allocates)
-        return _njit(**_INNER, _nrt=allocates)(_renamed(function, name))
+        inner = tuple(CellType(prepare(cell.cell_contents)) for cell in function.__closure__)
+        return _njit(**_INNER, _nrt=allocates)(_renamed(function, name, inner))
 
     integrate = _njit(**_OUTER, _nrt=allocates)(
         _renamed(integrate_of(parts_of(terms, nominal, prepare), prepare), name)
@@ -88,8 +89,10 @@ def _shared(function: FunctionType, allocates: bool) -> Any:
     return _njit(**_INNER, _nrt=allocates)(_renamed(function, name))
 
 
-def _renamed(function: Any, name: str) -> FunctionType:
+def _renamed(function: Any, name: str, closure: tuple[CellType, ...] | None = None) -> FunctionType:
     """A copy whose compiled symbols are of this kernel, or of this shared function, alone.
+
+    `closure`: what it refers to, if not the same.
 
     numba numbers symbols anew in each process, so those of two cached kernels could meet.
     """
@@ -98,7 +101,7 @@ def _renamed(function: Any, name: str) -> FunctionType:
         function.__globals__,
         function.__name__,
         function.__defaults__,
-        function.__closure__,
+        closure or function.__closure__,
     )
     copy.__qualname__ = f"{function.__name__}_{name}"
     return copy

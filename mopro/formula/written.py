@@ -1,0 +1,110 @@
+"""Formulas in files, and effects that are written as formulas: a term and where it enters."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from mopro.errors import ModelError
+from mopro.formula.dimension import Dimension, dimension_in, factor_of, words
+from mopro.formula.language import Formula, FormulaError, check_names, parse
+from mopro.tomlfile import Value
+
+# Roles of a parameter, as a file states them.
+AMPLITUDE, SHAPE, PERIOD = ROLES = ("amplitude", "shape", "period")
+
+
+@dataclass(frozen=True)
+class Written:
+    """A formula and the value of a file that holds it."""
+
+    formula: Formula
+    value: Value | None = field(default=None, compare=False)
+
+    @staticmethod
+    def of(text: str) -> Written:
+        return Written(parse(text))
+
+    def check(
+        self, names: Mapping[str, Dimension | None], wanted: Dimension | None, what: str
+    ) -> None:
+        """ModelError for a name that is not in `names`, and for units that do not match."""
+        try:
+            check_names(self.formula, names)
+        except FormulaError as error:
+            raise self.error(error, "unknown-name") from error
+        try:
+            found = dimension_in(self.formula, names)
+            if wanted is not None and found is not None and found != wanted:
+                message = f"the formula gives {words(found)}, and {what} is in {words(wanted)}"
+                raise FormulaError(message, 0, len(self.formula.text))
+        except FormulaError as error:
+            raise self.error(error, "wrong-unit") from error
+
+    def error(self, error: FormulaError, rule: str) -> ModelError:
+        if self.value is None:
+            raise AssertionError(f"{self.formula.text}: {error}") from error
+        return self.value.error_inside(str(error), error.start, error.end, rule)
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """A parameter of an effect, in `unit`.
+
+    `low`, `high` and `start` are numbers in that unit, or formulas (SI) of the sizes of the
+    data; None where they are taken from what the term does to these data.
+    """
+
+    name: str
+    unit: str
+    role: str = AMPLITUDE
+    low: float | Formula | None = None
+    high: float | Formula | None = None
+    start: float | Formula | None = None
+    positive: bool = False
+
+    @cached_property
+    def factor(self) -> float:
+        """The unit in SI."""
+        return factor_of(self.unit)
+
+
+@dataclass(frozen=True)
+class WrittenEffect:
+    """An effect as a term that is added where it `enters`; the catalogue's and a user's alike.
+
+    `target`: the one input or sensor that it is for, "" for all. `form` and `extends` as those
+    of a candidate of the diagnosis. `own`: it is of the user's file. `driven`: of a machine
+    that has an input.
+    """
+
+    name: str
+    enters: str
+    target: str
+    term: Written
+    parameters: tuple[EffectParameter, ...]
+    form: str = ""
+    extends: str | None = None
+    own: bool = False
+    driven: bool = False
+    value: Value | None = field(default=None, compare=False)
+
+
+def toml_lines(effect: WrittenEffect) -> list[str]:
+    """The section `[[effect]]` that states an effect of a file, without its comments."""
+    assert effect.value is not None, "it was read from a file"
+    return ["[[effect]]", *(f"{key} = {_toml(data)}" for key, data in effect.value.data.items())]
+
+
+def _toml(data: Any) -> str:
+    """Text, number, truth, or a list or table of them, in one line."""
+    if isinstance(data, dict):
+        return f"{{ {', '.join(f'{key} = {_toml(own)}' for key, own in data.items())} }}"
+    if isinstance(data, list):
+        return f"[{', '.join(map(_toml, data))}]"
+    if not isinstance(data, str | bool):
+        return repr(data)
+    return json.dumps(data, ensure_ascii=False).replace("\x7f", "\\u007f")

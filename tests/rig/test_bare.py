@@ -1,0 +1,132 @@
+"""An experiment that states the kind of its machine alone: free numbers, sized by the data."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from helpers.commands import run_here
+from helpers.rigs import DRIVEN, FRICTION_OF_PLACE, driven, write
+from mopro.errors import ModelError
+from mopro.experiment.opened import open_experiment
+
+AXIS = DRIVEN.replace('"machine.toml"', '"axis"')
+
+
+def fitted(folder, text, columns):
+    """The numbers of the machine in SI as they fit without effects, and the machine."""
+    (folder / "experiment.toml").write_text(text, encoding="utf-8")
+    write(folder / "run.csv", columns)
+    study = open_experiment(folder / "experiment.toml").study
+    return study.model.values(study.base.settings), study.experiment.machine
+
+
+def test_a_force_shows_mass_and_viscous_friction(tmp_path):
+    found, machine = fitted(tmp_path, AXIS, driven(spring=0.0, mass=2.0, viscous=3.0))
+    assert found == pytest.approx({"mass": 2.0, "viscous": 3.0}, rel=0.01)
+    assert all(number.free and number.low < number.high for number in machine.numbers.values())
+
+
+def test_a_spring_that_a_regression_asks_for_is_a_part_of_the_model(tmp_path):
+    found, _ = fitted(tmp_path, AXIS, driven(mass=0.02, viscous=0.1, spring=4.0))
+    assert found == pytest.approx({"mass": 0.02, "viscous": 0.1, "spring": 4.0}, rel=0.02)
+
+
+def test_what_is_no_force_shows_ratios_to_the_mass(tmp_path):
+    columns = driven(spring=0.0, mass=2.0, viscous=3.0)
+    columns["duty"] = columns.pop("force_N") / -20
+    text = AXIS.replace('force = { column = "force_N"', 'duty = { column = "duty", unit = "1"')
+    found, machine = fitted(tmp_path, text, columns)
+    assert found == pytest.approx({"gain_duty": -10.0, "damping": 1.5}, rel=0.01)
+    assert machine.numbers["gain_duty"].unit == "mm/s2"
+
+
+def test_a_torque_and_a_speed_show_the_inertia(tmp_path):
+    columns = driven(spring=0.0, mass=2.0, viscous=3.0)
+    speed = np.gradient(columns["position_mm"] / 1e3, columns["time_s"])
+    rng = np.random.default_rng(1)
+    made = {
+        "time_s": columns["time_s"], "torque_Nm": columns["force_N"],
+        "wheel_rad_s": speed + 1e-3 * rng.standard_normal(len(speed)),
+    }  # fmt: skip
+    text = AXIS.replace('force = { column = "force_N"', 'torque = { column = "torque_Nm"')
+    text = text.replace('"position"', '"speed"').replace('"position_mm"', '"wheel_rad_s"')
+    text = text.replace("noise_rms = 0.2", "noise_rms = 0.01").replace("x = 0, v = 0", 'v = "free"')
+    found, machine = fitted(tmp_path, text, made)
+    assert found == pytest.approx({"inertia": 2.0, "viscous": 3.0}, rel=0.05)
+    assert machine.unit == "rad"
+
+
+HEATED = """\
+machine = "thermal"
+
+[inputs]
+heater = {{ column = "{column}", unit = "{unit}", hold = true }}
+
+[[sensor]]
+name = "block"
+quantity = "temperature"
+column = "block_C"
+noise_rms = 0.1
+zero = 0
+
+[[run]]
+data = "run.csv"
+"""
+
+
+def heated(column, scale):
+    """A block of 40 J/K that loses 0.2 W/K, at 22 C, under 5 W for half of the time."""
+    t = np.arange(0.0, 600.0, 2.0)
+    power = np.where(t < 300.0, 5.0, 0.0)
+    risen, place = np.zeros_like(t), 0.0
+    for i in range(1, len(t)):
+        place = place * np.exp(-2.0 / 200) + power[i - 1] / 0.2 * (1 - np.exp(-2.0 / 200))
+        risen[i] = place
+    noise = 0.1 * np.random.default_rng(2).standard_normal(len(t))
+    return {"time_s": t, column: power * scale, "block_C": 22.0 + risen + noise}
+
+
+def test_a_power_shows_capacity_and_loss(tmp_path):
+    text = HEATED.format(column="heater_W", unit="W")
+    found, _ = fitted(tmp_path, text, heated("heater_W", 1.0))
+    assert found == pytest.approx({"capacity": 40.0, "loss": 0.2}, rel=0.02)
+
+
+def test_a_duty_shows_the_rates_alone(tmp_path):
+    text = HEATED.format(column="heater_percent", unit="%")
+    found, _ = fitted(tmp_path, text, heated("heater_percent", 10.0))
+    assert found == pytest.approx({"a_heater": 0.25, "U": 0.005}, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (AXIS.replace('[inputs]\nforce = { column = "force_N", hold = true }\n', ""),
+         'add, with the name of your column: [inputs] force = { column = "force_N" }'),
+        (HEATED.format(column="heater_W", unit="W").replace("[inputs]\nheater", "[other]\nheater"),
+         "unknown key other"),
+        (AXIS.replace('"position"', '"force"').replace('"position_mm"', '"force_N"'),
+         'needs a sensor of its place or its speed'),
+    ],
+    ids=["no input", "no section", "no sensor"],
+)  # fmt: skip
+def test_what_is_missing_is_named_with_the_line_to_add(tmp_path, text, words):
+    with pytest.raises(ModelError) as caught:
+        fitted(tmp_path, text, driven(length_s=1.0))
+    assert words in caught.value.render()
+
+
+def test_the_repaired_file_is_a_machine_of_its_own_with_the_experiment_s_effect(tmp_path):
+    """The effect stands in the experiment's file, as does nothing else of the machine."""
+    fitted(tmp_path, AXIS + FRICTION_OF_PLACE, driven(of_place=12.0))
+    options = ("--only", "friction of place", "--out", "out.toml")
+    done = run_here(tmp_path, "reconcile", "experiment.toml", *options)
+    assert "Named: friction of place." in done.stdout
+    text = (tmp_path / "out.toml").read_text("utf-8")
+    repaired = tomllib.loads(text)
+    assert repaired["effect"][0]["formula"] == "F1 * abs(x)"
+    assert repaired["effects"]["friction of place"]["F1"]["value"] == pytest.approx(12.0, rel=0.1)
+    assert repaired["base"]["mass"]["value"] == pytest.approx(2.0, rel=0.01)
+    again = run_here(tmp_path, "compare", "experiment.toml", "--apply", "out.toml")
+    assert again.returncode == 0, again.stdout
