@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import allow_python_option
+from mopro.cli.options import OutputFile, allow_python_option
+from mopro.cli.outputs import drawn, keep_inputs
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
@@ -48,10 +50,20 @@ _SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "white
     metavar="MACHINE",
     help="Compare with this machine instead, and show the gap of each run before and after.",
 )
+@click.option(
+    "--plot",
+    type=OutputFile(".png", ".svg", ".pdf"),
+    help="A picture: measured over simulated, and the residual.",
+)
 @allow_python_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
-    experiment: str, seed: int, applied: str | None, allow_python: bool, as_json: bool
+    experiment: str,
+    seed: int,
+    applied: str | None,
+    plot: Path | None,
+    allow_python: bool,
+    as_json: bool,
 ) -> int:
     """Show where simulation and data disagree: by run, line, phase, direction and axis.
 
@@ -62,8 +74,11 @@ def command(
     Example: mopro compare unseen.toml --apply repaired.toml
     """
     from mopro.experiment.compare.comparison import DISAGREEMENT
-    from mopro.experiment.opened import open_before, open_experiment
+    from mopro.experiment.opened import files_of, open_before, open_experiment
 
+    keep_inputs([("--plot", plot)], [("EXPERIMENT", experiment), ("--apply", applied)])
+    if plot is not None:
+        keep_inputs([("--plot", plot)], [("EXPERIMENT", file) for file in files_of(experiment)])
     loaded = (
         open_experiment(experiment, allow_python=allow_python)
         if applied is None
@@ -71,7 +86,7 @@ def command(
     )
     for note in loaded.notes:
         say(note, err=True)
-    comparison = loaded.compare(seed)
+    comparison, before = loaded.compare(seed), None
     gaps: list[dict[str, object]] = []
     if applied is not None:
         before = comparison
@@ -86,7 +101,16 @@ def command(
     else:
         _print(comparison)
         _print_gaps(gaps)
-    return EXIT_FAILED if comparison.verdict == DISAGREEMENT else 0
+
+    def figure(form: str) -> bytes:
+        from mopro.plot import figure_bytes
+        from mopro.plot.comparison import plot_comparison
+
+        title = f"{experiment} on {loaded.machine_name}"
+        return figure_bytes(plot_comparison(comparison, title, before), form)
+
+    all_drawn = drawn(plot, figure)
+    return EXIT_FAILED if comparison.verdict == DISAGREEMENT or not all_drawn else 0
 
 
 def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, object]]:

@@ -232,21 +232,26 @@ class _Pictures:
 
     def __init__(self, plot: Path | None, report: Path | None) -> None:
         from mopro.recording import MemorySink
+        from mopro.recording.envelope import Envelopes
 
         self._plot = plot
         self._report = report
         self._memory = MemorySink(_MOST_PLOTTED)
+        self._envelopes = Envelopes()
 
     def beside(self, sink: Sink) -> Sink:
-        return _Tee(sink, self._memory) if self._plot or self._report else sink
+        sink = _Tee(sink, self._envelopes) if self._plot else sink
+        return _Tee(sink, self._memory) if self._report else sink
 
     def draw(self, header: Header, run: Run) -> bool:
         """Draw the outputs that were asked for; False if one of them fails."""
 
         def figure(form: str) -> bytes:
             from mopro.plot import figure_bytes
+            from mopro.recording.figure import draw
 
-            return figure_bytes(self._memory.recording(header, run).plot(), form)
+            title = f"{header.program} on {header.machine}"
+            return figure_bytes(draw(self._envelopes, title, run), form)
 
         def page(form: str) -> bytes:
             from mopro.plot import report_page

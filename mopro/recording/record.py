@@ -13,7 +13,8 @@ from mopro.recording.run import Run
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+    from mopro.recording.shown import ShownFigure
 
 Columns = dict[str, NDArray[Any]]
 
@@ -91,11 +92,17 @@ class Recording:
 
         return pd.DataFrame(self.columns)
 
-    def plot(self) -> Figure:
-        """Figure of position, velocity, following error, force and temperature over time."""
+    def plot(self, unit: str | None = None) -> ShownFigure:
+        """Figure of position, speed, lag, stall margin, force, phase currents and temperature.
+
+        Lengths are in `unit` (in, mm, cm, m, um), or that of the program, or mm; what the
+        recording does not hold is not drawn. Raises ValueError for another unit.
+        """
+        from mopro.recording.envelope import Envelopes
         from mopro.recording.figure import draw
 
-        return draw(self.columns, self.axes, f"{self.header.program} on {self.header.machine}")
+        title = f"{self.header.program} on {self.header.machine}"
+        return draw(Envelopes.of(self.columns), title, self.run, unit)
 
 
 class MemorySink:

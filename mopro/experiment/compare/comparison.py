@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.diagnosis.verdict import rms
@@ -108,21 +109,47 @@ class SeriesTest:
 
 
 @dataclass(frozen=True)
+class Overlay:
+    """Samples of one series of a comparison, measured and simulated, in its unit.
+
+    The offset that was taken out of the residual is added to the simulation. `time_s` is None
+    for the rows of a table; `line` has the source line of each sample where there are any.
+    """
+
+    time_s: Floats | None
+    measured: Floats
+    simulated: Floats
+    line: NDArray[np.int32] | None = None
+
+    @property
+    def residual(self) -> Floats:
+        """Measured - simulated."""
+        return self.measured - self.simulated
+
+
+@dataclass(frozen=True)
 class Comparison:
-    """Verdict, places (worst first) and series of a comparison."""
+    """Verdict, places (worst first) and series of a comparison, and the samples of each series."""
 
     verdict: str
     where: tuple[Place, ...]
     series: tuple[SeriesTest, ...]
+    overlays: tuple[Overlay, ...] = field(default=(), repr=False, compare=False)
 
     @staticmethod
-    def of(where: Sequence[Place], series: Sequence[SeriesTest]) -> Comparison:
-        """The comparison of these places and series."""
+    def of(
+        where: Sequence[Place], series: Sequence[SeriesTest], overlays: Sequence[Overlay] = ()
+    ) -> Comparison:
+        """The comparison of these places and series; `overlays` are those of the series."""
         first = sorted(where, key=lambda p: (not p.significant, -(p.sigma or 0.0), -p.rms))
-        return Comparison(_verdict_of(where, series), tuple(first), tuple(series))
+        return Comparison(_verdict_of(where, series), tuple(first), tuple(series), tuple(overlays))
 
     def as_json(self) -> dict[str, Any]:
-        return asdict(self)
+        return {
+            "verdict": self.verdict,
+            "where": [asdict(place) for place in self.where],
+            "series": [asdict(series) for series in self.series],
+        }
 
 
 @dataclass(frozen=True)
@@ -151,11 +178,19 @@ def compare(
     level = FALSE_ALARMS / max(tests, 1)
     series = [_series(r, level) for r in residuals]
     where = [_place(r, rows, level) for r, rows in groups]
+    overlays = [_overlay(r) for r in residuals]
     for table in experiment.tables:
-        rows, whole = _table(table, predict_table(table, experiment.machine), level)
+        predicted = predict_table(table, experiment.machine)
+        rows, whole = _table(table, predicted, level)
         where += rows
         series.append(whole)
-    return Comparison.of(where, series)
+        overlays.append(Overlay(None, table.rise_K, predicted))
+    return Comparison.of(where, series, overlays)
+
+
+def _overlay(r: _Residual) -> Overlay:
+    measured = r.reading.values
+    return Overlay(r.reading.time_s, measured, measured - r.values, r.labels.line)
 
 
 def _verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:

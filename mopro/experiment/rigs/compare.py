@@ -11,6 +11,7 @@ from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.experiment.compare.comparison import (
     FALSE_ALARMS,
     Comparison,
+    Overlay,
     Place,
     SeriesTest,
 )
@@ -37,7 +38,11 @@ def compare(study: Study) -> Comparison:
         for own, residual, parts in zip(study.series, residuals, groups, strict=True)
         for rows in parts
     ]
-    return Comparison.of(where, series)
+    overlays = [
+        Overlay(s.time_s, s.values, s.values - r)
+        for s, r in zip(study.series, residuals, strict=True)
+    ]
+    return Comparison.of(where, series, overlays)
 
 
 def _direction(series: Series) -> Floats:
