@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from mopro.diagnosis.html import paragraph, table
 from mopro.diagnosis.model import Floats, Series, Settings, Simulate
 from mopro.diagnosis.remainder import Remainder
 from mopro.diagnosis.residual import Residuals
+
+_EFFECTS_SHOWN = (
+    "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes", "held out",
+)  # fmt: skip
+_GAPS_SHOWN = ("run", "sensor", "before", "after", "noise")
 
 
 @dataclass(frozen=True)
@@ -194,6 +200,18 @@ class Verdict:
             for s, b, a in zip(data, before, after, strict=True)
         )
 
+    def _repr_html_(self) -> str:
+        """Effects with their evidence, the gap, alternatives and notes."""
+        parts = [table(_EFFECTS_SHOWN, _effect_cells(self.fitted))] if self.fitted else []
+        parts.append(table(_GAPS_SHOWN, _gap_cells(self.gap.runs)))
+        said = [f"As good an explanation: {' and '.join(n)}." for n in self.alternatives]
+        said += [f"In no catalogue: {d.law} {d.unit}, of {d.of}." for d in self.drafts]
+        if self.remainder.significant:
+            said.append(f"Unexplained: {self.remainder.description}.")
+        said += [f"{note[:1].upper()}{note[1:]}." for note in self.notes]
+        heading = f"<strong>Verdict: {self.verdict}</strong>"
+        return f"<div>{heading}{''.join([*parts, *map(paragraph, said)])}</div>"
+
     @property
     def fitted(self) -> tuple[Named, ...]:
         """All that was added to the model: the effects and the calibrations."""
@@ -241,6 +259,25 @@ class Verdict:
             "notes": list(self.notes),
             "correlations": {name: dict(row) for name, row in self.correlations.items()},
         }
+
+
+def _effect_cells(effects: Sequence[Named]) -> Iterator[list[str]]:
+    for effect in effects:
+        name = " or ".join([effect.name, *effect.indistinguishable_from])
+        held = "gains" if effect.held_out else "-"
+        evidence = [f"{effect.sigmas:.3g}", f"{effect.log10_bayes_factor:.3g}", held]
+        for parameter, estimate in effect.parameters.items():
+            ends = [f"{end:.4g}" for end in estimate.ci95 if math.isfinite(end)]
+            interval = " to ".join(ends) if len(ends) == 2 else "-"
+            value = f"{estimate.value:.4g} {estimate.unit}"
+            yield [name, parameter, value, interval, *evidence]
+
+
+def _gap_cells(runs: Sequence[RunGap]) -> Iterator[list[str]]:
+    for run in runs:
+        sizes = (run.before_rms, run.after_rms, run.noise_rms)
+        shown = ["unknown" if size is None else f"{size:.3g} {run.unit}" for size in sizes]
+        yield [run.run, run.sensor, *shown]
 
 
 def rms(values: Floats) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -62,6 +63,19 @@ class Header:
         return asdict(self)
 
 
+class UnknownColumn(KeyError):
+    """A name that is no column of a recording; its words name the nearest column, and all."""
+
+    def __init__(self, name: object, columns: Iterable[str]) -> None:
+        super().__init__(name)
+        self._name, self._columns = name, list(columns)
+
+    def __str__(self) -> str:
+        near = get_close_matches(str(self._name), self._columns, n=1)
+        hint = f": did you mean {near[0]!r}?" if near else ";"
+        return f"there is no column {self._name!r}{hint} There are {', '.join(self._columns)}"
+
+
 class Sink(Protocol):
     """Receives a recording in chunks; each chunk has all columns, of equal length."""
 
@@ -73,11 +87,34 @@ class Recording:
     """Columns of equal length with a header; `run` is None for a recording from a file."""
 
     header: Header
-    columns: Columns
+    columns: Columns = field(repr=False)
     run: Run | None = field(default=None, compare=False)
 
     def __getitem__(self, column: str) -> NDArray[Any]:
-        return self.columns[column]
+        """The values of `column`; UnknownColumn, a KeyError, if there is none of this name."""
+        try:
+            return self.columns[column]
+        except (KeyError, TypeError):
+            raise UnknownColumn(column, self.columns) from None
+
+    def _repr_html_(self) -> str:
+        """Outcome, moves and columns."""
+        from mopro import notebook
+        from mopro.recording.moves import MOVE_COLUMNS, move_cells
+        from mopro.recording.run import outcome
+
+        header, run = self.header, self.run
+        effects = ", ".join(str(effect.get("name")) for effect in header.effects) or "none"
+        parts = [
+            f"{len(self)} samples at {header.rate_hz:g} Hz by the {header.back_end}; payload "
+            f"{header.payload_kg:g} kg; effects switched on: {effects}.",
+            f"Columns: {', '.join(self.columns)}. plot() draws them.",
+        ]
+        shown = list(map(notebook.paragraph, parts))
+        if run is not None:
+            moves = notebook.table(MOVE_COLUMNS, map(move_cells, run.moves))
+            shown[1:1] = [notebook.paragraph(outcome(run)), moves]
+        return notebook.fragment(f"{header.program} on {header.machine}", shown)
 
     def __len__(self) -> int:
         return len(self.columns["time_s"])
