@@ -36,7 +36,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that is believed, with the alternatives that the data cannot tell from it.
+    """A supported effect, with the alternatives that the data cannot distinguish from it.
 
     `rivals`: EBIC of each alternative above that of the effect, within 10. `alternatives`: all
     settings with the alternative in the place of the effect. `log10_bayes_factor`: half the
@@ -83,7 +83,7 @@ class Explained:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A candidate that is not believed, and why; `gain` is its reduction of chi-squared."""
+    """A candidate that the data do not support, and why; `gain` is its reduction of chi-squared."""
 
     name: str
     gain: float
@@ -153,7 +153,7 @@ class Verdict:
 
     `before` and `after`: the residual of each series, in its unit, without and with the
     effects. `settings`: all that was fitted but drafts. `next_experiment`: a program that
-    would tell alternatives apart, if the caller writes one. `calibration`: corrections of the
+    would distinguish alternatives, if the caller writes one. `calibration`: corrections of the
     model's own numbers within their tolerances, which are no findings. `alternatives`: sets of
     effects within 10 of the lowest EBIC, the lowest first. `base`: the model's free numbers,
     `base_before` those without effects. `drafts`: free-form terms beside the effects. `notes`:
