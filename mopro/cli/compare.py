@@ -11,7 +11,7 @@ import click
 
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, allow_python_option
-from mopro.cli.outputs import drawn, keep_inputs
+from mopro.cli.outputs import claimed, drawn, keep_inputs
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
@@ -86,13 +86,14 @@ def command(
     )
     for note in loaded.notes:
         say(note, err=True)
-    comparison, before = loaded.compare(seed), None
     gaps: list[dict[str, object]] = []
-    if applied is not None:
-        before = comparison
-        loaded = open_experiment(experiment, applied, allow_python)
-        comparison = loaded.compare(seed)
-        gaps = list(_gaps(before, comparison))
+    with claimed(plot):
+        comparison, before = loaded.compare(seed), None
+        if applied is not None:
+            before = comparison
+            loaded = open_experiment(experiment, applied, allow_python)
+            comparison = loaded.compare(seed)
+            gaps = list(_gaps(before, comparison))
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine_name, **comparison.as_json()}
         if applied is not None:

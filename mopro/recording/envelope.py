@@ -94,6 +94,8 @@ class Envelopes:
         if self._samples < self._most:
             rest = slice(self._most - self._samples)
             self._beginning.append({name: v[rest] for name, v in columns.items()})
+        while -(-(self._samples + count) // self.samples_per_interval) > self._most:
+            self._widen()
         width = self.samples_per_interval
         place = (self._samples + np.arange(count)) // width
         starts = np.flatnonzero(np.diff(place, prepend=-1))
@@ -103,8 +105,6 @@ class Envelopes:
             self._low[name] = _joined(self._low.get(name), own, starts, joins, np.fmin)
             self._high[name] = _joined(self._high.get(name), own, starts, joins, np.fmax)
         self._samples += count
-        while -(-self._samples // self.samples_per_interval) > self._most:
-            self._halve()
 
     def __contains__(self, column: str) -> bool:
         return column in self._low and not self.band(column).empty
@@ -141,7 +141,8 @@ class Envelopes:
         time_s = columns["time_s"]
         self.changes += [(float(time_s[i]), int(lines[i])) for i in rows[: _MOST_CHANGES + 1]]
 
-    def _halve(self) -> None:
+    def _widen(self) -> None:
+        """Join intervals in pairs."""
         self.samples_per_interval *= 2
         for kept, pick in ((self._low, np.fmin), (self._high, np.fmax)):
             for name, values in kept.items():

@@ -61,6 +61,10 @@ def test_the_command_draws_and_keeps_its_inputs(mopro, tmp_path):
     assert (done.returncode, done.stderr) == (1, "")
     assert json.loads(done.stdout)["verdict"] == "disagreement"
     assert (tmp_path / "c.svg").read_bytes().startswith(b"<?xml")
+    (tmp_path / "full.png").symlink_to("/dev/full")
+    done = mopro("compare", TABLE, "--plot", "full.png", "--json")
+    assert (done.returncode, json.loads(done.stdout)["verdict"]) == (1, "disagreement")
+    assert "full.png: not drawn: " in done.stderr
     data = PROGRAMS / "thermal" / "table-3-2.csv"
     (tmp_path / "m.png").symlink_to(data)
     done = mopro("compare", TABLE, "--plot", "m.png")
