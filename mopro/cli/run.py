@@ -67,6 +67,15 @@ _MOST_ROWS = 40
     metavar="HZ",
     help="Samples per second of the recording.",
 )
+@click.option(
+    "--settle",
+    "settle_s",
+    type=Quantity("time", "s"),
+    default="0.5s",
+    show_default=True,
+    metavar="DURATION",
+    help="Record for so long after the last move of a program that ends.",
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
 @click.option(
     "--out",
@@ -97,6 +106,7 @@ def command(
     for_s: float | None,
     payload: float,
     rate: float,
+    settle_s: float,
     seed: int,
     out: Path,
     plot: Path | None,
@@ -142,7 +152,7 @@ def command(
             refuse_unrunnable(program, machine, for_s)
             link = (port, dialect, baud, trace)
             backend = _on_controller(outer, files, link, plant, deadline)
-        run = _recorded(backend, program, for_s, out, pictures)
+        run = _recorded(backend, program, (for_s, settle_s), out, pictures)
         files.close()
         all_drawn = pictures.draw(backend.header(program), run)
         _tell(run, program, out, as_json)
@@ -179,13 +189,14 @@ def _on_controller(
 def _recorded(
     backend: Emulator | SerialBackend,
     program: Program,
-    for_s: float | None,
+    lasting_s: tuple[float | None, float],
     out: Path,
     pictures: _Pictures,
 ) -> Run:
     """The run of `program` on either back end, its recording in `out`.
 
-    A controller's run is reported even if its recording cannot be written.
+    `lasting_s` limits the run, and states how long its settling is recorded. A controller's
+    run is reported even if its recording cannot be written.
     """
     from dataclasses import replace
 
@@ -196,7 +207,8 @@ def _recorded(
     run = None
     try:
         with open_sink(out, header) as sink:
-            run = backend.run(program, pictures.beside(sink), for_s)
+            run = backend.run(program, pictures.beside(sink), *lasting_s)
+            sink.header = header.after(run)
     except DataError as error:
         if run is None or header.clock != "host":
             raise
@@ -277,7 +289,7 @@ def _tell(run: Run, program: Program, out: Path, as_json: bool) -> None:
     from mopro.cli.table import print_table
     from mopro.errors import Diagnostic, Severity
     from mopro.recording.moves import MOVE_COLUMNS, move_cells
-    from mopro.recording.run import outcome, stalls
+    from mopro.recording.run import outcome, stall_findings
 
     if as_json:
         say(json.dumps({**run.as_json(), "recording": str(out)}, indent=1))
@@ -291,6 +303,6 @@ def _tell(run: Run, program: Program, out: Path, as_json: bool) -> None:
         why = "the program loops for ever" if run.loops_forever else "the program had not ended"
         hint = "change that with --for, for example --for 10min"
         say(f"{program.source.name}: {why}: stopped after {run.duration_s:g} s; {hint}", err=True)
-    for span, message in stalls(run, program):
+    for span, message in stall_findings(run, program):
         finding = Diagnostic("stall", message, span, Severity.ERROR)
         say(finding.render(program.source), err=True)

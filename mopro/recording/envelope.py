@@ -123,8 +123,9 @@ class Envelopes:
 
     @property
     def axes(self) -> list[int]:
-        """The axes with a position, ascending."""
-        return sorted(int(name.split("_")[1]) for name in self._low if name.startswith("position_"))
+        """The axes with a command or a position, ascending."""
+        named = (c.split("_") for c in self._low if c.startswith(("command_", "position_")))
+        return sorted({int(parts[1]) for parts in named})
 
     @property
     def end_s(self) -> float:

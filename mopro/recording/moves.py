@@ -55,6 +55,20 @@ class MoveOutcome:
 
 
 @dataclass(frozen=True)
+class Stall:
+    """The slip of one axis in a move, or while it rang after it.
+
+    `time_s` is when the axis was first more than half a pitch from its tooth, None if nobody
+    observed it; `line` that of the move; `lost_pitches` are positive if the axis fell behind.
+    """
+
+    time_s: float | None
+    line: int
+    axis: int | None
+    lost_pitches: int
+
+
+@dataclass(frozen=True)
 class MoveReport:
     """One move: its command and its outcome.
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from mopro.program import Program
-from mopro.recording.moves import MoveReport, stall_message
+from mopro.recording.moves import MoveReport, Stall, stall_message
 from mopro.source import Span
 
 
@@ -16,8 +16,9 @@ class Run:
     """Result of running `program` on `machine`.
 
     `trip` is the event that stopped the machine early (kind, time_s, line, axis); `platen` the
-    worst-case thermal expansion of the platen. `trouble` is the message of a run that a lost
-    link or a stop ended.
+    worst-case thermal expansion of the platen. `stalls` say when each axis slipped. `trouble`
+    is the message of a run that a lost link or a stop ended. `rate_hz` is the mean rate of the
+    samples, None if it is the one that was asked for.
     """
 
     program: str
@@ -29,6 +30,8 @@ class Run:
     trip: Mapping[str, Any] | None = None
     platen: Mapping[str, Any] | None = None
     trouble: str | None = None
+    stalls: tuple[Stall, ...] = ()
+    rate_hz: float | None = None
 
     @property
     def stalled(self) -> bool:
@@ -41,11 +44,13 @@ class Run:
             "machine": self.machine,
             "duration_s": self.duration_s,
             "stalled": self.stalled,
+            "stalls": [asdict(stall) for stall in self.stalls],
             "loops_forever": self.loops_forever,
             "complete": self.complete,
             "trip": None if self.trip is None else dict(self.trip),
             "platen": None if self.platen is None else dict(self.platen),
             "moves": [asdict(move) for move in self.moves],
+            **({} if self.rate_hz is None else {"rate_hz": self.rate_hz}),
             **({"trouble": self.trouble} if self.trouble else {}),
         }
 
@@ -64,7 +69,7 @@ def outcome(run: Run) -> str:
     return text
 
 
-def stalls(run: Run, program: Program) -> list[tuple[Span, str]]:
+def stall_findings(run: Run, program: Program) -> list[tuple[Span, str]]:
     """Span and message for each statement at which the motor stalled."""
     spans = {op.span.line: op.span for op in program.ops}
     by_line: dict[int, list[MoveReport]] = {}

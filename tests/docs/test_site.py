@@ -54,9 +54,9 @@ def broken_links(pages):
         for target in page.links + page.loaded:
             parts = urlsplit(target)
             file = (path.parent / unquote(parts.path)).resolve() if parts.path else path
-            if not parts.scheme and not file.exists():
-                yield path.name, target
-            elif file in pages and parts.fragment and parts.fragment not in pages[file].anchors:
+            anchors = pages[file].anchors if file in pages else {parts.fragment}
+            lost = not parts.scheme and not file.exists()
+            if lost or (parts.fragment and parts.fragment not in anchors):
                 yield path.name, target
 
 
