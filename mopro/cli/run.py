@@ -208,7 +208,7 @@ def _recorded(
     try:
         with open_sink(out, header) as sink:
             run = backend.run(program, pictures.beside(sink), *lasting_s)
-            sink.header = header.after(run)
+            sink.header, sink.run = header.after(run), run
     except DataError as error:
         if run is None or header.clock != "host":
             raise

@@ -79,8 +79,10 @@ def draw(
     grid = figure.subplots(
         len(panels), len(parts), sharex="col", squeeze=False, width_ratios=[3, 2][: len(parts)]
     )
+    stalls_s = _stalls_s(run)
     for column, part in zip(grid.T, parts, strict=True):
         _draw_column(column, panels, *part)
+        _mark_stalls(column, [t for t in stalls_s if t < part[-1] + _SETTLING_S])
     for panel, name in zip(grid[:, 0], panels, strict=True):
         panel.set_ylabel(name)
     if detailed:
@@ -123,7 +125,8 @@ def _draw_column(
 def _unit_of(run: Run | None) -> str:
     """The unit of length of all moves, or mm."""
     units = {move.unit for move in run.moves} if run else set()
-    return units.pop() if len(units) == 1 and units <= UNITS.keys() else "mm"
+    unit = units.pop() if len(units) == 1 else ""
+    return unit if UNITS.get(unit, ("",))[0] == "length" else "mm"
 
 
 def _panels(envelopes: Envelopes, per_m: float, unit: str) -> dict[str, list[_Trace]]:
@@ -191,7 +194,7 @@ def _reversals(values: Floats) -> int:
 
 
 def _draw_margins(panel: Axes, moves: Sequence[MoveReport]) -> None:
-    """The least stall margin of each move, over its duration; slips are crosses at its end."""
+    """The least stall margin of each move, over its duration."""
     for axes, group in groupby(sorted(moves, key=lambda m: m.axes), key=lambda m: m.axes):
         known = [m for m in group if m.stall_margin is not None]
         style = _AXIS_STYLES.get(axes[0], _AXIS_STYLES[1])
@@ -201,12 +204,27 @@ def _draw_margins(panel: Axes, moves: Sequence[MoveReport]) -> None:
             [m.start_s + m.duration_s for m in known],
             color=style["color"], linewidth=2.0, capstyle="projecting",
         )  # fmt: skip
-    slips = [m for m in moves if m.slipped]
-    if slips:
-        at = [m.start_s + m.duration_s for m in slips]
-        panel.plot(at, [0.0] * len(at), "x", color=VERMILLION, label="stall", clip_on=False)
-        panel.legend(loc="upper right", fontsize=7)
     panel.set_ylim(0.0, 100.0)
+
+
+def _stalls_s(run: Run | None) -> list[float]:
+    """When axes slipped (s); the end of the move where nobody saw the moment."""
+    if run is None:
+        return []
+    seen = [stall.time_s for stall in run.stalls if stall.time_s is not None]
+    return seen or [m.start_s + m.duration_s for m in run.moves if m.slipped]
+
+
+def _mark_stalls(column: Sequence[Axes], times_s: Sequence[float]) -> None:
+    """A line through all panels at each of the first stalls, named on the last panel."""
+    for number, t in enumerate(times_s[:_MOST_MARKS]):
+        for panel in column:
+            panel.axvline(
+                t, color=VERMILLION, linestyle="-.", linewidth=1.2,
+                label="stall" if panel is column[-1] and not number else None,
+            )  # fmt: skip
+    if times_s:
+        column[-1].legend(loc="upper right", fontsize=7)
 
 
 def _mark(

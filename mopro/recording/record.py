@@ -102,14 +102,21 @@ class Sink(Protocol):
 
 
 class FileSink(Sink, Protocol):
-    """A sink that becomes a file under `header`, which may be replaced until it closes."""
+    """A sink that becomes a file under `header`, with the story of the `run`.
+
+    Both may be replaced until it closes.
+    """
 
     header: Header
+    run: Run | None
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Columns of equal length with a header; `run` is None for a recording from a file."""
+    """Columns of equal length with a header.
+
+    `run` tells how the moves went; None if the file does not hold it.
+    """
 
     header: Header
     columns: Columns = field(repr=False)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.recording import Recording
+from mopro.recording import Recording, Stall
 
 TEXT = "UU012500/1\nVEL1 40.0\nACC1 0.25\nMRI1 3.0\nWX1\nWT100\nMRI1 -1.0\nWX1\n"
 
@@ -94,11 +94,13 @@ def test_many_moves_are_counted_in_place_of_being_marked(recording):
     assert figure._suptitle._text == "P.CMD on chow1992\n41 moves, too many to mark"
 
 
-def test_a_slip_is_marked_where_its_move_ends(recording):
+def test_a_stall_is_marked_when_it_happened_or_else_where_its_move_ends(recording):
     first, second = recording.run.moves
     run = replace(recording.run, moves=(first, replace(second, slipped=True)))
-    margin = panels_of(replace(recording, run=run).plot())["stall margin (%)"]
-    assert drawn(margin)["stall"].get_xdata() == pytest.approx(second.start_s + second.duration_s)
+    seen = replace(run, stalls=(Stall(0.02, 7, 1, 3),))
+    for each, at_s in ((run, second.start_s + second.duration_s), (seen, 0.02)):
+        panel = panels_of(replace(recording, run=each).plot())["temperature (°C)"]
+        assert drawn(panel)["stall"].get_xdata() == pytest.approx([at_s, at_s])
 
 
 @pytest.mark.parametrize("name", [r"$\frac{$.CMD", "a_b^{.CMD", "x\x1b[31m.CMD"])
