@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mopro.recording.envelope import Band, Envelopes, Floats
-from mopro.recording.moves import MoveReport
+from mopro.recording.moves import MoveReport, folded
 from mopro.recording.phases import ACCELERATE, CRUISE, DECELERATE, phases_of
 from mopro.recording.run import Run
 from mopro.text import plain
@@ -33,6 +33,8 @@ _PHASE_STYLES: dict[str, dict[str, Any]] = {
     DECELERATE: {"facecolor": "0.95", "hatch": "////", "edgecolor": "0.8", "linewidth": 0.0},
 }
 _MOST_MARKS = 40
+# Statements that are named where moves are too many.
+_MOST_NAMED = 4
 # Intervals of an area; the beginning of a long run is drawn in detail for this many moves, and
 # for this long after the last of them.
 _MOST_DRAWN = 1000
@@ -253,7 +255,10 @@ def _remarks(envelopes: Envelopes, moves: Sequence[MoveReport]) -> str:
     """Second line of the title: how the figure leaves things out; empty if it does not."""
     remarks = []
     if len(moves) > _MOST_MARKS:
-        remarks.append(f"{len(moves)} moves, too many to mark")
+        lines = [f"line {own.worst.line} × {own.count}" for own in folded(moves)]
+        more = ", ..." if len(lines) > _MOST_NAMED else ""
+        named = f"{', '.join(lines[:_MOST_NAMED])}{more}"
+        remarks.append(f"{len(moves)} moves, too many to mark ({named})")
     if envelopes.samples_per_interval > 1:
         each = envelopes.samples_per_interval
         remarks.append(f"areas reach from the least to the greatest of each {each} samples")

@@ -132,7 +132,7 @@ class Recording:
     def _repr_html_(self) -> str:
         """Outcome, moves and columns."""
         from mopro import notebook
-        from mopro.recording.moves import MOVE_COLUMNS, move_cells
+        from mopro.recording.moves import folded, folded_columns
         from mopro.recording.run import outcome
 
         header, run = self.header, self.run
@@ -144,7 +144,9 @@ class Recording:
         ]
         shown = list(map(notebook.paragraph, parts))
         if run is not None:
-            moves = notebook.table(MOVE_COLUMNS, map(move_cells, run.moves))
+            unit = run.moves[0].unit if run.moves else ""
+            rows = (repeated.cells for repeated in folded(run.moves))
+            moves = notebook.table(folded_columns(unit), rows)
             shown[1:1] = [notebook.paragraph(outcome(run)), moves]
         return notebook.fragment(f"{header.program} on {header.machine}", shown)
 

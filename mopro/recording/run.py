@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from mopro.motion.slips import per_millisecond
 from mopro.program import Program
 from mopro.recording.moves import MoveReport, Stall, stall_message
 from mopro.source import Span
@@ -73,11 +74,15 @@ def outcome(run: Run) -> str:
     return text
 
 
-def stall_findings(run: Run, program: Program) -> list[tuple[Span, str]]:
-    """Span and message for each statement at which the motor stalled."""
+def stall_findings(run: Run, program: Program) -> list[tuple[Span, str, str | None]]:
+    """Span, message and hint for each statement at which the motor stalled."""
     spans = {op.span.line: op.span for op in program.ops}
     by_line: dict[int, list[MoveReport]] = {}
     for move in run.moves:
         if move.slipped:
             by_line.setdefault(move.line, []).append(move)
-    return [(spans[line], stall_message(moves)) for line, moves in by_line.items()]
+    return [(spans[line], stall_message(moves), _hint(moves[0])) for line, moves in by_line.items()]
+
+
+def _hint(move: MoveReport) -> str | None:
+    return per_millisecond(move.acceleration, move.set_velocity, move.axes[0], move.unit)

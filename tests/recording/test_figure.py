@@ -91,7 +91,7 @@ def test_many_moves_are_counted_in_place_of_being_marked(recording):
     many = replace(recording, run=replace(recording.run, moves=moves))
     figure = many.plot()
     assert not figure.legends
-    assert figure._suptitle._text == "P.CMD on chow1992\n41 moves, too many to mark"
+    assert figure._suptitle._text == ("P.CMD on chow1992\n41 moves, too many to mark (line 4 × 41)")
 
 
 def test_a_stall_is_marked_when_it_happened_or_else_where_its_move_ends(recording):

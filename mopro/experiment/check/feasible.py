@@ -95,7 +95,7 @@ def check_motion(suspect: Suspect, machine: Machine, compiled: bool) -> None:
     run = _simulated(trial, schedule, machine, compiled)
     stalled = [
         Diagnostic("stall", f"when simulated, {message}", span, hint=hint)
-        for span, message in stall_findings(run, trial.program)
+        for span, message, _ in stall_findings(run, trial.program)
     ]
     if stalled:
         raise MotionError(trial.program.source, stalled)
