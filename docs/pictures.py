@@ -79,14 +79,17 @@ def draw_gap(pair: tuple[Comparison, Comparison]) -> Figure:
     """The eight temperatures: measured, by theory, with the effects."""
     from matplotlib.figure import Figure
 
-    before, after = (comparison.overlays[0] for comparison in pair)
+    before, after = (comparison.compared[0] for comparison in pair)
+    measured = before.series.values
     figure = Figure(figsize=(9, 3.4), layout="constrained")
     panel = figure.subplots()
-    rows = range(1, len(before.measured) + 1)
-    panel.bar(rows, before.simulated, width=0.7, color=VERMILLION, alpha=0.35,
+    rows = range(1, len(measured) + 1)
+    panel.bar(rows, measured - before.residual, width=0.7, color=VERMILLION, alpha=0.35,
               label="the theory of 1992")  # fmt: skip
-    panel.bar(rows, after.simulated, width=0.4, color=BLUE, label="with two effects added")
-    panel.plot(rows, before.measured, "o", color=BLACK, label="measured")
+    panel.bar(
+        rows, measured - after.residual, width=0.4, color=BLUE, label="with two effects added"
+    )
+    panel.plot(rows, measured, "o", color=BLACK, label="measured")
     panel.set_xlabel("row of Table 3.2")
     panel.set_ylabel("temperature rise (K)")
     panel.set_xticks(list(rows))

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mopro.experiment.compare.comparison import Comparison, Overlay, SeriesTest
-from mopro.recording.envelope import Band
+from mopro.experiment.compare.comparison import Compared, Comparison, SeriesTest
+from mopro.recording.envelope import Band, Floats
 from mopro.recording.figure import BLACK, BLUE, VERMILLION, draw_band, mark_lines
 from mopro.text import plain
 
@@ -41,13 +41,13 @@ def plot_comparison(
     parts = figure.subfigures(len(chosen), 1, squeeze=False)[:, 0]
     for part, index in zip(parts, chosen, strict=True):
         upper, lower = part.subplots(2, 1, sharex=True, height_ratios=[3, 2])
-        test, overlay = comparison.series[index], comparison.overlays[index]
-        earlier = before.overlays[index] if before else None
-        _draw_both(upper, overlay, earlier)
-        _draw_residual(lower, overlay, earlier, test)
+        test, compared = comparison.series[index], comparison.compared[index]
+        earlier = before.compared[index] if before else None
+        _draw_both(upper, compared, earlier)
+        _draw_residual(lower, compared, earlier, test)
         upper.set_ylabel(plain(f"{test.sensor} ({test.unit})"))
         lower.set_ylabel(plain(f"residual ({test.unit})"))
-        lower.set_xlabel("row" if overlay.time_s is None else "time (s)")
+        lower.set_xlabel("row" if compared.series.time_s is None else "time (s)")
         for panel in (upper, lower):
             panel.grid(alpha=0.3)
             panel.legend(loc="upper right", fontsize=7, ncols=3)
@@ -71,36 +71,46 @@ def _size(test: SeriesTest) -> str:
     return words if test.noise_rms is None else f"{words}, noise {test.noise_rms:.3g} {test.unit}"
 
 
-def _draw_both(panel: Axes, overlay: Overlay, before: Overlay | None) -> None:
+def _simulated(compared: Compared) -> Floats:
+    """The simulation, with the offset that was taken out of the residual."""
+    simulated: Floats = compared.series.values - compared.residual
+    return simulated
+
+
+def _draw_both(panel: Axes, compared: Compared, before: Compared | None) -> None:
     """Measured and simulated values, in time or row by row."""
-    if overlay.time_s is None:
-        rows = np.arange(1, len(overlay.measured) + 1)
-        panel.plot(rows, overlay.measured, "o", color=BLACK, label="measured")
-        panel.plot(rows, overlay.simulated, "x", color=BLUE, label="simulated")
+    series = compared.series
+    if series.time_s is None:
+        rows = np.arange(1, len(series) + 1)
+        panel.plot(rows, series.values, "o", color=BLACK, label="measured")
+        panel.plot(rows, _simulated(compared), "x", color=BLUE, label="simulated")
         if before is not None:
-            panel.plot(rows, before.simulated, "+", color=VERMILLION, label="simulated before")
+            panel.plot(rows, _simulated(before), "+", color=VERMILLION, label="simulated before")
         panel.set_xticks(rows)
         return
-    draw_band(panel, Band.of(overlay.time_s, overlay.measured), "measured", _MEASURED)
+    draw_band(panel, Band.of(series.time_s, series.values), "measured", _MEASURED)
     if before is not None:
-        simulated = Band.of(overlay.time_s, before.simulated)
+        simulated = Band.of(series.time_s, _simulated(before))
         draw_band(panel, simulated, "simulated before", _BEFORE)
-    draw_band(panel, Band.of(overlay.time_s, overlay.simulated), "simulated", _SIMULATED)
-    if overlay.line is not None:
-        mark_lines(panel, overlay.time_s.tolist(), overlay.line.tolist())
+    draw_band(panel, Band.of(series.time_s, _simulated(compared)), "simulated", _SIMULATED)
+    if "line" in series.labels:
+        mark_lines(panel, series.time_s.tolist(), np.asarray(series.labels["line"]).tolist())
 
 
-def _draw_residual(panel: Axes, overlay: Overlay, before: Overlay | None, test: SeriesTest) -> None:
+def _draw_residual(
+    panel: Axes, compared: Compared, before: Compared | None, test: SeriesTest
+) -> None:
     """Measured minus simulated, over a band of twice the sensor's noise."""
     if test.noise_rms:
         reach = _BAND * test.noise_rms
         panel.axhspan(-reach, reach, color="0.88", zorder=0, label=f"±{_BAND:g} σ of the sensor")
-    if overlay.time_s is None:
-        rows = np.arange(1, len(overlay.measured) + 1)
+    time_s = compared.series.time_s
+    if time_s is None:
+        rows = np.arange(1, len(compared.series) + 1)
         if before is not None:
             panel.bar(rows, before.residual, color=VERMILLION, alpha=0.4, label="before")
-        panel.bar(rows, overlay.residual, width=0.4, color=BLUE, label="residual")
+        panel.bar(rows, compared.residual, width=0.4, color=BLUE, label="residual")
         return
     if before is not None:
-        draw_band(panel, Band.of(overlay.time_s, before.residual), "before", _BEFORE)
-    draw_band(panel, Band.of(overlay.time_s, overlay.residual), "residual", _RESIDUAL)
+        draw_band(panel, Band.of(time_s, before.residual), "before", _BEFORE)
+    draw_band(panel, Band.of(time_s, compared.residual), "residual", _RESIDUAL)

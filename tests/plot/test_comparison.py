@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from helpers.paths import PROGRAMS
-from mopro.experiment.compare.comparison import Comparison, Overlay, SeriesTest
+from mopro.diagnosis import Series
+from mopro.experiment.compare.comparison import Compared, Comparison, SeriesTest
 from mopro.experiment.opened import open_experiment
 from mopro.plot.comparison import plot_comparison
 
@@ -20,8 +21,9 @@ def one_series(sigma, name="run.csv"):
 def comparison_of(*sigmas):
     tests = [one_series(sigma, f"{i}.csv") for i, sigma in enumerate(sigmas)]
     times, measured = np.arange(4.0), np.array([0.0, 1.0, 2.0, 3.0])
-    lines = np.array([3, 3, 5, 5], np.int32)
-    return Comparison.of([], tests, [Overlay(times, measured, measured - 0.5, lines)] * len(sigmas))
+    lines = {"line": np.array([3, 3, 5, 5], np.int32)}
+    series = Series("run.csv", "laser", "in", measured, 1.0, times, labels=lines)
+    return Comparison.of([], tests, [Compared(series, np.full(4, 0.5))] * len(sigmas))
 
 
 def test_both_curves_the_residual_and_the_lines_are_in_the_figure():
@@ -44,15 +46,16 @@ def test_of_many_series_the_worst_are_drawn_and_it_is_said():
 
 @pytest.mark.parametrize("name", [r"$\frac{$", "$$"])
 def test_names_are_text(name):
-    comparison = Comparison.of([], [one_series(1.0, name)], comparison_of(1.0).overlays)
+    comparison = Comparison.of([], [one_series(1.0, name)], comparison_of(1.0).compared)
     assert plot_comparison(comparison, name)._repr_png_().startswith(b"\x89PNG")
 
 
-def test_overlays_are_of_the_series_and_not_in_the_json():
+def test_samples_are_of_the_series_and_not_in_the_json():
     comparison = open_experiment(TABLE).compare(0)
-    (overlay,) = comparison.overlays
-    assert overlay.measured.tolist()[:2] == [25.4884, 21.3867]
-    assert float(np.sqrt(np.mean(overlay.residual**2))) == pytest.approx(comparison.series[0].rms)
+    (compared,) = comparison.compared
+    assert compared.series.values.tolist()[:2] == [25.4884, 21.3867]
+    size = float(np.sqrt(np.mean(compared.residual**2)))
+    assert size == pytest.approx(comparison.series[0].rms)
     assert comparison.as_json().keys() == {"verdict", "where", "series"}
 
 

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mopro.diagnosis import Series
 from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.diagnosis.verdict import rms
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
@@ -26,6 +26,7 @@ FALSE_ALARMS = 1e-3
 NO_DISAGREEMENT, DISAGREEMENT = "no disagreement", "disagreement"
 NOT_JUDGED = "not judged"
 STEADY = "steady"
+_TABLE = "table"
 
 _SERIES_SHOWN = ("run", "sensor", "samples", "residual (RMS)", "noise", "σ", "only noise")
 _PLACES_SHOWN = ("run", "line", "phase", "direction", "sensor", "mean", "RMS", "σ", "")
@@ -127,40 +128,29 @@ class SeriesTest:
 
 
 @dataclass(frozen=True)
-class Overlay:
-    """Samples of one series of a comparison, measured and simulated, in its unit.
+class Compared:
+    """Readings of one sensor in one run, and their residual in the same unit."""
 
-    The offset that was taken out of the residual is added to the simulation. `time_s` is None
-    for the rows of a table; `line` has the source line of each sample where there are any.
-    """
-
-    time_s: Floats | None
-    measured: Floats
-    simulated: Floats
-    line: NDArray[np.int32] | None = None
-
-    @property
-    def residual(self) -> Floats:
-        """Measured - simulated."""
-        return self.measured - self.simulated
+    series: Series
+    residual: Floats
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Verdict, places (worst first) and series of a comparison, and the samples of each series."""
+    """Verdict, places (worst first) and series of a comparison; `compared` are their samples."""
 
     verdict: str
     where: tuple[Place, ...]
     series: tuple[SeriesTest, ...]
-    overlays: tuple[Overlay, ...] = field(default=(), repr=False, compare=False)
+    compared: tuple[Compared, ...] = field(default=(), repr=False, compare=False)
 
     @staticmethod
     def of(
-        where: Sequence[Place], series: Sequence[SeriesTest], overlays: Sequence[Overlay] = ()
+        where: Sequence[Place], series: Sequence[SeriesTest], compared: Sequence[Compared]
     ) -> Comparison:
-        """The comparison of these places and series; `overlays` are those of the series."""
+        """The comparison of these places and series."""
         first = sorted(where, key=lambda p: (not p.significant, -(p.sigma or 0.0), -p.rms))
-        return Comparison(_verdict_of(where, series), tuple(first), tuple(series), tuple(overlays))
+        return Comparison(_verdict_of(where, series), tuple(first), tuple(series), tuple(compared))
 
     def _repr_html_(self) -> str:
         """Verdict, series, and the places that differ most."""
@@ -195,6 +185,20 @@ class _Residual:
     values: Floats
     z: Floats
 
+    def compared(self) -> Compared:
+        """The readings with what was commanded at their times, and their residual."""
+        reading, sensor, labels = self.reading, self.reading.sensor, self.labels
+        placed = (
+            {"position": labels.command_m / sensor.unit_si} if sensor.quantity.sees_place else {}
+        )
+        series = Series(
+            run=self.run, sensor=sensor.name, unit=sensor.unit, values=reading.values,
+            sigma=sensor.sigma or None, time_s=reading.time_s,
+            labels={"line": labels.line, **placed},
+            position_unit=sensor.unit if placed else "m",
+        )  # fmt: skip
+        return Compared(series, self.values)
+
 
 def compare(
     experiment: Experiment,
@@ -211,19 +215,15 @@ def compare(
     level = FALSE_ALARMS / max(tests, 1)
     series = [_series(r, level) for r in residuals]
     where = [_place(r, rows, level) for r, rows in groups]
-    overlays = [_overlay(r) for r in residuals]
+    compared = [r.compared() for r in residuals]
     for table in experiment.tables:
         predicted = predict_table(table, experiment.machine)
         rows, whole = _table(table, predicted, level)
         where += rows
         series.append(whole)
-        overlays.append(Overlay(None, table.rise_K, predicted))
-    return Comparison.of(where, series, overlays)
-
-
-def _overlay(r: _Residual) -> Overlay:
-    measured = r.reading.values
-    return Overlay(r.reading.time_s, measured, measured - r.values, r.labels.line)
+        seen = Series(table.name, _TABLE, "C", table.rise_K, table.noise_K)
+        compared.append(Compared(seen, table.rise_K - predicted))
+    return Comparison.of(where, series, compared)
 
 
 def _verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
@@ -289,12 +289,12 @@ def _table(table: SteadyTable, predicted: Floats, level: float) -> tuple[list[Pl
     places = [
         Place.of(
             own, noise, None if noise is None else mean_p(own / noise), level, run=table.name,
-            line=row, phase=STEADY, axis=None, direction=0, sensor="table", unit="C",
+            line=row, phase=STEADY, axis=None, direction=0, sensor=_TABLE, unit="C",
         )
         for row, own in enumerate(residual[:, None], start=1)
     ]  # fmt: skip
     size_p = None if noise is None else chi2_p(residual / noise)
     whole = SeriesTest.of(
-        residual, noise, size_p, None, level, run=table.name, sensor="table", unit="C"
+        residual, noise, size_p, None, level, run=table.name, sensor=_TABLE, unit="C"
     )
     return places, whole

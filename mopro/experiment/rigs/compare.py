@@ -10,8 +10,8 @@ from mopro.diagnosis import Series
 from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.experiment.compare.comparison import (
     FALSE_ALARMS,
+    Compared,
     Comparison,
-    Overlay,
     Place,
     SeriesTest,
 )
@@ -38,11 +38,8 @@ def compare(study: Study) -> Comparison:
         for own, residual, parts in zip(study.series, residuals, groups, strict=True)
         for rows in parts
     ]
-    overlays = [
-        Overlay(s.time_s, s.values, s.values - r)
-        for s, r in zip(study.series, residuals, strict=True)
-    ]
-    return Comparison.of(where, series, overlays)
+    compared = [Compared(s, r) for s, r in zip(study.series, residuals, strict=True)]
+    return Comparison.of(where, series, compared)
 
 
 def _direction(series: Series) -> Floats:
