@@ -11,7 +11,7 @@ import click
 
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, allow_python_option
-from mopro.cli.outputs import claimed, drawn, keep_inputs
+from mopro.cli.outputs import Named, claimed, drawn, keep_inputs, machine_file
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
@@ -76,9 +76,9 @@ def command(
     from mopro.experiment.compare.comparison import DISAGREEMENT
     from mopro.experiment.opened import files_of, open_before, open_experiment
 
-    keep_inputs([("--plot", plot)], [("EXPERIMENT", experiment), ("--apply", applied)])
-    if plot is not None:
-        keep_inputs([("--plot", plot)], [("EXPERIMENT", file) for file in files_of(experiment)])
+    inputs: list[Named] = [("EXPERIMENT", experiment)]
+    inputs += [("EXPERIMENT", file) for file in files_of(experiment)]
+    keep_inputs([("--plot", plot)], [*inputs, ("--apply", machine_file(applied))])
     loaded = (
         open_experiment(experiment, allow_python=allow_python)
         if applied is None
@@ -86,14 +86,12 @@ def command(
     )
     for note in loaded.notes:
         say(note, err=True)
-    gaps: list[dict[str, object]] = []
     with claimed(plot):
         comparison, before = loaded.compare(seed), None
         if applied is not None:
-            before = comparison
-            loaded = open_experiment(experiment, applied, allow_python)
+            loaded, before = open_experiment(experiment, applied, allow_python), comparison
             comparison = loaded.compare(seed)
-            gaps = list(_gaps(before, comparison))
+    gaps = [] if before is None else list(_gaps(before, comparison))
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine_name, **comparison.as_json()}
         if applied is not None:
@@ -102,16 +100,16 @@ def command(
     else:
         _print(comparison)
         _print_gaps(gaps)
-
-    def figure(form: str) -> bytes:
-        from mopro.plot import figure_bytes
-        from mopro.plot.comparison import plot_comparison
-
-        title = f"{experiment} on {loaded.machine_name}"
-        return figure_bytes(plot_comparison(comparison, title, before), form)
-
-    all_drawn = drawn(plot, figure)
+    title = f"{experiment} on {loaded.machine_name}"
+    all_drawn = drawn(plot, lambda form: _figure_of(comparison, before, title, form))
     return EXIT_FAILED if comparison.verdict == DISAGREEMENT or not all_drawn else 0
+
+
+def _figure_of(comparison: Comparison, before: Comparison | None, title: str, form: str) -> bytes:
+    from mopro.plot import figure_bytes
+    from mopro.plot.comparison import plot_comparison
+
+    return figure_bytes(plot_comparison(comparison, title, before), form)
 
 
 def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, object]]:
