@@ -35,6 +35,8 @@ _PHASE_STYLES: dict[str, dict[str, Any]] = {
 _MOST_MARKS = 40
 # Statements that are named where moves are too many.
 _MOST_NAMED = 4
+# Samples that are drawn as dots, as what lies between a few of them is not known.
+_MOST_DOTS = 150
 # Intervals of an area; the beginning of a long run is drawn in detail for this many moves, and
 # for this long after the last of them.
 _MOST_DRAWN = 1000
@@ -61,7 +63,8 @@ def draw(
 
     Lengths are in `unit`, or that of the program's moves, or mm. What no column holds is not
     drawn, nor an axis that never moves. The moves of `run` are shaded by phase and named by
-    their lines. Raises ValueError for a `unit` that is no length.
+    their lines. Raises ValueError for a `unit` that is no length, and where nothing is to be
+    drawn.
     """
     from mopro.recording.shown import ShownFigure
 
@@ -72,6 +75,8 @@ def draw(
     moves = run.moves if run else ()
     if all(move.stall_margin is None for move in moves):
         panels.pop(_MARGIN)
+    if not panels:
+        raise ValueError("the recording holds no readings that could be drawn")
     detailed = envelopes.samples_per_interval > 1 and not 0 < len(moves) <= _MOST_MARKS
     parts: list[tuple[Envelopes, Sequence[MoveReport], float]]
     parts = [(envelopes, moves, envelopes.end_s)]
@@ -178,7 +183,8 @@ def _draw_band(panel: Axes, band: Band, trace: _Trace) -> None:
 def draw_band(panel: Axes, band: Band, label: str, style: Mapping[str, Any]) -> None:
     """Draw `band` as a line if it can be followed by eye, else as an area with its outline."""
     if not band.folded and _reversals(band.low) <= _MOST_DRAWN:
-        panel.plot(band.time_s, band.low, label=label, **{"linewidth": 1.0, **style})
+        marker = "." if len(band.time_s) <= _MOST_DOTS else None
+        panel.plot(band.time_s, band.low, label=label, marker=marker, **{"linewidth": 1.0, **style})
         return
     area = band.coarse(_MOST_DRAWN)
     panel.fill_between(

@@ -69,6 +69,17 @@ def test_what_is_absent_or_never_seen_is_not_drawn(recording):
     assert list(panels_of(figure)) == ["position (mm)", "speed (mm/s)", "lag (mm)"]
 
 
+def test_a_recording_of_nothing_is_refused_in_words(recording):
+    with pytest.raises(ValueError, match="no readings that could be drawn"):
+        Recording(recording.header, {"time_s": recording["time_s"]}).plot()
+
+
+def test_few_samples_are_dots(recording):
+    few = {name: values[::100] for name, values in recording.columns.items()}
+    assert Recording(recording.header, few).plot().axes[0].get_lines()[0].get_marker() == "."
+    assert recording.plot().axes[0].get_lines()[0].get_marker() == "None"
+
+
 def test_a_long_run_is_an_area_beside_its_beginning(recording):
     count, period_s = 100_000, 1.7
     time_s = np.arange(count) / 2000.0
