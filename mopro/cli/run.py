@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,23 +16,28 @@ import click
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import (
+    STANDARD,
     OutputFile,
     Quantity,
     duration_type,
     grammar_option,
+    machine_option,
     payload_type,
     program_argument,
 )
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
-from mopro.cli.say import say
+from mopro.cli.progress import in_motion, simulated
+from mopro.cli.recordings import recording_sink, replaces_recording
+from mopro.cli.say import say, say_findings
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
     from mopro.machine import Machine
+    from mopro.machine.backend import Told
     from mopro.program import Program
-    from mopro.recording import Header, Run, Sink
+    from mopro.recording import Header, MoveReport, Run, Sink
     from mopro.recording.record import Columns
 
 DEFAULT_OUT = "run.parquet"
@@ -44,7 +51,7 @@ _MOST_ROWS = 40
 @click.option(
     "--port", metavar="URL", help="Run on the controller there (/dev/ttyUSB0, socket://)."
 )
-@click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
+@machine_option()
 @click.option(
     "--for",
     "for_s",
@@ -67,14 +74,24 @@ _MOST_ROWS = 40
     metavar="HZ",
     help="Samples per second of the recording.",
 )
+@click.option(
+    "--settle",
+    "settle_s",
+    type=Quantity("time", "s"),
+    default="0.5s",
+    show_default=True,
+    metavar="DURATION",
+    help="Record for so long after the last move of a program that ends.",
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
 @click.option(
     "--out",
-    type=OutputFile(".parquet", ".csv", ".npz"),
+    type=OutputFile(".parquet", ".csv", ".npz", standard=True),
     default=DEFAULT_OUT,
     show_default=True,
-    help="The recording: .parquet, .csv or .npz.",
+    help="The recording: .parquet, .csv, .npz, or - for CSV on standard output.",
 )
+@click.option("--force", is_flag=True, help="Let --out replace a file that is no recording.")
 @click.option("--plot", type=OutputFile(".png", ".svg", ".pdf"), help="A picture of the run.")
 @click.option("--report", type=OutputFile(".html"), help="A page about the run.")
 @dialect_option()
@@ -97,8 +114,10 @@ def command(
     for_s: float | None,
     payload: float,
     rate: float,
+    settle_s: float,
     seed: int,
     out: Path,
+    force: bool,
     plot: Path | None,
     report: Path | None,
     dialect: str,
@@ -112,13 +131,16 @@ def command(
 ) -> int:
     """Run a program and record the motion of the machine.
 
-    Exits with 1 if the motor stalls, runs into a limit switch or becomes too hot, or if a
-    run on a controller fails.
+    FILE may be - for standard input. --out replaces a recording, and no other file. Exits
+    with 1 if the motor stalls, runs into a limit switch or becomes too hot, or if a run on a
+    controller fails.
 
     Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
     """
     if emulate == (port is not None):
         raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
+    if out == STANDARD and as_json:
+        raise click.UsageError("--json and --out - would both write to standard output")
     keep_inputs(
         [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)],
         [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)],
@@ -126,6 +148,7 @@ def command(
     from mopro.emulator import Emulator
     from mopro.machine import load_machine
 
+    replaces = replaces_recording(out, force)
     program = compiled_program(file, grammar)
     pictures = _Pictures(plot, report)
     backend: Emulator | SerialBackend
@@ -133,7 +156,9 @@ def command(
         files.enter_context(claimed(plot, report))
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
-            backend = Emulator(load_machine(machine), payload, rate, seed)
+            plant = load_machine(machine)
+            backend = Emulator(plant, payload, rate, seed)
+            watched = simulated()
         else:
             _only_with("--emulate", "payload", "rate", "seed")
             plant = load_machine(machine)
@@ -142,10 +167,12 @@ def command(
             refuse_unrunnable(program, machine, for_s)
             link = (port, dialect, baud, trace)
             backend = _on_controller(outer, files, link, plant, deadline)
-        run = _recorded(backend, program, for_s, out, pictures)
+            watched = in_motion(length_unit(program, plant))
+        with watched as told:
+            run = _recorded(backend, program, (for_s, settle_s), out, pictures, told)
         files.close()
         all_drawn = pictures.draw(backend.header(program), run)
-        _tell(run, program, out, as_json)
+        _tell(run, program, _Written(out, replaces), for_s, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
@@ -179,24 +206,26 @@ def _on_controller(
 def _recorded(
     backend: Emulator | SerialBackend,
     program: Program,
-    for_s: float | None,
+    lasting_s: tuple[float | None, float],
     out: Path,
     pictures: _Pictures,
+    told: Told,
 ) -> Run:
     """The run of `program` on either back end, its recording in `out`.
 
-    A controller's run is reported even if its recording cannot be written.
+    `lasting_s` limits the run, and states how long its settling is recorded. A controller's
+    run is reported even if its recording cannot be written.
     """
     from dataclasses import replace
 
     from mopro.errors import DataError
-    from mopro.recording import open_sink
 
     header = backend.header(program)
     run = None
     try:
-        with open_sink(out, header) as sink:
-            run = backend.run(program, pictures.beside(sink), for_s)
+        with recording_sink(out, header) as sink:
+            run = backend.run(program, pictures.beside(sink), *lasting_s, told)
+            sink.header, sink.run = header.after(run), run
     except DataError as error:
         if run is None or header.clock != "host":
             raise
@@ -232,21 +261,26 @@ class _Pictures:
 
     def __init__(self, plot: Path | None, report: Path | None) -> None:
         from mopro.recording import MemorySink
+        from mopro.recording.envelope import Envelopes
 
         self._plot = plot
         self._report = report
         self._memory = MemorySink(_MOST_PLOTTED)
+        self._envelopes = Envelopes()
 
     def beside(self, sink: Sink) -> Sink:
-        return _Tee(sink, self._memory) if self._plot or self._report else sink
+        sink = _Tee(sink, self._envelopes) if self._plot else sink
+        return _Tee(sink, self._memory) if self._report else sink
 
     def draw(self, header: Header, run: Run) -> bool:
         """Draw the outputs that were asked for; False if one of them fails."""
 
         def figure(form: str) -> bytes:
             from mopro.plot import figure_bytes
+            from mopro.recording.figure import draw
 
-            return figure_bytes(self._memory.recording(header, run).plot(), form)
+            title = f"{header.program} on {header.machine}"
+            return figure_bytes(draw(self._envelopes, title, run), form)
 
         def page(form: str) -> bytes:
             from mopro.plot import report_page
@@ -267,25 +301,74 @@ class _Tee:
         self.second.write(columns)
 
 
-def _tell(run: Run, program: Program, out: Path, as_json: bool) -> None:
-    """Print the summary to stdout, and warnings and findings to stderr."""
-    from mopro.cli.table import print_table
+@dataclass(frozen=True)
+class _Written:
+    """The recording of a run; `replaced` if another one stood there."""
+
+    out: Path
+    replaced: bool
+
+    def __str__(self) -> str:
+        return f"Recording: {self.out}" + (" (replaced the one before)" if self.replaced else "")
+
+
+def _tell(
+    run: Run, program: Program, written: _Written, for_s: float | None, as_json: bool
+) -> None:
+    """Print the summary to stdout, and warnings and findings to stderr.
+
+    The summary goes to stderr if stdout has the recording.
+    """
     from mopro.errors import Diagnostic, Severity
-    from mopro.recording.moves import MOVE_COLUMNS, move_cells
-    from mopro.recording.run import outcome, stalls
+    from mopro.recording.run import outcome, stall_findings
 
     if as_json:
-        say(json.dumps({**run.as_json(), "recording": str(out)}, indent=1))
+        more = {"recording": str(written.out), "replaced": written.replaced}
+        say(json.dumps({**run.as_json(), **more}, indent=1))
+    elif written.out == STANDARD:
+        say(outcome(run), err=True)
     else:
-        print_table(MOVE_COLUMNS, map(move_cells, run.moves), _MOST_ROWS)
+        _print_moves(run.moves)
         say(outcome(run))
-        say(f"Recording: {out}")
+        say(str(written))
     if run.trouble:
         say(f"{program.source.name}: {run.trouble} [run-failed]", err=True)
     elif not run.complete and run.trip is None:
-        why = "the program loops for ever" if run.loops_forever else "the program had not ended"
-        hint = "change that with --for, for example --for 10min"
-        say(f"{program.source.name}: {why}: stopped after {run.duration_s:g} s; {hint}", err=True)
-    for span, message in stalls(run, program):
-        finding = Diagnostic("stall", message, span, Severity.ERROR)
-        say(finding.render(program.source), err=True)
+        say(f"{program.source.name}: {_cut_text(run, for_s)}", err=True)
+    for span, message, hint in stall_findings(run, program):
+        finding = Diagnostic("stall", message, span, Severity.ERROR, hint)
+        say_findings(finding.render(program.source), err=True)
+
+
+def _cut_text(run: Run, for_s: float | None) -> str:
+    """Why a run ended before its program, and how to change that if it was not asked for."""
+    why = "the program loops for ever" if run.loops_forever else "the program had not ended"
+    if for_s is not None:
+        return f"{why}: stopped after {run.duration_s:g} s, as --for says"
+    hint = "change that with --for, for example --for 10min"
+    return f"{why}: stopped after {run.duration_s:g} s; {hint}"
+
+
+def _print_moves(moves: Sequence[MoveReport]) -> None:
+    """A table of the moves for each unit of length, those of one statement in one row."""
+    from mopro.cli.table import print_table
+    from mopro.recording.moves import folded, folded_columns
+
+    for unit in dict.fromkeys(move.unit for move in moves):
+        rows = folded(move for move in moves if move.unit == unit)
+        styles = ["red" if row.worst.slipped else "" for row in rows]
+        print_table(folded_columns(unit), [row.cells for row in rows], _MOST_ROWS, styles, 80)
+        say()
+
+
+def length_unit(program: Program, machine: Machine) -> str:
+    """The program's first user unit, if it has a name; else mm."""
+    from mopro.program import ir
+    from mopro.units import length_unit_name
+
+    for op in program.ops:
+        if isinstance(op, ir.SetUnits):
+            microstep = Fraction(machine.microstep_m).limit_denominator(10**9)
+            name = length_unit_name(Fraction(op.numerator, op.denominator) * microstep)
+            return "mm" if name == "uu" else name
+    return "mm"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.link import baud_option, dialect_option, token
-from mopro.cli.options import Quantity, grammar_option, payload_type
+from mopro.cli.options import Quantity, grammar_option, machine_option, payload_type
 from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.say import say
 
@@ -40,7 +40,7 @@ _PLAIN_SPEED = 1.0
 )
 @dialect_option()
 @baud_option()
-@click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
+@machine_option()
 @click.option(
     "--payload", type=payload_type(), default=0.0, help="Mass carried by the motor (5lb)."
 )

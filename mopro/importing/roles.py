@@ -44,7 +44,7 @@ _SHORTEST_REST = 5
 class Signal:
     """A column as the experiment uses it.
 
-    `label` is its name in the normalised data, which ends in `unit` (None if nobody knows it);
+    `label` is its name in the normalised data, which ends in `unit` (None if it is unknown);
     `values` (n, NaN where there is none) are in it, at `time_s`. `role` is command, input, sensor
     or unused, `held` true if the value holds until the next row.
     """

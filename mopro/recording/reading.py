@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from mopro.errors import DataError
 from mopro.recording.record import CSV_MARK, INTEGER_COLUMNS, KEY, Columns, Header, Recording
+from mopro.recording.story import run_of
 
 MOST_ROWS = 20_000_000
 MOST_COLUMNS = 200
@@ -54,7 +55,9 @@ def read(path: str | Path, wanted: Wanted = None) -> Recording:
         raise DataError(f"{path}: expected one of {', '.join(_READERS)}", "unknown-format")
     try:
         header, found = reader(path, wanted)
-        return Recording(_header(json.loads(header)), _checked(found))
+        stated = json.loads(header)
+        run = run_of(stated.pop("run")) if isinstance(stated, dict) and "run" in stated else None
+        return Recording(_header(stated), _checked(found), run)
     except OSError as error:
         if error.errno is None:  # a library's, about the content
             raise _refusal(path, error) from error
@@ -72,6 +75,30 @@ def _header(stated: object) -> Header:
     if not isinstance(stated, dict) or not needed <= stated.keys() <= known.keys():
         raise ValueError(f"its header is no object with the keys {', '.join(sorted(known))}")
     return Header(**stated)
+
+
+def is_recording(path: Path) -> bool:
+    """True if the file at `path` has the header of a recording, in the format of its suffix."""
+    try:
+        return _HEADERS[path.suffix.lower()](path)
+    except (OSError, *_FAULTS):
+        return False
+
+
+def _has_parquet_header(path: Path) -> bool:
+    import pyarrow.parquet as pq
+
+    return KEY.encode() in (pq.read_schema(path).metadata or {})
+
+
+def _has_csv_header(path: Path) -> bool:
+    with open(path, "rb") as file:
+        return file.read(len(CSV_MARK)) == CSV_MARK.encode()
+
+
+def _has_npz_header(path: Path) -> bool:
+    with zipfile.ZipFile(path) as archive:
+        return f"{KEY}.npy" in archive.namelist()
 
 
 def _refusal(path: Path, reason: object) -> DataError:
@@ -232,4 +259,9 @@ _READERS: dict[str, Callable[[Path, Wanted], tuple[str, Columns]]] = {
     ".parquet": _read_parquet,
     ".csv": _read_csv,
     ".npz": _read_npz,
+}
+_HEADERS: dict[str, Callable[[Path], bool]] = {
+    ".parquet": _has_parquet_header,
+    ".csv": _has_csv_header,
+    ".npz": _has_npz_header,
 }

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from mopro.motion.slips import per_millisecond
 from mopro.program import Program
-from mopro.recording.moves import MoveReport, stall_message
+from mopro.recording.moves import MoveReport, Stall, stall_message
 from mopro.source import Span
 
 
@@ -16,8 +17,10 @@ class Run:
     """Result of running `program` on `machine`.
 
     `trip` is the event that stopped the machine early (kind, time_s, line, axis); `platen` the
-    worst-case thermal expansion of the platen. `trouble` is the message of a run that a lost
-    link or a stop ended.
+    worst-case thermal expansion of the platen. `stalls` say when each axis slipped. `trouble`
+    is the message of a run that a lost link or a stop ended. `rate_hz` is the mean rate of the
+    samples, None if it is the one that was asked for. `moves_left_out` counts further moves that
+    the file of a long run does not hold.
     """
 
     program: str
@@ -29,6 +32,9 @@ class Run:
     trip: Mapping[str, Any] | None = None
     platen: Mapping[str, Any] | None = None
     trouble: str | None = None
+    stalls: tuple[Stall, ...] = ()
+    rate_hz: float | None = None
+    moves_left_out: int = 0
 
     @property
     def stalled(self) -> bool:
@@ -41,18 +47,22 @@ class Run:
             "machine": self.machine,
             "duration_s": self.duration_s,
             "stalled": self.stalled,
+            "stalls": [asdict(stall) for stall in self.stalls],
             "loops_forever": self.loops_forever,
             "complete": self.complete,
             "trip": None if self.trip is None else dict(self.trip),
             "platen": None if self.platen is None else dict(self.platen),
             "moves": [asdict(move) for move in self.moves],
+            **({} if self.rate_hz is None else {"rate_hz": self.rate_hz}),
             **({"trouble": self.trouble} if self.trouble else {}),
+            **({"moves_left_out": self.moves_left_out} if self.moves_left_out else {}),
         }
 
 
 def outcome(run: Run) -> str:
     """Summary of the run in a few sentences."""
-    moves = f"{len(run.moves)} move{'' if len(run.moves) == 1 else 's'}"
+    count = len(run.moves) + run.moves_left_out
+    moves = f"{count} move{'' if count == 1 else 's'}"
     text = f"{run.program} on {run.machine}: {moves} in {run.duration_s:.6f} s."
     if run.stalled:
         text += f" The motor stalled in {sum(move.slipped for move in run.moves)} of them."
@@ -64,11 +74,15 @@ def outcome(run: Run) -> str:
     return text
 
 
-def stalls(run: Run, program: Program) -> list[tuple[Span, str]]:
-    """Span and message for each statement at which the motor stalled."""
+def stall_findings(run: Run, program: Program) -> list[tuple[Span, str, str | None]]:
+    """Span, message and hint for each statement at which the motor stalled."""
     spans = {op.span.line: op.span for op in program.ops}
     by_line: dict[int, list[MoveReport]] = {}
     for move in run.moves:
         if move.slipped:
             by_line.setdefault(move.line, []).append(move)
-    return [(spans[line], stall_message(moves)) for line, moves in by_line.items()]
+    return [(spans[line], stall_message(moves), _hint(moves[0])) for line, moves in by_line.items()]
+
+
+def _hint(move: MoveReport) -> str | None:
+    return per_millisecond(move.acceleration, move.set_velocity, move.axes[0], move.unit)
