@@ -253,20 +253,23 @@ def _held(sets: Hypotheses, fit: Fit) -> HeldOut | None:
 
 
 def outweigh(state: State) -> State:
-    """The answer without effects that explain less than is left unexplained.
+    """The answer without effects that explain less than is left unexplained, the least first.
 
     What nobody listed leaves a part of itself on whatever resembles it: such an effect may be
     made of it. All are compared with what the whole answer leaves, its free-form terms included.
+    Noise of unknown size may be all of that.
     """
     sets, fit, rejected = state.sets, state.fit, list(state.rejected)
-    if sets.is_noise(fit):
+    if not sets.residuals.known_noise or sets.is_noise(fit):
         return state
     left = fit.rss - sets.noise_rss(fit)
-    for name in sorted(c.name for c in fit.candidates if not c.law):
-        gain = sets.without(state.fit, name).rss - state.fit.rss
-        if gain < left:
-            rejected.append(Rejected(name, gain, _OUTWEIGHED))
-            fit = sets.settled(sets.without(fit, name))
+    while listed := sorted(c.name for c in fit.candidates if not c.law):
+        gains = {name: sets.without(fit, name).rss - fit.rss for name in listed}
+        least = min(listed, key=lambda name: gains[name])
+        if gains[least] >= left:
+            break
+        rejected.append(Rejected(least, gains[least], _OUTWEIGHED))
+        fit = sets.settled(sets.without(fit, least))
     if fit is state.fit:
         return state
     return replace(state, fit=fit, held=_held(sets, fit), rejected=tuple(rejected))
