@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import allow_python_option
+from mopro.cli.options import OutputFile, allow_python_option
+from mopro.cli.outputs import Named, claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
+    from mopro.experiment.opened import Opened
 
 _MOST_ROWS = 40
 _PLACES = (
@@ -48,10 +51,16 @@ _SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "white
     metavar="MACHINE",
     help="Compare with this machine instead, and show the gap of each run before and after.",
 )
+@click.option("--report", type=OutputFile(".html"), help="A page with the series and residuals.")
 @allow_python_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
-    experiment: str, seed: int, applied: str | None, allow_python: bool, as_json: bool
+    experiment: str,
+    seed: int,
+    applied: str | None,
+    report: Path | None,
+    allow_python: bool,
+    as_json: bool,
 ) -> int:
     """Show where simulation and data disagree: by run, line, phase, direction and axis.
 
@@ -62,8 +71,11 @@ def command(
     Example: mopro compare unseen.toml --apply repaired.toml
     """
     from mopro.experiment.compare.comparison import DISAGREEMENT
-    from mopro.experiment.opened import open_before, open_experiment
+    from mopro.experiment.opened import files_of, open_before, open_experiment
 
+    inputs: list[Named] = [("EXPERIMENT", experiment)]
+    inputs += [("EXPERIMENT", file) for file in files_of(experiment)]
+    keep_inputs([("--report", report)], [*inputs, ("--apply", machine_file(applied))])
     loaded = (
         open_experiment(experiment, allow_python=allow_python)
         if applied is None
@@ -71,13 +83,12 @@ def command(
     )
     for note in loaded.notes:
         say(note, err=True)
-    comparison = loaded.compare(seed)
-    gaps: list[dict[str, object]] = []
-    if applied is not None:
-        before = comparison
-        loaded = open_experiment(experiment, applied, allow_python)
-        comparison = loaded.compare(seed)
-        gaps = list(_gaps(before, comparison))
+    with claimed(report):
+        comparison, before = loaded.compare(seed), None
+        if applied is not None:
+            loaded, before = open_experiment(experiment, applied, allow_python), comparison
+            comparison = loaded.compare(seed)
+    gaps = [] if before is None else list(_gaps(before, comparison))
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine_name, **comparison.as_json()}
         if applied is not None:
@@ -86,7 +97,15 @@ def command(
     else:
         _print(comparison)
         _print_gaps(gaps)
-    return EXIT_FAILED if comparison.verdict == DISAGREEMENT else 0
+    all_drawn = drawn(report, lambda _: _page(loaded, comparison, before))
+    return EXIT_FAILED if comparison.verdict == DISAGREEMENT or not all_drawn else 0
+
+
+def _page(loaded: Opened, comparison: Comparison, before: Comparison | None) -> bytes:
+    from mopro.viewer.comparison import comparison_page
+
+    page = comparison_page(loaded.examined, loaded.notes, comparison, before)
+    return page_bytes(page)
 
 
 def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, object]]:

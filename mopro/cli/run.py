@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from mopro.program import Program
     from mopro.recording import Header, Run, Sink
     from mopro.recording.record import Columns
+    from mopro.viewer.run import RunSink
 
 DEFAULT_OUT = "run.parquet"
 _MOST_PLOTTED = 200_000
@@ -127,13 +128,14 @@ def command(
     from mopro.machine import load_machine
 
     program = compiled_program(file, grammar)
-    pictures = _Pictures(plot, report)
+    pictures = _Pictures(plot, report, program)
     backend: Emulator | SerialBackend
     with ExitStack() as outer, ExitStack() as files:
         files.enter_context(claimed(plot, report))
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
-            backend = Emulator(load_machine(machine), payload, rate, seed)
+            plant = load_machine(machine)
+            backend = Emulator(plant, payload, rate, seed)
         else:
             _only_with("--emulate", "payload", "rate", "seed")
             plant = load_machine(machine)
@@ -144,7 +146,7 @@ def command(
             backend = _on_controller(outer, files, link, plant, deadline)
         run = _recorded(backend, program, for_s, out, pictures)
         files.close()
-        all_drawn = pictures.draw(backend.header(program), run)
+        all_drawn = pictures.draw(backend.header(program), run, plant, machine)
         _tell(run, program, out, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
@@ -230,17 +232,25 @@ def _from_line(program: Program, line: int, yes: bool) -> Program:
 class _Pictures:
     """The plot and the report of a run, drawn when its recording has been written."""
 
-    def __init__(self, plot: Path | None, report: Path | None) -> None:
+    def __init__(self, plot: Path | None, report: Path | None, program: Program) -> None:
         from mopro.recording import MemorySink
 
         self._plot = plot
         self._report = report
+        self._program = program
         self._memory = MemorySink(_MOST_PLOTTED)
+        self._seen: RunSink | None = None
+        if report is not None:
+            from mopro.viewer.run import RunSink
+
+            self._seen = RunSink()
 
     def beside(self, sink: Sink) -> Sink:
-        return _Tee(sink, self._memory) if self._plot or self._report else sink
+        if self._plot:
+            sink = _Tee(sink, self._memory)
+        return _Tee(sink, self._seen) if self._seen else sink
 
-    def draw(self, header: Header, run: Run) -> bool:
+    def draw(self, header: Header, run: Run, plant: Machine, machine: str) -> bool:
         """Draw the outputs that were asked for; False if one of them fails."""
 
         def figure(form: str) -> bytes:
@@ -249,9 +259,14 @@ class _Pictures:
             return figure_bytes(self._memory.recording(header, run).plot(), form)
 
         def page(form: str) -> bytes:
-            from mopro.plot import report_page
+            from mopro.lint import Settings, lint
+            from mopro.viewer.run import run_page, run_view
 
-            return page_bytes(report_page(self._memory.recording(header, run), run))
+            assert self._seen is not None, "a report has a sink"
+            program = self._program
+            findings = lint(program.source, Settings(machine, header.payload_kg))
+            view = run_view(self._seen, run, program, plant, findings)
+            return page_bytes(run_page(header, view, run))
 
         # A list, so that both are drawn even if the first fails.
         return all([drawn(self._plot, figure), drawn(self._report, page)])

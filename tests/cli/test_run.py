@@ -61,7 +61,7 @@ def test_plot_and_report_and_payload(mopro, files, tmp_path):
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "r.html").read_text()
     assert "LVDT3.CMD on chow1992" in page
-    assert "data:image/png;base64," in page
+    assert '<script type="application/json" id="page-data">' in page
     header = read(tmp_path / "x.npz").header
     assert (header.seed, header.rate_hz) == (3, 500.0)
     assert header.payload_kg == pytest.approx(2.26796, abs=1e-5)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
+from mopro.diagnosis import Series
 from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.diagnosis.verdict import rms
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
@@ -25,6 +26,7 @@ FALSE_ALARMS = 1e-3
 NO_DISAGREEMENT, DISAGREEMENT = "no disagreement", "disagreement"
 NOT_JUDGED = "not judged"
 STEADY = "steady"
+_TABLE = "table"
 
 Predict = Callable[[Experiment], list[list[Floats]]]
 
@@ -108,21 +110,36 @@ class SeriesTest:
 
 
 @dataclass(frozen=True)
+class Compared:
+    """Readings of one sensor in one run, and their residual in the same unit."""
+
+    series: Series
+    residual: Floats
+
+
+@dataclass(frozen=True)
 class Comparison:
-    """Verdict, places (worst first) and series of a comparison."""
+    """Verdict, places (worst first) and series of a comparison; `compared` are their samples."""
 
     verdict: str
     where: tuple[Place, ...]
     series: tuple[SeriesTest, ...]
+    compared: tuple[Compared, ...] = field(default=(), repr=False, compare=False)
 
     @staticmethod
-    def of(where: Sequence[Place], series: Sequence[SeriesTest]) -> Comparison:
+    def of(
+        where: Sequence[Place], series: Sequence[SeriesTest], compared: Sequence[Compared]
+    ) -> Comparison:
         """The comparison of these places and series."""
         first = sorted(where, key=lambda p: (not p.significant, -(p.sigma or 0.0), -p.rms))
-        return Comparison(_verdict_of(where, series), tuple(first), tuple(series))
+        return Comparison(_verdict_of(where, series), tuple(first), tuple(series), tuple(compared))
 
     def as_json(self) -> dict[str, Any]:
-        return asdict(self)
+        return {
+            "verdict": self.verdict,
+            "where": [asdict(place) for place in self.where],
+            "series": [asdict(series) for series in self.series],
+        }
 
 
 @dataclass(frozen=True)
@@ -134,6 +151,20 @@ class _Residual:
     labels: Labels
     values: Floats
     z: Floats
+
+    def compared(self) -> Compared:
+        """The readings with what was commanded at their times, and their residual."""
+        reading, sensor, labels = self.reading, self.reading.sensor, self.labels
+        placed = (
+            {"position": labels.command_m / sensor.unit_si} if sensor.quantity.sees_place else {}
+        )
+        series = Series(
+            run=self.run, sensor=sensor.name, unit=sensor.unit, values=reading.values,
+            sigma=sensor.sigma or None, time_s=reading.time_s,
+            labels={"line": labels.line, **placed},
+            position_unit=sensor.unit if placed else "m",
+        )  # fmt: skip
+        return Compared(series, self.values)
 
 
 def compare(
@@ -151,11 +182,15 @@ def compare(
     level = FALSE_ALARMS / max(tests, 1)
     series = [_series(r, level) for r in residuals]
     where = [_place(r, rows, level) for r, rows in groups]
+    compared = [r.compared() for r in residuals]
     for table in experiment.tables:
-        rows, whole = _table(table, predict_table(table, experiment.machine), level)
+        predicted = predict_table(table, experiment.machine)
+        rows, whole = _table(table, predicted, level)
         where += rows
         series.append(whole)
-    return Comparison.of(where, series)
+        seen = Series(table.name, _TABLE, "C", table.rise_K, table.noise_K)
+        compared.append(Compared(seen, table.rise_K - predicted))
+    return Comparison.of(where, series, compared)
 
 
 def _verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
@@ -221,12 +256,12 @@ def _table(table: SteadyTable, predicted: Floats, level: float) -> tuple[list[Pl
     places = [
         Place.of(
             own, noise, None if noise is None else mean_p(own / noise), level, run=table.name,
-            line=row, phase=STEADY, axis=None, direction=0, sensor="table", unit="C",
+            line=row, phase=STEADY, axis=None, direction=0, sensor=_TABLE, unit="C",
         )
         for row, own in enumerate(residual[:, None], start=1)
     ]  # fmt: skip
     size_p = None if noise is None else chi2_p(residual / noise)
     whole = SeriesTest.of(
-        residual, noise, size_p, None, level, run=table.name, sensor="table", unit="C"
+        residual, noise, size_p, None, level, run=table.name, sensor=_TABLE, unit="C"
     )
     return places, whole

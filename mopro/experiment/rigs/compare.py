@@ -10,6 +10,7 @@ from mopro.diagnosis import Series
 from mopro.diagnosis.noise_tests import whiteness_p
 from mopro.experiment.compare.comparison import (
     FALSE_ALARMS,
+    Compared,
     Comparison,
     Place,
     SeriesTest,
@@ -37,7 +38,8 @@ def compare(study: Study) -> Comparison:
         for own, residual, parts in zip(study.series, residuals, groups, strict=True)
         for rows in parts
     ]
-    return Comparison.of(where, series)
+    compared = [Compared(s, r) for s, r in zip(study.series, residuals, strict=True)]
+    return Comparison.of(where, series, compared)
 
 
 def _direction(series: Series) -> Floats:
