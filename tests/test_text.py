@@ -39,7 +39,8 @@ def test_errors_findings_pages_and_labels_use_it():
     finding = Diagnostic("rule", odd, Span(1, 1, 2), hint=odd)
     said = [
         finding.message, finding.hint, finding.render(Source(odd, f"VEL{odd}")),
-        MoproError(odd).render(), document(odd, [], [], [listing(odd), table(odd, [odd], [[odd]])]), plain(odd),
+        MoproError(odd).render(), document(odd, [], [], [listing(odd), table(odd, [odd], [[odd]])]),
+        plain(odd),
     ]  # fmt: skip
     for text in said:
         assert "\x1b" not in text

@@ -128,7 +128,7 @@ def command(
     from mopro.machine import load_machine
 
     program = compiled_program(file, grammar)
-    pictures = _Pictures(plot, report, program)
+    pictures = _Pictures(plot, report, program, grammar)
     backend: Emulator | SerialBackend
     with ExitStack() as outer, ExitStack() as files:
         files.enter_context(claimed(plot, report))
@@ -232,12 +232,15 @@ def _from_line(program: Program, line: int, yes: bool) -> Program:
 class _Pictures:
     """The plot and the report of a run, drawn when its recording has been written."""
 
-    def __init__(self, plot: Path | None, report: Path | None, program: Program) -> None:
+    def __init__(
+        self, plot: Path | None, report: Path | None, program: Program, grammar: str
+    ) -> None:
         from mopro.recording import MemorySink
 
         self._plot = plot
         self._report = report
         self._program = program
+        self._grammar = grammar
         self._memory = MemorySink(_MOST_PLOTTED)
         self._seen: RunSink | None = None
         if report is not None:
@@ -264,9 +267,9 @@ class _Pictures:
 
             assert self._seen is not None, "a report has a sink"
             program = self._program
-            findings = lint(program.source, Settings(machine, header.payload_kg))
+            findings = lint(program.source, Settings(machine, header.payload_kg, self._grammar))
             view = run_view(self._seen, run, program, plant, findings)
-            return page_bytes(run_page(header, view, run))
+            return page_bytes(run_page(header, view, run, plant))
 
         # A list, so that both are drawn even if the first fails.
         return all([drawn(self._plot, figure), drawn(self._report, page)])

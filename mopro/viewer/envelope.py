@@ -55,9 +55,9 @@ class Buckets:
 class Envelope:
     """Buckets of a series that arrives in chunks; their size doubles as it grows.
 
-    Never more than `most` buckets, and at least half as many once they have several samples.
-    No sample is left out, so the extremes of the series are those of its buckets. NaN counts
-    as no sample.
+    At most `most` buckets and one that is not full, and at least half as many once they have
+    several samples. No sample is left out, so the extremes of the series are those of its
+    buckets. NaN counts as no sample.
     """
 
     def __init__(self, most: int) -> None:

@@ -21,7 +21,7 @@ from mopro.source import Span
 from mopro.units import UNITS
 from mopro.viewer.document import document
 from mopro.viewer.envelope import Buckets, Envelope, Floats, together
-from mopro.viewer.markup import paragraph, section, table
+from mopro.viewer.markup import listing, paragraph, section, table
 from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
 from mopro.viewer.platen import platen_json
 
@@ -130,15 +130,17 @@ def run_view(
     )
 
 
-def run_page(header: Header, view: View, run: Run) -> str:
+def run_page(header: Header, view: View, run: Run, machine: Machine) -> str:
     """The page of a run: its view, and where it comes from."""
+    source = machine.source
+    file = [section("Machine", [listing(source.text)], opened=False)] if source else []
     rows = ([key, str(value)] for key, value in header.as_json().items())
     trouble = [paragraph(run.trouble)] if run.trouble else []
     return document(
         view.name,
         [paragraph(outcome(run)), *trouble],
         [view],
-        [section("Provenance", [table("The recording", (), rows)])],
+        [section("Provenance", [table("The recording", (), rows)]), *file],
     )
 
 

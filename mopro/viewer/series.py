@@ -125,7 +125,7 @@ def _panels(own: Residuals) -> Iterator[Panel]:
                     "points" if rows else "dashed")
               for place, effect in enumerate(own.signatures)),
         ],
-        series.sigma, _NOTE,
+        series.sigma, "measured − simulated" if rows else _NOTE,
     )  # fmt: skip
 
 

@@ -54,7 +54,8 @@
       const { platen } = this.state.view;
       const centre = [1, 2].map((n) => middle(platen.travel[n]));
       const room = 26;
-      const scale = Math.min((width - 2 * room) / platen.length, (height - 2 * room) / platen.width);
+      const scale = Math.min(
+        (width - 2 * room) / platen.length, (height - 2 * room) / platen.width);
       const x = (metres) => width / 2 + (metres - centre[0]) * scale;
       const y = (metres) => height / 2 - (metres - centre[1]) * scale;
       const box = (x0, x1, y0, y1) => [x(x0), y(y1), (x1 - x0) * scale, (y1 - y0) * scale];
@@ -151,8 +152,9 @@
       pen.fillText("A", x + radius + 4, y + 4);
       pen.fillText("B", x - 4, y - radius - 4);
       const color = Mopro.PALETTE[2 * (Number(axis) - 1)];
-      if (a[0] === a[1] && b[0] === b[1]) arrow(pen, x, y, x + a[0] * scale, y - b[0] * scale, color);
-      else {
+      if (a[0] === a[1] && b[0] === b[1]) {
+        arrow(pen, x, y, x + a[0] * scale, y - b[0] * scale, color);
+      } else {
         pen.fillStyle = `${color}40`;
         pen.fillRect(x + a[0] * scale, y - b[1] * scale,
           (a[1] - a[0]) * scale, (b[1] - b[0]) * scale);

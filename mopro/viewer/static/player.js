@@ -31,7 +31,8 @@
         { "aria-label": "run", onchange: () => state.select(this.views.selectedIndex) },
         ...state.views.map((view) => element("option", {}, view.name)));
       this.views.hidden = state.views.length < 2;
-      this.play = element("button", { type: "button", class: "play", onclick: () => this.toggle() });
+      this.play = element("button",
+        { type: "button", class: "play", onclick: () => this.toggle() });
       this.slider = element("input", { type: "range", min: 0, max: STEPS, step: 1,
         "aria-label": "time", oninput: () => this.slid() });
       this.clock = element("output", { class: "clock" });
@@ -45,7 +46,8 @@
         element("button", { type: "button", title, "aria-label": title, onclick: act }, text);
       this.moving = element("span", { class: "moving" },
         this.play, this.slider, this.clock, this.speed,
-        zoom("−", "show more", () => state.zoom(2)), zoom("+", "show less", () => state.zoom(0.5)),
+        zoom("−", "show more", () => state.zoom(2)),
+        zoom("+", "show less", () => state.zoom(0.5)),
         zoom("⤢", "show the whole run", () => state.showAll()));
       this.root.replaceChildren(this.views, this.moving, this.units,
         zoom("?", "keys", () => { this.help.hidden = !this.help.hidden; }), this.help);

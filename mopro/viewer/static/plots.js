@@ -5,6 +5,7 @@
   const { element, range, unitFor } = Mopro;
   // Okabe and Ito's colours, which differ also to colour-blind eyes.
   const PALETTE = ["#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7"];
+  const ROWS = { stall: 1, trip: 1, gap: 1, lint: 2 };
   const SIGNS = { stall: "✕", trip: "■", lint: "▲", gap: "≠" };
   // What was wanted is a broad pale line, and what was seen a thin one over it.
   const WIDTHS = { command: 5, dashed: 1.5 };
@@ -68,7 +69,10 @@
           y: false, drag: { x: !rows, y: false, setScale: false },
           points: { size: 6 },
         },
-        scales: { x: { time: false, range: () => this.xRange() }, y: { range: padded } },
+        scales: {
+          x: { time: false, range: () => this.xRange() },
+          y: { range: (_, low, high) => this.yRange(low, high) },
+        },
         axes: [
           { ...axis, show: this.last, size: 42, label: rows ? "row" : "time (s)", labelSize: 18,
             values: (_, ticks) => ticks.map((t) => rows && t % 1 ? "" : Mopro.number(t, 9)) },
@@ -86,6 +90,15 @@
     xRange() {
       if (!this.state.view.rows) return this.state.shown;
       return [this.state.first - 0.6, this.state.last + 0.6];
+    }
+
+    yRange(low, high) {
+      if (low === null || low === undefined) return [-1, 1];
+      if (this.panel.traces.some((trace) => trace.style === "bars")) {
+        [low, high] = [Math.min(low, 0), Math.max(high, 0)];
+      }
+      const margin = (high - low) * 0.06 || Math.abs(high) * 0.1 || 1;
+      return [low - margin, high + margin];
     }
 
     series(trace) {
@@ -220,7 +233,7 @@
         if (!(mark.time >= shown[0] && mark.time <= shown[1])) continue;
         const color = theme(`--${mark.kind}`);
         if (mark.kind === "stall" || mark.kind === "trip") line(mark.time, color);
-        words(SIGNS[mark.kind], mark.time, color, 1);
+        words(SIGNS[mark.kind], mark.time, color, ROWS[mark.kind]);
       }
       u.ctx.restore();
     }
@@ -245,12 +258,6 @@
     });
   }
 
-  function padded(_, low, high) {
-    if (low === null || low === undefined) return [-1, 1];
-    const margin = (high - low) * 0.06 || Math.abs(high) * 0.1 || 1;
-    return [low - margin, high + margin];
-  }
-
   // All panels of the view.
   class Plots {
     constructor(state, root) {
@@ -272,7 +279,8 @@
     build() {
       this.plots.forEach((plot) => plot.plot.destroy());
       const { panels } = this.state.view;
-      this.plots = panels.map((panel, i) => new Plot(this.state, panel, i === 0, i === panels.length - 1));
+      const last = panels.length - 1;
+      this.plots = panels.map((panel, i) => new Plot(this.state, panel, i === 0, i === last));
       this.root.replaceChildren(...this.plots.map((plot) => plot.root));
       this.plots.forEach((plot) => plot.draw());
       this.plots.forEach((plot) => plot.moveCursor());

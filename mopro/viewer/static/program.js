@@ -46,8 +46,8 @@
       if (!item) return;
       item.setAttribute("aria-current", "true");
       const list = item.parentElement;
-      const above = item.offsetTop;
-      if (above < list.scrollTop || above + item.offsetHeight > list.scrollTop + list.clientHeight) {
+      const above = item.offsetTop, below = above + item.offsetHeight;
+      if (above < list.scrollTop || below > list.scrollTop + list.clientHeight) {
         list.scrollTop = above - list.clientHeight / 2;
       }
     }
