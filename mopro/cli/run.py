@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
+from mopro.cli.live import live_run
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import (
     OutputFile,
@@ -26,6 +27,7 @@ from mopro.cli.programs import compiled_program, refuse_unrunnable
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
+    from mopro.cli.live import Live
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
     from mopro.machine import Machine
@@ -78,6 +80,7 @@ _MOST_ROWS = 40
 )
 @click.option("--plot", type=OutputFile(".png", ".svg", ".pdf"), help="A picture of the run.")
 @click.option("--report", type=OutputFile(".html"), help="A page about the run.")
+@click.option("--live", is_flag=True, help="Show the run in a browser as it goes, in real time.")
 @dialect_option()
 @baud_option()
 @trace_option()
@@ -102,6 +105,7 @@ def command(
     out: Path,
     plot: Path | None,
     report: Path | None,
+    live: bool,
     dialect: str,
     baud: int | None,
     trace: Path | None,
@@ -132,19 +136,26 @@ def command(
     backend: Emulator | SerialBackend
     with ExitStack() as outer, ExitStack() as files:
         files.enter_context(claimed(plot, report))
+        plant = load_machine(machine)
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
-            plant = load_machine(machine)
             backend = Emulator(plant, payload, rate, seed)
+            page = files.enter_context(live_run(program, plant, for_s)) if live else None
+            if page is not None:
+                pictures.show(page)
+                files.enter_context(page.signals)
+                files.enter_context(page.signals.raised())
         else:
             _only_with("--emulate", "payload", "rate", "seed")
-            plant = load_machine(machine)
             if from_line is not None:
                 program = _from_line(program, from_line, yes)
             refuse_unrunnable(program, machine, for_s)
+            page = files.enter_context(live_run(program, plant, for_s)) if live else None
             link = (port, dialect, baud, trace)
-            backend = _on_controller(outer, files, link, plant, deadline)
+            backend = _on_controller(outer, files, link, plant, deadline, page)
         run = _recorded(backend, program, for_s, out, pictures)
+        if page is not None:
+            page.end(run)
         files.close()
         all_drawn = pictures.draw(backend.header(program), run, plant, machine)
         _tell(run, program, out, as_json)
@@ -157,16 +168,17 @@ def _on_controller(
     link: tuple[str, str, int | None, Path | None],
     plant: Machine,
     deadline_s: float | None,
+    page: Live | None,
 ) -> SerialBackend:
     """The controller at the end of `link`: its port, dialect, baud rate and trace file.
 
     `outer` holds signals back until the run has been reported, `files` the open port. The
-    deadline counts from before the port is opened.
+    deadline counts from before the port is opened. `page` shows the samples.
     """
     from mopro.link import SerialBackend, Signals
 
     begun_s = time.monotonic()
-    signals = outer.enter_context(Signals())
+    signals = outer.enter_context(page.signals if page else Signals())
     session = files.enter_context(connected_session(*link))
     return SerialBackend(
         session,
@@ -175,6 +187,7 @@ def _on_controller(
         begun_s=begun_s,
         signals=signals,
         warn=lambda text: say(f"warning: {text} [no-heartbeat]", err=True),
+        seen=page.see if page else lambda row: None,
     )
 
 
@@ -242,13 +255,22 @@ class _Pictures:
         self._program = program
         self._grammar = grammar
         self._memory = MemorySink(_MOST_PLOTTED)
+        self._live: Sink | None = None
         self._seen: RunSink | None = None
         if report is not None:
             from mopro.viewer.run import RunSink
 
             self._seen = RunSink()
 
+    def show(self, page: Live) -> None:
+        """Show the samples on `page` too, in real time."""
+        from mopro.web import Paced
+
+        self._live = Paced(page.run)
+
     def beside(self, sink: Sink) -> Sink:
+        if self._live is not None:
+            sink = _Tee(sink, self._live)
         if self._plot:
             sink = _Tee(sink, self._memory)
         return _Tee(sink, self._seen) if self._seen else sink

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -51,7 +51,7 @@ class SerialBackend:
     the port's clock or else from the call of `run` (without it: each part as long as
     planned, and some more). `signals` is to be entered by who has something to say after
     the run that no signal may cut off. `warn` is told, before the start, what a person
-    should know.
+    should know. `seen` is told each sample: its columns in a recording.
     """
 
     session: Session
@@ -61,6 +61,7 @@ class SerialBackend:
     begun_s: float | None = None
     signals: Signals = field(default_factory=Signals)
     warn: Callable[[str], None] = lambda text: None
+    seen: Callable[[Mapping[str, float]], None] = lambda row: None
 
     def header(self, program: Program) -> Header:
         return Header(
@@ -87,7 +88,7 @@ class SerialBackend:
             for_s = DEFAULT_LOOP_S
         schedule = plan(program, for_s, self.machine.travel_u())
         whole = self.signals.deferred
-        samples = Samples(sink, schedule, self.machine.microstep_m, whole)
+        samples = Samples(sink, schedule, self.machine.microstep_m, whole, self.seen)
         watch = Watch(self.session, program, samples, self.poll_hz)
         stop_s = _STOP_S + _braking_s(schedule)
         budget = TimeBudget(self.session, self.deadline_s, stop_s, self.begun_s)

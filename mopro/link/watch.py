@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import Any
@@ -57,7 +57,7 @@ class Samples:
     """Writes polled samples to a sink, with NaN in the columns that are not measured.
 
     `whole` is the context of each write, so that no signal interrupts one. A sink that has
-    failed gets no more.
+    failed gets no more. `seen` is told each row at once.
     """
 
     def __init__(
@@ -66,7 +66,9 @@ class Samples:
         schedule: Schedule,
         microstep_m: float,
         whole: Callable[[], AbstractContextManager[None]] = nullcontext,
+        seen: Callable[[Mapping[str, float]], None] = lambda row: None,
     ) -> None:
+        self._seen = seen
         self._sink: Sink | None = sink
         self._whole = whole
         self._holding = False
@@ -83,6 +85,7 @@ class Samples:
             row[f"command_{axis}_m"] = command_u[axis] * self._microstep_m
             row[f"position_{axis}_m"] = seen_u.get(axis, command_u[axis]) * self._microstep_m
         self._rows.append(row)
+        self._seen(row)
         if len(self._rows) >= _HELD_ROWS and not self._holding:
             self.close()
 

@@ -11,7 +11,7 @@ FOLDER = Path(__file__).parent / "static"
 PLOTTER = FOLDER / "uplot"
 SCRIPTS = (
     "data.js", "units.js", "state.js", "plots.js", "program.js", "pictures.js", "player.js",
-    "tables.js", "app.js",
+    "tables.js", "live.js", "app.js",
 )  # fmt: skip
 
 

@@ -17,9 +17,18 @@ def platen_json(
 
     `places`: the track and channel that tell the position (m) of each axis.
     """
+    return platen_of(machine, switches_u(schedule, machine.travel_u()), places)
+
+
+def platen_of(
+    machine: Machine,
+    travel_u: Mapping[int, tuple[float, float]],
+    places: Mapping[int, tuple[str, str]],
+) -> dict[str, Any]:
+    """As `platen_json`, for limit switches at `travel_u` (microsteps)."""
     travel = {
         str(axis): [low * machine.microstep_m, high * machine.microstep_m]
-        for axis, (low, high) in switches_u(schedule, machine.travel_u()).items()
+        for axis, (low, high) in travel_u.items()
     }
     return {
         "length": machine.platen.length_m,

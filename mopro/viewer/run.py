@@ -9,7 +9,7 @@ import numpy as np
 
 from mopro.effects import catalogue
 from mopro.effects.resolve import active_effects
-from mopro.machine import Machine
+from mopro.machine import DEFAULT_LOOP_S, Machine
 from mopro.motion import Schedule
 from mopro.plant import plan_with_effects
 from mopro.program import AXES, Program
@@ -34,7 +34,9 @@ MOST_LINE_CHANGES = 100_000
 MOST_MOVES = 20_000
 MOST_MARKS = 500
 
-_TRACK = "run"
+TRACK = "run"
+# The track and channel of each axis' position.
+PLACES = {axis: (TRACK, f"position_{axis}_m") for axis in AXES}
 _ERROR = "following_error_{}_m"
 
 
@@ -58,26 +60,33 @@ class Found(Protocol):
 
 
 class RunSink:
-    """Receives a recording and keeps the channels of its view, and the changes of the line."""
+    """Receives a recording and keeps the channels of its view, and the changes of the line.
 
-    def __init__(self) -> None:
-        self._envelope = Envelope(MOST_BUCKETS)
+    At most `most` buckets, and the first `head` samples in full.
+    """
+
+    def __init__(self, most: int = MOST_BUCKETS, head: int = HEAD) -> None:
+        self._envelope = Envelope(most)
+        self._most_headed = head
         self._head: list[Buckets] = []
         self._headed = 0
         self._lines: list[tuple[Floats, Floats]] = []
         self._last_line: int | None = None
         self._changes = 0
         self.names: list[str] = []
+        self._valued: set[str] = set()
 
     def write(self, columns: Columns) -> None:
         if not len(columns["time_s"]):
             return
-        channels = _channels(columns)
+        channels = channels_of(columns)
         self.names = list(channels)
+        self._valued |= {name for name, v in channels.items() if not np.isnan(v).all()}
         values = np.vstack([v.astype(np.float32) for v in channels.values()])
         self._envelope.add(columns["time_s"], values)
-        if self._headed < HEAD:
-            part = Buckets.of(columns["time_s"], values).between(0, HEAD - self._headed)
+        if self._headed < self._most_headed:
+            rest = self._most_headed - self._headed
+            part = Buckets.of(columns["time_s"], values).between(0, rest)
             self._head.append(part)
             self._headed += len(part)
         self._note_lines(columns["time_s"], columns["line"])
@@ -85,9 +94,13 @@ class RunSink:
     def track(self) -> Track:
         """What was written, in the fewest buckets that hold it."""
         overview = self._envelope.buckets()
-        if overview.size == 1:
+        if overview.size == 1 or not self._head:
             return Track(self.names, overview)
         return Track(self.names, overview, [together(self._head)])
+
+    def seen(self, name: str) -> bool:
+        """True if the channel `name` has had a value."""
+        return name in self._valued
 
     def lines(self) -> Lines:
         """The source line that runs, at each of its changes."""
@@ -120,12 +133,12 @@ def run_view(
     return View(
         name=f"{run.program} on {run.machine}",
         panels=run_panels(_alive(track)),
-        tracks={_TRACK: track},
+        tracks={TRACK: track},
         program=program.source.lines,
         lines=sink.lines(),
         marks=list(_marks(run, findings))[:MOST_MARKS],
         moves=moves_json(run.moves),
-        platen=platen_json(machine, _schedule(machine, program, run), _places()),
+        platen=platen_json(machine, schedule_of(machine, program, run.duration_s), PLACES),
         phases=phases_of(_alive(track)),
     )
 
@@ -206,13 +219,11 @@ def _folded(line: int, moves: Sequence[MoveReport], listed: bool) -> dict[str, A
     }
 
 
-def _schedule(machine: Machine, program: Program, run: Run) -> Schedule:
-    active = active_effects(machine, catalogue())
-    return plan_with_effects(program, machine, active, run.duration_s)
-
-
-def _places() -> dict[int, tuple[str, str]]:
-    return {axis: (_TRACK, f"position_{axis}_m") for axis in AXES}
+def schedule_of(machine: Machine, program: Program, for_s: float | None) -> Schedule:
+    """The planned motion of at most `for_s` seconds; MotionError."""
+    if for_s is None and program.loops_forever:
+        for_s = DEFAULT_LOOP_S
+    return plan_with_effects(program, machine, active_effects(machine, catalogue()), for_s)
 
 
 def _marks(run: Run, findings: Iterable[Found]) -> Iterator[Mark]:
@@ -231,7 +242,7 @@ def _trip_words(trip: Mapping[str, Any]) -> str:
     return "the motor became too hot"
 
 
-def _channels(columns: Columns) -> dict[str, Floats]:
+def channels_of(columns: Columns) -> dict[str, Floats]:
     """The columns that are drawn, with the following errors."""
     channels = {name: v for name, v in columns.items() if name not in ("time_s", "line")}
     for name, position in columns.items():
@@ -275,4 +286,4 @@ def _of(axes: Sequence[str], alive: Sequence[str], *kinds: tuple[str, str]) -> l
 
 
 def _panel(title: str, unit: str, traces: Sequence[Trace], note: str = "") -> Panel:
-    return Panel(title, _TRACK, Scale.of(unit), traces, note=note)
+    return Panel(title, TRACK, Scale.of(unit), traces, note=note)

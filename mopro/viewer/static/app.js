@@ -6,8 +6,8 @@
 
   function room(name) { return element("section", { class: name }); }
 
-  function build(loaded) {
-    const state = new Mopro.State(loaded.views);
+  function build(views) {
+    const state = new Mopro.State(views);
     const rooms = Object.fromEntries(
       ["player", "program", "platen", "vector", "plots", "tables"].map((n) => [n, room(n)]));
     const side = element("aside", {}, rooms.program, rooms.platen, rooms.vector);
@@ -30,10 +30,12 @@
 
   async function begin() {
     const stated = JSON.parse(document.getElementById("page-data").textContent);
+    if (stated.live) { Mopro.live = new Mopro.Live(stated.live); return; }
     if (!stated.views.length) return;
-    build(await Mopro.load(stated));
+    build((await Mopro.load(stated)).views);
     document.documentElement.dataset.ready = "yes";
   }
 
+  Object.assign(Mopro, { build });
   begin();
 })();
