@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
 
+from mopro.cli.outputs import DrawingSink
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mopro.machine import Machine
     from mopro.program import Program
     from mopro.recording import Run
+    from mopro.recording.record import Columns
     from mopro.web import ControllerPanel, LiveRun, Page
 
 # A run waits so long for its page to be looked at.
@@ -25,22 +26,30 @@ _LOOKED_AT_S = 10.0
 _OF_THE_EXTRA = ("starlette", "uvicorn", "anyio", "h11")
 
 
-@dataclass(frozen=True)
 class Live:
     """A live page: what it shows of the run, and the signals that its button is one of."""
 
-    run: LiveRun
-    signals: Signals
+    def __init__(self, run: LiveRun, signals: Signals) -> None:
+        self.signals = signals
+        self._feed = run.feed
+        self._drawing = DrawingSink(run)
 
     def see(self, row: Mapping[str, float]) -> None:
-        """Show one sample of a controller."""
-        self.run.see(row)
+        """Show one sample of a controller; what goes wrong costs the run nothing."""
+        import numpy as np
+
+        columns = {name: np.array([value]) for name, value in row.items()}
+        self._drawing.write(columns | {"line": columns["line"].astype(np.int32)})
+
+    def write(self, columns: Columns) -> None:
+        """Show a chunk of a recording."""
+        self._drawing.write(columns)
 
     def end(self, run: Run) -> None:
         """Tell the page how the run ended."""
         from mopro.recording.run import outcome
 
-        self.run.feed.end("\n".join(filter(None, (outcome(run), run.trouble))))
+        self._feed.end("\n".join(filter(None, (outcome(run), run.trouble))))
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from mopro.cli.options import (
     payload_type,
     program_argument,
 )
-from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file, page_bytes
+from mopro.cli.outputs import DrawingSink, claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
 from mopro.cli.say import say
 
@@ -256,24 +256,26 @@ class _Pictures:
         self._grammar = grammar
         self._memory = MemorySink(_MOST_PLOTTED)
         self._live: Sink | None = None
+        self._drawing: DrawingSink | None = None
         self._seen: RunSink | None = None
         if report is not None:
             from mopro.viewer.run import RunSink
 
             self._seen = RunSink()
+            self._drawing = DrawingSink(self._seen)
 
     def show(self, page: Live) -> None:
         """Show the samples on `page` too, in real time."""
         from mopro.web import Paced
 
-        self._live = Paced(page.run)
+        self._live = Paced(page)
 
     def beside(self, sink: Sink) -> Sink:
         if self._live is not None:
             sink = _Tee(sink, self._live)
         if self._plot:
             sink = _Tee(sink, self._memory)
-        return _Tee(sink, self._seen) if self._seen else sink
+        return _Tee(sink, self._drawing) if self._drawing else sink
 
     def draw(self, header: Header, run: Run, plant: Machine, machine: str) -> bool:
         """Draw the outputs that were asked for; False if one of them fails."""
@@ -288,6 +290,8 @@ class _Pictures:
             from mopro.viewer.run import run_page, run_view
 
             assert self._seen is not None, "a report has a sink"
+            assert self._drawing is not None, "a report has a sink"
+            self._drawing.check()
             program = self._program
             findings = lint(program.source, Settings(machine, header.payload_kg, self._grammar))
             view = run_view(self._seen, run, program, plant, findings)

@@ -9,6 +9,7 @@ import numpy as np
 
 from mopro.effects import catalogue
 from mopro.effects.resolve import active_effects
+from mopro.errors import DataError
 from mopro.machine import DEFAULT_LOOP_S, Machine
 from mopro.motion import Schedule
 from mopro.plant import plan_with_effects
@@ -92,7 +93,9 @@ class RunSink:
         self._note_lines(columns["time_s"], columns["line"])
 
     def track(self) -> Track:
-        """What was written, in the fewest buckets that hold it."""
+        """What was written, in the fewest buckets that hold it; DataError if nothing was."""
+        if not self.names:
+            raise DataError("the run has no samples")
         overview = self._envelope.buckets()
         if overview.size == 1 or not self._head:
             return Track(self.names, overview)

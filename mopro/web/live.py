@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from itertools import pairwise
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ _SLICE_S = 0.05
 
 
 class LiveRun:
-    """Receives the samples of a run, as a sink or row by row, for the pages that look at it.
+    """A sink that tells the samples of a run to the pages that look at it.
 
     `schedule` is the planned motion: what moves is shown.
     """
@@ -45,12 +46,6 @@ class LiveRun:
     @property
     def title(self) -> str:
         return self._name
-
-    def see(self, row: Mapping[str, float]) -> None:
-        """Take one sample: columns of a recording by their names."""
-        columns: Columns = {name: np.array([value]) for name, value in row.items()}
-        columns["line"] = columns["line"].astype(np.int32)
-        self.write(columns)
 
     def write(self, columns: Columns) -> None:
         """Take a chunk of a recording."""
@@ -137,6 +132,6 @@ def samples_json(time_s: Floats, channels: Mapping[str, Floats], track: str) -> 
 def _ends(buckets: Buckets, row: int) -> list[list[float | None]]:
     """First and second extremes of a channel, None for what was not measured."""
     return [
-        [None if value != value else value for value in ends[row].tolist()]
+        [value if isfinite(value) else None for value in ends[row].tolist()]
         for ends in (buckets.first, buckets.second)
     ]

@@ -66,7 +66,7 @@ class ControllerPanel:
     def fault(self, body: str) -> None:
         """Have the fault named in `body` (JSON) happen; what is no fault is ignored."""
         try:
-            name = json.loads(body)
+            name = str(json.loads(body))
         except ValueError:
             return
         if name in _PLANT:

@@ -105,7 +105,10 @@ def _application(page: Page, token: str, port: int) -> Starlette:
             body += part
             if len(body) > _MOST_BODY:
                 return Response(status_code=413)
-        page.acts[request.path_params["name"]](body.decode("utf-8", "replace"))
+        does = page.acts.get(request.path_params["name"])
+        if does is None:
+            return Response(status_code=404)
+        does(body.decode("utf-8", "replace"))
         return Response(status_code=204)
 
     acts = [Route("/{name:str}", act, methods=["POST"])] if page.acts else []

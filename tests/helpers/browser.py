@@ -158,6 +158,8 @@ class Page:
         )
 
     def mouse(self, kind, x, y, **more):
+        # A tab behind another one takes seconds to hear of the mouse.
+        self.call("Page.bringToFront")
         self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
 
     def move(self, selector, across=0.5, down=0.5):

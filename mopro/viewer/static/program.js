@@ -9,27 +9,37 @@
       Object.assign(this, { state, root });
       state.on("view", () => this.build());
       state.on("time", () => this.markRunning());
-      state.on("data", () => this.markRunning());
+      state.on("data", () => { this.markRan(); this.markRunning(); });
       this.build();
     }
 
     build() {
       const { view } = this.state;
-      const ran = new Set(view.lines ? view.lines.line : []);
       this.running = null;
-      this.items = view.program.map((text, i) => this.item(i + 1, text, ran.has(i + 1)));
+      this.known = 0;
+      this.items = view.program.map((text, i) => this.item(i + 1, text));
+      this.markRan();
       this.root.replaceChildren(
         element("h2", {}, "Program"), element("ol", { class: "listing" }, ...this.items));
       this.root.hidden = !view.program.length;
       this.markRunning();
     }
 
-    item(number, text, ran) {
+    // Lines that have run since this was last asked.
+    markRan() {
+      const line = this.state.view.lines ? this.state.view.lines.line : [];
+      for (; this.known < line.length; this.known++) {
+        const item = this.items[line[this.known] - 1];
+        if (item) item.classList.add("ran");
+      }
+    }
+
+    item(number, text) {
       const marks = this.state.view.marks.filter((mark) => mark.line === number);
       const kinds = [...new Set(marks.map((mark) => mark.kind))];
       const signs = kinds.map((kind) => element("span", { class: kind }, Mopro.SIGNS[kind]));
       const words = marks.slice(0, 5).map((mark) => mark.text).join("\n");
-      return element("li", { class: ran ? "ran" : null }, element("button",
+      return element("li", {}, element("button",
         { type: "button", title: words || null, "data-line": number,
           onclick: () => this.state.goToLine(number) },
         element("span", { class: "number" }, String(number)),
