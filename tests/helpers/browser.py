@@ -50,7 +50,9 @@ def browser():
             start_new_session=True,
         )  # fmt: skip
         try:
-            with connect(_address(process, Path(folder)), max_size=None) as socket:
+            with connect(
+                _address(process, Path(folder)), max_size=None, close_timeout=0.2
+            ) as socket:
                 yield Browser(socket)
         finally:
             os.killpg(process.pid, signal.SIGKILL)

@@ -43,7 +43,7 @@
       const fold = element("button", { type: "button", "aria-expanded": this.open.has(move.line),
         title: move.each.length > 1 ? "show each move" : "go there",
         onclick: () => this.clicked(move) }, `line ${move.line}${many}`);
-      const cells = [move.axes.join("+"), move.profile + (move.cut ? " (cut short)" : ""),
+      const cells = [move.axes.join("+"), move.profile + cutWords(move),
         this.length(move.distance, move),
         `${this.length(move.peak, move, "/s")} / ${this.length(move.set, move, "/s")}`,
         move.duration.toFixed(6), this.length(move.lag, move), percent(move.margin),
@@ -109,6 +109,11 @@
         element("thead", {}, element("tr", {},
           ...heads.map((head) => element("th", { scope: "col" }, head)))),
         element("tbody", {}, ...rows))));
+  }
+
+  function cutWords({ cut, count }) {
+    if (!cut) return "";
+    return count > 1 ? ` (${cut} cut short)` : " (cut short)";
   }
 
   function percent(margin) { return margin === null ? "–" : `${Math.round(100 * margin)} %`; }
