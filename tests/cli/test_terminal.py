@@ -343,6 +343,29 @@ def test_settling_is_recorded_unless_it_is_not_wanted(mopro, tmp_path):
     assert len(set(durations)) == 1
 
 
+def test_a_recording_with_its_settling_is_data_for_compare(mopro, tmp_path):
+    mopro("run", "P.CMD", "--emulate", text=NOTED)
+    (tmp_path / "e.toml").write_text(
+        'machine = "chow1992"\n[[sensor]]\nname = "laser"\nquantity = "position"\n'
+        'column = "position_1_m"\nrate_hz = 2000.0\nnoise_rms = 1e-7\n'
+        '[[run]]\nprogram = "P.CMD"\ndata = "run.parquet"\n'
+    )
+    done = mopro("compare", "e.toml")
+    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "no disagreement")
+
+
+def test_a_table_of_steady_states_needs_no_rate(mopro, tmp_path):
+    text = (PROGRAMS / "thermal" / "experiment.toml").read_text()
+    assert "rate_hz" not in text
+    assert mopro("compare", PROGRAMS / "thermal" / "experiment.toml").returncode == 1
+    (tmp_path / "P.CMD").write_text(NOTED)
+    (tmp_path / "d.csv").write_text("time_s,temperature_C\n0,20\n1,20\n")
+    (tmp_path / "e.toml").write_text(
+        text.replace('table = "table-3-2.csv"', 'program = "P.CMD"\ndata = "d.csv"')
+    )
+    assert "the sensor has no rate_hz" in mopro("compare", "e.toml").stderr
+
+
 def test_a_stall_is_in_json_and_in_the_recording(mopro, tmp_path):
     text = "UU012500/1\nVEL1 40.0\nACC1 25.0\nMRI1 5.0\nWX1\n"
     answer = json.loads(mopro("run", "P.CMD", "--emulate", "--json", text=text).stdout)
