@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,9 +24,10 @@ from mopro.cli.options import (
 )
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
-from mopro.cli.progress import in_motion, simulated
+from mopro.cli.progress import in_motion, length_unit, simulated
 from mopro.cli.recordings import recording_sink, replaces_recording
-from mopro.cli.say import say, say_findings
+from mopro.cli.say import say
+from mopro.cli.summary import Written, tell
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
@@ -37,12 +35,11 @@ if TYPE_CHECKING:
     from mopro.machine import Machine
     from mopro.machine.backend import Told
     from mopro.program import Program
-    from mopro.recording import Header, MoveReport, Run, Sink
+    from mopro.recording import Header, Run, Sink
     from mopro.recording.record import Columns
 
 DEFAULT_OUT = "run.parquet"
 _MOST_PLOTTED = 200_000
-_MOST_ROWS = 40
 
 
 @click.command()
@@ -172,7 +169,7 @@ def command(
             run = _recorded(backend, program, (for_s, settle_s), out, pictures, told)
         files.close()
         all_drawn = pictures.draw(backend.header(program), run)
-        _tell(run, program, _Written(out, replaces), for_s, as_json)
+        tell(run, program, Written(out, replaces), for_s, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
@@ -294,76 +291,3 @@ class _Tee:
     def write(self, columns: Columns) -> None:
         self.first.write(columns)
         self.second.write(columns)
-
-
-@dataclass(frozen=True)
-class _Written:
-    """The recording of a run; `replaced` if another one stood there."""
-
-    out: Path
-    replaced: bool
-
-    def __str__(self) -> str:
-        return f"Recording: {self.out}" + (" (replaced the one before)" if self.replaced else "")
-
-
-def _tell(
-    run: Run, program: Program, written: _Written, for_s: float | None, as_json: bool
-) -> None:
-    """Print the summary to stdout, and warnings and findings to stderr.
-
-    The summary goes to stderr if stdout has the recording.
-    """
-    from mopro.errors import Diagnostic, Severity
-    from mopro.recording.run import outcome, stall_findings
-
-    if as_json:
-        more = {"recording": str(written.out), "replaced": written.replaced}
-        say(json.dumps({**run.as_json(), **more}, indent=1))
-    elif written.out == STANDARD:
-        say(outcome(run), err=True)
-    else:
-        _print_moves(run.moves)
-        say(outcome(run))
-        say(str(written))
-    if run.trouble:
-        say(f"{program.source.name}: {run.trouble} [run-failed]", err=True)
-    elif not run.complete and run.trip is None:
-        say(f"{program.source.name}: {_cut_text(run, for_s)}", err=True)
-    for span, message, hint in stall_findings(run, program):
-        finding = Diagnostic("stall", message, span, Severity.ERROR, hint)
-        say_findings(finding.render(program.source), err=True)
-
-
-def _cut_text(run: Run, for_s: float | None) -> str:
-    """Why a run ended before its program, and how to change that if it was not asked for."""
-    why = "the program loops for ever" if run.loops_forever else "the program had not ended"
-    if for_s is not None:
-        return f"{why}: stopped after {run.duration_s:g} s, as --for says"
-    hint = "change that with --for, for example --for 10min"
-    return f"{why}: stopped after {run.duration_s:g} s; {hint}"
-
-
-def _print_moves(moves: Sequence[MoveReport]) -> None:
-    """A table of the moves for each unit of length, those of one statement in one row."""
-    from mopro.cli.table import print_table
-    from mopro.recording.moves import folded, folded_columns
-
-    for unit in dict.fromkeys(move.unit for move in moves):
-        rows = folded(move for move in moves if move.unit == unit)
-        styles = ["red" if row.worst.slipped else "" for row in rows]
-        print_table(folded_columns(unit), [row.cells for row in rows], _MOST_ROWS, styles, 80)
-        say()
-
-
-def length_unit(program: Program, machine: Machine) -> str:
-    """The program's first user unit, if it has a name; else mm."""
-    from mopro.program import ir
-    from mopro.units import length_unit_name
-
-    for op in program.ops:
-        if isinstance(op, ir.SetUnits):
-            microstep = Fraction(machine.microstep_m).limit_denominator(10**9)
-            name = length_unit_name(Fraction(op.numerator, op.denominator) * microstep)
-            return "mm" if name == "uu" else name
-    return "mm"

@@ -13,8 +13,9 @@ from typing import Any
 from mopro.errors import DataError
 from mopro.link.flash import allowed_s, upload
 from mopro.link.halt import Signals, StopOnError, TimeBudget
+from mopro.link.samples import Sample, Samples
 from mopro.link.session import Refused, Session
-from mopro.link.watch import Sample, Samples, Watch
+from mopro.link.watch import Watch
 from mopro.machine import DEFAULT_LOOP_S, Machine
 from mopro.machine.backend import Progress, Told, no_one
 from mopro.motion import Schedule, plan
