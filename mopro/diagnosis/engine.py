@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from mopro.diagnosis.alternatives import alternatives
 from mopro.diagnosis.conclude import conclude
@@ -51,6 +52,7 @@ def reconcile(
     effects: Sequence[Candidate],
     data: Sequence[Series],
     *,
+    unlisted: Sequence[Candidate] = (),
     base: Sequence[Parameter] = (),
     finer: Simulate | None = None,
     jobs: int = 1,
@@ -59,9 +61,11 @@ def reconcile(
     """Find which of `effects` the model lacks, if any, with the evidence for each.
 
     `simulate(settings)` predicts every series of `data` with the effects in `settings` on; it
-    must be deterministic. `base` are free numbers of the model itself, found in
-    `settings["base"]`: fitted with every set of effects, from their `starts`. `finer` is the
-    same model with smaller steps of integration, asked before anything is called unexplained.
+    must be deterministic. `unlisted` are free-form terms that it knows as it knows effects, and
+    that compete beside those of the measurement. `base` are free numbers of the model itself,
+    found in `settings["base"]`: fitted with every set of effects, from their `starts`. `finer`
+    is the same model with smaller steps of integration, asked before anything is called
+    unexplained.
     `jobs` simulations run at once, in threads, and `progress` is called with a line about each
     fit. Raises ValueError for data or predictions that are not finite numbers and for
     predictions of another length.
@@ -69,11 +73,16 @@ def reconcile(
     _check(effects, data)
     own = (Candidate(BASE, tuple(base)),) if base else ()
     simulate = WithLaws(simulate, data, ())
-    problem = Problem(simulate, finer, tuple(effects), own, tuple(data), jobs, progress)
-    state = State.of(problem)
-    for each in PASSES:
-        state = each(state)
-    return conclude(state)
+    problem = Problem(
+        simulate, finer, tuple(effects), tuple(unlisted), own, tuple(data), jobs, progress
+    )
+    # The matrices are tall and narrow: threads of the linear algebra take longer to meet than
+    # they save, and the sums would depend on their number.
+    with threadpool_limits(1, "blas"):
+        state = State.of(problem)
+        for each in PASSES:
+            state = each(state)
+        return conclude(state)
 
 
 def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:
@@ -157,8 +166,9 @@ def add_laws(state: State) -> State:
     doubtful = len(state.fit.candidates) > 1 or any(c.flexible for c in state.fit.candidates)
     if state.sets.is_noise(state.fit) and not doubtful:
         return state
-    laws = measurement_laws(state.problem.data)
-    state.sets.join(laws, WithLaws(state.problem.simulate, state.problem.data, laws))
+    problem = state.problem
+    laws = measurement_laws(problem.data)
+    state.sets.join((*laws, *problem.unlisted), WithLaws(problem.simulate, problem.data, laws))
     search(state.sets, state.screening, [state.fit], only_laws=state.sets.is_noise(state.fit))
     best, listed = state.sets.best(), state.sets.best_listed()
     # What somebody has listed has the benefit of the doubt.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from threading import Lock
 
@@ -27,6 +28,7 @@ from mopro.diagnosis.model import (
     Simulate,
 )
 from mopro.diagnosis.spectrum import position_spectrum, sinusoid
+from mopro.play import follow
 
 Values = Mapping[str, float]
 
@@ -37,6 +39,9 @@ _LARGEST, _PROBED = 100.0, 1e-2
 _FEWEST_CYCLES = 2
 # Widths of a bump, as shares of the range of positions.
 _BUMP_WIDTHS = (0.02, 0.05, 0.1)
+# Intervals of position in which one is looked for: a quarter of the least width. Doubled, it takes
+# twice as long to find the same start.
+_BUMP_BINS = 200
 # Predictions kept: a term that is fitted beside effects asks for the same ones again.
 _KEPT = 16
 
@@ -59,7 +64,7 @@ class WithLaws:
         for name in settings.keys() & self._terms.keys():
             term = self._terms[name]
             predicted = [
-                own + term(series, settings[name])
+                own + term(series, own, settings[name])
                 for own, series in zip(predicted, self._data, strict=True)
             ]
         return predicted
@@ -87,13 +92,13 @@ def measurement_laws(data: Sequence[Series]) -> list[Candidate]:
 
 def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
     series = list(rows.values())
-    for name, label, variable, shape in _SHAPES:
-        if _labelled(series, label):
-            yield from _proportional(sensor, series, name, label, variable, shape)
+    for shape in _SHAPES:
+        if all(_labelled(series, label) for label in shape.labels):
+            yield from _proportional(sensor, series, shape)
     if all(s.time_s is not None for s in series):
-        yield from _proportional(sensor, series, "t", "", "t", lambda t: t - t.mean())
+        yield from _proportional(sensor, series, _TIME)
         yield _line_in_time(sensor, rows)
-    if _labelled(series, "position"):
+    if _labelled(series, _POSITION):
         yield _line_in_position(sensor, rows)
         yield _bump(sensor, rows)
 
@@ -104,64 +109,116 @@ def _labelled(series: Sequence[Series], label: str) -> bool:
     )
 
 
-def _direction(velocity: Floats) -> Floats:
-    """Sign of the last motion; 0 before the first."""
-    sign = np.sign(velocity)
-    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), -1))
-    return np.where(last >= 0, sign[last], 0.0)
-
-
-# name, label, variable, function of the label
-_SHAPES: tuple[tuple[str, str, str, Callable[[Floats], Floats]], ...] = (
-    ("v", "velocity", "v", lambda v: v),
-    ("v|v|", "velocity", "v", lambda v: v * np.abs(v)),
-    ("sgn v", "velocity", "sgn v", _direction),
-    ("a", "acceleration", "a", lambda a: a),
-    ("x", "position", "x", lambda x: x),
-    ("x²", "position", "x", lambda x: x**2),
-    ("x³", "position", "x", lambda x: x**3),
-    ("T", "temperature", "T", lambda T: T),
-)
-
-
 def _values(series: Series, label: str) -> Floats:
     values = series.time_s if label == "" else series.labels[label]
     return np.asarray(values, dtype=float)
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """The motion that a term depends on (samples): labels of a series, or what is predicted."""
+
+    series: Series
+    predicted: Floats | None = None
+
+    @property
+    def time_s(self) -> Floats:
+        return _values(self.series, "")
+
+    @property
+    def position(self) -> Floats:
+        return _values(self.series, _POSITION) if self.predicted is None else self.predicted
+
+    @property
+    def velocity(self) -> Floats:
+        if self.predicted is None:
+            return self.label("velocity")
+        return np.gradient(self.predicted, self.time_s)
+
+    @property
+    def acceleration(self) -> Floats:
+        if self.predicted is None:
+            return self.label("acceleration")
+        return np.gradient(self.velocity, self.time_s)
+
+    @property
+    def direction(self) -> Floats:
+        """Sign of the last motion; 0 before the first."""
+        sign = np.sign(self.velocity)
+        last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), -1))
+        return np.where(last >= 0, sign[last], 0.0)
+
+    def label(self, name: str) -> Floats:
+        return _values(self.series, name)
+
+
+def _motion(series: Series, predicted: Floats) -> _Motion:
+    """What is predicted, where that is a place at ascending times; else the labels."""
+    time_s = series.time_s
+    told = series.of_place and time_s is not None and bool((np.diff(time_s) > 0).all())
+    return _Motion(series, predicted if told and len(series) > 1 else None)
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """A function of the motion: its `name`, the labels that it needs, its variable and text.
+
+    `by_play`: where the place is predicted, the term shifts it as a play does.
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    variable: str
+    text: str
+    of: Callable[[_Motion], Floats]
+    by_play: bool = False
+
+
+_POSITION = "position"
+_SHAPES = (
+    _Shape("v", ("velocity",), "v", "v", lambda m: m.velocity),
+    _Shape("v|v|", ("velocity",), "v", "v * abs(v)", lambda m: m.velocity * np.abs(m.velocity)),
+    _Shape("sgn v", ("velocity",), "sgn v", "sign(v)", lambda m: m.direction, by_play=True),
+    _Shape("a", ("acceleration",), "a", "a", lambda m: m.acceleration),
+    _Shape("x", (_POSITION,), "x", "x", lambda m: m.position),
+    _Shape("x²", (_POSITION,), "x", "x**2", lambda m: m.position**2),
+    _Shape("x³", (_POSITION,), "x", "x**3", lambda m: m.position**3),
+    _Shape("other x", ("other_position",), "x", "y", lambda m: m.label("other_position")),
+    _Shape("v t", ("velocity",), "t", "v * t", lambda m: m.velocity * m.time_s),
+    _Shape("T", ("temperature",), "T", "T", lambda m: m.label("temperature")),
+)
+_TIME = _Shape("t", (), "t", "t", lambda m: m.time_s - m.time_s.mean())
 
 
 def _largest(series: Sequence[Series]) -> float:
     return max(float(np.ptp(s.values)) for s in series) or 1.0
 
 
-def _proportional(
-    sensor: str,
-    series: Sequence[Series],
-    name: str,
-    label: str,
-    variable: str,
-    shape: Callable[[Floats], Floats],
-) -> Iterator[Candidate]:
-    """A term in proportion to a function of one label; none where that is constant."""
-    reach = max(float(np.ptp(shape(_values(s, label)))) for s in series)
+def _proportional(sensor: str, series: Sequence[Series], shape: _Shape) -> Iterator[Candidate]:
+    """A term in proportion to a function of the motion; none where that is constant."""
+    if any(s.time_s is None for s in series) and "t" in shape.name:
+        return
+    reach = max(float(np.ptp(shape.of(_Motion(s)))) for s in series)
     if not reach:
         return
     size = _largest(series) / reach
 
-    def of_data(own: Series, values: Values) -> Floats:
+    def of_data(own: Series, predicted: Floats, values: Values) -> Floats:
         if own.sensor != sensor:
             return np.zeros(len(own))
-        return values["c"] * shape(_values(own, label))
+        motion = _motion(own, predicted)
+        if shape.by_play and motion.predicted is not None:
+            half = values["c"]
+            return np.asarray(np.sign(half) * (predicted - follow(predicted, abs(half))))
+        return values["c"] * shape.of(motion)
 
     law = Law(
-        "measurement", variable, series[0].unit,
-        lambda values: f"{values['c']:.4g} * {_TEXTS.get(name, name)}", of_data,
+        "measurement", shape.variable, series[0].unit,
+        lambda values: f"{values['c']:.4g} * {shape.text}", of_data,
     )  # fmt: skip
-    c = Parameter("c", f"{series[0].unit} per unit of {name}", -_LARGEST * size, _LARGEST * size,
-                  (_PROBED * size,))  # fmt: skip
-    yield Candidate(f"{name} in {sensor}", (c,), law=law)
-
-
-_TEXTS = {"v|v|": "v * abs(v)", "sgn v": "sign(v)", "x²": "x**2", "x³": "x**3"}
+    c = Parameter("c", f"{series[0].unit} per unit of {shape.name}", -_LARGEST * size,
+                  _LARGEST * size, (_PROBED * size,))  # fmt: skip
+    yield Candidate(f"{shape.name} in {sensor}", (c,), law=law)
 
 
 def _line_in_time(sensor: str, rows: Mapping[int, Series]) -> Candidate:
@@ -169,7 +226,7 @@ def _line_in_time(sensor: str, rows: Mapping[int, Series]) -> Candidate:
     size = _LARGEST * _largest(list(rows.values()))
     names = {rows[row].run: (f"s{i}", f"c{i}") for i, row in enumerate(rows)}
 
-    def of_data(own: Series, values: Values) -> Floats:
+    def of_data(own: Series, predicted: Floats, values: Values) -> Floats:
         if own.sensor != sensor or own.time_s is None:
             return np.zeros(len(own))
         angle = 2 * math.pi * values["f"] * own.time_s
@@ -224,16 +281,16 @@ def _line_in_position(sensor: str, rows: Mapping[int, Series]) -> Candidate:
     """A line of one period in position, the same in all runs."""
     series = list(rows.values())
     size = _LARGEST * _largest(series)
-    reach = max(float(np.ptp(_values(s, "position"))) for s in series) or 1.0
+    reach = max(float(np.ptp(_values(s, _POSITION))) for s in series) or 1.0
 
-    def of_data(own: Series, values: Values) -> Floats:
+    def of_data(own: Series, predicted: Floats, values: Values) -> Floats:
         if own.sensor != sensor:
             return np.zeros(len(own))
-        angle = 2 * math.pi * _values(own, "position") / values["p"]
+        angle = 2 * math.pi * _motion(own, predicted).position / values["p"]
         return np.asarray(values["s"] * np.sin(angle) + values["c"] * np.cos(angle))
 
     def find(view: ResidualView) -> Iterator[Values]:
-        places = [_values(s, "position") for s in series]
+        places = [_motion(s, view.predictions[row]).position for row, s in rows.items()]
         if not max(float(np.ptp(x)) for x in places):
             return
         cycles, power = position_spectrum(places, [view.residuals[row] for row in rows])
@@ -263,27 +320,32 @@ def _bump(sensor: str, rows: Mapping[int, Series]) -> Candidate:
     """A local bump in position, of the shape of Gauss' curve."""
     series = list(rows.values())
     size = _LARGEST * _largest(series)
-    places = np.concatenate([_values(s, "position") for s in series])
+    places = np.concatenate([_values(s, _POSITION) for s in series])
     low, reach = float(places.min()), float(np.ptp(places)) or 1.0
+    middles = low + reach * (np.arange(_BUMP_BINS) + 0.5) / _BUMP_BINS
+    binned = np.minimum((places - low) / reach * _BUMP_BINS, _BUMP_BINS - 1).astype(np.intp)
 
     def shape(x: Floats, at: float, width: float) -> Floats:
         return np.asarray(np.exp(-0.5 * ((x - at) / width) ** 2))
 
-    def of_data(own: Series, values: Values) -> Floats:
+    def of_data(own: Series, predicted: Floats, values: Values) -> Floats:
         if own.sensor != sensor:
             return np.zeros(len(own))
-        return values["h"] * shape(_values(own, "position"), values["at"], values["w"])
+        return values["h"] * shape(_motion(own, predicted).position, values["at"], values["w"])
 
     def find(view: ResidualView) -> Iterator[Values]:
         left = np.concatenate([view.residuals[row] * view.sigmas[row] for row in rows])
+        # Sums over intervals that are short for every width.
+        samples = np.bincount(binned, minlength=_BUMP_BINS)
+        sums = np.bincount(binned, left, minlength=_BUMP_BINS)
         best: tuple[float, Values] = (0.0, {})
         for share in _BUMP_WIDTHS:
             width = share * reach
             for at in np.arange(low, low + reach, width):
-                form = shape(places, float(at), width)
-                form -= form.mean()
-                norm = float(form @ form)
-                height = float(form @ left) / norm if norm else 0.0
+                form = shape(middles, float(at), width)
+                form -= samples @ form / samples.sum()
+                norm = float(samples @ form**2)
+                height = float(form @ sums) / norm if norm else 0.0
                 if height**2 * norm > best[0]:
                     best = height**2 * norm, {"h": height, "at": float(at), "w": width}
         if best[1]:

@@ -145,17 +145,18 @@ FindStarts = Callable[[ResidualView], Iterable[Mapping[str, float]]]
 class Law:
     """A free-form term: where it `enters` the model, the variable that it is a function `of`.
 
-    `enters`: force, measurement or command. `of`: v, sgn v, x, x mod, a, t, T, command or
-    sensor. `unit`: of the term's values. `formula`: its text at given values of the
-    parameters. `of_data`: values of the term at every sample of a series, for a term that is
-    added to the predictions; None where `simulate` knows the term as it knows an effect.
+    `enters`: force, heat, ambient, measurement or command. `of`: v, sgn v, x, x mod, a, t, T,
+    command or sensor. `unit`: of the term's values. `formula`: its text at given values of the
+    parameters. `of_data`: values of the term at every sample of a series, from what the model
+    predicts there, for a term that is added to the predictions; None where `simulate` knows the
+    term as it knows an effect.
     """
 
     enters: str
     of: str
     unit: str
     formula: Callable[[Mapping[str, float]], str]
-    of_data: Callable[[Series, Mapping[str, float]], Floats] | None = None
+    of_data: Callable[[Series, Floats, Mapping[str, float]], Floats] | None = None
 
 
 @dataclass(frozen=True)
@@ -210,7 +211,8 @@ class Series:
     `nuisances` (samples x shapes): shapes that are always fitted and never an effect; a
     constant offset unless given. `labels`: further arrays of that length (`position` in
     `position_unit`, `velocity`, `acceleration`, `temperature`) used to describe an unexplained
-    residual; what was commanded, or measured by another sensor.
+    residual; what was commanded, or measured by another sensor. `of_place`: its values are
+    positions, so that a prediction of them tells the place and the speed better than labels.
     """
 
     run: str
@@ -223,6 +225,7 @@ class Series:
     nuisances: Floats | None = None
     labels: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
     position_unit: str = "m"
+    of_place: bool = False
 
     def __len__(self) -> int:
         return len(self.values)

@@ -131,34 +131,50 @@ def score_test(
     `tangent` is an orthonormal basis of the Jacobian of `base` (samples x parameters), so that
     the effects in it may adapt.
     """
-    trials = [(*_trial(base.residual, tangent, candidate, group), group) for group in groups]
-    trials.sort(key=lambda trial: -trial[0])
-    best = [trial for trial in trials[:_MOST_STARTS] if trial[0] > 0]
+    unabsorbed = projected_out(tangent, base.residual)
+    trials = [_trial(unabsorbed, tangent, candidate, group) for group in groups]
+    trials.sort(key=lambda trial: -trial.reduction)
+    best = [trial for trial in trials[:_MOST_STARTS] if trial.reduction > 0]
     if not best:
         # It may still lower chi-squared beside another effect.
-        group = trials[0][3] if trials else ()
+        group = trials[0].group if trials else ()
         return ScoreTest(candidate, 0.0, (), np.zeros(0, dtype=np.float32), group)
-    starts = tuple(candidate.settings(values) for _, values, _, _ in best)
-    reduction, _, explained, group = best[0]
-    return ScoreTest(candidate, reduction, starts, explained.astype(np.float32), group)
+    starts = tuple(candidate.settings(trial.values) for trial in best)
+    explained = projected_out(tangent, _changes(best[0].group) @ best[0].sizes)
+    return ScoreTest(
+        candidate, best[0].reduction, starts, explained.astype(np.float32), best[0].group
+    )
 
 
-def _trial(
-    residual: Floats, tangent: Floats, candidate: Candidate, group: Group
-) -> tuple[float, dict[str, float], Floats]:
-    """Predicted reduction, the parameter values that it comes from, and what they take away."""
-    changes = np.array([probe.change for probe in group]).T
-    apart = projected_out(tangent, changes)
-    strengths, whole = np.linalg.norm(apart, axis=0), np.linalg.norm(changes, axis=0)
-    seen = strengths > _INDEPENDENT * np.maximum(whole, _TINY)
+@dataclass(frozen=True)
+class _Trial:
+    """Predicted reduction by one group of probes, at these sizes of them: parameter values."""
+
+    group: Group
+    reduction: float
+    values: Mapping[str, float]
+    sizes: Floats
+
+
+def _changes(group: Group) -> Floats:
+    """Changes by the probes of a group (samples x probes)."""
+    return np.column_stack([probe.change for probe in group])
+
+
+def _trial(unabsorbed: Floats, tangent: Floats, candidate: Candidate, group: Group) -> _Trial:
+    """The reduction by a group, from products alone: projecting each change out takes longer."""
+    changes = [probe.change for probe in group]
+    whole = np.array([[one @ other for other in changes] for one in changes])
+    absorbed = np.array([change @ tangent for change in changes])
+    gram = whole - absorbed @ absorbed.T
+    product = np.array([change @ unabsorbed for change in changes])
+    seen = np.diag(gram) > _INDEPENDENT**2 * np.maximum(np.diag(whole), _TINY)
     sizes = np.zeros(len(group))
-    if len(group) == 1 and seen[0]:
-        sizes[0] = float(apart[:, 0] @ residual) / float(strengths[0]) ** 2
-    elif seen.any():
-        sizes[seen] = np.linalg.lstsq(apart[:, seen], residual, rcond=_RANK_TOLERANCE)[0]
+    if seen.any():
+        inverse = np.linalg.pinv(gram[np.ix_(seen, seen)], rcond=_RANK_TOLERANCE**2, hermitian=True)
+        sizes[seen] = inverse @ product[seen]
     values, sizes = resized(candidate, group, sizes)
-    explained = apart @ sizes
-    return float(2 * explained @ residual - explained @ explained), values, explained
+    return _Trial(group, float(2 * sizes @ product - sizes @ gram @ sizes), values, sizes)
 
 
 def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str, float], Floats]:

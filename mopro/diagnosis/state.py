@@ -17,11 +17,15 @@ from mopro.diagnosis.verdict import Rejected
 
 @dataclass(frozen=True)
 class Problem:
-    """The question: a model, also with smaller steps, a catalogue, data and free numbers."""
+    """The question: a model, also with smaller steps, a catalogue, data and free numbers.
+
+    `unlisted`: free-form terms that the model knows.
+    """
 
     simulate: Simulate
     finer: Simulate | None
     catalogue: tuple[Candidate, ...]
+    unlisted: tuple[Candidate, ...]
     base: tuple[Candidate, ...]
     data: tuple[Series, ...]
     jobs: int

@@ -100,6 +100,12 @@ class Catalogue(Mapping[str, Effect]):
     def __len__(self) -> int:
         return len(self._effects)
 
+    def beside(self, effects: Iterable[Effect]) -> Catalogue:
+        """This catalogue with `effects`, which take the place of others of their names."""
+        made = Catalogue({})
+        made._effects = {**self._effects, **{effect.name: effect for effect in effects}}
+        return made
+
     def stated_elsewhere(self) -> list[Effect]:
         """The effects that a machine file may state outside of `[effects]`."""
         return [self[name] for name in self if name not in _TARGETS or name in STATED_ELSEWHERE]

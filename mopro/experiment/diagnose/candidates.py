@@ -13,6 +13,7 @@ from dataclasses import replace
 from mopro.diagnosis import Candidate, Parameter, Role
 from mopro.effects import Domain, Effect, catalogue
 from mopro.effects.base import AXIS, WIDER
+from mopro.effects.unlisted import unlisted_terms
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.instruments.quantity import Quantity
@@ -39,6 +40,19 @@ def candidates(model: ForwardModel, left_out: Collection[str] = ()) -> list[Cand
         selected += _of_heat(model, lasting=False)
     kept = [candidate for candidate in selected if candidate.name not in left_out]
     return [_on_the_machine(candidate, model) for candidate in kept]
+
+
+def unlisted(model: ForwardModel) -> list[Candidate]:
+    """The free-form terms inside the simulator that the experiment's sensors can show."""
+    experiment = model.experiment
+    quantities = {r.sensor.quantity for t in experiment.trials for r in t.readings}
+    domains = set()
+    if any(quantity.follows_motion for quantity in quantities):
+        domains.add(Domain.DYNAMICS)
+    if experiment.tables or any(quantity.slow for quantity in quantities):
+        domains.add(Domain.HEAT)
+    terms = [term for term in unlisted_terms() if term.domain in domains]
+    return [candidate for term in terms for candidate in term.forms(model)]
 
 
 def _of_motion(model: ForwardModel) -> Iterator[Candidate]:

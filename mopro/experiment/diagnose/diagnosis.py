@@ -13,7 +13,7 @@ from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcil
 from mopro.diagnosis.residual import Residuals
 from mopro.effects import Effect, catalogue
 from mopro.experiment.diagnose import thermal
-from mopro.experiment.diagnose.candidates import candidates
+from mopro.experiment.diagnose.candidates import candidates, unlisted
 from mopro.experiment.diagnose.quantisation import thinned
 from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.model import Experiment, Floats
@@ -98,6 +98,7 @@ def _judged(
         model,
         candidates(model.forward, left_out),
         data,
+        unlisted=unlisted(model.forward),
         finer=Model(model.experiment, FINE, model.resolved),
         jobs=jobs,
         progress=progress,

@@ -40,4 +40,5 @@ def _series(model: ForwardModel, index: int, reading: Reading) -> Series:
         # What heat alone makes is not described by the place and speed of the axis.
         labels={"line": labels.line, **(motion if quantity.follows_motion else {})},
         position_unit=unit,
+        of_place=quantity.sees_place,
     )

@@ -18,8 +18,9 @@ from cachetools import LRUCache, cachedmethod
 from mopro.diagnosis import Settings
 from mopro.effects import Active, Domain, Effect, catalogue
 from mopro.effects.base import AXIS, RUN, angle_in
-from mopro.effects.registry import in_order
+from mopro.effects.registry import Catalogue, in_order
 from mopro.effects.resolve import active_effects, with_values
+from mopro.effects.unlisted import with_unlisted
 from mopro.errors import RunError
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
@@ -66,7 +67,8 @@ class ForwardModel:
         self.experiment = experiment
         self._stepping = stepping
         self._resolved = resolved
-        self._own = active_effects(experiment.machine, catalogue())
+        self._catalogue = with_unlisted(catalogue())
+        self._own = active_effects(experiment.machine, self._catalogue)
         # Two threads may compute the same result; the lock guards the caches only.
         self._lock = Lock()
         self._motions: LRUCache[object, Columns] = LRUCache(_CACHE_SIZE)
@@ -130,8 +132,8 @@ class ForwardModel:
         chosen = {a.name: a for a in self._own}
         for name, values in settings.items():
             if values.get(RUN, -1) in (-1, index):
-                chosen[name] = _active(catalogue()[name], values, index)
-        return in_order(chosen.values(), catalogue())
+                chosen[name] = _active(self._catalogue[name], values, index)
+        return in_order(chosen.values(), self._catalogue)
 
     def keeps_up(self, settings: Settings) -> bool:
         """True if every axis stays within a quarter pitch of its command in all its moves.
@@ -142,7 +144,7 @@ class ForwardModel:
         return all(self._least_margin(run, self.active(run, settings)) > 0 for run in runs)
 
     def _least_margin(self, index: int, active: tuple[Active, ...]) -> float:
-        simulation = self._simulation(index, _padded(_of_the_motion(active)))
+        simulation = self._simulation(index, _padded(_of_the_motion(active), self._catalogue))
         try:
             simulation.follow(_MARGIN_RATE_HZ)
         except RunError:  # effects under which the motion diverges
@@ -183,7 +185,7 @@ class ForwardModel:
     def _motion(self, index: int, active: tuple[Active, ...]) -> Columns:
         """The true motion of run `index`: columns as a recording has them."""
         trial = self.experiment.trials[index]
-        simulation = self._simulation(index, _padded(active))
+        simulation = self._simulation(index, _padded(active, self._catalogue))
         sensors = [r.sensor for r in trial.readings if r.sensor.quantity.follows_motion]
         end_s = trial.duration_s * _CLOCK_REACH if sensors else 0.0
         times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
@@ -263,13 +265,13 @@ def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:
     return tuple(moving + heat if any(a.effect.needs_temperature for a in active) else moving)
 
 
-def _padded(active: tuple[Active, ...]) -> tuple[Active, ...]:
+def _padded(active: tuple[Active, ...], effects: Catalogue) -> tuple[Active, ...]:
     """`active` with the rest of each kernel group that it has a part of, at neutral values."""
     names = {a.name for a in active}
     groups = {a.effect.kernel_group for a in active} - {None}
     padding = [
         Active(effect, tuple(p.null for p in effect.parameters), AXES)
-        for effect in catalogue().values()
+        for effect in effects.values()
         if effect.kernel_group in groups and effect.name not in names
     ]
-    return in_order((*active, *padding), catalogue())
+    return in_order((*active, *padding), effects)

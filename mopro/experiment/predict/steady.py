@@ -18,6 +18,7 @@ from scipy import optimize
 from mopro.effects import Active, Domain, catalogue
 from mopro.effects.base import Surroundings
 from mopro.effects.resolve import active_effects, with_values
+from mopro.effects.unlisted import with_unlisted
 from mopro.experiment.model import Floats, SteadyTable
 from mopro.machine import Machine
 from mopro.motion import plan_profile
@@ -63,9 +64,10 @@ def rises(
 
 
 def _active(machine: Machine, effects: Mapping[str, Mapping[str, float]]) -> list[Active]:
-    chosen = {a.name: a for a in active_effects(machine, catalogue())}
+    known = with_unlisted(catalogue())
+    chosen = {a.name: a for a in active_effects(machine, known)}
     for name, values in effects.items():
-        chosen[name] = with_values(catalogue()[name], values)
+        chosen[name] = with_values(known[name], values)
     return [a for a in chosen.values() if a.effect.domain is Domain.HEAT]
 
 

@@ -1,0 +1,221 @@
+"""Free-form forces: of the speed, the direction, the place, the place modulo a period, and a."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from mopro.diagnosis.model import Candidate, ResidualView, Role
+from mopro.diagnosis.model import Parameter as Fitted
+from mopro.diagnosis.spectrum import sinusoid
+from mopro.effects.base import Domain, Floats, Parameter, View, phase
+from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_M, DahlFriction
+from mopro.effects.search import Values, lines_over_position, peaks, residual_m, targets_m
+from mopro.effects.unlisted.term import FreeFormTerm, size
+from mopro.machine.constants import PlantConstants
+
+# Shortest period (m) of a force that repeats with the place, as the catalogue's cyclic error has.
+_FINEST_PERIOD_M = 1e-4
+_FEWEST_PERIODS = 2.0
+# Starts of a force of a period: the strongest lines of the residual over the place. The strongest
+# is not always one of force; each costs two simulations.
+_PERIODS_TRIED = 2
+
+
+class _Force(FreeFormTerm):
+    """Base of forces in proportion to one function of the motion, within the pull-out force."""
+
+    domain = Domain.DYNAMICS
+    enters = "force"
+    unit = "N"
+    kernel_group: ClassVar[str | None] = "unlisted"
+
+    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
+        """The term for c = 1, along a motion (m, m/s, m/s²)."""
+        raise NotImplementedError
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        reach = max((float(np.abs(self.shape(*m)).max()) for m in _motions(view)), default=0.0)
+        if reach > 0:
+            largest = view.machine.axis.pull_out_force_N / reach
+            yield self.form(self.size(largest), fixed=self.assumed(), law=self.law)
+
+    def assumed(self) -> Mapping[str, float]:
+        """Parameters that are not fitted."""
+        return {}
+
+
+def _motions(view: View) -> Iterator[tuple[Floats, Floats, Floats]]:
+    """Place, speed and acceleration (SI) that the model predicts at each position sensor."""
+    places = view.targets({})
+    for row, (_, reading) in view.positions().items():
+        if len(reading.time_s) > 1:
+            x = places[row] * reading.sensor.unit_si
+            v = np.gradient(x, reading.time_s)
+            yield x, v, np.gradient(v, reading.time_s)
+
+
+class _OfSpeed(_Force):
+    name, of, text = "force of v", "v", "v"
+    parameters = (size("N s/m"),)
+
+    @staticmethod
+    def force(x: float, v: float, c: float) -> float:
+        return c * v
+
+    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
+        return v
+
+
+class _OfSpeedSquared(_Force):
+    name, of, text = "force of v|v|", "v", "v * abs(v)"
+    parameters = (size("N s2/m2"),)
+
+    @staticmethod
+    def force(x: float, v: float, c: float) -> float:
+        return c * v * abs(v)
+
+    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
+        return v * np.abs(v)
+
+
+class _OfDirection(_Force):
+    """A force of the direction, which builds up over the presliding of Dahl's model."""
+
+    name, of, text = "force of sgn v", "sgn v", "sign(v)"
+    parameters = (size("N"), PRESLIDING)
+    slide = staticmethod(DahlFriction.slide)
+
+    @staticmethod
+    def force(x: float, v: float, z: float, c: float, delta: float) -> float:
+        return c * z
+
+    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
+        return np.ones_like(x)
+
+    def assumed(self) -> Mapping[str, float]:
+        return {"delta": PRESLIDING_M}
+
+
+class _OfPlace(_Force):
+    name, of, text = "force of x", "x", "x"
+    parameters = (size("N/m"),)
+
+    @staticmethod
+    def force(x: float, v: float, c: float) -> float:
+        return c * x
+
+    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
+        return x
+
+
+class _OfPlaceSquared(_Force):
+    name, of, text = "force of x²", "x", "x**2"
+    parameters = (size("N/m2"),)
+
+    @staticmethod
+    def force(x: float, v: float, c: float) -> float:
+        return c * x * x
+
+    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
+        return x**2
+
+
+class _OfPlaceCubed(_Force):
+    name, of, text = "force of x³", "x", "x**3"
+    parameters = (size("N/m3"),)
+
+    @staticmethod
+    def force(x: float, v: float, c: float) -> float:
+        return c * x * x * x
+
+    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
+        return x**3
+
+
+class _OfAcceleration(_Force):
+    """A force of the acceleration, which is a mass."""
+
+    name, of, text = "force of a", "a", "a"
+    parameters = (size("kg"),)
+    kernel_group = None
+
+    def plant(self, plant: PlantConstants, *p: float) -> PlantConstants:
+        return replace(plant, mass_kg=plant.mass_kg - p[0])
+
+    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
+        return a
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        # A mass of nearly nothing rings faster than the steps of integration.
+        half = view.machine.axis.moving_mass_kg / 2
+        yield self.form(self.size(half), law=self.law)
+
+
+class _OfPlaceModuloPeriod(FreeFormTerm):
+    """A force that repeats with the place: c sin(2πx/p + phi)."""
+
+    name, of, text = "force of x mod", "x mod", "sin(2 * pi * x / p + phi)"
+    domain = Domain.DYNAMICS
+    enters, unit = "force", "N"
+    kernel_group = "unlisted"
+    parameters = (
+        size("N"),
+        Parameter("p", "m", "length", 1e-3, (1e-4, 0.1), 1e-6, 10.0, "period", null=1e-3),
+        Parameter("phi", "rad", "angle", 0.0, (-math.pi, math.pi), -7.0, 7.0, "phase"),
+    )
+
+    @staticmethod
+    def force(x: float, v: float, c: float, p: float, phi: float) -> float:
+        return c * math.sin(2.0 * math.pi * x / p + phi)
+
+    def written(self, values: Mapping[str, float]) -> str:
+        return f"{values['c']:.4g} * sin(2 * pi * x / {values['p']:.5g} + {values['phi']:.3g})"
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        reach = max((float(np.ptp(x)) for x, _, _ in _motions(view)), default=0.0)
+        if reach < _FEWEST_PERIODS * _FINEST_PERIOD_M:
+            return
+        largest = view.machine.axis.pull_out_force_N
+        period = Fitted(
+            "p", "m", _FINEST_PERIOD_M, reach / _FEWEST_PERIODS, role=Role.SHAPE, inverse=True,
+            difference=1e-6,
+        )  # fmt: skip
+        yield self.form(
+            replace(self.size(largest), low=0.0), period, phase("phi"), flexible=True,
+            find_starts=lambda fit: _lines(view, fit), law=self.law,
+        )  # fmt: skip
+
+
+def _lines(view: View, fit: ResidualView) -> Iterator[Values]:
+    """Starts from the strongest lines of the residual over the place, as a spring would show."""
+    places = targets_m(view, fit)
+    rows = [row for row, x in places.items() if np.ptp(x) > 0]
+    if not rows:
+        return
+    x = [places[row] for row in rows]
+    reach = max(float(np.ptp(own)) for own in x)
+    cycles, power = lines_over_position(x, [fit.residuals[row] for row in rows], _FINEST_PERIOD_M)
+    power[cycles * reach < _FEWEST_PERIODS] = 0.0
+    shifted = np.concatenate([residual_m(view, fit, row) for row in rows])
+    for peak in peaks(power)[:_PERIODS_TRIED]:
+        period = 1 / float(cycles[peak])
+        sine, cosine = sinusoid(2 * math.pi * np.concatenate(x) / period, shifted)
+        force = view.machine.axis.stiffness_N_m * math.hypot(sine, cosine)
+        yield {"c": force, "p": period, "phi": math.atan2(cosine, sine)}
+
+
+FORCES: tuple[type[FreeFormTerm], ...] = (
+    _OfSpeed,
+    _OfSpeedSquared,
+    _OfDirection,
+    _OfPlace,
+    _OfPlaceSquared,
+    _OfPlaceCubed,
+    _OfPlaceModuloPeriod,
+    _OfAcceleration,
+)

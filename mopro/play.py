@@ -1,0 +1,37 @@
+"""Play: a part that follows another one only after a gap is crossed."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# Samples from which importing the compiler takes less time than it saves.
+_COMPILE_FROM = 20_000
+
+
+def follow(x: Floats, half: float) -> Floats:
+    """Positions of a part that is dragged by `x` with play ± `half`, in its middle at first."""
+    followed = np.empty_like(x)
+    fill = _compiled() if len(x) >= _COMPILE_FROM else _fill
+    fill(x, half, followed)
+    return followed
+
+
+def _fill(x: Floats, half: float, followed: Floats) -> None:
+    at = x[0] if len(x) else 0.0
+    for i in range(len(x)):
+        at = min(max(at, x[i] - half), x[i] + half)
+        followed[i] = at
+
+
+@functools.cache
+def _compiled() -> Callable[[Floats, float, Floats], None]:
+    import numba
+
+    compiled: Callable[[Floats, float, Floats], None] = numba.njit(cache=True, nogil=True)(_fill)
+    return compiled

@@ -1,0 +1,124 @@
+"""Free-form terms inside the simulator: what they do there, and that the diagnosis drafts them."""
+
+import numpy as np
+import pytest
+
+from helpers import one_run
+from helpers.laboratory import Lab
+from mopro.effects import catalogue
+from mopro.effects.unlisted import unlisted_terms
+from mopro.experiment import load_experiment
+from mopro.experiment.diagnose.candidates import unlisted
+from mopro.experiment.diagnose.diagnosis import Model, diagnose
+from mopro.experiment.model import Experiment, SteadyTable
+from mopro.machine import load_machine
+from mopro.source import Source
+
+PITCH_M = load_machine("chow1992").axis.pitch_m
+AIR_C = load_machine("chow1992").heat.ambient_C
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return Model(one_run.of(np.zeros(3000)))
+
+
+@pytest.fixture(scope="module")
+def table():
+    rows = (np.array([0.1, 0.3]), np.array([2.0, 2.0]), np.array([0.2, 0.1]), np.array([0.0, 0.1]))
+    steady = SteadyTable("table", *rows, np.zeros(2), 1.0)
+    return Model(Experiment(Source("x", ""), load_machine("chow1992"), (), (steady,)))
+
+
+def shift(model, settings):
+    return np.concatenate(model(settings)) - np.concatenate(model({}))
+
+
+@pytest.mark.parametrize(
+    ("term", "of_term", "effect", "of_effect"),
+    [
+        ("force of v", {"c": -8.0}, "viscous_drag", {"b": 8.0}),
+        ("force of v|v|", {"c": -5.0}, "quadratic_drag", {"c": 5.0}),
+        ("force of sgn v", {"c": -3.0}, "coulomb_friction", {"Fc": 3.0}),
+        ("force of x", {"c": -20.0}, "umbilical_spring", {"k_h": 20.0}),
+        ("force of a", {"c": -0.5}, "payload_mass", {"dm": 0.5}),
+        (
+            "force of x mod",
+            {"c": 4.0, "p": PITCH_M / 4, "phi": 0.3},
+            "detent_force",
+            {"Fd": 4.0, "phi": 0.3 + np.pi},
+        ),
+    ],
+)
+def test_a_force_acts_as_the_listed_effect_of_its_law(motion, term, of_term, effect, of_effect):
+    own, listed = shift(motion, {term: of_term}), shift(motion, {effect: of_effect})
+    assert np.abs(listed).max() > 1e-5
+    assert own == pytest.approx(listed, abs=1e-9)
+
+
+@pytest.mark.parametrize("power", [2, 3])
+def test_a_force_of_place_shifts_an_axis_at_rest_by_force_over_stiffness(motion, power):
+    axis = load_machine("chow1992").axis
+    at_rest = np.arange(3000) / 2000 > 1.3
+    x = np.concatenate(motion({}))[at_rest] * 0.0254
+    moved = shift(motion, {f"force of x{'²³'[power - 2]}": {"c": 10.0}})[at_rest] * 0.0254
+    assert moved == pytest.approx(10.0 * x**power / axis.stiffness_N_m, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("term", "of_term", "effect", "of_effect"),
+    [
+        ("heat of T", -4.0, "platen_conduction", {"G": 4.0, "T_p": AIR_C}),
+        ("heat of v", 0.05 / PITCH_M, "speed_dependent_heat", {"kh": 0.05}),
+        ("heat of v²", 1e-4 / PITCH_M**2, "speed_dependent_heat", {"kh": 0.0, "ke": 1e-4}),
+    ],
+)
+def test_a_heat_flow_acts_as_the_listed_effect_of_its_law(table, term, of_term, effect, of_effect):
+    own, listed = shift(table, {term: {"c": of_term}}), shift(table, {effect: of_effect})
+    assert np.abs(listed).max() > 0.5
+    assert own == pytest.approx(listed, abs=1e-6)
+
+
+def test_the_heat_of_a_squared_rise_balances_the_motor_s_power(table):
+    """P - g r - c r|r| = 0, where P and g are known from two rises without the term."""
+    one, other = (np.concatenate(table(s)) for s in ({}, {"heat of T": {"c": -4.0}}))
+    conductance = 4.0 * other / (one - other)
+    rise = np.concatenate(table({"heat of T²": {"c": -0.1}}))
+    assert conductance * one == pytest.approx(conductance * rise + 0.1 * rise * abs(rise), rel=1e-6)
+
+
+def test_no_term_has_the_name_of_an_effect_and_each_states_its_law():
+    terms = unlisted_terms()
+    names = {term.name for term in terms}
+    assert len(names) == len(terms)
+    assert not names & set(catalogue())
+    written = {term.name: term.law.formula({"c": 2.0, "p": 1e-3, "phi": 0.1}) for term in terms}
+    assert written["force of v|v|"] == "2 * v * abs(v)"
+    assert written["force of x mod"] == "2 * sin(2 * pi * x / 0.001 + 0.1)"
+    assert {t.law.of for t in terms} == {"v", "sgn v", "x", "x mod", "a", "T", "t"}
+
+
+def test_a_term_is_probed_well_within_the_pull_out_force(motion):
+    for candidate in unlisted(motion.forward):
+        if candidate.find_starts is None and candidate.name != "force of a":
+            (size,) = candidate.parameters
+            moved = shift(motion, candidate.settings({"c": size.starts[0]})) * 0.0254
+            assert 0 < np.abs(moved).max() < PITCH_M / 8
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "variable"),
+    [("viscous_drag", {"b": 9.0}, "v"), ("quadratic_drag", {"c": 9.0}, "v")],
+)
+def test_a_force_that_nobody_listed_is_drafted_and_no_effect_is_named(
+    tmp_path, effect, values, variable
+):
+    lab = Lab(tmp_path)
+    for program in ("fast", "slow"):
+        lab.record(f"{program}.CMD", f"{program}.csv", {effect: values})
+    runs = [f'program = "{n}.CMD"\ndata = "{n}.csv"' for n in ("fast", "slow")]
+    verdict = diagnose(load_experiment(lab.experiment(runs)), left_out=(effect,)).verdict
+    assert verdict.verdict == "unexplained"
+    assert [e.name for e in verdict.effects] == []
+    assert [draft.of for draft in verdict.drafts] == [variable]
+    assert verdict.drafts[0].enters == "force"
