@@ -106,6 +106,12 @@ def parse_quantity(text: str, dimension: str, default_unit: str) -> float:
     return quantity
 
 
+def is_bare_number(text: str) -> bool:
+    """True for a number other than 0 without a unit."""
+    match = _QUANTITY.fullmatch(text)
+    return match is not None and match[2] is None and float(match[1]) != 0
+
+
 def length_unit_name(metres: Fraction) -> str:
     """The name of the unit that is exactly `metres` long, or `uu` (user unit)."""
     for unit in ("in", "mm", "cm", "m", "um"):

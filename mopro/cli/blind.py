@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeVar
 
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import OutputFile, Quantity
+from mopro.cli.options import OutputFile, Quantity, machine_option
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
+from mopro.cli.progress import each_counted
 from mopro.cli.say import say
-
-T = TypeVar("T")
+from mopro.cli.table import print_markdown
 
 _GRIDS = ("smoke", "small", "full", "deleted", "foreign", "short", "noise", "base")
 _MOST_SEED = 2**63 - 1
@@ -37,7 +34,7 @@ def command() -> None:
 @click.option("--grid", type=click.Choice(_GRIDS), default="small", show_default=True)
 @click.option("--cases", metavar="A,B", help="Only the cases of these numbers.")
 @click.option("--sample", type=click.IntRange(1), help="Only so many cases, evenly spread.")
-@click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
+@machine_option()
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True)
 def make(
     seed: int,
@@ -71,16 +68,9 @@ def make(
         )
     steps = write_cases(seed, grid, out, only, jobs, stated, sample)
     expected = min(len(only) or count, sample or count)
-    *made, seal = _shown(steps, expected + 1, "making")
+    *made, seal = each_counted(steps, expected + 1, "making", "cases")
     say(f"{len(made)} cases in {out}")
     say(f"{out / ANSWERS} sha256 {seal}")
-
-
-def _shown(steps: Iterable[T], count: int, label: str) -> list[T]:
-    """`steps` as a list; on a terminal with a progress bar."""
-    quiet = not sys.stderr.isatty()
-    with click.progressbar(steps, count or None, label, file=sys.stderr, hidden=quiet) as bar:
-        return list(bar)
 
 
 def _case_numbers(cases: str | None) -> frozenset[str]:
@@ -138,10 +128,14 @@ def score(
         found.refuse_foreign_follow_ups()
     source = VerdictSource(again, patience, answers_from)
     with claimed(report):
-        judged = _shown(judge_cases(found, source, jobs), len(found.cases), "asking")
+        asked = judge_cases(found, source, jobs)
+        judged = each_counted(asked, len(found.cases), "asking", "cases")
         follow_ups = follow_up_cases(found, source, judged, jobs) if follow else ()
-        followed = _shown(follow_ups, 0, "following up")
+        followed = each_counted(follow_ups, 0, "following up", "cases")
     result = Score(tuple(judged), tuple(followed), found.grid)
     all_drawn = drawn(report, lambda _: page_bytes(page(result)))
-    say(json.dumps(result.as_json(), indent=1) if as_json else page(result), nl=as_json)
+    if as_json:
+        say(json.dumps(result.as_json(), indent=1))
+    else:
+        print_markdown(page(result))
     return 0 if all_drawn else EXIT_FAILED

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,9 +10,10 @@ import click
 
 from mopro.cli.link import baud_option, dialect_option, opened_session, trace_option
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import Quantity, grammar_option, program_argument
+from mopro.cli.options import Quantity, grammar_option, machine_option, program_argument
 from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.programs import compiled_program, refuse_unrunnable
+from mopro.cli.progress import counted
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
@@ -35,7 +33,7 @@ if TYPE_CHECKING:
 )
 @click.option("--deadline", type=Quantity("time", "s", positive=True), help="Give up after this.")
 @trace_option()
-@click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
+@machine_option()
 @grammar_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
@@ -79,8 +77,8 @@ def command(
 def _flashed(session: Session, program: Program, name: str, as_json: bool) -> int:
     from mopro.link.flash import flash
 
-    with _progress() as progress:
-        done = flash(session, program, name, progress)
+    with counted("storing", 0, "statements") as tell:
+        done = flash(session, program, name, tell)
     report = {
         "program": program.name,
         "stored_as": done.name,
@@ -140,36 +138,3 @@ def program_hash(program: Program) -> str:
     from mopro.program.text import canonical
 
     return hashlib.sha256(canonical(program).encode("ascii")).hexdigest()
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """A bar with rate and time left on a terminal; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield lambda done, total: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    ) as bar:
-        task = bar.add_task("statements", total=None, rate="")
-
-        def show(done: int, total: int) -> None:
-            elapsed_s = bar.tasks[0].elapsed or 0.0
-            rate = f"{done / elapsed_s:.0f}/s" if elapsed_s else ""
-            bar.update(task, completed=done, total=total, rate=rate)
-
-        yield show

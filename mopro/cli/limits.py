@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import OutputFile, payload_type
+from mopro.cli.options import OutputFile, machine_option, payload_type
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
 from mopro.cli.say import say
 
@@ -39,7 +39,7 @@ class Velocities(click.ParamType[list[float]]):
 
 
 @click.command()
-@click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
+@machine_option()
 @click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
 @click.option(
     "--velocities",

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mopro.cli.complete import dialect_names
+
 if TYPE_CHECKING:
     from mopro.link import Session
 
@@ -19,6 +21,7 @@ Decorator = Callable[[Any], Any]
 def dialect_option() -> Decorator:
     return click.option(
         "--dialect",
+        shell_complete=dialect_names,
         default="checked",
         show_default=True,
         help="What the controller speaks: plain, checked, or a dialect file (docs/link.md).",

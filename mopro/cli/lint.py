@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
+from mopro.cli.complete import machine_names, rule_names
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import payload_type
-from mopro.cli.say import say
+from mopro.cli.progress import counted
+from mopro.cli.say import is_terminal, say, say_findings
 from mopro.cli.texts import read_text, show_difference, write_text
-from mopro.errors import MoproError
+from mopro.errors import MoproError, Severity
 from mopro.language.parse import GRAMMARS
 from mopro.lint.config import check_rule_names, find_settings, lengths
-from mopro.lint.output import FORMATS, Report
+from mopro.lint.output import FORMATS, Report, summary
 from mopro.lint.settings import Settings
 
 _EXPLAIN_ALL = "all"
@@ -28,27 +31,44 @@ _EXPLAIN_ALL = "all"
 )
 @click.option("--fix", is_flag=True, help="Put in the fixes that are safe.")
 @click.option("--diff", is_flag=True, help="Show what --fix would change, and change nothing.")
-@click.option("--explain", metavar="RULE", help="Explain a rule (`all`: every rule), and end.")
-@click.option("--machine", help="Built-in name or file [default: chow1992].")
+@click.option(
+    "--explain",
+    metavar="RULE",
+    help="Explain a rule (`all`: every rule), and end.",
+    shell_complete=rule_names,
+)
+@click.option(
+    "--machine", help="Built-in name or file [default: chow1992].", shell_complete=machine_names
+)
 @click.option("--payload", type=payload_type(), metavar="MASS", help="Such as 5lb or 2kg.")
 @click.option(
     "--start", metavar="AXIS=PLACE", multiple=True, help="Start, from mid-travel, such as 1=-5in."
 )
 @click.option("--grammar", type=click.Choice(list(GRAMMARS)), help="Which statements exist.")
-@click.option("--select", metavar="RULES", help="Ask only these rules (comma between them).")
-@click.option("--ignore", metavar="RULES", help="Do not ask these rules.")
+@click.option(
+    "--select",
+    metavar="RULES",
+    help="Ask only these rules (comma between them).",
+    shell_complete=rule_names,
+)
+@click.option(
+    "--ignore", metavar="RULES", help="Do not ask these rules.", shell_complete=rule_names
+)
+@click.option("--strict", is_flag=True, help="Exit with 1 for notes too.")
 def command(
     files: tuple[str, ...],
     form: str,
     fix: bool,
     diff: bool,
     explain: str | None,
+    strict: bool,
     **chosen: Any,
 ) -> int:
     """Tell what is wrong or dangerous in programs, before a machine moves.
 
     FILE may be - for standard input. Options win over `mopro.toml` and `[tool.mopro]` of
-    `pyproject.toml`. Exits with 1 if there is a finding, 2 if a file cannot be read.
+    `pyproject.toml`. Exits with 1 if there is an error or a warning (with --strict also for
+    a note), 2 if a file cannot be read.
 
     Example: mopro lint programs/LVDT3.CMD --payload 5lb
     """
@@ -63,19 +83,37 @@ def command(
         keep_inputs([("--fix", file) for file in files], [("--machine", machine)])
     reports: list[Report] = []
     code = 0
-    for file in files:
-        try:
-            report, changed = _lint_file(file, chosen, fix, diff)
-        except MoproError as error:
-            say(error.render(), err=True)
-            code = EXIT_BAD_INPUT
-            continue
-        reports.append(report)
-        code = max(code, EXIT_FAILED if report.findings or changed else 0)
-    text = FORMATS[form](reports)
-    if text and not diff:
-        say(text, err=fix and "-" in files)
+    with counted("lint", len(files), "files") as tell:
+        for number, file in enumerate(files):
+            tell(number)
+            try:
+                report, changed = _lint_file(file, chosen, fix, diff)
+            except MoproError as error:
+                say_findings(error.render(), err=True)
+                code = EXIT_BAD_INPUT
+                continue
+            reports.append(report)
+            code = max(code, EXIT_FAILED if changed or _fails(report, strict) else 0)
+    if not diff:
+        _tell(reports, form, fix and "-" in files)
     return code
+
+
+def _fails(report: Report, strict: bool) -> bool:
+    return any(strict or f.severity is not Severity.NOTE for f in report.findings)
+
+
+def _tell(reports: list[Report], form: str, err: bool) -> None:
+    """Print the findings; as text with a closing line, on a terminal also if there is none."""
+    text = FORMATS[form](reports)
+    if form != "text":
+        if text:
+            say(text, err)
+        return
+    if text:
+        say_findings(text, err)
+    if text or (reports and is_terminal(sys.stdout)):
+        say(summary(reports), err)
 
 
 def _lint_file(file: str, chosen: dict[str, Any], fix: bool, diff: bool) -> tuple[Report, bool]:

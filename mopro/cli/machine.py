@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mopro.cli.complete import machine_names
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile
 from mopro.cli.say import say
@@ -49,7 +50,7 @@ def command() -> None:
 
 
 @command.command()
-@click.argument("machine", default="chow1992")
+@click.argument("machine", default="chow1992", shell_complete=machine_names)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def show(machine: str, as_json: bool) -> None:
     """Print every number of a machine, in SI, and where it comes from.
@@ -78,7 +79,7 @@ def show(machine: str, as_json: bool) -> None:
 
 
 @command.command()
-@click.argument("machines", nargs=-1, required=True)
+@click.argument("machines", nargs=-1, required=True, shell_complete=machine_names)
 def check(machines: tuple[str, ...]) -> int:
     """Check machine files: keys, units, bounds, effects, a trial move; exits with 1 for findings.
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from mopro.cli.say import discard_output, prepare_streams, say
+from mopro.cli.say import discard_output, prepare_streams, say, say_findings
 from mopro.errors import Interrupted, LinkError, MoproError, PortError, RunError
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ _AGAIN_S = 0.01
 COMMANDS = {
     "blind": "mopro.cli.blind",
     "compare": "mopro.cli.compare",
+    "completion": "mopro.cli.completion",
     "compile": "mopro.cli.compile",
     "flash": "mopro.cli.flash",
     "import": "mopro.cli.import_log",
@@ -64,6 +65,15 @@ class _Lazy(click.Group):
         command: click.Command = importlib.import_module(COMMANDS[cmd_name]).command
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does, and with the commands that a mistyped one may stand for."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.exceptions.NoSuchCommand as error:
+            raise click.exceptions.NoSuchCommand(args[0], None, COMMANDS, ctx) from error
+
 
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="mopro")
@@ -91,7 +101,7 @@ def main() -> NoReturn:
         say("\n".join(["mopro: interrupted", *notes]), err=True)
         sys.exit(EXIT_SIGNAL + signal.SIGINT)
     except MoproError as error:
-        say(error.render(), err=True)
+        say_findings(error.render(), err=True)
         failed = isinstance(error, LinkError | RunError) and not isinstance(error, PortError)
         sys.exit(EXIT_FAILED if failed else EXIT_BAD_INPUT)
     except MemoryError:

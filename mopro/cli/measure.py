@@ -7,15 +7,18 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mopro.cli.complete import instrument_names
 from mopro.cli.options import (
     OutputFile,
     duration_type,
     grammar_option,
+    machine_option,
     payload_type,
     program_argument,
 )
 from mopro.cli.outputs import claimed, keep_inputs, machine_file
 from mopro.cli.programs import compiled_program
+from mopro.cli.progress import simulated
 from mopro.cli.say import say
 from mopro.units import INCH_M
 
@@ -35,6 +38,7 @@ _LABORATORY = ("lvdt", "thermocouple")
     "--instrument",
     default="lvdt",
     metavar="NAME|FILE",
+    shell_complete=instrument_names,
     show_default=True,
     help="lvdt, thermocouple, laser, encoder, or a file with the keys of a [[sensor]].",
 )
@@ -42,7 +46,7 @@ _LABORATORY = ("lvdt", "thermocouple")
 @click.option(
     "--axis", type=click.IntRange(1, 2), default=1, show_default=True, help="The measured axis."
 )
-@click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
+@machine_option()
 @click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
 @click.option("--for", "for_s", type=duration_type(), metavar="DURATION")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the noise.")
@@ -83,8 +87,8 @@ def command(
     if instrument == "lvdt" and for_s is None:
         for_s = _lvdt_duration_s()
     sink = MemorySink()
-    with claimed(out):
-        run = emulator.run(program, sink, for_s)
+    with claimed(out), simulated() as told:
+        run = emulator.run(program, sink, for_s, told=told)
     recording = sink.recording(emulator.header(program), run)
     noise_seed = None if no_ripple else seed
     if sensor is not None:

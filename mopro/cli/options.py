@@ -9,14 +9,19 @@ from typing import Any
 
 import click
 
+from mopro.cli.complete import machine_names
+from mopro.cli.say import say
 from mopro.language.parse import GRAMMARS
-from mopro.units import parse_quantity, units_of
+from mopro.units import is_bare_number, parse_quantity, units_of
 
 _HEAVIEST_KG = 1e6
 
 
 class Quantity(click.ParamType[float]):
-    """A number with a unit of one dimension, such as `5lb`; at least 0, at most `most` (SI)."""
+    """A number with a unit of one dimension, such as `5lb`; at least 0, at most `most` (SI).
+
+    With `says_unit` the unit that is taken for a bare number is said on standard error.
+    """
 
     def __init__(
         self,
@@ -24,18 +29,23 @@ class Quantity(click.ParamType[float]):
         default_unit: str,
         positive: bool = False,
         most: float = math.inf,
+        says_unit: bool = False,
     ) -> None:
         self.name = dimension
         self._dimension = dimension
         self._default_unit = default_unit
         self._positive = positive
         self._most = most
+        self._says_unit = says_unit
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         if isinstance(value, float):
             return value
+        unit = self._default_unit
+        if self._says_unit and param is not None and is_bare_number(value):
+            say(f"{param.opts[0]} {value}: taken as {value} {unit}", err=True)
         try:
             quantity = parse_quantity(value, self._dimension, self._default_unit)
         except ValueError as error:
@@ -53,24 +63,31 @@ def duration_type() -> Quantity:
     """Limit of the time that a run may take."""
     from mopro.motion import LONGEST_RUN_S
 
-    return Quantity("time", "s", positive=True, most=LONGEST_RUN_S)
+    return Quantity("time", "s", positive=True, most=LONGEST_RUN_S, says_unit=True)
 
 
 def payload_type() -> Quantity:
     """A mass that the motor carries."""
-    return Quantity("mass", "kg", most=_HEAVIEST_KG)
+    return Quantity("mass", "kg", most=_HEAVIEST_KG, says_unit=True)
+
+
+# Stands for standard input or output.
+STANDARD = Path("-")
 
 
 class OutputFile(click.ParamType[Path]):
-    """A path to write to, with one of some suffixes."""
+    """A path to write to, with one of some suffixes; with `standard` also `-`."""
 
     name = "file"
 
-    def __init__(self, *suffixes: str) -> None:
+    def __init__(self, *suffixes: str, standard: bool = False) -> None:
         self._suffixes = suffixes
+        self._standard = standard
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         path = Path(value)
+        if self._standard and path == STANDARD:
+            return path
         if path.suffix.lower() not in self._suffixes:
             known = ", ".join(self._suffixes)
             self.fail(f"'{value}' must end in one of {known}", param, ctx)
@@ -82,6 +99,16 @@ def allow_python_option() -> Callable[[Any], Any]:
         "--allow-python",
         is_flag=True,
         help="Run a machine's model that is a program; look at it first if it is not yours.",
+    )
+
+
+def machine_option() -> Callable[[Any], Any]:
+    return click.option(
+        "--machine",
+        default="chow1992",
+        show_default=True,
+        help="Built-in name or file.",
+        shell_complete=machine_names,
     )
 
 

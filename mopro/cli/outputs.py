@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mopro.cli.options import STANDARD
 from mopro.cli.say import say
 from mopro.errors import MoproError
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 # An option (or argument) as the person writes it, and the file that it was given.
 Named = tuple[str, str | Path | None]
+
+_NO_FILES = (None, "-", STANDARD)
 
 # What a drawing library raises for a full disk, too little memory or a text it cannot set.
 _DRAWING_ERRORS = (
@@ -32,11 +35,12 @@ _DRAWING_ERRORS = (
 def keep_inputs(outputs: Iterable[Named], inputs: Iterable[Named]) -> None:
     """Refuse a command that would write over a file it reads, or two outputs over each other.
 
-    Files are compared, not names, so links are followed. Options without a file are None.
+    Files are compared, not names, so links are followed. Options without a file are None; `-` is
+    none either.
     Raises UsageError.
     """
-    written = [(option, Path(file)) for option, file in outputs if file is not None]
-    read = [(option, Path(file)) for option, file in inputs if file is not None]
+    written = [(option, Path(file)) for option, file in outputs if file not in _NO_FILES]
+    read = [(option, Path(file)) for option, file in inputs if file not in _NO_FILES]
     for option, file in written:
         for other, source in read:
             if _same(file, source):

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from mopro.cli.say import say
+from mopro.cli.say import say_findings
+from mopro.cli.texts import read_text
 from mopro.errors import render_all
-from mopro.program import Program
-from mopro.program.compile import compile_file
+from mopro.language import parse
+from mopro.program import Program, lower
 
 
 def compiled_program(file: str, grammar: str) -> Program:
-    """The program in `file`; warnings go to stderr, errors are raised."""
-    program = compile_file(file, grammar)
+    """The program in `file` (`-`: standard input); warnings go to stderr, errors are raised."""
+    program = lower(parse(read_text(file)[0], grammar))
     if program.warnings:
-        say(render_all(program.warnings, program.source), err=True)
+        say_findings(render_all(program.warnings, program.source), err=True)
     return program
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mopro.cli.complete import effect_names
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile, allow_python_option
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
@@ -33,8 +34,20 @@ _GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise"
 @click.option("--out", type=OutputFile(".toml"), help="The machine file with the effects added.")
 @click.option("--report", type=OutputFile(".html"), help="An HTML page with the evidence.")
 @click.option("--jobs", type=click.IntRange(1, 64), help="Simulations at once (as many as cores).")
-@click.option("--without", metavar="EFFECT", multiple=True, help="Leave this effect out.")
-@click.option("--only", metavar="EFFECT", multiple=True, help="Try this effect, no others.")
+@click.option(
+    "--without",
+    metavar="EFFECT",
+    multiple=True,
+    help="Leave this effect out.",
+    shell_complete=effect_names,
+)
+@click.option(
+    "--only",
+    metavar="EFFECT",
+    multiple=True,
+    help="Try this effect, no others.",
+    shell_complete=effect_names,
+)
 @allow_python_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(

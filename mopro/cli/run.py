@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -15,22 +14,28 @@ from mopro.cli.link import baud_option, connected_session, dialect_option, trace
 from mopro.cli.live import live_run
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import (
+    STANDARD,
     OutputFile,
     Quantity,
     duration_type,
     grammar_option,
+    machine_option,
     payload_type,
     program_argument,
 )
 from mopro.cli.outputs import DrawingSink, claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
+from mopro.cli.progress import in_motion, length_unit, simulated
+from mopro.cli.recordings import recording_sink, replaces_recording
 from mopro.cli.say import say
+from mopro.cli.summary import Written, tell
 
 if TYPE_CHECKING:
     from mopro.cli.live import Live
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
     from mopro.machine import Machine
+    from mopro.machine.backend import Told
     from mopro.program import Program
     from mopro.recording import Header, Run, Sink
     from mopro.recording.record import Columns
@@ -38,7 +43,6 @@ if TYPE_CHECKING:
 
 DEFAULT_OUT = "run.parquet"
 _MOST_PLOTTED = 200_000
-_MOST_ROWS = 40
 
 
 @click.command()
@@ -47,7 +51,7 @@ _MOST_ROWS = 40
 @click.option(
     "--port", metavar="URL", help="Run on the controller there (/dev/ttyUSB0, socket://)."
 )
-@click.option("--machine", default="chow1992", show_default=True, help="Built-in name or file.")
+@machine_option()
 @click.option(
     "--for",
     "for_s",
@@ -70,14 +74,24 @@ _MOST_ROWS = 40
     metavar="HZ",
     help="Samples per second of the recording.",
 )
+@click.option(
+    "--settle",
+    "settle_s",
+    type=Quantity("time", "s"),
+    default="0.5s",
+    show_default=True,
+    metavar="DURATION",
+    help="Record for so long after the last move of a program that ends.",
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
 @click.option(
     "--out",
-    type=OutputFile(".parquet", ".csv", ".npz"),
+    type=OutputFile(".parquet", ".csv", ".npz", standard=True),
     default=DEFAULT_OUT,
     show_default=True,
-    help="The recording: .parquet, .csv or .npz.",
+    help="The recording: .parquet, .csv, .npz, or - for CSV on standard output.",
 )
+@click.option("--force", is_flag=True, help="Let --out replace a file that is no recording.")
 @click.option("--plot", type=OutputFile(".png", ".svg", ".pdf"), help="A picture of the run.")
 @click.option("--report", type=OutputFile(".html"), help="A page about the run.")
 @click.option("--live", is_flag=True, help="Show the run in a browser as it goes, in real time.")
@@ -101,8 +115,10 @@ def command(
     for_s: float | None,
     payload: float,
     rate: float,
+    settle_s: float,
     seed: int,
     out: Path,
+    force: bool,
     plot: Path | None,
     report: Path | None,
     live: bool,
@@ -117,13 +133,16 @@ def command(
 ) -> int:
     """Run a program and record the motion of the machine.
 
-    Exits with 1 if the motor stalls, runs into a limit switch or becomes too hot, or if a
-    run on a controller fails.
+    FILE may be - for standard input. --out replaces a recording, and no other file. Exits
+    with 1 if the motor stalls, runs into a limit switch or becomes too hot, or if a run on a
+    controller fails.
 
     Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
     """
     if emulate == (port is not None):
         raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
+    if out == STANDARD and as_json:
+        raise click.UsageError("--json and --out - would both write to standard output")
     keep_inputs(
         [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)],
         [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)],
@@ -131,6 +150,7 @@ def command(
     from mopro.emulator import Emulator
     from mopro.machine import load_machine
 
+    replaces = replaces_recording(out, force)
     program = compiled_program(file, grammar)
     pictures = _Pictures(plot, report, program, grammar)
     backend: Emulator | SerialBackend
@@ -140,6 +160,7 @@ def command(
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
             backend = Emulator(plant, payload, rate, seed)
+            watched = simulated()
             page = files.enter_context(live_run(program, plant, for_s)) if live else None
             if page is not None:
                 pictures.show(page)
@@ -153,12 +174,14 @@ def command(
             page = files.enter_context(live_run(program, plant, for_s)) if live else None
             link = (port, dialect, baud, trace)
             backend = _on_controller(outer, files, link, plant, deadline, page)
-        run = _recorded(backend, program, for_s, out, pictures)
+            watched = in_motion(length_unit(program, plant))
+        with watched as told:
+            run = _recorded(backend, program, (for_s, settle_s), out, pictures, told)
         if page is not None:
             page.end(run)
         files.close()
         all_drawn = pictures.draw(backend.header(program), run, plant, machine)
-        _tell(run, program, out, as_json)
+        tell(run, program, Written(out, replaces), for_s, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
@@ -194,24 +217,26 @@ def _on_controller(
 def _recorded(
     backend: Emulator | SerialBackend,
     program: Program,
-    for_s: float | None,
+    lasting_s: tuple[float | None, float],
     out: Path,
     pictures: _Pictures,
+    told: Told,
 ) -> Run:
     """The run of `program` on either back end, its recording in `out`.
 
-    A controller's run is reported even if its recording cannot be written.
+    `lasting_s` limits the run, and states how long its settling is recorded. A controller's
+    run is reported even if its recording cannot be written.
     """
     from dataclasses import replace
 
     from mopro.errors import DataError
-    from mopro.recording import open_sink
 
     header = backend.header(program)
     run = None
     try:
-        with open_sink(out, header) as sink:
-            run = backend.run(program, pictures.beside(sink), for_s)
+        with recording_sink(out, header) as sink:
+            run = backend.run(program, pictures.beside(sink), *lasting_s, told)
+            sink.header = header.after(run)
     except DataError as error:
         if run is None or header.clock != "host":
             raise
@@ -309,27 +334,3 @@ class _Tee:
     def write(self, columns: Columns) -> None:
         self.first.write(columns)
         self.second.write(columns)
-
-
-def _tell(run: Run, program: Program, out: Path, as_json: bool) -> None:
-    """Print the summary to stdout, and warnings and findings to stderr."""
-    from mopro.cli.table import print_table
-    from mopro.errors import Diagnostic, Severity
-    from mopro.recording.moves import MOVE_COLUMNS, move_cells
-    from mopro.recording.run import outcome, stalls
-
-    if as_json:
-        say(json.dumps({**run.as_json(), "recording": str(out)}, indent=1))
-    else:
-        print_table(MOVE_COLUMNS, map(move_cells, run.moves), _MOST_ROWS)
-        say(outcome(run))
-        say(f"Recording: {out}")
-    if run.trouble:
-        say(f"{program.source.name}: {run.trouble} [run-failed]", err=True)
-    elif not run.complete and run.trip is None:
-        why = "the program loops for ever" if run.loops_forever else "the program had not ended"
-        hint = "change that with --for, for example --for 10min"
-        say(f"{program.source.name}: {why}: stopped after {run.duration_s:g} s; {hint}", err=True)
-    for span, message in stalls(run, program):
-        finding = Diagnostic("stall", message, span, Severity.ERROR)
-        say(finding.render(program.source), err=True)

@@ -1,23 +1,47 @@
 """Output of commands: the only way to standard output and standard error.
 
 Text from files, names and replies is made visible here, so that none of it can steer the
-terminal; a standard error that cannot be written is no reason to give up the work.
+terminal; a standard error that cannot be written is no reason to give up the work. Colours
+and the line of progress appear on a terminal only.
 """
 
 from __future__ import annotations
 
 import io
 import os
+import re
+import select
+import shutil
 import sys
-from contextlib import suppress
+from contextlib import nullcontext, suppress
+from typing import TextIO
 
 import click
 
 from mopro.text import visible
 
+_FINDING = re.compile(r"(.+?:\d+:\d+: )(warning: |note: )?(.*?)( \[[\w-]+\])?")
+_CARET = re.compile(r" +\^~*")
+_KIND_COLORS = {"warning: ": "yellow", "note: ": "cyan"}
+# Erases to the end of the line.
+_ERASE = "\r\x1b[K"
+# True while a line of progress stands on the terminal.
+_shown = False
+
+
+def is_terminal(stream: TextIO) -> bool:
+    """True if `stream` is a terminal that can rewrite a line."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def has_colours(stream: TextIO) -> bool:
+    """True if `stream` is a terminal, and NO_COLOR (https://no-color.org) is not set."""
+    return is_terminal(stream) and not os.environ.get("NO_COLOR")
+
 
 def say(text: str = "", err: bool = False, nl: bool = True) -> None:
     """Write a line (or lines); OSError if standard output cannot take it."""
+    end_status()
     if not err:
         click.echo(visible(text), nl=nl)
         return
@@ -25,8 +49,63 @@ def say(text: str = "", err: bool = False, nl: bool = True) -> None:
         click.echo(visible(text), err=True, nl=nl)
 
 
+def say_findings(text: str, err: bool = False) -> None:
+    """Write findings in the form `file:line:col: message [name]`, in colour on a terminal."""
+    if not has_colours(sys.stderr if err else sys.stdout):
+        say(text, err)
+        return
+    end_status()
+    painted = "\n".join(map(_painted, visible(text).split("\n")))
+    with suppress(OSError) if err else nullcontext():
+        click.echo(painted, err=err, color=True)
+
+
+def _painted(line: str) -> str:
+    """A line of findings, which is visible text, in colour."""
+    found = _FINDING.fullmatch(line)
+    if found is None:
+        return click.style(line, "green") if _CARET.fullmatch(line) else line
+    place, kind, message, rule = found.groups(default="")
+    kind = click.style(kind or "error: ", _KIND_COLORS.get(kind, "red"), bold=True)
+    return click.style(place, bold=True) + kind + message + click.style(rule, dim=True)
+
+
+def say_status(text: str) -> None:
+    """Show `text` as the line of progress on standard error, in place of the one before.
+
+    Nothing where that is no terminal, or none that takes text now (Ctrl-S): a run that is
+    watched must not wait for it.
+    """
+    global _shown
+    if not is_terminal(sys.stderr) or _would_block(sys.stderr):
+        return
+    width = shutil.get_terminal_size().columns - 1
+    with suppress(OSError):
+        sys.stderr.write(_ERASE + visible(text).replace("\n", " ")[:width])
+        sys.stderr.flush()
+        _shown = True
+
+
+def _would_block(stream: TextIO) -> bool:
+    try:
+        return not select.select([], [stream], [], 0)[1]
+    except (OSError, ValueError):  # not a file that the system can ask about
+        return False
+
+
+def end_status() -> None:
+    """Take the line of progress away."""
+    global _shown
+    if _shown and not _would_block(sys.stderr):
+        _shown = False
+        with suppress(OSError):
+            sys.stderr.write(_ERASE)
+            sys.stderr.flush()
+
+
 def say_styled(text: str) -> None:
     """Write text that was made visible before, with the styles of a terminal in it."""
+    end_status()
     click.echo(text, nl=False)
 
 

@@ -95,6 +95,7 @@ class Device:
             "motion": self._moving,
             "position": self._position,
             "measured": self._measured,
+            "sample": self._sample,
             "moves": self._moves,
             "heartbeat": self._heartbeat,
         }
@@ -346,7 +347,22 @@ class Device:
         return [{f"position_{n}": self._at(n)[0] - self._origin_u[n] for n in AXES}]
 
     def _measured(self) -> list[Row]:
-        return [{f"position_{n}": round(self._at(n)[1]) - self._origin_u[n] for n in AXES}]
+        return [self._measured_as("position")]
+
+    def _measured_as(self, name: str) -> Row:
+        return {f"{name}_{n}": round(self._at(n)[1]) - self._origin_u[n] for n in AXES}
+
+    def _sample(self) -> list[Row]:
+        """Commanded and actual positions at one moment: that of the last sample of the motion."""
+        row = self._status()[0] | self._measured_as("measured")
+        for axis in AXES:
+            row[f"position_{axis}"] = self._sampled_command_u(axis) - self._origin_u[axis]
+        return [row]
+
+    def _sampled_command_u(self, axis: int) -> int:
+        if self._motion is None or self.state not in ("running", "stopping"):
+            return self._commanded_u[axis]
+        return self._commanded_u[axis] + self._motion.command_u(axis, self._motion.sampled_s)
 
     def _moves(self, first: int) -> list[Row]:
         if self._motion is None:

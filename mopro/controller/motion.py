@@ -88,6 +88,11 @@ class Motion:
         return self.schedule.duration_s
 
     @property
+    def sampled_s(self) -> float:
+        """The time (s) of the last sample, at which the axes were at `seen_u`."""
+        return max(0, self._samples - 1) / DEFAULT_RATE_HZ
+
+    @property
     def cut(self) -> bool:
         return not math.isinf(self._cut_s)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -15,18 +16,20 @@ from mopro.effects import Active, catalogue
 from mopro.effects.resolve import active_effects
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
-from mopro.machine.backend import DEFAULT_LOOP_S
+from mopro.machine.backend import DEFAULT_LOOP_S, Progress, Told, no_one
 from mopro.motion import LONGEST_RUN_S, Schedule
 from mopro.plant import (
     MAX_STEP_S,
+    MOST_SETTLING_S,
     Simulation,
     Stepping,
     plan_with_effects,
     platen_result,
     simulate,
 )
-from mopro.program import Program
+from mopro.program import AXES, Program
 from mopro.recording import Header, MemorySink, MoveReport, Recording, Run, Sink
+from mopro.recording.record import Columns
 
 DEFAULT_RATE_HZ = 2000.0
 MOST_SAMPLES = 200_000_000
@@ -87,27 +90,52 @@ class Emulator:
 
     # Numbers that are not finite end a run, with a better message than numpy's warnings.
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-    def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
+    def run(
+        self,
+        program: Program,
+        sink: Sink,
+        for_s: float | None = None,
+        settle_s: float = 0.0,
+        told: Told = no_one,
+    ) -> Run:
         """Run `program` and write its samples to `sink` chunk by chunk.
 
         It ends after `for_s` seconds at the latest; one that loops for ever ends after
-        a minute unless told otherwise. Raises MotionError for motion that must be
-        refused, RunError if a value is not finite.
+        a minute unless told otherwise. The samples of a program that ends go on until
+        `settle_s` after its last move, and beyond if an axis still slips then; the run's
+        duration stays the program's. `told` hears of each chunk. Raises MotionError for
+        motion that must be refused, RunError if a value is not finite.
         """
         if for_s is None and program.loops_forever:
             for_s = DEFAULT_LOOP_S
         planned = self.plan(program, for_s)
         self._check_length(planned.duration_s)
-        simulation = self._simulation(planned, trips=True)
+        simulation = self._simulation(_lengthened(planned, settle_s), trips=True)
+        lasting_s = simulation.schedule.duration_s
+        ended_s = lasting_s if simulation.trip else planned.duration_s
+        hottest_C = self.machine.heat.ambient_C
+        for columns in self._recorded(simulation, settle_s):
+            during = np.searchsorted(columns["time_s"], ended_s, side="right")
+            hottest_C = float(columns["temperature_C"][:during].max(initial=hottest_C))
+            sink.write(columns)
+            told(_progress(columns, lasting_s))
+        simulation.settle()
+        return self._report(simulation, ended_s, hottest_C)
+
+    def _recorded(self, simulation: Simulation, settle_s: float) -> Iterator[Columns]:
+        """The samples of the schedule; with `settle_s` then on until no axis can slip."""
         schedule = simulation.schedule
         samples = int(schedule.duration_s * self.rate_hz + 1e-6) + 1
-        hottest_C = self.machine.heat.ambient_C
-        for times, end_s in self._chunks(schedule, samples):
-            columns = simulation.advance(times, end_s)
-            hottest_C = max(hottest_C, float(columns["temperature_C"].max()))
-            sink.write(columns)
-        simulation.settle()
-        return self._report(simulation, hottest_C)
+        for times, end_s in self._chunks(0, samples, schedule.duration_s):
+            yield simulation.advance(times, end_s)
+        if not settle_s or not schedule.complete:
+            return
+        more = math.ceil(settle_s * self.rate_hz)
+        most = samples + int(MOST_SETTLING_S * self.rate_hz)
+        while samples < most and not simulation.settled():
+            for times, end_s in self._chunks(samples, samples + more, 0.0):
+                yield simulation.advance(times, end_s)
+            samples += more
 
     def _check_length(self, duration_s: float) -> None:
         """MoproError for more than can be simulated or recorded."""
@@ -119,17 +147,16 @@ class Emulator:
             message = f"{duration_s:g} s at {self.rate_hz:g} Hz are {samples:.4g} samples:"
             raise MoproError(f"{message} expected at most {MOST_SAMPLES}", "too-long")
 
-    def _chunks(self, schedule: Schedule, samples: int) -> Iterator[tuple[Floats, float]]:
-        """The sample times chunk by chunk, and how far each chunk goes."""
-        for first in range(0, samples, _CHUNK):
-            last = min(first + _CHUNK, samples)
-            times = np.arange(first, last) / self.rate_hz
-            end_s = float(times[-1]) if last < samples else schedule.duration_s
-            yield times, max(end_s, float(times[-1]))
+    def _chunks(self, first: int, samples: int, end_s: float) -> Iterator[tuple[Floats, float]]:
+        """The times of samples from `first` on, chunk by chunk, and how far each chunk goes."""
+        for start in range(first, samples, _CHUNK):
+            last = min(start + _CHUNK, samples)
+            times = np.arange(start, last) / self.rate_hz
+            yield times, max(end_s if last == samples else 0.0, float(times[-1]))
 
-    def _report(self, simulation: Simulation, hottest_C: float) -> Run:
+    def _report(self, simulation: Simulation, duration_s: float, hottest_C: float) -> Run:
         schedule, trip = simulation.schedule, simulation.trip
-        ended_s = trip.time_s if trip else schedule.duration_s
+        ended_s = trip.time_s if trip else duration_s
         outcomes = (
             replace(simulation.outcome(move), complete=move.end_s <= ended_s)
             for move in schedule.moves
@@ -137,7 +164,7 @@ class Emulator:
         return Run(
             program=schedule.program.name,
             machine=self.machine.name,
-            duration_s=schedule.duration_s,
+            duration_s=duration_s,
             loops_forever=schedule.program.loops_forever,
             complete=schedule.complete,
             moves=tuple(
@@ -146,6 +173,12 @@ class Emulator:
             ),
             trip=trip.as_json() if trip else None,
             platen=platen_result(self.machine, schedule.moves, hottest_C),
+            stalls=tuple(
+                sorted(
+                    (stall for move in schedule.moves for stall in simulation.stalls(move)),
+                    key=lambda stall: stall.time_s or 0.0,
+                )
+            ),
         )
 
     def plan(self, program: Program, for_s: float | None = None) -> Schedule:
@@ -172,6 +205,24 @@ class Emulator:
         )
 
 
+def _lengthened(schedule: Schedule, settle_s: float) -> Schedule:
+    """`schedule` made to last until `settle_s` after its last move, if its program ends."""
+    if not settle_s or not schedule.complete or not schedule.moves:
+        return schedule
+    moved_s = max(move.end_s for move in schedule.moves)
+    return replace(schedule, duration_s=max(schedule.duration_s, moved_s + settle_s))
+
+
+def _progress(columns: Columns, total_s: float) -> Progress:
+    """The progress that the last sample of a chunk shows."""
+    return Progress(
+        float(columns["time_s"][-1]),
+        total_s,
+        int(columns["line"][-1]),
+        {axis: float(columns[f"position_{axis}_m"][-1]) for axis in AXES},
+    )
+
+
 def emulate(
     program: Program,
     machine: str | Machine = "chow1992",
@@ -184,15 +235,16 @@ def emulate(
     max_step_s: float = MAX_STEP_S,
     effects: Effects | None = None,
     compiled: bool | None = None,
+    settle_s: float = 0.0,
 ) -> Recording:
     """Run `program` on an emulated machine and keep the recording in memory.
 
     `machine` is a built-in name, a machine file's path or a `Machine`; for the rest see
-    `Emulator`. Raises MotionError, ModelError.
+    `Emulator` and its `run`. Raises MotionError, ModelError.
     """
     if isinstance(machine, str):
         machine = load_machine(machine)
     emulator = Emulator(machine, payload_kg, rate_hz, seed, resolved, max_step_s, effects, compiled)
     sink = MemorySink()
-    run = emulator.run(program, sink, for_s)
+    run = emulator.run(program, sink, for_s, settle_s)
     return sink.recording(emulator.header(program), run)

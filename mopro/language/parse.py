@@ -43,6 +43,16 @@ _END_OF_LINE = "the end of the line"
 _BLANKS = " \t\f\v"
 _WORD = re.compile(rf"[^{_BLANKS};]+")
 _LETTERS = re.compile(r"[A-Za-z]*")
+_WAIT_WITH_UNIT = re.compile(
+    r"\s*([A-Za-z]+)\s*([0-9]+\.?[0-9]*|\.[0-9]+)\s*(ms|s|sec)?\s*(?:;.*)?", re.ASCII | re.I
+)
+# A wait with a fraction, if it is shorter, was meant in seconds.
+_MOST_SECONDS = 60
+# `MRI 5`: the number was read as the axis, and no value follows.
+_AXIS_FORGOTTEN = re.compile(r"\s*[A-Za-z]+\s+([+-]?[0-9])\s*(?:;.*)?", re.ASCII)
+_COMMENT_MARKS = ("#", "//", "/*", "--", "%")
+_JUMPS = ("GOTO", "JMP", "BRANCH", "LOOP")
+_QUOTES = "`\"'“‘«"
 _AXIS_LEFT_OUT = re.compile(r"\s*[A-Za-z]+\s+[+-]?([0-9]{2}|[0-9]?\.)")
 
 
@@ -248,6 +258,9 @@ def _explain(
     else:
         return _unknown_mnemonic(first, list(mnemonics))
     form = f"such a statement is written `{kind.form}`"
+    slip = _slip(text, first, stem, kind)
+    if slip is not None:
+        return slip
     if _AXIS_LEFT_OUT.match(text) and " " in kind.form:
         columns = ast.Operand(first.start() + 1, first.end() + 1)
         message = f"expected {_WORDS['AXIS']} right after {stem}"
@@ -269,6 +282,37 @@ def _explain(
     return _FaultShape(rule, f"expected {expected}, found `{found[0]}`", columns, form)
 
 
+def _slip(
+    text: str, first: re.Match[str], stem: str, kind: type[ast.Statement]
+) -> _FaultShape | None:
+    """The fault of a wait with a unit, or of a motion without its axis."""
+    wait = _WAIT_WITH_UNIT.fullmatch(text)
+    if kind is ast.Dwell and wait is not None and (wait[3] or Fraction(wait[2]) < _MOST_SECONDS):
+        unit = wait[3] or ""
+        ms = Fraction(wait[2]) * (1 if unit.lower() == "ms" else 1000)
+        columns = ast.Operand(wait.start(2) + 1, max(wait.end(2), wait.end(3)) + 1)
+        message = f"expected a whole number of milliseconds, found `{wait[2]}{unit}`"
+        return _FaultShape("bad-number", message, columns, f"write `WT{round(ms)}`")
+    number = _AXIS_FORGOTTEN.fullmatch(text)
+    if "1 " in kind.form and number is not None:
+        columns = ast.Operand(first.start() + 1, first.end() + 1)
+        message = f"expected {_WORDS['AXIS']} right after {stem}, and then a value"
+        hint = f"for axis 1 write `{stem}1 {number[1]}`"
+        return _FaultShape("missing-axis", message, columns, hint)
+    return None
+
+
+def _other_words(word: str, rest: str) -> str | None:
+    """What to write in place of a word of another language, or of quotes around a statement."""
+    if word.startswith(_COMMENT_MARKS) or word.upper() == "REM":
+        return "a comment begins with `;`"
+    if word.upper() in _JUMPS:
+        return f"write `JUMP {rest}`" if rest else "write `JUMP` and a label"
+    if word[0] in _QUOTES:
+        return "write the statement without quotes"
+    return None
+
+
 def _unknown_mnemonic(first: re.Match[str], mnemonics: list[str]) -> _FaultShape:
     letters = _mnemonic_letters(first[0])
     columns = ast.Operand(first.start() + 1, first.end() + 1)
@@ -276,6 +320,7 @@ def _unknown_mnemonic(first: re.Match[str], mnemonics: list[str]) -> _FaultShape
 
     near = get_close_matches(letters, mnemonics, n=1, cutoff=0.5)
     hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(mnemonics))}"
+    hint = _other_words(first[0], first.string[first.end() :].strip()) or hint
     if letters in (kind.mnemonic() for kind in statement_kinds("extended")):
         hint = f"{letters} is an assumed statement: it needs --grammar extended"
     message = f"`{first[0]}` begins no statement of the language"

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Any
 
 from mopro.errors import DataError
 from mopro.link.flash import allowed_s, upload
 from mopro.link.halt import Signals, StopOnError, TimeBudget
+from mopro.link.samples import Sample, Samples
 from mopro.link.session import Refused, Session
-from mopro.link.watch import Samples, Watch
+from mopro.link.watch import Watch
 from mopro.machine import DEFAULT_LOOP_S, Machine
+from mopro.machine.backend import Progress, Told, no_one
 from mopro.motion import Schedule, plan
 from mopro.program import AXES, Program
-from mopro.recording import Header, MoveOutcome, MoveReport, Run, Sink
+from mopro.recording import Header, MoveOutcome, MoveReport, Run, Sink, Stall
 
 POLL_HZ = 20.0
 OPENING_S = 15.0
@@ -76,9 +79,18 @@ class SerialBackend:
             clock="host",
         )
 
-    def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
+    def run(
+        self,
+        program: Program,
+        sink: Sink,
+        for_s: float | None = None,
+        settle_s: float = 0.0,
+        told: Told = no_one,
+    ) -> Run:
         """Load `program` into the scratch place, prove it, run it and watch it.
 
+        Where the controller measures positions, they are polled until `settle_s` seconds
+        after the last move of a program that ends. `told` hears of each poll.
         Raises MotionError for what must be refused before anything is sent. From then on
         whatever ends the run has been answered with a stop: LinkError or another error
         where no run was started, with the outcome of the stop as a note; after the start
@@ -88,8 +100,10 @@ class SerialBackend:
             for_s = DEFAULT_LOOP_S
         schedule = plan(program, for_s, self.machine.travel_u())
         whole = self.signals.deferred
-        samples = Samples(sink, schedule, self.machine.microstep_m, whole, self.seen)
-        watch = Watch(self.session, program, samples, self.poll_hz)
+        sensed = self.session.dialect.measures
+        samples = Samples(sink, schedule, self.machine.microstep_m, sensed, whole, self.seen)
+        tell = self._teller(schedule, told)
+        watch = Watch(self.session, program, samples, self.poll_hz, tell)
         stop_s = _STOP_S + _braking_s(schedule)
         budget = TimeBudget(self.session, self.deadline_s, stop_s, self.begun_s)
         guard = StopOnError(watch, budget.for_stop)
@@ -97,11 +111,22 @@ class SerialBackend:
         with self.signals, closing(budget):
             with guard, self.signals.raised():
                 self._load(program, watch)
-                trouble = self._followed(watch, schedule, for_s, budget)
+                trouble = self._followed(watch, schedule, for_s, settle_s, budget)
             if guard.reason is not None:
                 trouble = self._account(guard.reason, watch)
             trouble = _joined(trouble, _unwritten(samples))
-        return self._report(schedule, watch, trouble)
+        return replace(self._report(schedule, watch, trouble), rate_hz=samples.rate_hz)
+
+    def _teller(self, schedule: Schedule, told: Told) -> Callable[[Sample], None]:
+        """Tells `told` of samples."""
+        step_m, first = self.machine.microstep_m, schedule.program.ops[0].span.line
+
+        def tell(sample: Sample) -> None:
+            place_u = sample.seen_u or sample.command_u
+            position_m = {axis: u * step_m for axis, u in place_u.items()}
+            told(Progress(sample.time_s, schedule.duration_s, sample.line or first, position_m))
+
+        return tell
 
     def _load(self, program: Program, watch: Watch) -> None:
         """Open the link, store the program, and read the positions at the start."""
@@ -127,15 +152,22 @@ class SerialBackend:
             self.warn(f"the controller refused a heartbeat ({refused.reason}): {_UNWATCHED}")
 
     def _followed(
-        self, watch: Watch, schedule: Schedule, for_s: float | None, budget: TimeBudget
+        self,
+        watch: Watch,
+        schedule: Schedule,
+        for_s: float | None,
+        settle_s: float,
+        budget: TimeBudget,
     ) -> str | None:
         """Start the run and watch it to its end; returns what went wrong, or None."""
         cut = None if schedule.complete else for_s
         timed = cut is not None and self.session.dialect.knows("run_for")
-        planned_s = schedule.duration_s * _SPARE_FACTOR + _SPARE_S
+        moved_s = max((move.end_s for move in schedule.moves), default=-math.inf)
+        rest_s = max(0.0, moved_s + settle_s - schedule.duration_s)
+        planned_s = schedule.duration_s * _SPARE_FACTOR + _SPARE_S + rest_s
         self.session.give(planned_s if self.deadline_s is None else self.deadline_s)
         watch.start(cut if timed else None)
-        watch.follow(None if timed else cut)
+        watch.follow(None if timed else cut, rest_s)
         if watch.state == "running":
             return None if watch.stop(budget.for_stop()) else self._account("", watch)
         if watch.state in _ENDINGS:
@@ -158,14 +190,24 @@ class SerialBackend:
     def _report(self, schedule: Schedule, watch: Watch, trouble: str | None) -> Run:
         ended = watch.state == "done" and trouble is None
         cut = watch.state == "expired" and trouble is None
+        moves = tuple(self._moves(schedule, watch, whole=ended or cut))
         return Run(
             program=schedule.program.name,
             machine=self.machine.name,
             duration_s=schedule.duration_s if ended or cut else watch.elapsed_s,
             loops_forever=schedule.program.loops_forever,
             complete=schedule.complete and ended,
-            moves=tuple(self._moves(schedule, watch, whole=ended or cut)),
+            moves=moves,
+            stalls=self._stalls(moves),
             trouble=trouble,
+        )
+
+    def _stalls(self, moves: Sequence[MoveReport]) -> tuple[Stall, ...]:
+        """The stalls that the account tells of: it knows moves, and no times."""
+        return tuple(
+            Stall(None, m.line, m.axes[0] if len(m.axes) == 1 else None, m.lost_pitches)
+            for m in moves
+            if m.slipped
         )
 
     def _moves(self, schedule: Schedule, watch: Watch, whole: bool) -> list[MoveReport]:

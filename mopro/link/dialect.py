@@ -52,10 +52,11 @@ _STATEMENTS: dict[str, tuple[set[str], set[str]]] = {
     "motion": (set(), set()),
     "position": (set(), set()),
     "measured": (set(), set()),
+    "sample": (set(), set()),
     "moves": ({"first"}, set()),
     "heartbeat": ({"milliseconds"}, set()),
 }
-_OPTIONAL = {"identify", "commit", "run_for", "measured", "moves", "heartbeat"}
+_OPTIONAL = {"identify", "commit", "run_for", "measured", "sample", "moves", "heartbeat"}
 # reply line -> the fields that it must have, those that it may have
 _REPLIES: dict[str, tuple[set[str], set[str]]] = {
     "identify": ({"text"}, set()),
@@ -64,6 +65,7 @@ _REPLIES: dict[str, tuple[set[str], set[str]]] = {
     "motion": ({"moving_1", "moving_2"}, set()),
     "position": ({"position_1", "position_2"}, set()),
     "measured": ({"position_1", "position_2"}, set()),
+    "sample": ({"position_1", "position_2", "measured_1", "measured_2"}, {"statement"}),
     "moves": ({"index", "complete", "lag", "margin", "lost", "slipped"}, set()),
 }
 
@@ -167,6 +169,11 @@ class Dialect:
 
     def knows(self, statement: str) -> bool:
         return statement in self.statements
+
+    @property
+    def measures(self) -> bool:
+        """True if the controller measures positions."""
+        return self.knows("measured") or self.knows("sample")
 
     def word_of(self, state: str) -> str:
         """The controller's word for `state`."""

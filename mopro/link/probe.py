@@ -48,6 +48,8 @@ def probe(session: Session) -> Iterator[Step]:
         steps.insert(0, ("identify", lambda: str(session.one("identify")["text"])))
     if session.dialect.knows("measured"):
         steps.insert(4, ("measured", lambda: str(session.one("measured"))))
+    if session.dialect.knows("sample"):
+        steps.insert(4, ("sample", lambda: str(session.one("sample"))))
     if session.dialect.knows("commit"):
         steps.append(("commit", lambda: _committed(session, program)))
     for name, action in steps:

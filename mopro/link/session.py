@@ -75,6 +75,10 @@ class Session:
         # Count of numbers beyond the last answered one that may have been used.
         self._ahead = 0
         self._held = bytearray()
+        # When the controller did the last statement, on the port's clock, as nearly as is known.
+        self.moment_s = port.now_s()
+        # Bytes of the present answer so far, the echo not counted.
+        self._taken = 0
         self.byte_s = dialect.line.bits_per_byte / (baud or dialect.line.baud)
         self._prompt = dialect.conversation.prompt.encode("latin-1")
         self._reply_end = dialect.line.reply_end.encode("latin-1")
@@ -200,8 +204,10 @@ class Session:
     def _once(self, statement: str, **fields: Any) -> list[dict[str, Any]]:
         line = self.dialect.statements[statement].fill(fields)
         number = self._next_number()
-        self._put(line, number)
+        sent_s = self.port.now_s()
+        length = self._put(line, number)
         lines = self._answer(line, number)
+        self.moment_s = self._between(sent_s, length)
         self._number, self._ahead = number, 0
         template = self.dialect.replies.get(statement)
         if template is None:
@@ -213,6 +219,17 @@ class Session:
         rows = [values for values in read if values is not None]
         _in_order(line, rows)
         return rows
+
+    def _between(self, sent_s: float, length: int) -> float:
+        """The middle of the time between the end of a line of `length` bytes and its answer.
+
+        On a line that is faster than its rate says, of the time since `sent_s`.
+        """
+        answered_s = self.port.now_s()
+        heard_s, began_s = sent_s + length * self.byte_s, answered_s - self._taken * self.byte_s
+        if heard_s > began_s + self.byte_s:
+            heard_s, began_s = sent_s, answered_s
+        return (heard_s + began_s) / 2
 
     def _next_number(self, steps: int = 1) -> int:
         check = self.dialect.check
@@ -309,21 +326,25 @@ class Session:
 
     # -- lines -----------------------------------------------------------------
 
-    def _put(self, body: str, number: int) -> None:
+    def _put(self, body: str, number: int) -> int:
+        """Send a line; returns its length on the wire, in bytes."""
         check = self.dialect.check
         if check is not None:
             self._ahead = max(self._ahead, check.ahead(number, self._number))
-        line = check.wrap(body, number) if check else body
-        self.port.write((line + self.dialect.line.end).encode("latin-1"))
+        line = (check.wrap(body, number) if check else body) + self.dialect.line.end
+        self.port.write(line.encode("latin-1"))
+        return len(line)
 
     def _answer(self, body: str, number: int) -> list[str]:
         """The reply lines to `body`, which has the line number `number`."""
         talk = self.dialect.conversation
+        self._taken = 0
         due = self.dialect.line.window + 2 * len(body)
         if talk.echo:
             echo = self._line(due)
             if echo != (self.dialect.check.wrap(body, number) if self.dialect.check else body):
                 raise Damaged(f"sent `{body}`, but the echo is {str(echo)[:_SHOWN]!r}")
+            self._taken = 0
         lines: list[str] = []
         refusal: dict[str, Any] | None = None
         busy = False
@@ -366,11 +387,13 @@ class Session:
         while True:
             if self._prompt and self._held.startswith(self._prompt):
                 del self._held[: len(self._prompt)]
+                self._taken += len(self._prompt)
                 return None
             end = self._held.find(self._reply_end)
             if end >= 0:
                 line = self._held[:end].decode("latin-1")
                 del self._held[: end + len(self._reply_end)]
+                self._taken += end + len(self._reply_end)
                 return line
             data = self.port.read(until_s)
             if not data:

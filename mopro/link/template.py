@@ -41,6 +41,8 @@ FIELDS: dict[str, tuple[str, type[Any]]] = {
     "completed": (_UINT, int),
     "position_1": (_INT, int),
     "position_2": (_INT, int),
+    "measured_1": (_INT, int),
+    "measured_2": (_INT, int),
     "moving_1": (r"[01]", int),
     "moving_2": (r"[01]", int),
     "complete": (r"[01]", int),

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from mopro.errors import DataError, LinkError, MoproError
 from mopro.link.flash import statements_of
+from mopro.link.samples import Sample, Samples
 from mopro.link.session import Session
-from mopro.motion import Schedule
 from mopro.program import AXES, Program
-from mopro.recording import Sink, column_names
-from mopro.recording.record import Columns
 
 _UNDER_WAY = ("running", "stopping")
-_HELD_ROWS = 256
 _MOST_TRIES_TO_STOP = 10
 _PRECAUTION_S = 2.0
 # Exceptions during an attempt to stop, after which the next attempt follows.
@@ -53,76 +48,22 @@ class Stop:
         return f"stop: could not be sent, {unsure}"
 
 
-class Samples:
-    """Writes polled samples to a sink, with NaN in the columns that are not measured.
-
-    `whole` is the context of each write, so that no signal interrupts one. A sink that has
-    failed gets no more. `seen` is told each row at once.
-    """
-
-    def __init__(
-        self,
-        sink: Sink,
-        schedule: Schedule,
-        microstep_m: float,
-        whole: Callable[[], AbstractContextManager[None]] = nullcontext,
-        seen: Callable[[Mapping[str, float]], None] = lambda row: None,
-    ) -> None:
-        self._seen = seen
-        self._sink: Sink | None = sink
-        self._whole = whole
-        self._holding = False
-        self._microstep_m = microstep_m
-        self._rows: list[dict[str, float]] = []
-        self._line = schedule.program.ops[0].span.line
-
-    def add(
-        self, time_s: float, line: int | None, command_u: dict[int, int], seen_u: dict[int, int]
-    ) -> None:
-        self._line = line or self._line
-        row = {"time_s": time_s, "line": float(self._line)}
-        for axis in AXES:
-            row[f"command_{axis}_m"] = command_u[axis] * self._microstep_m
-            row[f"position_{axis}_m"] = seen_u.get(axis, command_u[axis]) * self._microstep_m
-        self._rows.append(row)
-        self._seen(row)
-        if len(self._rows) >= _HELD_ROWS and not self._holding:
-            self.close()
-
-    def hold(self) -> None:
-        """Buffer samples until `close`, so that a slow or failing sink cannot delay a stop."""
-        self._holding = True
-
-    def close(self) -> None:
-        """Write the buffered samples; DataError if the sink cannot."""
-        if not self._rows or self._sink is None:
-            return
-        names = column_names(AXES)
-        columns = {n: np.array([row.get(n, np.nan) for row in self._rows]) for n in names}
-        columns["line"] = columns["line"].astype(np.int32)
-        self._rows.clear()
-        with self._whole():
-            self._hand_on(self._sink, columns)
-
-    def _hand_on(self, sink: Sink, columns: Columns) -> None:
-        self._sink = None
-        try:
-            sink.write(columns)
-        except OSError as error:
-            message = f"the recording cannot be written: {error.strerror or error}"
-            raise DataError(message, "unwritable-output") from error
-        self._sink = sink
-
-
 class Watch:
     """One run, with its state as last polled; positions in microsteps from its start."""
 
     def __init__(
-        self, session: Session, program: Program, samples: Samples, poll_hz: float
+        self,
+        session: Session,
+        program: Program,
+        samples: Samples,
+        poll_hz: float,
+        told: Callable[[Sample], None] = lambda sample: None,
     ) -> None:
         self._session = session
         self._program = program
         self._samples = samples
+        self._told = told
+        self._sensed = session.dialect.measures
         self._poll_s = 1 / poll_hz
         self._zero_u = dict.fromkeys(AXES, 0)
         self._seen_zero_u = dict.fromkeys(AXES, 0)
@@ -140,8 +81,13 @@ class Watch:
 
     def mark_start(self) -> None:
         """Read the present positions as those of the start."""
+        if self._session.dialect.knows("sample"):
+            row = self._session.one("sample")
+            self._zero_u = {axis: row[f"position_{axis}"] for axis in AXES}
+            self._seen_zero_u = {axis: row[f"measured_{axis}"] for axis in AXES}
+            return
         self._zero_u = self._positions("position")
-        if self._session.dialect.knows("measured"):
+        if self._sensed:
             self._seen_zero_u = self._positions("measured")
 
     def start(self, for_s: float | None) -> None:
@@ -152,39 +98,81 @@ class Watch:
             self._session.ask("run", again=False, name=scratch)
         else:
             self._session.ask("run_for", again=False, name=scratch, milliseconds=for_s * 1000)
+        self._started_s = self._session.moment_s
         self.state = "running"
 
-    def follow(self, for_s: float | None) -> None:
-        """Poll until the run has ended, or `for_s` seconds of the host's clock are over."""
+    def follow(self, for_s: float | None, settle_s: float = 0.0) -> None:
+        """Poll until the run has ended, or `for_s` seconds of the host's clock are over.
+
+        After a program's end the positions are polled for `settle_s` more seconds.
+        """
         while self.state in _UNDER_WAY:
             if for_s is not None and self.elapsed_s >= for_s:
                 return
-            next_s = self._session.port.now_s() + self._poll_s
-            self.poll()
-            if self.state in _UNDER_WAY:
-                self._session.pause(next_s - self._session.port.now_s())
+            self._poll_in_turn()
         self.poll()
         if self.accounts and self.state != "idle":
             while self._ask_moves():
                 pass
+        if self.state == "done" and self._sensed:
+            self._settle(settle_s)
 
-    def poll(self) -> None:
+    def _settle(self, settle_s: float) -> None:
+        """Poll for `settle_s` seconds; a link that fails now takes nothing from the run."""
+        until_s = self._session.port.now_s() + settle_s
+        with suppress(LinkError):
+            while self._session.port.now_s() < until_s:
+                self._poll_in_turn()
+
+    def _poll_in_turn(self) -> None:
+        """Poll, and wait until the next poll is due."""
+        next_s = self._session.port.now_s() + self._poll_s
+        self._told(self.poll())
+        if self.state in _UNDER_WAY or self.state == "done":
+            self._session.pause(next_s - self._session.port.now_s())
+
+    def poll(self) -> Sample:
         """Ask for state, positions and the account of finished moves; keep a sample."""
         status = self._status()
         self.state = status["state"]
-        if self.state not in ("idle", "done"):
-            self.statement = status.get("statement", 0)
+        self._under_way(status)
         self.completed = status.get("completed", 0)
-        position = self._positions("position")
-        self.position_u = {axis: position[axis] - self._zero_u[axis] for axis in AXES}
+        known = self._session.dialect.knows("sample")
+        sample = self._sampled() if known else self._sampled_in_parts()
+        self.position_u = sample.command_u
         self.elapsed_s = self._session.port.now_s() - self._started_s
-        seen: dict[int, int] = {}
-        if self._session.dialect.knows("measured"):
-            measured = self._positions("measured")
-            seen = {axis: measured[axis] - self._seen_zero_u[axis] for axis in AXES}
-        self._samples.add(self.elapsed_s, self._line(self.statement), self.position_u, seen)
+        self._samples.add(sample)
         if self.accounts and self.state in _UNDER_WAY:
             self._ask_moves()
+        return sample
+
+    def _under_way(self, row: dict[str, Any]) -> None:
+        if self.state not in ("idle", "done"):
+            self.statement = row.get("statement", self.statement)
+
+    def _sampled(self) -> Sample:
+        """Both positions of one moment, by one statement."""
+        row = self._session.one("sample")
+        self._under_way(row)
+        command_u = {n: row[f"position_{n}"] - self._zero_u[n] for n in AXES}
+        seen_u = {n: row[f"measured_{n}"] - self._seen_zero_u[n] for n in AXES}
+        return Sample(self._moment_s(), self._line(self.statement), command_u, seen_u, True)
+
+    def _sampled_in_parts(self) -> Sample:
+        """Both positions by one statement each, at the moment of the measured one if there is."""
+        position = self._positions("position")
+        command_u = {axis: position[axis] - self._zero_u[axis] for axis in AXES}
+        seen_u: dict[int, int] = {}
+        if self._sensed:
+            measured = self._positions("measured")
+            seen_u = {axis: measured[axis] - self._seen_zero_u[axis] for axis in AXES}
+        at_rest = self.state not in _UNDER_WAY
+        line = self._line(self.statement)
+        return Sample(self._moment_s(), line, command_u, seen_u, at_rest or not self._sensed)
+
+    def _moment_s(self) -> float:
+        """When the last statement was done, in seconds from the start of the run."""
+        return self._session.moment_s - self._started_s
 
     def _status(self) -> dict[str, Any]:
         """The status, its state translated; asked again while the word is in no [states]."""

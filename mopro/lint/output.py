@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from mopro.errors import Severity, render_all
@@ -30,6 +31,17 @@ def as_text(reports: Iterable[Report]) -> str:
         if report.findings
     ]
     return "\n".join(blocks)
+
+
+def summary(reports: Sequence[Report]) -> str:
+    """The closing line: `3 warnings, 1 note in 2 files`."""
+    found = Counter(f.severity for report in reports for f in report.findings)
+    counts = ", ".join(_counted(found[kind], str(kind)) for kind in Severity if found[kind])
+    return f"{counts or 'no findings'} in {_counted(len(reports), 'file')}"
+
+
+def _counted(count: int, thing: str) -> str:
+    return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
 def as_json(reports: Iterable[Report]) -> str:

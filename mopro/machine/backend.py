@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -12,9 +14,40 @@ if TYPE_CHECKING:
 DEFAULT_LOOP_S = 60.0
 
 
+@dataclass(frozen=True)
+class Progress:
+    """How far a run has got: `time_s` of `total_s` seconds, in source line `line`.
+
+    `position_m` are the positions of the axes as last seen, or else as commanded.
+    """
+
+    time_s: float
+    total_s: float
+    line: int
+    position_m: Mapping[int, float]
+
+
+Told = Callable[[Progress], None]
+
+
+def no_one(progress: Progress) -> None:
+    """Tells nobody."""
+
+
 class Backend(Protocol):
     """Runs programs on one machine; only the command line knows which kind it is."""
 
-    def run(self, program: Program, sink: Sink, for_s: float | None = None) -> Run:
-        """Run `program` for at most `for_s` seconds, and write the recording to `sink`."""
+    def run(
+        self,
+        program: Program,
+        sink: Sink,
+        for_s: float | None = None,
+        settle_s: float = 0.0,
+        told: Told = no_one,
+    ) -> Run:
+        """Run `program` for at most `for_s` seconds, and write the recording to `sink`.
+
+        The recording of a program that ends goes on until `settle_s` seconds after its last
+        move. `told` hears now and then how far the run has got.
+        """
         ...

@@ -10,6 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mopro.plant.axis import MOST_SETTLING_S
     from mopro.plant.command_table import CommandTable
     from mopro.plant.engine import Stepping
     from mopro.plant.heat import HeatIntervals, heat_balance, heat_intervals
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "COMPILE_FROM_STEPS": "simulation",
     "MAX_STEP_S": "simulation",
+    "MOST_SETTLING_S": "axis",
     "CommandTable": "command_table",
     "HeatIntervals": "heat",
     "Simulation": "simulation",
@@ -54,6 +56,7 @@ _HOMES = {
 __all__ = [
     "COMPILE_FROM_STEPS",
     "MAX_STEP_S",
+    "MOST_SETTLING_S",
     "CommandTable",
     "HeatIntervals",
     "Simulation",

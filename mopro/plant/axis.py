@@ -16,7 +16,7 @@ from mopro.plant.engine import Engine, Trace
 from mopro.recording import MoveOutcome
 
 _SETTLING_S = 0.05
-_MOST_SETTLING_S = 10.0
+MOST_SETTLING_S = 10.0
 
 
 class NotFinite(ArithmeticError):
@@ -158,12 +158,15 @@ class EmulatedAxis:
 
     def settle(self) -> None:
         """Advance under a command at rest until the axis cannot leave its tooth any more."""
-        deadline_s = self._now_s + _MOST_SETTLING_S
-        resting = self._command.at_rest(self._now_s)
-        while resting and not self._captured() and self._now_s < deadline_s:
+        deadline_s = self._now_s + MOST_SETTLING_S
+        while not self.settled() and self._now_s < deadline_s:
             knots = np.array([self._now_s, self._now_s + _SETTLING_S])
             self._check_finite(knots, self._through(knots))
         self.outcomes.finish(self._lag_m())
+
+    def settled(self) -> bool:
+        """True unless the command is at rest and the axis may still leave its tooth."""
+        return self._captured() or not self._command.at_rest(self._now_s)
 
     def _check_finite(self, knots: Floats, trace: Trace) -> None:
         if not math.isfinite(trace.position[-1] + trace.velocity[-1]):
@@ -207,7 +210,8 @@ class _MoveOutcomes:
     """The lag of one axis in each of its moves, gathered chunk by chunk.
 
     `teeth` are the pitches by which the axis is behind its command, before each move
-    and at the end.
+    and at the end; `slip_s` is when it first was more than half a pitch from its tooth,
+    inf if it never was.
     """
 
     def __init__(self, moves: Sequence[PlannedMove], plant: PlantConstants) -> None:
@@ -219,6 +223,7 @@ class _MoveOutcomes:
         self._low_m = np.full(len(moves), np.inf)
         self._high_m = np.full(len(moves), -np.inf)
         self._teeth = np.zeros(len(moves) + 1, dtype=np.int64)
+        self._slip_s = np.full(len(moves), np.inf)
 
     def take_over(self, other: _MoveOutcomes) -> None:
         """Take over the outcomes of the moves begun so far, which are the first ones of both."""
@@ -226,6 +231,7 @@ class _MoveOutcomes:
         self._low_m[:shared] = other._low_m[:shared]
         self._high_m[:shared] = other._high_m[:shared]
         self._teeth[:shared] = other._teeth[:shared]
+        self._slip_s[:shared] = other._slip_s[:shared]
 
     def begun(self, knots: Floats) -> NDArray[np.intp]:
         """Which of `knots` are the starts of moves."""
@@ -240,10 +246,23 @@ class _MoveOutcomes:
         inside = (move >= 0) & (knots[:-1] < self._ends_s[move])
         np.minimum.at(self._low_m, move[inside], low[inside])
         np.maximum.at(self._high_m, move[inside], high[inside])
+        self._watch_slips(knots[:-1], move, low, high)
+
+    def _watch_slips(
+        self, starts_s: Floats, move: NDArray[np.intp], low: Floats, high: Floats
+    ) -> None:
+        """Note the first time at which each move, or what rings after it, leaves its tooth."""
+        home = self._teeth[move] * self._pitch_m
+        half = self._pitch_m / 2
+        away = np.flatnonzero((move >= 0) & ((high - home > half) | (home - low > half)))
+        np.minimum.at(self._slip_s, move[away], starts_s[away])
 
     def _among(self, knots: Floats) -> slice:
         """The moves that begin from the first knot on and before the last."""
         return slice(*np.searchsorted(self._starts_s, [knots[0], knots[-1]]))
+
+    def slip_s(self, move: PlannedMove) -> float:
+        return float(self._slip_s[self._index[id(move)]])
 
     def finish(self, lag_m: float) -> None:
         self._teeth[-1] = self._tooth(np.array([lag_m]))[0]

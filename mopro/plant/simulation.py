@@ -7,6 +7,7 @@ each made from what stands before it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -29,7 +30,7 @@ from mopro.plant.kernel.terms import TermSet
 from mopro.plant.stepped_heat import SteppedHeat
 from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, line_at, platen_edges, switches_u
 from mopro.program import AXES
-from mopro.recording import MoveOutcome
+from mopro.recording import MoveOutcome, Stall
 from mopro.recording.record import Columns
 from mopro.source import Source, Span
 
@@ -207,9 +208,26 @@ class Simulation:
         message = f"{what} from {time_s:.6g} s on: the machine is unstable"
         return RunError(program.source, [Diagnostic("not-finite", message, span, hint=hint)])
 
+    def settled(self) -> bool:
+        """True unless an axis whose command is at rest may still leave its tooth."""
+        return all(axis.settled() for axis in self._axes.values())
+
     def outcome(self, move: PlannedMove) -> MoveOutcome:
         """Outcome of `move`; final once its axes have begun another, or after `settle`."""
         return MoveOutcome.worst([self._axes[n].outcomes.of(move) for n in move.axes])
+
+    def stalls(self, move: PlannedMove) -> list[Stall]:
+        """A stall for each axis of `move` that slipped; final when its outcome is."""
+        return [
+            Stall(self._stalled_s(n, move), move.span.line, n, outcome.lost_pitches)
+            for n in move.axes
+            if (outcome := self._axes[n].outcomes.of(move)).slipped
+        ]
+
+    def _stalled_s(self, axis: int, move: PlannedMove) -> float:
+        """When `axis` slipped; the end of the move if that was not between two samples."""
+        slip_s = self._axes[axis].outcomes.slip_s(move)
+        return slip_s if math.isfinite(slip_s) else move.end_s
 
 
 def prepare_run(

@@ -1,13 +1,14 @@
 """Recordings of runs: columns with units, a header, and a report of each move."""
 
 from mopro.recording.formats import FORMATS, open_sink
-from mopro.recording.moves import MoveOutcome, MoveReport
+from mopro.recording.moves import MoveOutcome, MoveReport, Stall
 from mopro.recording.reading import read
-from mopro.recording.record import Header, MemorySink, Recording, Sink, column_names
+from mopro.recording.record import FileSink, Header, MemorySink, Recording, Sink, column_names
 from mopro.recording.run import Run
 
 __all__ = [
     "FORMATS",
+    "FileSink",
     "Header",
     "MemorySink",
     "MoveOutcome",
@@ -15,6 +16,7 @@ __all__ = [
     "Recording",
     "Run",
     "Sink",
+    "Stall",
     "column_names",
     "open_sink",
     "read",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Trace = Callable[[Mapping[str, NDArray[Any]], int], list[NDArray[Any]]]
+
 _UM_PER_M = 1e6
 _MM_PER_M = 1e3
 _AXIS_COLORS = {1: "tab:blue", 2: "tab:orange"}
@@ -24,31 +26,29 @@ _MOST_LINE_MARKS = 40
 def draw(columns: Mapping[str, NDArray[Any]], axes: Sequence[int], title: str) -> Figure:
     """Position, velocity, following error, force and temperature over time.
 
-    `columns` are those of a recording of `axes`. Axes that never move are left out. The top
-    edge names the source lines.
+    `columns` are those of a recording of `axes`. Axes that never move are left out, and so are
+    panels of columns that the recording has not. The top edge names the source lines.
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 10), layout="constrained")
-    panels = figure.subplots(5, 1, sharex=True)
     time = columns["time_s"]
-    for n in _moving_axes(columns, axes):
-        style = {"color": _AXIS_COLORS[n], "label": f"axis {n}", "linewidth": 1.0}
-        lag = columns[f"command_{n}_m"] - columns[f"position_{n}_m"]
-        panels[0].plot(time, columns[f"position_{n}_m"] * _MM_PER_M, **style)
-        panels[1].plot(time, columns[f"velocity_{n}_m_s"], **style)
-        panels[2].plot(time, lag * _UM_PER_M, **style)
-        panels[3].plot(time, columns[f"force_{n}_N"], **style)
-    panels[4].plot(time, columns["temperature_C"], color="tab:red", linewidth=1.0)
-    labels = (
-        "position (mm)",
-        "velocity (m/s)",
-        "following error (µm)",
-        "force (N)",
-        "temperature (°C)",
-    )
-    for panel, label in zip(panels, labels, strict=True):
+    traces = {
+        label: drawn
+        for label, trace in _TRACES.items()
+        if (drawn := [(n, y) for n in _moving_axes(columns, axes) if (y := trace(columns, n))])
+    }
+    heated = "temperature_C" in columns
+    count = len(traces) + heated
+    figure = Figure(figsize=(10, 2 * count), layout="constrained")
+    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for panel, (label, drawn) in zip(panels, traces.items(), strict=False):
         panel.set_ylabel(label)
+        for n, (values,) in drawn:
+            panel.plot(time, values, color=_AXIS_COLORS[n], label=f"axis {n}", linewidth=1.0)
+    if heated:
+        panels[-1].set_ylabel("temperature (°C)")
+        panels[-1].plot(time, columns["temperature_C"], color="tab:red", linewidth=1.0)
+    for panel in panels:
         panel.grid(alpha=0.3)
     panels[0].legend(loc="upper right")
     panels[-1].set_xlabel("time (s)")
@@ -57,8 +57,45 @@ def draw(columns: Mapping[str, NDArray[Any]], axes: Sequence[int], title: str) -
     return figure
 
 
+def _scaled(name: str, factor: float = 1.0) -> Trace:
+    """The column `name` of an axis times `factor`."""
+
+    def trace(columns: Mapping[str, NDArray[Any]], n: int) -> list[NDArray[Any]]:
+        column = name.format(n)
+        return [columns[column] * factor] if column in columns else []
+
+    return trace
+
+
+def _position(columns: Mapping[str, NDArray[Any]], n: int) -> list[NDArray[Any]]:
+    """The position of an axis, or else its command."""
+    return _scaled("position_{}_m", _MM_PER_M)(columns, n) or _scaled("command_{}_m", _MM_PER_M)(
+        columns, n
+    )
+
+
+def _lag(columns: Mapping[str, NDArray[Any]], n: int) -> list[NDArray[Any]]:
+    if f"command_{n}_m" not in columns or f"position_{n}_m" not in columns:
+        return []
+    return [(columns[f"command_{n}_m"] - columns[f"position_{n}_m"]) * _UM_PER_M]
+
+
+# label of a panel -> its trace of an axis: no array where the recording has not the columns
+_TRACES: dict[str, Trace] = {
+    "position (mm)": _position,
+    "velocity (m/s)": _scaled("velocity_{}_m_s"),
+    "following error (µm)": _lag,
+    "force (N)": _scaled("force_{}_N"),
+}
+
+
 def _moving_axes(columns: Mapping[str, NDArray[Any]], axes: Sequence[int]) -> Sequence[int]:
-    return [n for n in axes if np.ptp(columns[f"command_{n}_m"]) > 0] or axes
+    moving = []
+    for n in axes:
+        own = [columns[c] for c in (f"command_{n}_m", f"position_{n}_m") if c in columns]
+        if any(np.nanmax(values) > np.nanmin(values) for values in own):
+            moving.append(n)
+    return moving or axes
 
 
 def mark_lines(panel: Axes, time_s: Sequence[float], lines: Sequence[int]) -> None:

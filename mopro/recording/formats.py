@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
+import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import IO, Any, TextIO
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataError
 from mopro.files import output
-from mopro.recording.record import CSV_MARK, KEY, Columns, Header, Sink
+from mopro.recording.record import CSV_MARK, KEY, Columns, FileSink, Header
 
 
-def open_sink(path: Path, header: Header) -> AbstractContextManager[Sink]:
-    """A sink that writes `path` in the format of its suffix; the file appears when it closes."""
+def open_sink(path: Path, header: Header) -> AbstractContextManager[FileSink]:
+    """A sink that writes `path` in the format of its suffix; the file appears when it closes.
+
+    Its `header` may be replaced until then.
+    """
     opener = FORMATS.get(path.suffix.lower())
     if opener is None:
         known = ", ".join(FORMATS)
@@ -29,7 +34,7 @@ def open_sink(path: Path, header: Header) -> AbstractContextManager[Sink]:
 
 
 @contextmanager
-def _parquet_sink(path: Path, header: Header) -> Iterator[Sink]:
+def _parquet_sink(path: Path, header: Header) -> Iterator[FileSink]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -41,28 +46,36 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[Sink]:
     class ParquetSink:
         writer: Any = None
 
+        def __init__(self, header: Header) -> None:
+            self.header = header
+
         def write(self, columns: Columns) -> None:
             table = pa.table({name: arrow_array(values) for name, values in columns.items()})
-            table = table.replace_schema_metadata({KEY: _header_text(header)})
             if self.writer is None:
-                self.writer = pq.ParquetWriter(draft, table.schema)
+                # A stored schema would hide metadata that are added after it.
+                self.writer = pq.ParquetWriter(draft, table.schema, store_schema=False)
             self.writer.write_table(table)
 
+        def close(self) -> None:
+            if self.writer is not None:
+                self.writer.add_key_value_metadata({KEY: _header_text(self.header)})
+                self.writer.close()
+
     with output(path) as draft:
-        sink = ParquetSink()
+        sink = ParquetSink(header)
         try:
             yield sink
         finally:
-            if sink.writer is not None:
-                sink.writer.close()
+            sink.close()
 
 
 class _CsvSink:
-    """Writes CSV with as many digits as exact reading needs."""
+    """Writes rows of CSV with as many digits as exact reading needs."""
 
-    def __init__(self, file: TextIO, header: Header) -> None:
-        file.write(f"{CSV_MARK}{_header_text(header)}\n")
-        self._rows = csv.writer(file, lineterminator="\n")
+    def __init__(self, body: IO[bytes], header: Header) -> None:
+        self.header = header
+        self._text = io.TextIOWrapper(body, encoding="utf-8", newline="")
+        self._rows = csv.writer(self._text, lineterminator="\n")
         self._named = False
 
     def write(self, columns: Columns) -> None:
@@ -71,20 +84,32 @@ class _CsvSink:
             self._named = True
         self._rows.writerows(zip(*(v.tolist() for v in columns.values()), strict=True))
 
+    def pour(self, file: IO[bytes]) -> None:
+        """Write the header and, below it, all rows to `file`."""
+        file.write(f"{CSV_MARK}{_header_text(self.header)}\n".encode())
+        body = self._text.detach()
+        body.seek(0)
+        shutil.copyfileobj(body, file)
+
 
 @contextmanager
-def _csv_sink(path: Path, header: Header) -> Iterator[Sink]:
-    with output(path) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
-        yield _CsvSink(file, header)
+def _csv_sink(path: Path, header: Header) -> Iterator[FileSink]:
+    """Collect rows in a temporary file, as the header precedes them and is known last."""
+    with output(path) as draft, _nameless(draft.parent) as body:
+        sink = _CsvSink(body, header)
+        yield sink
+        with open(draft, "wb") as file:
+            sink.pour(file)
 
 
 @contextmanager
-def _npz_sink(path: Path, header: Header) -> Iterator[Sink]:
+def _npz_sink(path: Path, header: Header) -> Iterator[FileSink]:
     """Collect columns in temporary files, as an array's length precedes its data in NPZ."""
 
     class NpzSink:
-        def __init__(self, files: ExitStack) -> None:
+        def __init__(self, files: ExitStack, header: Header) -> None:
             self.files = files
+            self.header = header
             self.growing: dict[str, tuple[IO[bytes], np.dtype[Any]]] = {}
 
         def write(self, columns: Columns) -> None:
@@ -98,10 +123,10 @@ def _npz_sink(path: Path, header: Header) -> Iterator[Sink]:
             return {name: _mapped(*grown) for name, grown in self.growing.items()}
 
     with output(path) as draft, ExitStack() as files:
-        sink = NpzSink(files)
+        sink = NpzSink(files, header)
         yield sink
         with open(draft, "wb") as file:
-            text = np.frombuffer(_header_text(header).encode(), np.uint8)
+            text = np.frombuffer(_header_text(sink.header).encode(), np.uint8)
             arrays: dict[str, Any] = {**sink.columns(), KEY: text}
             np.savez(file, **arrays)
 
@@ -123,7 +148,7 @@ def _header_text(header: Header) -> str:
 
 
 # suffix -> opener of a sink
-FORMATS: dict[str, Callable[[Path, Header], AbstractContextManager[Sink]]] = {
+FORMATS: dict[str, Callable[[Path, Header], AbstractContextManager[FileSink]]] = {
     ".parquet": _parquet_sink,
     ".csv": _csv_sink,
     ".npz": _npz_sink,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from mopro.motion import PlannedMove
@@ -55,6 +55,20 @@ class MoveOutcome:
 
 
 @dataclass(frozen=True)
+class Stall:
+    """The slip of one axis in a move, or while it rang after it.
+
+    `time_s` is when the axis was first more than half a pitch from its tooth, None if nobody
+    observed it; `line` that of the move; `lost_pitches` are positive if the axis fell behind.
+    """
+
+    time_s: float | None
+    line: int
+    axis: int | None
+    lost_pitches: int
+
+
+@dataclass(frozen=True)
 class MoveReport:
     """One move: its command and its outcome.
 
@@ -102,6 +116,62 @@ class MoveReport:
             slipped=outcome.slipped,
             complete=outcome.complete,
         )
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """A move that a program makes `count` times; `worst` has its first time and worst outcome.
+
+    Its lost pitches are those of all times.
+    """
+
+    worst: MoveReport
+    count: int
+
+    @property
+    def cells(self) -> list[str]:
+        """One cell for each of `folded_columns`."""
+        move = self.worst
+        peak, set_velocity = f"{move.peak_velocity:.4g}", f"{move.set_velocity:.4g}"
+        return [
+            f"{move.line}" if self.count == 1 else f"{move.line} × {self.count}",
+            "+".join(map(str, move.axes)),
+            move.profile + ("" if move.complete else " cut"),
+            f"{move.distance:g}",
+            peak if peak == set_velocity else f"{peak} of {set_velocity}",
+            f"{move.duration_s:.6f}",
+            "-" if move.max_lag is None else f"{move.max_lag:.3g}",
+            "-" if move.stall_margin is None else f"{move.stall_margin:.0%}",
+            f"{move.lost_pitches:+d}" if move.slipped else "0",
+        ]
+
+
+def folded(moves: Iterable[MoveReport]) -> list[Repeated]:
+    """`moves` with those of one statement that went alike in one, in the order of their first."""
+    groups: dict[tuple[object, ...], list[MoveReport]] = {}
+    for move in moves:
+        alike = (*move.axes, move.profile, move.distance, move.complete, move.slipped)
+        groups.setdefault((move.line, alike), []).append(move)
+    return [Repeated(_worst(group), len(group)) for group in groups.values()]
+
+
+def _worst(moves: Sequence[MoveReport]) -> MoveReport:
+    return replace(
+        moves[0],
+        max_lag=max((m.max_lag for m in moves if m.max_lag is not None), default=None),
+        stall_margin=min(
+            (m.stall_margin for m in moves if m.stall_margin is not None), default=None
+        ),
+        lost_pitches=sum(m.lost_pitches for m in moves),
+    )
+
+
+def folded_columns(unit: str) -> list[str]:
+    """The heads of the columns of `Repeated.cells`, for lengths in `unit`."""
+    return [
+        "line", "axis", "profile", f"distance\n({unit})", f"velocity\n({unit}/s)", "time\n(s)",
+        f"largest\nlag ({unit})", "stall\nmargin", "pitches\nlost",
+    ]  # fmt: skip
 
 
 def move_cells(move: MoveReport) -> list[str]:

@@ -74,6 +74,30 @@ def _header(stated: object) -> Header:
     return Header(**stated)
 
 
+def is_recording(path: Path) -> bool:
+    """True if the file at `path` has the header of a recording, in the format of its suffix."""
+    try:
+        return _HEADERS[path.suffix.lower()](path)
+    except (OSError, *_FAULTS):
+        return False
+
+
+def _has_parquet_header(path: Path) -> bool:
+    import pyarrow.parquet as pq
+
+    return KEY.encode() in (pq.read_schema(path).metadata or {})
+
+
+def _has_csv_header(path: Path) -> bool:
+    with open(path, "rb") as file:
+        return file.read(len(CSV_MARK)) == CSV_MARK.encode()
+
+
+def _has_npz_header(path: Path) -> bool:
+    with zipfile.ZipFile(path) as archive:
+        return f"{KEY}.npy" in archive.namelist()
+
+
 def _refusal(path: Path, reason: object) -> DataError:
     text = " ".join(str(reason).split())[:200] or type(reason).__name__
     return DataError(f"{path}: is no recording: {text}")
@@ -232,4 +256,9 @@ _READERS: dict[str, Callable[[Path, Wanted], tuple[str, Columns]]] = {
     ".parquet": _read_parquet,
     ".csv": _read_csv,
     ".npz": _read_npz,
+}
+_HEADERS: dict[str, Callable[[Path], bool]] = {
+    ".parquet": _has_parquet_header,
+    ".csv": _has_csv_header,
+    ".npz": _has_npz_header,
 }

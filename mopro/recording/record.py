@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -21,6 +21,8 @@ Columns = dict[str, NDArray[Any]]
 KEY = "mopro"
 CSV_MARK = "# mopro "
 INTEGER_COLUMNS = frozenset({"line"})
+# Stalls that a header names; the list of a loop's could be longer than the recording.
+_MOST_STALLS = 100
 
 _AXIS_COLUMNS = (
     "command_{}_m",
@@ -33,7 +35,10 @@ _AXIS_COLUMNS = (
 
 
 def column_names(axes: Sequence[int]) -> list[str]:
-    """All columns of a recording of `axes`, in order."""
+    """All columns of an emulated recording of `axes`, in order.
+
+    A controller's recording has those that can be seen over the link.
+    """
     return ["time_s", *(c.format(n) for n in axes for c in _AXIS_COLUMNS), "temperature_C", "line"]
 
 
@@ -44,6 +49,9 @@ class Header:
     `program_sha256` is the digest of the program file's bytes, `back_end` the emulator or
     controller, `effects` the effects switched on (name, axes and parameters of each).
     `clock` is the clock of the sample times: the machine's, or that of the polling host.
+    `rate_hz` is the rate of the samples, a controller's their mean rate. After the run
+    `duration_s` is how long the program took, beyond which the samples show the axes settle,
+    and `stalls` are the first hundred `Stall`s.
     """
 
     program: str
@@ -56,15 +64,32 @@ class Header:
     versions: Mapping[str, str]
     effects: list[dict[str, Any]] = field(default_factory=list)
     clock: str = "machine"
+    duration_s: float | None = None
+    stalls: list[dict[str, Any]] = field(default_factory=list)
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
 
+    def after(self, run: Run) -> Header:
+        """This header with what is known after `run`."""
+        return replace(
+            self,
+            rate_hz=self.rate_hz if run.rate_hz is None else run.rate_hz,
+            duration_s=run.duration_s,
+            stalls=[asdict(stall) for stall in run.stalls[:_MOST_STALLS]],
+        )
+
 
 class Sink(Protocol):
-    """Receives a recording in chunks; each chunk has all columns, of equal length."""
+    """Receives a recording in chunks; each chunk has the same columns, of equal length."""
 
     def write(self, columns: Columns) -> None: ...
+
+
+class FileSink(Sink, Protocol):
+    """A sink that becomes a file under `header`, which may be replaced until it closes."""
+
+    header: Header
 
 
 @dataclass(frozen=True)
@@ -83,7 +108,9 @@ class Recording:
 
     @property
     def axes(self) -> list[int]:
-        return [int(c.split("_")[1]) for c in self.columns if c.startswith("position_")]
+        """The axes with a command or a position, in order."""
+        named = (c.split("_") for c in self.columns if c.startswith(("command_", "position_")))
+        return sorted({int(parts[1]) for parts in named})
 
     def to_pandas(self) -> pd.DataFrame:
         """The columns as a data frame (needs the extra `mopro[pandas]`)."""
@@ -116,7 +143,10 @@ class MemorySink:
             self._chunks = [_thinned(self._columns(), 0, 2)]
 
     def recording(self, header: Header, run: Run | None = None) -> Recording:
-        return Recording(header, self._columns(), run)
+        header = header if run is None else header.after(run)
+        return Recording(
+            replace(header, rate_hz=header.rate_hz / self._stride), self._columns(), run
+        )
 
     def _columns(self) -> Columns:
         names = self._chunks[0].keys()

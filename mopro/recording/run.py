@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from mopro.motion.slips import per_millisecond
 from mopro.program import Program
-from mopro.recording.moves import MoveReport, stall_message
+from mopro.recording.moves import MoveReport, Stall, stall_message
 from mopro.source import Span
 
 
@@ -16,8 +17,9 @@ class Run:
     """Result of running `program` on `machine`.
 
     `trip` is the event that stopped the machine early (kind, time_s, line, axis); `platen` the
-    worst-case thermal expansion of the platen. `trouble` is the message of a run that a lost
-    link or a stop ended.
+    worst-case thermal expansion of the platen. `stalls` say when each axis slipped. `trouble`
+    is the message of a run that a lost link or a stop ended. `rate_hz` is the mean rate of the
+    samples, None if it is the one that was asked for.
     """
 
     program: str
@@ -29,6 +31,8 @@ class Run:
     trip: Mapping[str, Any] | None = None
     platen: Mapping[str, Any] | None = None
     trouble: str | None = None
+    stalls: tuple[Stall, ...] = ()
+    rate_hz: float | None = None
 
     @property
     def stalled(self) -> bool:
@@ -41,11 +45,13 @@ class Run:
             "machine": self.machine,
             "duration_s": self.duration_s,
             "stalled": self.stalled,
+            "stalls": [asdict(stall) for stall in self.stalls],
             "loops_forever": self.loops_forever,
             "complete": self.complete,
             "trip": None if self.trip is None else dict(self.trip),
             "platen": None if self.platen is None else dict(self.platen),
             "moves": [asdict(move) for move in self.moves],
+            **({} if self.rate_hz is None else {"rate_hz": self.rate_hz}),
             **({"trouble": self.trouble} if self.trouble else {}),
         }
 
@@ -64,11 +70,15 @@ def outcome(run: Run) -> str:
     return text
 
 
-def stalls(run: Run, program: Program) -> list[tuple[Span, str]]:
-    """Span and message for each statement at which the motor stalled."""
+def stall_findings(run: Run, program: Program) -> list[tuple[Span, str, str | None]]:
+    """Span, message and hint for each statement at which the motor stalled."""
     spans = {op.span.line: op.span for op in program.ops}
     by_line: dict[int, list[MoveReport]] = {}
     for move in run.moves:
         if move.slipped:
             by_line.setdefault(move.line, []).append(move)
-    return [(spans[line], stall_message(moves)) for line, moves in by_line.items()]
+    return [(spans[line], stall_message(moves), _hint(moves[0])) for line, moves in by_line.items()]
+
+
+def _hint(move: MoveReport) -> str | None:
+    return per_millisecond(move.acceleration, move.set_velocity, move.axes[0], move.unit)

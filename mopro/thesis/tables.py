@@ -135,10 +135,15 @@ def _experiment_rows(number: int, experiment: MoveTest) -> list[Row]:
     shape = Row("4.5", row, "profile", experiment.profile, move.profile, None, note)
     return [
         shape,
-        _numbers("4.5", row, "distance (in)", experiment.distance, move.distance),
-        _numbers("4.5", row, "set velocity (in/s)", experiment.velocity, move.set_velocity),
-        _numbers("4.5", row, "acceleration (in/s²)", experiment.acceleration, move.acceleration),
+        _setting(row, "distance (in)", experiment.distance, move.distance),
+        _setting(row, "set velocity (in/s)", experiment.velocity, move.set_velocity),
+        _setting(row, "acceleration (in/s²)", experiment.acceleration, move.acceleration),
     ]
+
+
+def _setting(row: str, quantity: str, printed: float, stated: float) -> Row:
+    """A row of Table 4.5 that the program states, so that nothing is computed."""
+    return Row("4.5", row, quantity, printed, stated, None, "set by the program")
 
 
 def _run(number: int, load_lb: float) -> Run:

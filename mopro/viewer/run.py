@@ -15,7 +15,7 @@ from mopro.motion import Schedule
 from mopro.plant import plan_with_effects
 from mopro.program import AXES, Program
 from mopro.recording import Header, Run
-from mopro.recording.moves import MoveReport, stall_message
+from mopro.recording.moves import MoveReport, Stall
 from mopro.recording.record import Columns
 from mopro.recording.run import outcome
 from mopro.source import Span
@@ -36,8 +36,6 @@ MOST_MOVES = 20_000
 MOST_MARKS = 500
 
 TRACK = "run"
-# The track and channel of each axis' position.
-PLACES = {axis: (TRACK, f"position_{axis}_m") for axis in AXES}
 _ERROR = "following_error_{}_m"
 
 
@@ -141,7 +139,9 @@ def run_view(
         lines=sink.lines(),
         marks=list(_marks(run, findings))[:MOST_MARKS],
         moves=moves_json(run.moves),
-        platen=platen_json(machine, schedule_of(machine, program, run.duration_s), PLACES),
+        platen=platen_json(
+            machine, schedule_of(machine, program, run.duration_s), places_of(track.names)
+        ),
         phases=phases_of(_alive(track)),
     )
 
@@ -150,7 +150,8 @@ def run_page(header: Header, view: View, run: Run, machine: Machine) -> str:
     """The page of a run: its view, and where it comes from."""
     source = machine.source
     file = [section("Machine", [listing(source.text)], opened=False)] if source else []
-    rows = ([key, str(value)] for key, value in header.as_json().items())
+    stated = {k: v for k, v in header.after(run).as_json().items() if k != "stalls"}
+    rows = ([key, str(value)] for key, value in stated.items())
     trouble = [paragraph(run.trouble)] if run.trouble else []
     return document(
         view.name,
@@ -162,7 +163,7 @@ def run_page(header: Header, view: View, run: Run, machine: Machine) -> str:
 
 def run_panels(alive: Sequence[str]) -> list[Panel]:
     """The panels of the channels in `alive`; those that have none are left out."""
-    axes = sorted({name.split("_")[1] for name in alive if name.startswith("position_")})
+    axes = sorted({n.split("_")[1] for n in alive if n.startswith(("command_", "position_"))})
     panels = [
         _panel("Position", "m", _of(axes, alive, ("command_{}_m", "command"),
                                     ("position_{}_m", ""))),
@@ -175,6 +176,12 @@ def run_panels(alive: Sequence[str]) -> list[Panel]:
                                     if name == "temperature_C"]),
     ]  # fmt: skip
     return [panel for panel in panels if panel.traces]
+
+
+def places_of(names: Sequence[str]) -> dict[int, tuple[str, str]]:
+    """The track and channel of each axis' position, or else of its command."""
+    kinds = {n: "position" if f"position_{n}_m" in names else "command" for n in AXES}
+    return {axis: (TRACK, f"{kind}_{axis}_m") for axis, kind in kinds.items()}
 
 
 def phases_of(alive: Sequence[str]) -> dict[str, list[str]]:
@@ -232,11 +239,17 @@ def schedule_of(machine: Machine, program: Program, for_s: float | None) -> Sche
 def _marks(run: Run, findings: Iterable[Found]) -> Iterator[Mark]:
     if run.trip:
         yield Mark("trip", _trip_words(run.trip), int(run.trip["line"]), float(run.trip["time_s"]))
-    for move in run.moves:
-        if move.slipped:
-            yield Mark("stall", stall_message([move]), move.line, move.start_s)
+    for stall in run.stalls:
+        yield Mark("stall", _stall_words(stall), stall.line, stall.time_s)
     for finding in findings:
         yield Mark("lint", f"{finding.message} [{finding.rule}]", finding.span.line)
+
+
+def _stall_words(stall: Stall) -> str:
+    who = "the motor" if stall.axis is None else f"axis {stall.axis}"
+    if not stall.lost_pitches:
+        return f"{who} slipped, and fell back into its own tooth"
+    return f"{who} lost {stall.lost_pitches:+d} pitches"
 
 
 def _trip_words(trip: Mapping[str, Any]) -> str:

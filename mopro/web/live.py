@@ -19,7 +19,7 @@ from mopro.viewer.envelope import Buckets, Envelope, Floats
 from mopro.viewer.model import View
 from mopro.viewer.pack import Pack
 from mopro.viewer.platen import platen_json
-from mopro.viewer.run import PLACES, TRACK, RunSink, channels_of, phases_of, run_panels
+from mopro.viewer.run import TRACK, RunSink, channels_of, phases_of, places_of, run_panels
 from mopro.web.feed import Feed
 
 # Buckets that a page gets when it opens, and at most in one message.
@@ -36,7 +36,7 @@ class LiveRun:
 
     def __init__(self, program: Program, machine: Machine, schedule: Schedule) -> None:
         self._program = program
-        self._platen = platen_json(machine, schedule, PLACES)
+        self._machine, self._schedule = machine, schedule
         self._moving = {str(axis) for move in schedule.moves for axis in move.axes} or {"1", "2"}
         self._name = f"{program.name} on {machine.name}"
         self._sink = RunSink(_MOST_BUCKETS, 0)
@@ -65,9 +65,10 @@ class LiveRun:
         if not self._sink.names:
             return {"views": [], "block": ""}
         shown = [name for name in self._sink.names if self._shows(name)]
+        platen = platen_json(self._machine, self._schedule, places_of(shown))
         view = View(
             name=self._name, panels=run_panels(shown), tracks={TRACK: self._sink.track()},
-            program=self._program.source.lines, lines=self._sink.lines(), platen=self._platen,
+            program=self._program.source.lines, lines=self._sink.lines(), platen=platen,
             phases=phases_of(shown),
         )  # fmt: skip
         pack = Pack()

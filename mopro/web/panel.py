@@ -18,7 +18,7 @@ from mopro.recording.record import Columns
 from mopro.viewer.model import View
 from mopro.viewer.pack import Pack
 from mopro.viewer.platen import platen_of
-from mopro.viewer.run import PLACES, TRACK, RunSink, channels_of, run_panels
+from mopro.viewer.run import TRACK, RunSink, channels_of, places_of, run_panels
 from mopro.web.feed import Feed
 from mopro.web.live import samples_json
 
@@ -129,7 +129,7 @@ class ControllerPanel:
             name=f"virtual controller, {self._machine.name}",
             panels=run_panels(self._sink.names), tracks={TRACK: self._sink.track()},
             program=self._program, lines=self._sink.lines(),
-            platen=platen_of(self._machine, self._machine.travel_u(), PLACES),
+            platen=platen_of(self._machine, self._machine.travel_u(), places_of(self._sink.names)),
         )  # fmt: skip
         pack = Pack()
         told = view.as_json(pack)

@@ -73,7 +73,7 @@ def test_link_test_walks_the_dialect(mopro, serve, dialect):
     done = mopro("link-test", "--port", address, "--dialect", dialect, "--json")
     steps = json.loads(done.stdout)
     assert done.returncode == 0
-    assert len(steps) == 10
+    assert len(steps) == 11
     assert all(step["matched"] for step in steps)
 
 

@@ -146,7 +146,7 @@ def test_what_a_killed_run_leaves_goes_with_the_next(mopro, tmp_path, files, suf
     out = f"out{suffix}"
     (tmp_path / out).write_text("the one before")
     command = [sys.executable, "-m", "mopro", "run", str(ROOT / "programs" / "TEMP1.CMD"),
-               "--emulate", "--for", "10h", "--out", out]  # fmt: skip
+               "--emulate", "--for", "10h", "--out", out, "--force"]  # fmt: skip
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as process:
         wait_for(lambda: list(tmp_path.glob(f".{out}.*")), process)
         process.send_signal(signal.SIGKILL)

@@ -22,13 +22,13 @@ def test_lvdt3_prints_its_moves_and_leaves_a_recording(mopro_process, files, tmp
     assert (done.returncode, done.stderr) == (0, "")
     rows = [line.split() for line in done.stdout.splitlines() if "smooth" in line]
     assert [row[:5] for row in rows] == [
-        ["23", "1", "smooth", "15", "in"],
-        ["28", "1", "smooth", "-15", "in"],
+        ["23", "1", "smooth", "15", "40"],
+        ["28", "1", "smooth", "-15", "40"],
     ]
     assert "2 moves in 2.927778 s" in done.stdout
     assert "Recording: run.parquet" in done.stdout
     assert files() == ["run.parquet"]
-    assert len(read(tmp_path / "run.parquet")) == 5856
+    assert len(read(tmp_path / "run.parquet")) == 6856
 
 
 def test_json_has_the_fields_of_the_contract(mopro):
@@ -85,7 +85,10 @@ def test_a_loop_stops_at_the_stated_default_and_says_how_to_change_it(mopro):
     assert done.returncode == 0
     assert "loops for ever: stopped after 60 s; change that with --for" in done.stderr
     assert done.stderr.count("[letter-o-axis]") == 2
-    assert "more" in done.stdout
+    rows = [line.split() for line in done.stdout.splitlines() if "trapezoid" in line]
+    assert [row[:4] for row in rows] == [
+        ["16", "×", "28", "2"], ["19", "×", "27", "2"], ["19", "2", "trapezoid", "cut"],
+    ]  # fmt: skip
     shorter = mopro("run", ROOT / "programs" / "TEMP1.CMD", "--emulate", "--for", "2s")
     assert "stopped after 2 s" in shorter.stderr
 
@@ -210,13 +213,13 @@ def test_a_signal_leaves_no_half_written_file(tmp_path, number):
     """The run announces itself by its draft file; then the signal comes."""
     (tmp_path / "old.csv").write_text("the one before")
     command = [sys.executable, "-m", "mopro", "run", str(ROOT / "programs" / "TEMP1.CMD"),
-               "--emulate", "--for", "10h", "--out", "old.csv"]  # fmt: skip
+               "--emulate", "--for", "10h", "--out", "old.csv", "--force"]  # fmt: skip
     # Whoever starts the tests in the background has SIGINT ignored, and children inherit that.
     heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed
     ) as process:
-        wait_for(lambda: any(p.stat().st_size for p in tmp_path.glob(".old.csv.*")), process)
+        wait_for(lambda: list(tmp_path.glob(".old.csv.*")), process)
         process.send_signal(number)
         _, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130

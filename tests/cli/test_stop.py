@@ -47,7 +47,7 @@ class Controller:
                 self.loading.set()
             elif statement == "stop":
                 self.stopped.set()
-            elif self.said.count("position") > 6 and device.state == "running":
+            elif self.said.count("sample") > 4 and device.state == "running":
                 self.polled.set()
             return rows
 
@@ -203,12 +203,8 @@ def test_a_controller_that_speaks_nonsense_is_stopped(controller, tmp_path):
 
     def absurd(statement, fields, now_s):
         rows = do(statement, fields, now_s)
-        if (
-            statement == "position"
-            and controller.polled.is_set()
-            and not controller.stopped.is_set()
-        ):
-            return [{"position_1": "9" * 400, "position_2": 0}]
+        if statement == "sample" and controller.polled.is_set() and not controller.stopped.is_set():
+            return [rows[0] | {"position_1": "9" * 400}]
         return rows
 
     device.do = absurd

@@ -240,3 +240,62 @@ def test_memory_sinks_thin_what_is_too_much():
     thin = sink.recording(header)["time_s"]
     assert len(thin) <= 100
     assert np.array_equal(thin, kept.recording(header)["time_s"][:: thin[1]])
+
+
+STALLS = "UU012500/1\nVEL1 40.0\nACC1 25.0\nMRI1 5.0\nWX1\n"
+
+
+class TestSettling:
+    """Recordings that go on after the last move."""
+
+    def test_ringing_is_recorded_and_the_run_stays_the_same(self):
+        program = mopro.compile("UU012500/1\nVEL1 40.0\nACC1 0.25\nMRI1 8.0\nWX1\n")
+        short, long = mopro.emulate(program), mopro.emulate(program, settle_s=0.5)
+        assert long.run == short.run
+        assert long.header == short.header
+        for name, values in short.columns.items():
+            assert np.array_equal(long[name][: len(short)], values), name
+        ended_s = long.run.moves[0].start_s + long.run.moves[0].duration_s
+        assert long["time_s"][-1] == pytest.approx(ended_s + 0.5, abs=1e-3)
+        after = long["position_1_m"][len(short) :] - long["command_1_m"][len(short) :]
+        assert np.abs(after[:50]).max() > 10 * np.abs(after[-50:]).max()
+
+    def test_a_program_that_waits_long_enough_is_not_lengthened(self):
+        program = mopro.compile("UU012500/1\nVEL1 40.0\nACC1 0.25\nMRI1 8.0\nWX1\nWT600\n")
+        assert len(mopro.emulate(program, settle_s=0.5)) == len(mopro.emulate(program))
+
+    @pytest.mark.parametrize("for_s", [0.2, 3.0])
+    def test_what_is_cut_is_not_lengthened(self, programs_folder, for_s):
+        program = compile_file(programs_folder / "TEMP1.CMD")
+        assert mopro.emulate(program, for_s=for_s, settle_s=0.5)["time_s"][-1] <= for_s
+
+    def test_a_stall_is_marked_and_the_recording_agrees_with_the_table(self):
+        recording = mopro.emulate(mopro.compile(STALLS), settle_s=0.5)
+        (move,), (stall,) = recording.run.moves, recording.run.stalls
+        assert (stall.line, stall.axis, stall.lost_pitches) == (4, 1, move.lost_pitches)
+        lag_m = recording["command_1_m"] - recording["position_1_m"]
+        pitch_m = 1.016e-3
+        first_s = recording["time_s"][np.argmax(np.abs(lag_m) > pitch_m / 2)]
+        assert stall.time_s == pytest.approx(first_s, abs=1e-3)
+        assert round(lag_m[-1] / pitch_m) == move.lost_pitches != 0
+        assert abs(lag_m[-1] - move.lost_pitches * pitch_m) < pitch_m / 10
+        told = {"time_s": stall.time_s, "line": 4, "axis": 1, "lost_pitches": move.lost_pitches}
+        assert recording.header.stalls == recording.run.as_json()["stalls"] == [told]
+
+    def test_an_axis_that_slips_on_is_recorded_until_it_is_caught(self):
+        program = mopro.compile(STALLS)
+        recording = mopro.emulate(program, settle_s=0.001)
+        assert recording["time_s"][-1] > recording.run.duration_s + 0.002
+        lag_m = recording["command_1_m"][-1] - recording["position_1_m"][-1]
+        assert round(lag_m / 1.016e-3) == recording.run.moves[0].lost_pitches
+
+    def test_progress_is_told(self):
+        heard = []
+        program = mopro.compile("UU012500/1\nVEL1 40.0\nACC1 0.25\nMRI1 8.0\nWX1\nWT50000\n")
+        emulator = Emulator(load_machine("chow1992"))
+        run = emulator.run(program, MemorySink(), told=heard.append)
+        assert len(heard) >= 2
+        assert heard[-1].total_s == run.duration_s
+        assert heard[-1].time_s == pytest.approx(run.duration_s, abs=1e-3)
+        assert heard[-1].line == 6
+        assert heard[-1].position_m[1] == pytest.approx(8 * 0.0254, abs=1e-6)

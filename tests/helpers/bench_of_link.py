@@ -25,10 +25,10 @@ class Bench:
     def stored(self):
         return self.station.store.read("MAIN")
 
-    def run(self, program, for_s=None, **options):
+    def run(self, program, for_s=None, settle_s=0.0, **options):
         backend = SerialBackend(self.session, load_machine("chow1992"), **options)
         sink = MemorySink()
-        run = backend.run(program, sink, for_s)
+        run = backend.run(program, sink, for_s, settle_s)
         return sink.recording(backend.header(program), run)
 
 

@@ -282,8 +282,8 @@ def senseless_reply(ending: Ending) -> None:
 
     def senseless(statement, fields, now_s):
         rows = do(statement, fields, now_s)
-        if statement == "position" and now_s >= ending.at_s and not ending.times("stop"):
-            return [{"position_1": "9" * digits, "position_2": 0}]
+        if statement == "sample" and now_s >= ending.at_s and not ending.times("stop"):
+            return [rows[0] | {"position_1": "9" * digits}]
         return rows
 
     ending.device.do = senseless

@@ -49,11 +49,11 @@ class Command:
 
 
 COMMANDS = {
-    "run, csv": Command("run P.CMD --emulate --out r.csv", ("r.csv",)),
-    "run, npz": Command("run P.CMD --emulate --out r.npz", ("r.npz",)),
-    "run, parquet": Command("run P.CMD --emulate --out r.parquet", ("r.parquet",)),
+    "run, csv": Command("run P.CMD --force --emulate --out r.csv", ("r.csv",)),
+    "run, npz": Command("run P.CMD --force --emulate --out r.npz", ("r.npz",)),
+    "run, parquet": Command("run P.CMD --force --emulate --out r.parquet", ("r.parquet",)),
     "run, picture and page": Command(
-        "run P.CMD --emulate --rate 200Hz --out r.csv --plot p.png --report r.html",
+        "run P.CMD --force --emulate --rate 200Hz --out r.csv --plot p.png --report r.html",
         ("r.csv", "p.png", "r.html"), loose=("r.html",),
     ),
     "measure, dat": Command("measure P.CMD --out m.dat", ("m.dat",)),

@@ -75,7 +75,7 @@ def test_what_does_not_parse_is_left_and_told(fmt, tmp_path):
     good.write_text("go\n")
     done = fmt(bad, good)
     assert done.returncode == 2
-    assert b"bad.CMD:1:6:" in done.stderr
+    assert b"bad.CMD:1:1:" in done.stderr
     assert (bad.read_text(), good.read_text()) == ("vel 1\n", "GO\n")
 
 

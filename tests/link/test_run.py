@@ -1,5 +1,7 @@
 """Runs on the virtual controller: the emulator's table, stops, and what goes wrong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import mopro
 from helpers.bench_of_link import DIALECTS, SHORT, bench
 from mopro.controller.faults import Fault, PlantFault
 from mopro.errors import MotionError, SourceError
+from mopro.link import load_dialect
 from mopro.machine import load_machine
 from mopro.program.compile import compile_file
 from mopro.program.resume import resume
@@ -55,10 +58,74 @@ def test_a_run_cut_in_mid_move_has_the_same_table_and_then_brakes(programs_folde
 def test_the_recording_says_whose_clock_it_has_and_shows_what_was_seen():
     recording = bench().run(PROGRAM)
     assert recording.header.clock == "host"
-    assert np.isnan(recording["force_1_N"]).all()
     assert set(recording["line"]) <= set(range(1, 9))
     assert (np.diff(recording["time_s"]) > 0).all()
     assert recording["position_1_m"][-1] == pytest.approx(recording["command_1_m"][-1], abs=1e-9)
+
+
+FAST = mopro.compile(SHORT.replace("VEL1 8.0", "VEL1 40.0").replace("2.0", "9.0"), "fast.CMD")
+
+
+def without(dialect, *statements):
+    """A shipped dialect that lacks some statements."""
+    language = load_dialect(dialect)
+    known = {key: s for key, s in language.statements.items() if key not in statements}
+    return replace(language, statements=known)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_command_and_position_are_of_one_moment(dialect):
+    """At 1 m/s two answers one after the other would be 50 mm apart."""
+    there, here = bench(dialect).run(FAST), mopro.emulate(FAST)
+    lag_m = np.abs(there["command_1_m"] - there["position_1_m"])
+    assert lag_m.max() < 2 * here.run.moves[0].max_lag * 0.0254
+    told_m = np.interp(there["time_s"], here["time_s"], here["command_1_m"])
+    moving = np.abs(np.diff(there["command_1_m"])) > 1e-3
+    assert moving.sum() >= 2
+    assert np.abs(there["command_1_m"] - told_m).max() < 1e-3
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_what_two_answers_cannot_tell_is_left_out(dialect):
+    """Without a statement for both positions the command is known while it stands still."""
+    recording = bench(without(dialect, "sample")).run(FAST)
+    lag_m = np.abs(recording["command_1_m"] - recording["position_1_m"])
+    assert np.isfinite(recording["position_1_m"]).all()
+    assert np.isnan(lag_m).any()
+    assert np.nanmax(lag_m) < 1e-5
+    assert last_u(recording, 1) == round((9.0 - 1.0) * 12500)
+
+
+def test_columns_that_nobody_can_see_are_left_out():
+    seen = list(bench().run(PROGRAM).columns)
+    assert seen == ["time_s", "command_1_m", "position_1_m", "command_2_m", "position_2_m", "line"]
+    recording = bench(without("checked", "sample", "measured")).run(PROGRAM)
+    assert list(recording.columns) == ["time_s", "command_1_m", "command_2_m", "line"]
+    assert recording.axes == [1, 2]
+    recording.plot()
+
+
+def test_the_header_states_the_rate_of_the_samples():
+    recording = bench().run(PROGRAM)
+    assert recording.header.rate_hz == pytest.approx(1 / np.diff(recording["time_s"]).mean())
+    assert recording.header.rate_hz < 15
+
+
+def test_settling_is_polled_where_positions_are_measured():
+    def lasts_s(dialect):
+        recording = bench(dialect).run(PROGRAM, settle_s=0.5)
+        assert recording.run.duration_s == mopro.emulate(PROGRAM).run.duration_s
+        return recording["time_s"][-1] - recording.run.duration_s
+
+    assert 0.4 < lasts_s("checked") < 1.0
+    assert lasts_s(without("checked", "sample", "measured")) < 0.4
+
+
+def test_a_link_that_fails_while_the_axes_settle_takes_nothing_from_the_run():
+    joined = bench("checked", Fault("disconnect", at_s=2.2, for_s=1e6), breaks=True)
+    run = joined.run(PROGRAM, settle_s=60.0).run
+    assert (run.trouble, run.complete) == (None, True)
+    assert joined.session.port.now_s() < 10.0
 
 
 def test_motion_that_must_be_refused_is_refused_before_anything_is_sent():
@@ -161,6 +228,8 @@ def test_lost_steps_are_in_the_table_and_in_the_measured_position():
     recording = bench("checked", plant=[PlantFault("lost_steps", 0.36, 1, 2)]).run(PROGRAM)
     assert recording.run.stalled
     assert sum(move.lost_pitches for move in recording.run.moves) == 2
+    told = {"time_s": None, "line": 7, "axis": 1, "lost_pitches": 2}
+    assert recording.header.stalls == recording.run.as_json()["stalls"] == [told]
     lost_m = recording["command_1_m"][-1] - recording["position_1_m"][-1]
     assert lost_m == pytest.approx(2 * load_machine("chow1992").axis.pitch_m, abs=MICROSTEP_M)
 

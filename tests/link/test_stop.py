@@ -183,8 +183,8 @@ def test_an_absurd_position_is_a_fault_of_the_link(dialect, digits):
 
     def absurd(statement, fields, now_s):
         rows = do(statement, fields, now_s)
-        if statement == "position" and counted.times("run") and not counted.times("stop"):
-            return [{"position_1": "9" * digits, "position_2": 0}]
+        if statement == "sample" and counted.times("run") and not counted.times("stop"):
+            return [rows[0] | {"position_1": "9" * digits}]
         return rows
 
     joined.station.device.do = absurd

@@ -38,4 +38,6 @@ def test_table_4_5_has_the_fourteen_shapes():
     assert all(row.printed == row.computed for row in shapes)
     assert not any("stalled" in row.note for row in shapes)
     assert sum("5 lb" in row.note for row in shapes) == 4
-    assert all(row.deviation == pytest.approx(0, abs=1e-9) for row in rows if row not in shapes)
+    settings = [row for row in rows if row not in shapes]
+    assert all(row.printed == pytest.approx(row.computed, abs=1e-9) for row in settings)
+    assert {(row.deviation, row.note) for row in settings} == {(None, "set by the program")}

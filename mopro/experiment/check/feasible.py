@@ -14,7 +14,7 @@ from mopro.motion import Schedule
 from mopro.plant import limit_trip, plan_with_effects, simulate, switches_u
 from mopro.program import AXES
 from mopro.recording import MoveReport, Run
-from mopro.recording.run import stalls
+from mopro.recording.run import stall_findings
 
 # What follows the motion is simulated sample by sample; what is slow may last for days.
 LONGEST_S = 1800.0
@@ -95,7 +95,7 @@ def check_motion(suspect: Suspect, machine: Machine, compiled: bool) -> None:
     run = _simulated(trial, schedule, machine, compiled)
     stalled = [
         Diagnostic("stall", f"when simulated, {message}", span, hint=hint)
-        for span, message in stalls(run, trial.program)
+        for span, message, _ in stall_findings(run, trial.program)
     ]
     if stalled:
         raise MotionError(trial.program.source, stalled)

@@ -38,6 +38,8 @@ _KIND = one_of(*KINDS, message=f"expected one of {', '.join(KINDS)}")
 _RUN_KEYS = {
     "program", "command", "table", "data", "payload_kg", "payload", "sensor", "partial",
 }  # fmt: skip
+# Of a thermometer in a run that is proposed; a table of steady states has no rate.
+_STEADY_HZ = 1 / 15
 _FORMS = ("program", "command", "table")
 _GRAMMARS = ("attested", "extended")
 _NO_MACHINE = 'expected a machine, such as machine = "chow1992"'
@@ -135,8 +137,9 @@ class _Reader:
     def entries(self, root: Value) -> Entries:
         root.only({"machine", "grammar", "sensor", "run"})
         grammar = root.get("grammar", one_of(*_GRAMMARS), _GRAMMARS[0])
-        sensors = self._sensors(root)
         tables = self._sections(root, "run")
+        sampled = any("table" not in entry for entry in tables)
+        sensors = self._sensors(root, sampled)
         sensor_name = _name_among(sensors)
         runs = [self._run(entry, sensor_name) for entry in tables]
         _check_distinct_data(tables)
@@ -176,11 +179,11 @@ class _Reader:
             root.report(f"expected at least one [[{key}]]", "missing-key", at=key)
         return entries
 
-    def _sensors(self, root: Value) -> dict[str, SensorEntry]:
-        """The sensors that can be used, by name."""
+    def _sensors(self, root: Value, sampled: bool) -> dict[str, SensorEntry]:
+        """The sensors that can be used, by name; without `sampled` data they need no rate."""
         sensors: dict[str, SensorEntry] = {}
         for entry in self._sections(root, "sensor"):
-            if made := _sensor(entry):
+            if made := _sensor(entry, sampled):
                 name = made.sensor.name
                 if name in sensors:
                     entry.report(f"two sensors are called {shown(name)}", "double-name", at="name")
@@ -250,7 +253,7 @@ def _name_among(sensors: Mapping[str, Any]) -> Reader[str]:
 # -- sensors -----------------------------------------------------------------------
 
 
-def _sensor(entry: Value) -> SensorEntry | None:
+def _sensor(entry: Value, sampled: bool = True) -> SensorEntry | None:
     before = entry.faults
     entry.only({"kind", *_SENSOR_KEYS})
     kind = entry.get("kind", _KIND, None)
@@ -260,6 +263,8 @@ def _sensor(entry: Value) -> SensorEntry | None:
     axis = _axis(entry, stated)
     if kind is not None and entry.faults == before:
         stated = _with_defaults(entry, kind, axis, stated)
+    if not sampled:
+        stated.setdefault("rate_hz", _STEADY_HZ)
     if entry.faults == before:
         for key in ("name", "quantity", "column", "rate_hz"):
             if key not in stated:

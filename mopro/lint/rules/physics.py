@@ -9,6 +9,7 @@ from mopro.errors import Severity
 from mopro.lint.rule import Finding, Rule, Stage
 from mopro.lint.subject import Subject
 from mopro.motion import PlannedMove
+from mopro.motion.slips import per_millisecond
 from mopro.source import Span
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
@@ -52,11 +53,15 @@ def _stall(rule: Rule, subject: Subject) -> Iterator[Finding]:
 def _what_works(subject: Subject, stalled: Any, value: float, unit: str) -> str:
     from mopro.lint.stall_margins import largest_acceleration
 
+    velocity = stalled.move.in_uu(stalled.move.profile.velocity)
+    axis = stalled.move.axes[0]
+    slip = per_millisecond(value, velocity, axis, unit.removesuffix("/s²"))
+    if slip is not None:
+        return slip
     best = largest_acceleration(subject.stall_margins.laden, stalled, value, SAFE_MARGIN)
     if best is None:
         return f"no acceleration from a hundredth of {value:.4g} {unit} on works"
     works, margin = best
-    axis = stalled.move.axes[0]
     return (
         f"the largest acceleration that works is {works:g} {unit}, `ACC{axis} {works / 1000:g}`, "
         f"with a margin of {margin:.0%}"
