@@ -1,4 +1,10 @@
-"""mopro: the MoPro motion-control language, compiled, emulated and checked."""
+"""mopro: the MoPro motion-control language, compiled, emulated and checked.
+
+`compile` or `compile_file` makes a `Program`, `emulate` a `Recording` of it, `read` one of a
+file; `open_experiment` compares measured data with a `Machine`, and `reconcile` finds what any
+model lacks. Recordings, programs, machines, comparisons and verdicts show themselves in a
+notebook.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +12,53 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mopro.diagnosis import reconcile
+    from mopro.diagnosis import Verdict, reconcile
     from mopro.emulator import emulate
-    from mopro.program.compile import compile  # noqa: A004
+    from mopro.experiment.compare.comparison import Comparison
+    from mopro.experiment.opened import open_experiment
+    from mopro.machine import Machine, load_machine
+    from mopro.program import Program
+    from mopro.program.compile import compile, compile_file  # noqa: A004
     from mopro.recording import Recording, read
 
 # Each name comes with what it needs when it is first used: a text tool loads no numpy.
 _HOMES = {
-    "compile": "mopro.program.compile",
-    "emulate": "mopro.emulator",
-    "reconcile": "mopro.diagnosis",
+    "Comparison": "mopro.experiment.compare.comparison",
+    "Machine": "mopro.machine",
+    "Program": "mopro.program",
     "Recording": "mopro.recording",
+    "Verdict": "mopro.diagnosis",
+    "compile": "mopro.program.compile",
+    "compile_file": "mopro.program.compile",
+    "emulate": "mopro.emulator",
+    "load_machine": "mopro.machine",
+    "open_experiment": "mopro.experiment.opened",
     "read": "mopro.recording",
+    "reconcile": "mopro.diagnosis",
 }
 
-__all__ = ["Recording", "compile", "emulate", "read", "reconcile"]
+__all__ = [
+    "Comparison",
+    "Machine",
+    "Program",
+    "Recording",
+    "Verdict",
+    "compile",
+    "compile_file",
+    "emulate",
+    "load_machine",
+    "open_experiment",
+    "read",
+    "reconcile",
+]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
-        raise AttributeError(f"module 'mopro' has no attribute '{name}'")
+        hint = f": its names are {', '.join(__all__)}" if name.islower() else ""
+        raise AttributeError(f"module 'mopro' has no attribute '{name}'{hint}", name=name)
     return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, *(name for name in globals() if name.startswith("__"))]

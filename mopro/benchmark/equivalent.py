@@ -19,7 +19,7 @@ from mopro.benchmark.hidden import HIDDEN_EFFECTS, HiddenEffect, Parameters
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.sizes import NoiselessRuns
 
-# Chi-squared by which evidence tells two effects apart.
+# chi-squared by which evidence distinguishes two effects.
 MARGIN = 10.0
 _STARTS = 2
 _DRAWS = 6

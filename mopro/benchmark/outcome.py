@@ -16,7 +16,7 @@ Document = Mapping[str, Any]
 
 
 def family(effect: Document) -> list[str]:
-    """The effects that the verdict cannot tell from a named one."""
+    """The effects that the verdict cannot distinguish from a named one."""
     return list(effect.get("indistinguishable_from") or [])
 
 

@@ -51,6 +51,11 @@ _SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "white
     metavar="MACHINE",
     help="Compare with this machine instead, and show the gap of each run before and after.",
 )
+@click.option(
+    "--plot",
+    type=OutputFile(".png", ".svg", ".pdf"),
+    help="A picture: measured over simulated, and the residual.",
+)
 @click.option("--report", type=OutputFile(".html"), help="A page with the series and residuals.")
 @allow_python_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -58,6 +63,7 @@ def command(
     experiment: str,
     seed: int,
     applied: str | None,
+    plot: Path | None,
     report: Path | None,
     allow_python: bool,
     as_json: bool,
@@ -75,7 +81,9 @@ def command(
 
     inputs: list[Named] = [("EXPERIMENT", experiment)]
     inputs += [("EXPERIMENT", file) for file in files_of(experiment)]
-    keep_inputs([("--report", report)], [*inputs, ("--apply", machine_file(applied))])
+    keep_inputs(
+        [("--plot", plot), ("--report", report)], [*inputs, ("--apply", machine_file(applied))]
+    )
     loaded = (
         open_experiment(experiment, allow_python=allow_python)
         if applied is None
@@ -83,7 +91,7 @@ def command(
     )
     for note in loaded.notes:
         say(note, err=True)
-    with claimed(report):
+    with claimed(plot, report):
         comparison, before = loaded.compare(seed), None
         if applied is not None:
             loaded, before = open_experiment(experiment, applied, allow_python), comparison
@@ -97,8 +105,22 @@ def command(
     else:
         _print(comparison)
         _print_gaps(gaps)
-    all_drawn = drawn(report, lambda _: _page(loaded, comparison, before))
+    title = f"{experiment} on {loaded.machine_name}"
+    # A list, so that both are drawn even if the first fails.
+    all_drawn = all(
+        [
+            drawn(plot, lambda form: _figure_of(comparison, before, title, form)),
+            drawn(report, lambda _: _page(loaded, comparison, before)),
+        ]
+    )
     return EXIT_FAILED if comparison.verdict == DISAGREEMENT or not all_drawn else 0
+
+
+def _figure_of(comparison: Comparison, before: Comparison | None, title: str, form: str) -> bytes:
+    from mopro.plot import figure_bytes
+    from mopro.plot.comparison import plot_comparison
+
+    return figure_bytes(plot_comparison(comparison, title, before), form)
 
 
 def _page(loaded: Opened, comparison: Comparison, before: Comparison | None) -> bytes:

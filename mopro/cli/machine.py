@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from mopro.machine import Machine
     from mopro.rig.model import Rig
 
-_SECTIONS = ("axis", "drive", "platen", "heat", "forcers", "limits")
 _MOST_ROWS = 200
 _EXTENDING = """# A machine that differs from BASE; all that is not stated here is that of BASE.
 # `mopro machine show BASE` prints what there is.
@@ -66,7 +64,7 @@ def show(machine: str, as_json: bool) -> None:
         name, rows = rig.name, list(_of_rig(rig))
     else:
         loaded = load_machine(machine)
-        name, rows = loaded.name, [*_quantities(loaded), *_effects(loaded)]
+        name, rows = loaded.name, [*loaded.quantities(), *_effects(loaded)]
     if as_json:
         say(json.dumps({"name": name, "quantities": rows}, indent=1))
         return
@@ -171,29 +169,6 @@ def _of_rig(rig: Rig) -> Iterator[dict[str, Any]]:
         for name, value in values.items():
             row = {"key": f"effects.{effect}.{name}", "value": value, "unit": ""}
             yield {**row, "origin": "stated", "place": ""}
-
-
-def _quantities(machine: Machine) -> list[dict[str, Any]]:
-    from mopro.units import units_of
-
-    rows = []
-    for section in _SECTIONS:
-        part = getattr(machine, section)
-        for field in fields(part) if part is not None else ():
-            key = f"{section}.{field.metadata['key']}"
-            dimension = field.metadata.get("dimension")
-            source = machine.provenance.get(key)
-            rows.append(
-                {
-                    "key": key,
-                    "value": getattr(part, field.name),
-                    "unit": units_of(dimension)[0] if dimension else "",
-                    "origin": source.origin if source else "assumed",
-                    "place": source.place if source else "default",
-                    "tolerance": source.tolerance if source else 0.0,
-                }
-            )
-    return rows
 
 
 def _effects(machine: Machine) -> list[dict[str, Any]]:

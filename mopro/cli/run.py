@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from mopro.viewer.run import RunSink
 
 DEFAULT_OUT = "run.parquet"
-_MOST_PLOTTED = 200_000
 
 
 @click.command()
@@ -236,7 +235,7 @@ def _recorded(
     try:
         with recording_sink(out, header) as sink:
             run = backend.run(program, pictures.beside(sink), *lasting_s, told)
-            sink.header = header.after(run)
+            sink.header, sink.run = header.after(run), run
     except DataError as error:
         if run is None or header.clock != "host":
             raise
@@ -273,13 +272,14 @@ class _Pictures:
     def __init__(
         self, plot: Path | None, report: Path | None, program: Program, grammar: str
     ) -> None:
-        from mopro.recording import MemorySink
+        from mopro.recording.envelope import Envelopes
 
         self._plot = plot
         self._report = report
         self._program = program
         self._grammar = grammar
-        self._memory = MemorySink(_MOST_PLOTTED)
+        self._envelopes = Envelopes()
+        self._plotted = DrawingSink(self._envelopes)
         self._live: Sink | None = None
         self._drawing: DrawingSink | None = None
         self._seen: RunSink | None = None
@@ -299,7 +299,7 @@ class _Pictures:
         if self._live is not None:
             sink = _Tee(sink, self._live)
         if self._plot:
-            sink = _Tee(sink, self._memory)
+            sink = _Tee(sink, self._plotted)
         return _Tee(sink, self._drawing) if self._drawing else sink
 
     def draw(self, header: Header, run: Run, plant: Machine, machine: str) -> bool:
@@ -307,8 +307,11 @@ class _Pictures:
 
         def figure(form: str) -> bytes:
             from mopro.plot import figure_bytes
+            from mopro.recording.figure import draw
 
-            return figure_bytes(self._memory.recording(header, run).plot(), form)
+            self._plotted.check()
+            title = f"{header.program} on {header.machine}"
+            return figure_bytes(draw(self._envelopes, title, run), form)
 
         def page(form: str) -> bytes:
             from mopro.lint import Settings, lint

@@ -1,4 +1,4 @@
-"""Alternatives to a set of effects: other sets that the data cannot tell from it."""
+"""Alternatives to a set of effects: other sets that explain the data as well."""
 
 from __future__ import annotations
 

@@ -321,7 +321,7 @@ def _as_noise(state: State, remainder: Remainder) -> str | None:
 
 
 def find_alternatives(state: State) -> State:
-    """Other sets that the data cannot tell from the answer.
+    """Other sets that the data cannot distinguish from the answer.
 
     A set with a free-form term is none of them, as what somebody has listed has the benefit of
     the doubt, but is told.

@@ -13,7 +13,7 @@ from mopro.diagnosis.fit import Fit, Identity
 from mopro.diagnosis.model import Candidate, Floats, Parameter, Role
 from mopro.diagnosis.noise import Noise
 
-# EBIC within which two explanations cannot be told apart: a Bayes factor of 150, above which
+# EBIC within which two explanations cannot be distinguished: a Bayes factor of 150, above which
 # evidence is "very strong" (Kass and Raftery 1995). Halved, families lose true members at odds of
 # 12 to 1; doubled, they gain members at odds of up to 22000 to 1.
 ALTERNATIVE_MARGIN = 10.0

@@ -15,7 +15,8 @@ from mopro.diagnosis.model import Floats
 _SECANT_ERROR = 0.3
 # Distance from an end of the range, as a share of it, within which a parameter is at that end.
 _AT_BOUND = 1e-6
-# Singular values below this share of the largest: parameters that the residual cannot tell apart.
+# Singular values below this share of the largest: parameters that the residual cannot
+# distinguish.
 _RANK_TOLERANCE = 1e-9
 # A change of the residual below this, in chi-squared, is too small to learn a slope from.
 _NO_CHANGE = 1e-2

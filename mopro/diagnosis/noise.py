@@ -1,8 +1,8 @@
 """Noise that residuals are judged by: in each series its size, spectrum and independent samples.
 
 Stated noise is white and of the stated size. What a model leaves of real data seldom is: it has
-a memory, so that a thousand samples are as good as fifty independent ones, and nobody knows its
-size beforehand. Its spectrum is then taken from what the fullest set of effects leaves.
+a memory, so that a thousand samples may be worth fifty independent ones, and its size is not known
+beforehand. Its spectrum is then taken from what the fullest set of effects leaves.
 """
 
 from __future__ import annotations

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from mopro.diagnosis.html import paragraph, table
 from mopro.diagnosis.model import Floats, Series, Settings, Simulate
 from mopro.diagnosis.remainder import Remainder
 from mopro.diagnosis.residual import Residuals
+
+_EFFECTS_SHOWN = (
+    "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes", "held out",
+)  # fmt: skip
+_GAPS_SHOWN = ("run", "sensor", "before", "after", "noise")
 
 
 @dataclass(frozen=True)
@@ -30,7 +36,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that is believed, with the alternatives that the data cannot tell from it.
+    """A supported effect, with the alternatives that the data cannot distinguish from it.
 
     `rivals`: EBIC of each alternative above that of the effect, within 10. `alternatives`: all
     settings with the alternative in the place of the effect. `log10_bayes_factor`: half the
@@ -77,7 +83,7 @@ class Explained:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A candidate that is not believed, and why; `gain` is its reduction of chi-squared."""
+    """A candidate that the data do not support, and why; `gain` is its reduction of chi-squared."""
 
     name: str
     gain: float
@@ -147,7 +153,7 @@ class Verdict:
 
     `before` and `after`: the residual of each series, in its unit, without and with the
     effects. `settings`: all that was fitted but drafts. `next_experiment`: a program that
-    would tell alternatives apart, if the caller writes one. `calibration`: corrections of the
+    would distinguish alternatives, if the caller writes one. `calibration`: corrections of the
     model's own numbers within their tolerances, which are no findings. `alternatives`: sets of
     effects within 10 of the lowest EBIC, the lowest first. `base`: the model's free numbers,
     `base_before` those without effects. `drafts`: free-form terms beside the effects. `notes`:
@@ -193,6 +199,18 @@ class Verdict:
             RunGap(s.run, s.sensor, s.unit, rms(b), rms(a), None, s.sigma)
             for s, b, a in zip(data, before, after, strict=True)
         )
+
+    def _repr_html_(self) -> str:
+        """Effects with their evidence, the gap, alternatives and notes."""
+        parts = [table(_EFFECTS_SHOWN, _effect_cells(self.fitted))] if self.fitted else []
+        parts.append(table(_GAPS_SHOWN, _gap_cells(self.gap.runs)))
+        said = [f"As good an explanation: {' and '.join(n)}." for n in self.alternatives]
+        said += [f"In no catalogue: {d.law} {d.unit}, of {d.of}." for d in self.drafts]
+        if self.remainder.significant:
+            said.append(f"Unexplained: {self.remainder.description}.")
+        said += [f"{note[:1].upper()}{note[1:]}." for note in self.notes]
+        heading = f"<strong>Verdict: {self.verdict}</strong>"
+        return f"<div>{heading}{''.join([*parts, *map(paragraph, said)])}</div>"
 
     @property
     def fitted(self) -> tuple[Named, ...]:
@@ -241,6 +259,25 @@ class Verdict:
             "notes": list(self.notes),
             "correlations": {name: dict(row) for name, row in self.correlations.items()},
         }
+
+
+def _effect_cells(effects: Sequence[Named]) -> Iterator[list[str]]:
+    for effect in effects:
+        name = " or ".join([effect.name, *effect.indistinguishable_from])
+        held = "gains" if effect.held_out else "-"
+        evidence = [f"{effect.sigmas:.3g}", f"{effect.log10_bayes_factor:.3g}", held]
+        for parameter, estimate in effect.parameters.items():
+            ends = [f"{end:.4g}" for end in estimate.ci95 if math.isfinite(end)]
+            interval = " to ".join(ends) if len(ends) == 2 else "-"
+            value = f"{estimate.value:.4g} {estimate.unit}"
+            yield [name, parameter, value, interval, *evidence]
+
+
+def _gap_cells(runs: Sequence[RunGap]) -> Iterator[list[str]]:
+    for run in runs:
+        sizes = (run.before_rms, run.after_rms, run.noise_rms)
+        shown = ["unknown" if size is None else f"{size:.3g} {run.unit}" for size in sizes]
+        yield [run.run, run.sensor, *shown]
 
 
 def rms(values: Floats) -> float:

@@ -240,11 +240,33 @@ def emulate(
     """Run `program` on an emulated machine and keep the recording in memory.
 
     `machine` is a built-in name, a machine file's path or a `Machine`; for the rest see
-    `Emulator` and its `run`. Raises MotionError, ModelError.
+    `Emulator` and its `run`. Raises MotionError, ModelError; TypeError for an argument of another
+    kind.
     """
+    _check_arguments(program, machine, effects)
     if isinstance(machine, str):
         machine = load_machine(machine)
     emulator = Emulator(machine, payload_kg, rate_hz, seed, resolved, max_step_s, effects, compiled)
     sink = MemorySink()
     run = emulator.run(program, sink, for_s, settle_s)
     return sink.recording(emulator.header(program), run)
+
+
+def _check_arguments(program: object, machine: object, effects: object) -> None:
+    """TypeError for arguments that are easily mistaken, with what was expected in their place."""
+    if not isinstance(program, Program):
+        raise TypeError(
+            f"emulate expects a Program, not {type(program).__name__}: mopro.compile(text) makes "
+            "one of a text, mopro.compile_file(path) one of a file"
+        )
+    if not isinstance(machine, str | Machine):
+        raise TypeError(
+            f"machine is {type(machine).__name__}: expected a built-in name, the path of a machine "
+            "file as text, or a Machine"
+        )
+    stated = effects.values() if isinstance(effects, Mapping) else [effects]
+    if effects is not None and not all(isinstance(values, Mapping) for values in stated):
+        raise TypeError(
+            'effects are names with their parameters, such as {"viscous_drag": {"b": 9.0}}; '
+            '{"viscous_drag": {}} has the defaults'
+        )

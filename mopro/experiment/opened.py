@@ -29,6 +29,10 @@ from mopro.tomlfile import Document, read_source
 Progress = Callable[[str], None]
 
 
+def quiet(step: str) -> None:
+    """No report of the progress."""
+
+
 class Opened(Protocol):
     """An experiment of any kind of machine, read and checked."""
 
@@ -52,11 +56,13 @@ class Opened(Protocol):
         """The names of the effects that are candidates."""
         ...
 
-    def compare(self, seed: int) -> Comparison:
+    def compare(self, seed: int = 0) -> Comparison:
         """Compare the data with the machine's model."""
         ...
 
-    def conclude(self, jobs: int, progress: Progress, left_out: Collection[str]) -> Conclusion:
+    def conclude(
+        self, jobs: int = 1, progress: Progress = quiet, left_out: Collection[str] = ()
+    ) -> Conclusion:
         """Find what the model lacks, without the effects in `left_out`."""
         ...
 
@@ -83,10 +89,12 @@ class OfTheMotor:
     def effects(self) -> frozenset[str]:
         return frozenset(catalogue())
 
-    def compare(self, seed: int) -> Comparison:
+    def compare(self, seed: int = 0) -> Comparison:
         return compare(self.experiment, np.random.default_rng(seed))
 
-    def conclude(self, jobs: int, progress: Progress, left_out: Collection[str]) -> Conclusion:
+    def conclude(
+        self, jobs: int = 1, progress: Progress = quiet, left_out: Collection[str] = ()
+    ) -> Conclusion:
         return conclude(self.experiment, jobs, progress, left_out)
 
 
@@ -112,10 +120,12 @@ class OfARig:
     def effects(self) -> frozenset[str]:
         return rig_conclude.names(self.study)
 
-    def compare(self, seed: int) -> Comparison:
+    def compare(self, seed: int = 0) -> Comparison:
         return rig_compare.compare(self.study)
 
-    def conclude(self, jobs: int, progress: Progress, left_out: Collection[str]) -> Conclusion:
+    def conclude(
+        self, jobs: int = 1, progress: Progress = quiet, left_out: Collection[str] = ()
+    ) -> Conclusion:
         return rig_conclude.conclude(self.study, jobs, progress, left_out)
 
 

@@ -28,7 +28,7 @@ LEAST_CORRELATION = 0.5
 _NEAR = 0.05
 _FAR = 0.15
 _DEGREES = 180 / math.pi
-# Factor -> what it looks like; powers of ten are told apart.
+# Factor -> what it looks like; powers of ten are distinguished.
 _FACTORS = {
     **{factor: f"{own} taken for {other}" for factor, (own, other) in UNIT_SLIPS.items()},
     3600 * _DEGREES: "arc seconds taken for radians",

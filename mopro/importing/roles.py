@@ -42,7 +42,7 @@ _HELD_CHANGES = 0.2
 class Signal:
     """A column as the experiment uses it.
 
-    `label` is its name in the normalised data, which ends in `unit` (None if nobody knows it);
+    `label` is its name in the normalised data, which ends in `unit` (None if it is unknown);
     `values` (n, NaN where there is none) are in it, at `time_s`. `role` is command, input, sensor
     or unused, `held` true if the value holds until the next row.
     """

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from mopro.program import AXES
 from mopro.source import Source, Span
+from mopro.units import units_of
 
 FULL_STEPS_PER_PITCH = 4
+_SECTIONS = ("axis", "drive", "platen", "heat", "forcers", "limits")
 # The fastest rate (1/s) that the emulator's steps of 50 µs resolve: RK4 is stable up to 2.78
 # per step, and some is left for effects.
 FASTEST_1_S = 40_000.0
@@ -196,6 +198,44 @@ class Machine:
     limits: Limits = Limits()
     effects: tuple[StatedEffect, ...] = ()
     source: Source | None = field(default=None, compare=False, repr=False)
+
+    def quantities(self) -> list[dict[str, Any]]:
+        """A row for each number: key, value (SI), unit, origin, place and tolerance."""
+        rows = []
+        for section in _SECTIONS:
+            part = getattr(self, section)
+            for own in fields(part) if part is not None else ():
+                key = f"{section}.{own.metadata['key']}"
+                dimension = own.metadata.get("dimension")
+                source = self.provenance.get(key)
+                rows.append(
+                    {
+                        "key": key,
+                        "value": getattr(part, own.name),
+                        "unit": units_of(dimension)[0] if dimension else "",
+                        "origin": source.origin if source else "assumed",
+                        "place": source.place if source else "default",
+                        "tolerance": source.tolerance if source else 0.0,
+                    }
+                )
+        return rows
+
+    def _repr_html_(self) -> str:
+        """Name, effects, and all numbers with their origins."""
+        from mopro import notebook
+
+        keys = ("key", "value", "unit", "origin", "place")
+        rows = [[row[key] for key in keys] for row in self.quantities()]
+        effects = [
+            (effect.name, key, value.number, value.unit or "")
+            for effect in self.effects
+            for key, value in effect.values.items()
+        ]
+        parts = [notebook.table(("effect", "parameter", "value", "unit"), effects)]
+        return notebook.fragment(
+            f"Machine {self.name}",
+            [*(parts if effects else []), notebook.table(keys, rows, most=None)],
+        )
 
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:
         """This machine with these effects as well, numbers in the effects' own units.

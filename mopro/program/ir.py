@@ -231,6 +231,14 @@ class Program:
             index = self.labels[op.name] if isinstance(op, Jump) else index + 1
         return tuple(met), index in met
 
+    def _repr_html_(self) -> str:
+        from mopro.notebook import fragment, listing
+
+        ending = ", loops for ever" if self.loops_forever else ""
+        warned = f", {len(self.warnings)} warnings" if self.warnings else ""
+        title = f"Program {self.name}: {len(self.ops)} statements{ending}{warned}"
+        return fragment(title, [listing(self.source.text)])
+
     @property
     def seeks_switch(self) -> bool:
         """True if any operation runs an axis to a limit switch."""

@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 from mopro.errors import DataError
 from mopro.files import output
 from mopro.recording.record import CSV_MARK, KEY, Columns, FileSink, Header
+from mopro.recording.run import Run
+from mopro.recording.story import story_of
 
 
 def open_sink(path: Path, header: Header) -> AbstractContextManager[FileSink]:
     """A sink that writes `path` in the format of its suffix; the file appears when it closes.
 
-    Its `header` may be replaced until then.
+    Its `header` and `run` may be replaced until then.
     """
     opener = FORMATS.get(path.suffix.lower())
     if opener is None:
@@ -45,6 +47,7 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[FileSink]:
 
     class ParquetSink:
         writer: Any = None
+        run: Run | None = None
 
         def __init__(self, header: Header) -> None:
             self.header = header
@@ -58,7 +61,7 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[FileSink]:
 
         def close(self) -> None:
             if self.writer is not None:
-                self.writer.add_key_value_metadata({KEY: _header_text(self.header)})
+                self.writer.add_key_value_metadata({KEY: _header_text(self)})
                 self.writer.close()
 
     with output(path) as draft:
@@ -71,6 +74,8 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[FileSink]:
 
 class _CsvSink:
     """Writes rows of CSV with as many digits as exact reading needs."""
+
+    run: Run | None = None
 
     def __init__(self, body: IO[bytes], header: Header) -> None:
         self.header = header
@@ -86,7 +91,7 @@ class _CsvSink:
 
     def pour(self, file: IO[bytes]) -> None:
         """Write the header and, below it, all rows to `file`."""
-        file.write(f"{CSV_MARK}{_header_text(self.header)}\n".encode())
+        file.write(f"{CSV_MARK}{_header_text(self)}\n".encode())
         body = self._text.detach()
         body.seek(0)
         shutil.copyfileobj(body, file)
@@ -107,6 +112,8 @@ def _npz_sink(path: Path, header: Header) -> Iterator[FileSink]:
     """Collect columns in temporary files, as an array's length precedes its data in NPZ."""
 
     class NpzSink:
+        run: Run | None = None
+
         def __init__(self, files: ExitStack, header: Header) -> None:
             self.files = files
             self.header = header
@@ -126,7 +133,7 @@ def _npz_sink(path: Path, header: Header) -> Iterator[FileSink]:
         sink = NpzSink(files, header)
         yield sink
         with open(draft, "wb") as file:
-            text = np.frombuffer(_header_text(sink.header).encode(), np.uint8)
+            text = np.frombuffer(_header_text(sink).encode(), np.uint8)
             arrays: dict[str, Any] = {**sink.columns(), KEY: text}
             np.savez(file, **arrays)
 
@@ -143,8 +150,9 @@ def _mapped(file: IO[bytes], dtype: np.dtype[Any]) -> NDArray[Any]:
     return np.memmap(file, dtype, "r")
 
 
-def _header_text(header: Header) -> str:
-    return json.dumps(header.as_json())
+def _header_text(sink: FileSink) -> str:
+    story = {} if sink.run is None else {"run": story_of(sink.run)}
+    return json.dumps({**sink.header.as_json(), **story})
 
 
 # suffix -> opener of a sink

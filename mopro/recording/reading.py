@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from mopro.errors import DataError
 from mopro.recording.record import CSV_MARK, INTEGER_COLUMNS, KEY, Columns, Header, Recording
+from mopro.recording.story import run_of
 
 MOST_ROWS = 20_000_000
 MOST_COLUMNS = 200
@@ -54,7 +55,9 @@ def read(path: str | Path, wanted: Wanted = None) -> Recording:
         raise DataError(f"{path}: expected one of {', '.join(_READERS)}", "unknown-format")
     try:
         header, found = reader(path, wanted)
-        return Recording(_header(json.loads(header)), _checked(found))
+        stated = json.loads(header)
+        run = run_of(stated.pop("run")) if isinstance(stated, dict) and "run" in stated else None
+        return Recording(_header(stated), _checked(found), run)
     except OSError as error:
         if error.errno is None:  # a library's, about the content
             raise _refusal(path, error) from error

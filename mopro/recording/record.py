@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -13,7 +14,8 @@ from mopro.recording.run import Run
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+    from mopro.recording.shown import ShownFigure
 
 Columns = dict[str, NDArray[Any]]
 
@@ -80,6 +82,19 @@ class Header:
         )
 
 
+class UnknownColumn(KeyError):
+    """A name that is no column of a recording; its words name the nearest column, and all."""
+
+    def __init__(self, name: object, columns: Iterable[str]) -> None:
+        super().__init__(name)
+        self._name, self._columns = name, list(columns)
+
+    def __str__(self) -> str:
+        near = get_close_matches(str(self._name), self._columns, n=1)
+        hint = f": did you mean {near[0]!r}?" if near else ";"
+        return f"there is no column {self._name!r}{hint} There are {', '.join(self._columns)}"
+
+
 class Sink(Protocol):
     """Receives a recording in chunks; each chunk has the same columns, of equal length."""
 
@@ -87,21 +102,53 @@ class Sink(Protocol):
 
 
 class FileSink(Sink, Protocol):
-    """A sink that becomes a file under `header`, which may be replaced until it closes."""
+    """A sink that becomes a file under `header`, with the story of the `run`.
+
+    Both may be replaced until it closes.
+    """
 
     header: Header
+    run: Run | None
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Columns of equal length with a header; `run` is None for a recording from a file."""
+    """Columns of equal length with a header.
+
+    `run` tells how the moves went; None if the file does not hold it.
+    """
 
     header: Header
-    columns: Columns
+    columns: Columns = field(repr=False)
     run: Run | None = field(default=None, compare=False)
 
     def __getitem__(self, column: str) -> NDArray[Any]:
-        return self.columns[column]
+        """The values of `column`; UnknownColumn, a KeyError, if there is none of this name."""
+        try:
+            return self.columns[column]
+        except (KeyError, TypeError):
+            raise UnknownColumn(column, self.columns) from None
+
+    def _repr_html_(self) -> str:
+        """Outcome, moves and columns."""
+        from mopro import notebook
+        from mopro.recording.moves import folded, folded_columns
+        from mopro.recording.run import outcome
+
+        header, run = self.header, self.run
+        effects = ", ".join(str(effect.get("name")) for effect in header.effects) or "none"
+        parts = [
+            f"{len(self)} samples at {header.rate_hz:g} Hz by the {header.back_end}; payload "
+            f"{header.payload_kg:g} kg; effects switched on: {effects}.",
+            f"Columns: {', '.join(self.columns)}. plot() draws them.",
+        ]
+        shown = list(map(notebook.paragraph, parts))
+        if run is not None:
+            unit = run.moves[0].unit if run.moves else ""
+            rows = (repeated.cells for repeated in folded(run.moves))
+            moves = notebook.table(folded_columns(unit), rows)
+            shown[1:1] = [notebook.paragraph(outcome(run)), moves]
+        return notebook.fragment(f"{header.program} on {header.machine}", shown)
 
     def __len__(self) -> int:
         return len(self.columns["time_s"])
@@ -118,11 +165,17 @@ class Recording:
 
         return pd.DataFrame(self.columns)
 
-    def plot(self) -> Figure:
-        """Figure of position, velocity, following error, force and temperature over time."""
+    def plot(self, unit: str | None = None) -> ShownFigure:
+        """Figure of position, speed, lag, stall margin, force, phase currents and temperature.
+
+        Lengths are in `unit` (in, mm, cm, m, um), or that of the program, or mm; what the
+        recording does not hold is not drawn. Raises ValueError for another unit.
+        """
+        from mopro.recording.envelope import Envelopes
         from mopro.recording.figure import draw
 
-        return draw(self.columns, self.axes, f"{self.header.program} on {self.header.machine}")
+        title = f"{self.header.program} on {self.header.machine}"
+        return draw(Envelopes.of(self.columns), title, self.run, unit)
 
 
 class MemorySink:

@@ -19,7 +19,8 @@ class Run:
     `trip` is the event that stopped the machine early (kind, time_s, line, axis); `platen` the
     worst-case thermal expansion of the platen. `stalls` say when each axis slipped. `trouble`
     is the message of a run that a lost link or a stop ended. `rate_hz` is the mean rate of the
-    samples, None if it is the one that was asked for.
+    samples, None if it is the one that was asked for. `moves_left_out` counts further moves that
+    the file of a long run does not hold.
     """
 
     program: str
@@ -33,6 +34,7 @@ class Run:
     trouble: str | None = None
     stalls: tuple[Stall, ...] = ()
     rate_hz: float | None = None
+    moves_left_out: int = 0
 
     @property
     def stalled(self) -> bool:
@@ -53,12 +55,14 @@ class Run:
             "moves": [asdict(move) for move in self.moves],
             **({} if self.rate_hz is None else {"rate_hz": self.rate_hz}),
             **({"trouble": self.trouble} if self.trouble else {}),
+            **({"moves_left_out": self.moves_left_out} if self.moves_left_out else {}),
         }
 
 
 def outcome(run: Run) -> str:
     """Summary of the run in a few sentences."""
-    moves = f"{len(run.moves)} move{'' if len(run.moves) == 1 else 's'}"
+    count = len(run.moves) + run.moves_left_out
+    moves = f"{count} move{'' if count == 1 else 's'}"
     text = f"{run.program} on {run.machine}: {moves} in {run.duration_s:.6f} s."
     if run.stalled:
         text += f" The motor stalled in {sum(move.slipped for move in run.moves)} of them."

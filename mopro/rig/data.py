@@ -22,7 +22,7 @@ Indices = NDArray[np.intp]
 class Sensor:
     """A sensor: a reading is `sign` * `scale` * what it `reads` + an offset, in `unit`.
 
-    `noise_rms` is None where nobody knows it. `scale`, `sign` and `zero` are None where they are
+    `noise_rms` is None where it is unknown. `scale`, `sign` and `zero` are None where they are
     free; a drift is None (there is none), 0 (straight) or the time (s) after which it may bend.
     """
 

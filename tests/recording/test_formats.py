@@ -127,9 +127,3 @@ def test_new_files_are_as_readable_as_any(tmp_path, recording):
     plain = tmp_path / "plain"
     plain.touch()
     assert path.stat().st_mode == plain.stat().st_mode
-
-
-def test_plot_draws_every_moving_axis(recording):
-    figure = recording.plot()
-    assert figure.axes[0].get_lines()[0].get_label() == "axis 1"
-    assert len(figure.axes) == 5

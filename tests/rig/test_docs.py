@@ -1,32 +1,10 @@
-"""The example of docs/machines.md, its files and its commands as they stand there."""
+"""Lists on docs/machines.md are those of the catalogues."""
 
 import re
 
-from helpers.commands import run_here
 from helpers.paths import ROOT
-from helpers.rigs import driven, write
 
 PAGE = (ROOT / "docs" / "machines.md").read_text("utf-8")
-
-
-def test_the_commands_of_the_page_do_what_it_says(tmp_path):
-    machine, experiment = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[:2]
-    (commands,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
-    (tmp_path / "machine.toml").write_text(machine, encoding="utf-8")
-    (tmp_path / "experiment.toml").write_text(experiment, encoding="utf-8")
-    (tmp_path / "unseen.toml").write_text(experiment.replace("run.csv", "unseen.csv"), "utf-8")
-    write(tmp_path / "run.csv", driven(of_place=12.0))
-    write(tmp_path / "unseen.csv", driven(of_place=12.0, seed=5))
-    said = []
-    for line in commands.splitlines():
-        done = run_here(tmp_path, *line.split()[1:])
-        assert done.returncode in (0, 1), done.stderr
-        said.append(done.stdout)
-    assert "disagreement in" in said[0]
-    assert "Named: friction of place." in said[1]
-    assert (tmp_path / "why.html").exists()
-    assert said[2].count("mm") > 3
-    assert "no disagreement" in said[2]
 
 
 def test_the_page_lists_the_effects_of_no_other_catalogue():

@@ -13,8 +13,8 @@ from mopro.program import ir
 class AccelerationScale(ScaledSetting):
     """The controller's acceleration differs from the one that the program sets.
 
-    a' = a (1 + e); e is a ratio. Distances stay, durations follow. Source: PHYSICS.md,
-    assumed; Table 4.5 gives accelerations in round numbers only.
+    a' = a (1 + e); e is a ratio. Distances stay, durations follow. Source: assumed;
+    Table 4.5 gives accelerations in round numbers only.
     """
 
     name = "acceleration_scale"

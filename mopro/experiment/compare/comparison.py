@@ -28,6 +28,9 @@ NOT_JUDGED = "not judged"
 STEADY = "steady"
 _TABLE = "table"
 
+_SERIES_SHOWN = ("run", "sensor", "samples", "residual (RMS)", "noise", "σ", "only noise")
+_PLACES_SHOWN = ("run", "line", "phase", "direction", "sensor", "mean", "RMS", "σ", "")
+
 Predict = Callable[[Experiment], list[list[Floats]]]
 
 
@@ -53,6 +56,14 @@ class Place:
     sigma: float | None
     p_value: float | None
     significant: bool
+
+    def cells(self) -> list[str]:
+        """One cell for each of _PLACES_SHOWN."""
+        direction = f"{self.direction:+d}" if self.direction else "-"
+        mean, size = f"{self.mean:+.3g} {self.unit}", f"{self.rms:.3g} {self.unit}"
+        star = "*" if self.significant else ""
+        where = [self.run, str(self.line), self.phase, direction, self.sensor]
+        return [*where, mean, size, _shown(self.sigma), star]
 
     @staticmethod
     def of(
@@ -89,6 +100,13 @@ class SeriesTest:
     size_p: float | None
     memory_p: float | None
     white: bool | None
+
+    def cells(self) -> list[str]:
+        """One cell for each of _SERIES_SHOWN."""
+        noise = "-" if self.noise_rms is None else f"{self.noise_rms:.3g} {self.unit}"
+        white = {True: "yes", False: "no", None: "unknown"}[self.white]
+        size = f"{self.rms:.3g} {self.unit}"
+        return [self.run, self.sensor, str(self.count), size, noise, _shown(self.sigma), white]
 
     @staticmethod
     def of(
@@ -134,12 +152,27 @@ class Comparison:
         first = sorted(where, key=lambda p: (not p.significant, -(p.sigma or 0.0), -p.rms))
         return Comparison(_verdict_of(where, series), tuple(first), tuple(series), tuple(compared))
 
+    def _repr_html_(self) -> str:
+        """Verdict, series, and the places that differ most."""
+        from mopro import notebook
+
+        parts = [
+            notebook.table(_SERIES_SHOWN, (s.cells() for s in self.series)),
+            notebook.paragraph("Residuals are measured − simulated; a star: more than noise."),
+            notebook.table(_PLACES_SHOWN, (p.cells() for p in self.where)),
+        ]
+        return notebook.fragment(f"Comparison: {self.verdict}", parts)
+
     def as_json(self) -> dict[str, Any]:
         return {
             "verdict": self.verdict,
             "where": [asdict(place) for place in self.where],
             "series": [asdict(series) for series in self.series],
         }
+
+
+def _shown(number: float | None) -> str:
+    return "-" if number is None else f"{number:.3g}"
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mopro import notebook
 from mopro.diagnosis import Series, Verdict
 from mopro.diagnosis.verdict import rms
 from mopro.effects import catalogue
@@ -81,6 +82,14 @@ class Conclusion:
     def runs(self) -> tuple[str, ...]:
         """The names of the runs that have time series."""
         return tuple(trial.name for trial in self.experiment.trials)
+
+    def _repr_html_(self) -> str:
+        """The verdict, and the program that would distinguish its alternatives."""
+        shown = self.verdict._repr_html_()
+        if self.next_experiment is None:
+            return shown
+        title = f"The next experiment: {self.next_experiment.summary}"
+        return shown + notebook.fragment(title, [notebook.listing(self.next_experiment.text)])
 
     def as_json(self) -> dict[str, Any]:
         answer = self.verdict.as_json()

@@ -47,7 +47,7 @@ def machine_text(experiment: Experiment, verdict: Verdict) -> str:
 
 
 def repaired_name(name: str) -> str:
-    """The name of a machine file with effects added: its own, told apart from the base's."""
+    """The name of a machine file with effects added: one that differs from the base's."""
     match = _REPAIRED.fullmatch(name)
     if match is None:
         return f"{name}-repaired"
