@@ -92,6 +92,12 @@ def test_the_wheel_says_that_it_is_typed(wheel):
         assert "mopro/py.typed" in archive.namelist()
 
 
+def test_the_wheel_has_the_viewer_and_the_licence_of_its_library(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        names = {n.removeprefix("mopro/viewer/static/") for n in archive.namelist()}
+    assert {"viewer.css", "app.js", "uplot/uPlot.iife.min.js", "uplot/LICENSE"} <= names
+
+
 def test_the_source_distribution_has_what_a_build_needs_and_no_tests(tmp_path):
     run(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", tmp_path, cwd=ROOT)
     with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
@@ -108,7 +114,7 @@ def test_the_oldest_versions_are_those_that_are_tried():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     wanted = [*project["dependencies"], *extras["lsp"], *extras["pandas"]]
-    wanted += [*extras["hdf5"], *extras["mcap"]]
+    wanted += [*extras["hdf5"], *extras["mcap"], *extras["web"]]
     bounds = dict(requirement.split(">=") for requirement in wanted)
     lines = (ROOT / ".ci" / "lowest.txt").read_text().splitlines()
     pins = dict(line.split("==") for line in lines if not line.startswith("#"))

@@ -5,9 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mopro.errors import Diagnostic, MoproError
-from mopro.plot.page import listing, page, table
 from mopro.source import Source, Span
 from mopro.text import plain, visible
+from mopro.viewer.document import document
+from mopro.viewer.markup import listing, table
 
 
 @pytest.mark.parametrize(
@@ -38,10 +39,11 @@ def test_errors_findings_pages_and_labels_use_it():
     finding = Diagnostic("rule", odd, Span(1, 1, 2), hint=odd)
     said = [
         finding.message, finding.hint, finding.render(Source(odd, f"VEL{odd}")),
-        MoproError(odd).render(), page(odd, [listing(odd), table(odd, [odd], [[odd]])]), plain(odd),
+        MoproError(odd).render(), document(odd, [], [], [listing(odd), table(odd, [odd], [[odd]])]),
+        plain(odd),
     ]  # fmt: skip
     for text in said:
         assert "\x1b" not in text
         assert "\u202e" not in text
         assert "\\x1b\\u202e" in text
-    assert "<b>" not in said[4]
+    assert "<b>" not in said[4].split("<body>")[1].split("<script>")[0]

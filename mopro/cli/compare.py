@@ -11,11 +11,12 @@ import click
 
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, allow_python_option
-from mopro.cli.outputs import Named, claimed, drawn, keep_inputs, machine_file
+from mopro.cli.outputs import Named, claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
+    from mopro.experiment.opened import Opened
 
 _MOST_ROWS = 40
 _PLACES = (
@@ -55,6 +56,7 @@ _SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "white
     type=OutputFile(".png", ".svg", ".pdf"),
     help="A picture: measured over simulated, and the residual.",
 )
+@click.option("--report", type=OutputFile(".html"), help="A page with the series and residuals.")
 @allow_python_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
@@ -62,6 +64,7 @@ def command(
     seed: int,
     applied: str | None,
     plot: Path | None,
+    report: Path | None,
     allow_python: bool,
     as_json: bool,
 ) -> int:
@@ -78,7 +81,9 @@ def command(
 
     inputs: list[Named] = [("EXPERIMENT", experiment)]
     inputs += [("EXPERIMENT", file) for file in files_of(experiment)]
-    keep_inputs([("--plot", plot)], [*inputs, ("--apply", machine_file(applied))])
+    keep_inputs(
+        [("--plot", plot), ("--report", report)], [*inputs, ("--apply", machine_file(applied))]
+    )
     loaded = (
         open_experiment(experiment, allow_python=allow_python)
         if applied is None
@@ -86,7 +91,7 @@ def command(
     )
     for note in loaded.notes:
         say(note, err=True)
-    with claimed(plot):
+    with claimed(plot, report):
         comparison, before = loaded.compare(seed), None
         if applied is not None:
             loaded, before = open_experiment(experiment, applied, allow_python), comparison
@@ -101,7 +106,13 @@ def command(
         _print(comparison)
         _print_gaps(gaps)
     title = f"{experiment} on {loaded.machine_name}"
-    all_drawn = drawn(plot, lambda form: _figure_of(comparison, before, title, form))
+    # A list, so that both are drawn even if the first fails.
+    all_drawn = all(
+        [
+            drawn(plot, lambda form: _figure_of(comparison, before, title, form)),
+            drawn(report, lambda _: _page(loaded, comparison, before)),
+        ]
+    )
     return EXIT_FAILED if comparison.verdict == DISAGREEMENT or not all_drawn else 0
 
 
@@ -110,6 +121,13 @@ def _figure_of(comparison: Comparison, before: Comparison | None, title: str, fo
     from mopro.plot.comparison import plot_comparison
 
     return figure_bytes(plot_comparison(comparison, title, before), form)
+
+
+def _page(loaded: Opened, comparison: Comparison, before: Comparison | None) -> bytes:
+    from mopro.viewer.comparison import comparison_page
+
+    page = comparison_page(loaded.examined, loaded.notes, comparison, before)
+    return page_bytes(page)
 
 
 def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, object]]:

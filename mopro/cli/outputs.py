@@ -8,12 +8,17 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from mopro.cli.options import STANDARD
 from mopro.cli.say import say
 from mopro.errors import MoproError
+
+if TYPE_CHECKING:
+    from mopro.recording import Sink
+    from mopro.recording.record import Columns
 
 # An option (or argument) as the person writes it, and the file that it was given.
 Named = tuple[str, str | Path | None]
@@ -92,6 +97,29 @@ def drawn(path: Path | None, draw: Callable[[str], bytes]) -> bool:
         say(f"warning: {path}: not drawn: {reason} [not-drawn]", err=True)
         return False
     return True
+
+
+class DrawingSink:
+    """A sink of a drawing beside a run's recording; its first error costs the run nothing.
+
+    It ends the drawing, and is told when `check` raises it.
+    """
+
+    def __init__(self, sink: Sink) -> None:
+        self._sink = sink
+        self._error: Exception | None = None
+
+    def write(self, columns: Columns) -> None:
+        if self._error is None:
+            try:
+                self._sink.write(columns)
+            except _DRAWING_ERRORS as error:
+                self._error = error
+
+    def check(self) -> None:
+        """Raise what went wrong."""
+        if self._error is not None:
+            raise self._error
 
 
 def page_bytes(page: str) -> bytes:

@@ -7,13 +7,16 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from mopro.cli.say import end_status, is_terminal, say_status
-from mopro.units import UNITS
+from mopro.units import UNITS, length_unit_name
 
 if TYPE_CHECKING:
+    from mopro.machine import Machine
     from mopro.machine.backend import Progress, Told
+    from mopro.program import Program
 
 T = TypeVar("T")
 
@@ -126,3 +129,15 @@ def _motion_text(now: Progress, before: Progress, unit: str, metres: float) -> s
         f"{now.time_s:.1f} of {now.total_s:.1f} s, line {now.line}, {places} {unit}, "
         f"{speed:.1f} {unit}/s, {left}"
     )
+
+
+def length_unit(program: Program, machine: Machine) -> str:
+    """The program's first user unit, if it has a name; else mm."""
+    from mopro.program import ir
+
+    for op in program.ops:
+        if isinstance(op, ir.SetUnits):
+            microstep = Fraction(machine.microstep_m).limit_denominator(10**9)
+            name = length_unit_name(Fraction(op.numerator, op.denominator) * microstep)
+            return "mm" if name == "uu" else name
+    return "mm"

@@ -118,9 +118,9 @@ def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> i
             code = EXIT_BAD_INPUT
 
     def page(form: str) -> bytes:
-        from mopro.plot.diagnosis import diagnosis_page
+        from mopro.viewer.conclusion import conclusion_page
 
-        return page_bytes(diagnosis_page(conclusion))
+        return page_bytes(conclusion_page(conclusion))
 
     return code if drawn(report, page) else max(code, EXIT_FAILED)
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
+from mopro.cli.live import live_run
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import (
     STANDARD,
@@ -25,24 +23,25 @@ from mopro.cli.options import (
     payload_type,
     program_argument,
 )
-from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file, page_bytes
+from mopro.cli.outputs import DrawingSink, claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.programs import compiled_program, refuse_unrunnable
-from mopro.cli.progress import in_motion, simulated
+from mopro.cli.progress import in_motion, length_unit, simulated
 from mopro.cli.recordings import recording_sink, replaces_recording
-from mopro.cli.say import say, say_findings
+from mopro.cli.say import say
+from mopro.cli.summary import Written, tell
 
 if TYPE_CHECKING:
+    from mopro.cli.live import Live
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
     from mopro.machine import Machine
     from mopro.machine.backend import Told
     from mopro.program import Program
-    from mopro.recording import Header, MoveReport, Run, Sink
+    from mopro.recording import Header, Run, Sink
     from mopro.recording.record import Columns
+    from mopro.viewer.run import RunSink
 
 DEFAULT_OUT = "run.parquet"
-_MOST_PLOTTED = 200_000
-_MOST_ROWS = 40
 
 
 @click.command()
@@ -94,6 +93,7 @@ _MOST_ROWS = 40
 @click.option("--force", is_flag=True, help="Let --out replace a file that is no recording.")
 @click.option("--plot", type=OutputFile(".png", ".svg", ".pdf"), help="A picture of the run.")
 @click.option("--report", type=OutputFile(".html"), help="A page about the run.")
+@click.option("--live", is_flag=True, help="Show the run in a browser as it goes, in real time.")
 @dialect_option()
 @baud_option()
 @trace_option()
@@ -120,6 +120,7 @@ def command(
     force: bool,
     plot: Path | None,
     report: Path | None,
+    live: bool,
     dialect: str,
     baud: int | None,
     trace: Path | None,
@@ -150,29 +151,36 @@ def command(
 
     replaces = replaces_recording(out, force)
     program = compiled_program(file, grammar)
-    pictures = _Pictures(plot, report)
+    pictures = _Pictures(plot, report, program, grammar)
     backend: Emulator | SerialBackend
     with ExitStack() as outer, ExitStack() as files:
         files.enter_context(claimed(plot, report))
+        plant = load_machine(machine)
         if port is None:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
-            plant = load_machine(machine)
             backend = Emulator(plant, payload, rate, seed)
             watched = simulated()
+            page = files.enter_context(live_run(program, plant, for_s)) if live else None
+            if page is not None:
+                pictures.show(page)
+                files.enter_context(page.signals)
+                files.enter_context(page.signals.raised())
         else:
             _only_with("--emulate", "payload", "rate", "seed")
-            plant = load_machine(machine)
             if from_line is not None:
                 program = _from_line(program, from_line, yes)
             refuse_unrunnable(program, machine, for_s)
+            page = files.enter_context(live_run(program, plant, for_s)) if live else None
             link = (port, dialect, baud, trace)
-            backend = _on_controller(outer, files, link, plant, deadline)
+            backend = _on_controller(outer, files, link, plant, deadline, page)
             watched = in_motion(length_unit(program, plant))
         with watched as told:
             run = _recorded(backend, program, (for_s, settle_s), out, pictures, told)
+        if page is not None:
+            page.end(run)
         files.close()
-        all_drawn = pictures.draw(backend.header(program), run)
-        _tell(run, program, _Written(out, replaces), for_s, as_json)
+        all_drawn = pictures.draw(backend.header(program), run, plant, machine)
+        tell(run, program, Written(out, replaces), for_s, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
@@ -182,16 +190,17 @@ def _on_controller(
     link: tuple[str, str, int | None, Path | None],
     plant: Machine,
     deadline_s: float | None,
+    page: Live | None,
 ) -> SerialBackend:
     """The controller at the end of `link`: its port, dialect, baud rate and trace file.
 
     `outer` holds signals back until the run has been reported, `files` the open port. The
-    deadline counts from before the port is opened.
+    deadline counts from before the port is opened. `page` shows the samples.
     """
     from mopro.link import SerialBackend, Signals
 
     begun_s = time.monotonic()
-    signals = outer.enter_context(Signals())
+    signals = outer.enter_context(page.signals if page else Signals())
     session = files.enter_context(connected_session(*link))
     return SerialBackend(
         session,
@@ -200,6 +209,7 @@ def _on_controller(
         begun_s=begun_s,
         signals=signals,
         warn=lambda text: say(f"warning: {text} [no-heartbeat]", err=True),
+        seen=page.see if page else lambda row: None,
     )
 
 
@@ -259,33 +269,61 @@ def _from_line(program: Program, line: int, yes: bool) -> Program:
 class _Pictures:
     """The plot and the report of a run, drawn when its recording has been written."""
 
-    def __init__(self, plot: Path | None, report: Path | None) -> None:
-        from mopro.recording import MemorySink
+    def __init__(
+        self, plot: Path | None, report: Path | None, program: Program, grammar: str
+    ) -> None:
         from mopro.recording.envelope import Envelopes
 
         self._plot = plot
         self._report = report
-        self._memory = MemorySink(_MOST_PLOTTED)
+        self._program = program
+        self._grammar = grammar
         self._envelopes = Envelopes()
+        self._plotted = DrawingSink(self._envelopes)
+        self._live: Sink | None = None
+        self._drawing: DrawingSink | None = None
+        self._seen: RunSink | None = None
+        if report is not None:
+            from mopro.viewer.run import RunSink
+
+            self._seen = RunSink()
+            self._drawing = DrawingSink(self._seen)
+
+    def show(self, page: Live) -> None:
+        """Show the samples on `page` too, in real time."""
+        from mopro.web import Paced
+
+        self._live = Paced(page)
 
     def beside(self, sink: Sink) -> Sink:
-        sink = _Tee(sink, self._envelopes) if self._plot else sink
-        return _Tee(sink, self._memory) if self._report else sink
+        if self._live is not None:
+            sink = _Tee(sink, self._live)
+        if self._plot:
+            sink = _Tee(sink, self._plotted)
+        return _Tee(sink, self._drawing) if self._drawing else sink
 
-    def draw(self, header: Header, run: Run) -> bool:
+    def draw(self, header: Header, run: Run, plant: Machine, machine: str) -> bool:
         """Draw the outputs that were asked for; False if one of them fails."""
 
         def figure(form: str) -> bytes:
             from mopro.plot import figure_bytes
             from mopro.recording.figure import draw
 
+            self._plotted.check()
             title = f"{header.program} on {header.machine}"
             return figure_bytes(draw(self._envelopes, title, run), form)
 
         def page(form: str) -> bytes:
-            from mopro.plot import report_page
+            from mopro.lint import Settings, lint
+            from mopro.viewer.run import run_page, run_view
 
-            return page_bytes(report_page(self._memory.recording(header, run), run))
+            assert self._seen is not None, "a report has a sink"
+            assert self._drawing is not None, "a report has a sink"
+            self._drawing.check()
+            program = self._program
+            findings = lint(program.source, Settings(machine, header.payload_kg, self._grammar))
+            view = run_view(self._seen, run, program, plant, findings)
+            return page_bytes(run_page(header, view, run, plant))
 
         # A list, so that both are drawn even if the first fails.
         return all([drawn(self._plot, figure), drawn(self._report, page)])
@@ -299,76 +337,3 @@ class _Tee:
     def write(self, columns: Columns) -> None:
         self.first.write(columns)
         self.second.write(columns)
-
-
-@dataclass(frozen=True)
-class _Written:
-    """The recording of a run; `replaced` if another one stood there."""
-
-    out: Path
-    replaced: bool
-
-    def __str__(self) -> str:
-        return f"Recording: {self.out}" + (" (replaced the one before)" if self.replaced else "")
-
-
-def _tell(
-    run: Run, program: Program, written: _Written, for_s: float | None, as_json: bool
-) -> None:
-    """Print the summary to stdout, and warnings and findings to stderr.
-
-    The summary goes to stderr if stdout has the recording.
-    """
-    from mopro.errors import Diagnostic, Severity
-    from mopro.recording.run import outcome, stall_findings
-
-    if as_json:
-        more = {"recording": str(written.out), "replaced": written.replaced}
-        say(json.dumps({**run.as_json(), **more}, indent=1))
-    elif written.out == STANDARD:
-        say(outcome(run), err=True)
-    else:
-        _print_moves(run.moves)
-        say(outcome(run))
-        say(str(written))
-    if run.trouble:
-        say(f"{program.source.name}: {run.trouble} [run-failed]", err=True)
-    elif not run.complete and run.trip is None:
-        say(f"{program.source.name}: {_cut_text(run, for_s)}", err=True)
-    for span, message, hint in stall_findings(run, program):
-        finding = Diagnostic("stall", message, span, Severity.ERROR, hint)
-        say_findings(finding.render(program.source), err=True)
-
-
-def _cut_text(run: Run, for_s: float | None) -> str:
-    """Why a run ended before its program, and how to change that if it was not asked for."""
-    why = "the program loops for ever" if run.loops_forever else "the program had not ended"
-    if for_s is not None:
-        return f"{why}: stopped after {run.duration_s:g} s, as --for says"
-    hint = "change that with --for, for example --for 10min"
-    return f"{why}: stopped after {run.duration_s:g} s; {hint}"
-
-
-def _print_moves(moves: Sequence[MoveReport]) -> None:
-    """A table of the moves for each unit of length, those of one statement in one row."""
-    from mopro.cli.table import print_table
-    from mopro.recording.moves import folded, folded_columns
-
-    for unit in dict.fromkeys(move.unit for move in moves):
-        rows = folded(move for move in moves if move.unit == unit)
-        styles = ["red" if row.worst.slipped else "" for row in rows]
-        print_table(folded_columns(unit), [row.cells for row in rows], _MOST_ROWS, styles, 80)
-        say()
-
-
-def length_unit(program: Program, machine: Machine) -> str:
-    """The program's first user unit, if it has a name; else mm."""
-    from mopro.program import ir
-    from mopro.units import length_unit_name
-
-    for op in program.ops:
-        if isinstance(op, ir.SetUnits):
-            microstep = Fraction(machine.microstep_m).limit_denominator(10**9)
-            name = length_unit_name(Fraction(op.numerator, op.denominator) * microstep)
-            return "mm" if name == "uu" else name
-    return "mm"

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import select
 import shutil
 import sys
 from contextlib import nullcontext, suppress
@@ -72,10 +73,11 @@ def _painted(line: str) -> str:
 def say_status(text: str) -> None:
     """Show `text` as the line of progress on standard error, in place of the one before.
 
-    Nothing where that is no terminal, or none of this kind.
+    Nothing where that is no terminal, or none that takes text now (Ctrl-S): a run that is
+    watched must not wait for it.
     """
     global _shown
-    if not is_terminal(sys.stderr):
+    if not is_terminal(sys.stderr) or _would_block(sys.stderr):
         return
     width = shutil.get_terminal_size().columns - 1
     with suppress(OSError):
@@ -84,10 +86,17 @@ def say_status(text: str) -> None:
         _shown = True
 
 
+def _would_block(stream: TextIO) -> bool:
+    try:
+        return not select.select([], [stream], [], 0)[1]
+    except (OSError, ValueError):  # not a file that the system can ask about
+        return False
+
+
 def end_status() -> None:
     """Take the line of progress away."""
     global _shown
-    if _shown:
+    if _shown and not _would_block(sys.stderr):
         _shown = False
         with suppress(OSError):
             sys.stderr.write(_ERASE)

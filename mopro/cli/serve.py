@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.link import baud_option, dialect_option, token
+from mopro.cli.live import controller_panel
 from mopro.cli.options import Quantity, grammar_option, machine_option, payload_type
 from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.say import say
@@ -60,6 +61,7 @@ _PLAIN_SPEED = 1.0
     "--faults", type=click.Path(dir_okay=False), help="A scenario file with faults to simulate."
 )
 @click.option("--seed", type=int, help="Replaces the scenario's seed.")
+@click.option("--web", is_flag=True, help="Show platen and program in a browser; faults by click.")
 @grammar_option()
 def command(
     listen: str,
@@ -73,6 +75,7 @@ def command(
     store: Path | None,
     faults: str | None,
     seed: int | None,
+    web: bool,
     grammar: str,
 ) -> None:
     """Run a virtual controller on the emulated machine.
@@ -112,7 +115,11 @@ def command(
     end = open_end(listen, baud or language.line.baud, allow_remote, token(), idle)
     try:
         say(end.address)
-        serve(station, end, speed)
+        if not web:
+            serve(station, end, speed)
+            return
+        with controller_panel(station, emulator.machine) as panel:
+            serve(station, end, speed, tick=panel.tick)
     except KeyboardInterrupt:
         return
     finally:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mopro.controller.faults import PlantFault
@@ -23,6 +24,21 @@ _MOST_MOVES_TOLD = 8
 _LONGEST_REASON = 48
 
 Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The controller as somebody beside it sees it; positions in microsteps from the middle.
+
+    `program` are the lines of the present or last run, `line` the one under way (0: none).
+    """
+
+    state: str
+    line: int
+    program: tuple[str, ...]
+    commanded_u: dict[int, int]
+    actual_u: dict[int, float]
+    temperature_C: float
 
 
 class Refusal(Exception):
@@ -151,6 +167,30 @@ class Device:
         motion.advance(at_s)
         if self.state == "stopping" and at_s >= motion.end_s and motion.calm():
             self._come_to_rest(self._ending)
+
+    # -- beside it -------------------------------------------------------------
+
+    def suffer(self, fault: PlantFault, now_s: float) -> None:
+        """Have a fault of the machine happen at `now_s`, if a program runs."""
+        self.move_on(now_s)
+        if self.state == "running":
+            self._pending.append(replace(fault, run_s=now_s - self._started_s))
+
+    def seen(self) -> Seen:
+        """The state at the time of the last statement or `move_on`."""
+        motion, at = self._motion, {axis: self._at(axis) for axis in AXES}
+        heat = self._emulator.machine.heat
+        return Seen(
+            state=self.state,
+            line=self._status()[0]["statement"] if self._is_under_way() else 0,
+            program=() if motion is None else motion.program.source.lines,
+            commanded_u={axis: commanded for axis, (commanded, _) in at.items()},
+            actual_u={axis: actual for axis, (_, actual) in at.items()},
+            temperature_C=heat.ambient_C if motion is None else motion.temperature_C,
+        )
+
+    def _is_under_way(self) -> bool:
+        return self._motion is not None and self.state in ("running", "stopping")
 
     # -- motion ----------------------------------------------------------------
 

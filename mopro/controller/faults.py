@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -132,7 +132,17 @@ class FaultInjector:
 
     def __post_init__(self) -> None:
         self.random = Random(self.scenario.seed)
-        self._left = {id(fault): fault.times for fault in self.scenario.faults}
+        self._left: dict[int, int] = {}
+        self._arrange()
+
+    def add(self, fault: Fault) -> None:
+        """Have a further fault happen."""
+        self.scenario = replace(self.scenario, faults=(*self.scenario.faults, fault))
+        self._arrange()
+
+    def _arrange(self) -> None:
+        """Sort the scenario's faults by what they act on."""
+        self._left |= {id(f): f.times for f in self.scenario.faults if id(f) not in self._left}
         self._bytes = {
             direction: [
                 f

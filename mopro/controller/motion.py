@@ -41,7 +41,7 @@ class Motion:
         for_s: float | None = None,
     ) -> None:
         self._emulator = emulator
-        self._program = program
+        self.program = program
         self._travel_u = travel_u
         self._for_s = for_s
         self._horizon_s = for_s
@@ -62,7 +62,7 @@ class Motion:
     # -- the command -----------------------------------------------------------
 
     def _planned(self) -> Schedule:
-        schedule = self._emulator.plan(self._program, self._horizon_s)
+        schedule = self._emulator.plan(self.program, self._horizon_s)
         self.limit_s = min(
             schedule.tracks[axis].leaves_s(math.floor(low), math.ceil(high))
             for axis, (low, high) in self._travel_u.items()

@@ -17,6 +17,7 @@ from mopro.link.token import VARIABLE
 # The finest slice of waiting: shorter, and a fast line would keep a core busy.
 _SLICE_S = 0.001
 _IDLE_S = 0.25
+_TICK_S = 0.05
 _CHUNK = 4096
 _MOST_UNSENT = 65536
 
@@ -125,18 +126,25 @@ def serve(
     speed: float = 1.0,
     clock: Callable[[], float] = time.monotonic,
     going: Callable[[], bool] = lambda: True,
+    tick: Callable[[float], None] | None = None,
 ) -> None:
-    """Answer at `end` for as long as `going`, with time `speed` times the clock's."""
+    """Answer at `end` for as long as `going`, with time `speed` times the clock's.
+
+    `tick` is called with the station's time twenty times a second or more.
+    """
+    idle_s = _IDLE_S if tick is None else _TICK_S
     origin_s = clock()
     linked = True
     while going():
         now_s = (clock() - origin_s) * speed
         pause_s = (station.next_s() - now_s) / speed
-        data = end.wait(min(max(pause_s, _SLICE_S), _IDLE_S), station.room)
+        data = end.wait(min(max(pause_s, _SLICE_S), idle_s), station.room)
         now_s = (clock() - origin_s) * speed
         if data:
             station.hear(data, now_s)
         end.send(station.say(now_s))
+        if tick is not None:
+            tick(now_s)
         if linked and not station.connected(now_s):
             end.hang_up()
         linked = station.connected(now_s)

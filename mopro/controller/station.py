@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 
 from mopro.controller.device import Device
-from mopro.controller.faults import FaultInjector, Scenario
+from mopro.controller.faults import Fault, FaultInjector, Scenario
 from mopro.controller.protocol import Protocol
 from mopro.controller.store import MemoryStore, Store
 from mopro.emulator import Emulator
@@ -111,6 +112,10 @@ class Station:
             if self.connected(due_s):
                 out += bytes(self.injector.byte("to_host", byte, self._line_end[1]))
         return bytes(out)
+
+    def suffer(self, fault: Fault, now_s: float) -> None:
+        """Have a fault of the wire or the controller happen just after `now_s`."""
+        self.injector.add(replace(fault, at_s=math.nextafter(now_s, math.inf)))
 
     def _process(self, due_s: float) -> None:
         """Process the late replies or the incoming byte due at `due_s`."""

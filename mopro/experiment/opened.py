@@ -13,7 +13,7 @@ from mopro.effects import catalogue_of
 from mopro.errors import Diagnostic, ModelError
 from mopro.experiment.check.load import load_experiment
 from mopro.experiment.compare.comparison import Comparison, compare
-from mopro.experiment.conclude.conclusion import Conclusion, conclude
+from mopro.experiment.conclude.conclusion import Conclusion, Examined, conclude
 from mopro.experiment.model import Experiment
 from mopro.experiment.read.file import read_entries
 from mopro.experiment.rigs import compare as rig_compare
@@ -39,6 +39,11 @@ class Opened(Protocol):
     @property
     def machine_name(self) -> str:
         """The machine's name."""
+        ...
+
+    @property
+    def examined(self) -> Examined:
+        """The experiment itself."""
         ...
 
     @property
@@ -73,6 +78,10 @@ class OfTheMotor:
         return self.experiment.machine.name
 
     @property
+    def examined(self) -> Examined:
+        return self.experiment
+
+    @property
     def notes(self) -> tuple[str, ...]:
         return self.experiment.notes
 
@@ -98,6 +107,10 @@ class OfARig:
     @property
     def machine_name(self) -> str:
         return self.study.experiment.machine.name
+
+    @property
+    def examined(self) -> Examined:
+        return self.study.experiment
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -13,8 +13,9 @@ from typing import Any
 from mopro.errors import DataError
 from mopro.link.flash import allowed_s, upload
 from mopro.link.halt import Signals, StopOnError, TimeBudget
+from mopro.link.samples import Sample, Samples
 from mopro.link.session import Refused, Session
-from mopro.link.watch import Sample, Samples, Watch
+from mopro.link.watch import Watch
 from mopro.machine import DEFAULT_LOOP_S, Machine
 from mopro.machine.backend import Progress, Told, no_one
 from mopro.motion import Schedule, plan
@@ -53,7 +54,7 @@ class SerialBackend:
     the port's clock or else from the call of `run` (without it: each part as long as
     planned, and some more). `signals` is to be entered by who has something to say after
     the run that no signal may cut off. `warn` is told, before the start, what a person
-    should know.
+    should know. `seen` is told each sample: its columns in a recording.
     """
 
     session: Session
@@ -63,6 +64,7 @@ class SerialBackend:
     begun_s: float | None = None
     signals: Signals = field(default_factory=Signals)
     warn: Callable[[str], None] = lambda text: None
+    seen: Callable[[Mapping[str, float]], None] = lambda row: None
 
     def header(self, program: Program) -> Header:
         return Header(
@@ -99,7 +101,7 @@ class SerialBackend:
         schedule = plan(program, for_s, self.machine.travel_u())
         whole = self.signals.deferred
         sensed = self.session.dialect.measures
-        samples = Samples(sink, schedule, self.machine.microstep_m, sensed, whole)
+        samples = Samples(sink, schedule, self.machine.microstep_m, sensed, whole, self.seen)
         tell = self._teller(schedule, told)
         watch = Watch(self.session, program, samples, self.poll_hz, tell)
         stop_s = _STOP_S + _braking_s(schedule)

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import math
 import signal
+import sys
 import threading
+from _thread import interrupt_main
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
@@ -40,6 +42,22 @@ class Signals:
         self._before: dict[int, Any] = {}
         self._noted: int | None = None
         self._raised = self._armed = False
+        self._asked: str | None = None
+
+    def ask(self, reason: str) -> bool:
+        """End the run from another thread, by a signal to this process, with `reason`.
+
+        False if nothing is entered that could be ended.
+        """
+        number = next(iter(tuple(self._before)), None)
+        if number is None:
+            return False
+        self._asked = self._asked or reason
+        if sys.platform == "win32":
+            interrupt_main(number)
+        else:  # also wakes the thread that waits
+            signal.pthread_kill(threading.main_thread().ident or 0, number)
+        return True
 
     def __enter__(self) -> Signals:
         self._depth += 1
@@ -72,7 +90,8 @@ class Signals:
         if self._armed and self._noted is not None and not self._raised:
             self._raised, self._armed = True, False
             name = signal.Signals(self._noted).name
-            raise Interrupted(_KEYBOARD if name == "SIGINT" else f"ended by {name}")
+            told = _KEYBOARD if name == "SIGINT" else f"ended by {name}"
+            raise Interrupted(self._asked or told)
 
     @contextmanager
     def raised(self) -> Iterator[None]:

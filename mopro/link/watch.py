@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from mopro.errors import DataError, LinkError, MoproError
 from mopro.link.flash import statements_of
+from mopro.link.samples import Sample, Samples
 from mopro.link.session import Session
-from mopro.motion import Schedule
 from mopro.program import AXES, Program
-from mopro.recording import Sink
-from mopro.recording.record import Columns
 
 _UNDER_WAY = ("running", "stopping")
-_HELD_ROWS = 256
 _MOST_TRIES_TO_STOP = 10
 _PRECAUTION_S = 2.0
 # Exceptions during an attempt to stop, after which the next attempt follows.
@@ -51,108 +46,6 @@ class Stop:
         if self.sent:
             return f"stop: sent, but not acknowledged, {unsure}"
         return f"stop: could not be sent, {unsure}"
-
-
-@dataclass(frozen=True)
-class Sample:
-    """Positions of the axes, in microsteps from the start, `time_s` after the start.
-
-    `seen_u` is empty where nothing measures positions. `one_moment` is false if the command
-    was asked for at another moment than the measured positions, while it may have changed.
-    """
-
-    time_s: float
-    line: int | None
-    command_u: dict[int, int]
-    seen_u: dict[int, int]
-    one_moment: bool
-
-
-class Samples:
-    """Writes polled samples to a sink: time, line, and the positions that can be known.
-
-    Each row is of one moment, that of the measured positions where there are any. A command
-    of another moment is recorded if it was the same, in the same line, at the poll after it;
-    else it is NaN. `whole` is the context of each write, so that no signal interrupts one. A
-    sink that has failed gets no more.
-    """
-
-    def __init__(
-        self,
-        sink: Sink,
-        schedule: Schedule,
-        microstep_m: float,
-        sensed: bool,
-        whole: Callable[[], AbstractContextManager[None]] = nullcontext,
-    ) -> None:
-        kinds = ("command", "position") if sensed else ("command",)
-        self._names = ["time_s", *(f"{kind}_{axis}_m" for axis in AXES for kind in kinds), "line"]
-        self._unsure: Sample | None = None
-        self._count = 0
-        self._first_s = self._last_s = 0.0
-        self._sink: Sink | None = sink
-        self._whole = whole
-        self._holding = False
-        self._microstep_m = microstep_m
-        self._rows: list[dict[str, float]] = []
-        self._line = schedule.program.ops[0].span.line
-
-    def add(self, sample: Sample) -> None:
-        before, self._unsure = self._unsure, None if sample.one_moment else sample
-        if before is not None:
-            same = before.line == sample.line
-            known = [n for n in AXES if same and before.command_u[n] == sample.command_u[n]]
-            self._keep(before, known)
-        if sample.one_moment:
-            self._keep(sample, AXES)
-        if len(self._rows) >= _HELD_ROWS and not self._holding:
-            self._write()
-
-    def _keep(self, sample: Sample, known: Sequence[int]) -> None:
-        """Buffer a sample with the commands of the axes in `known`."""
-        self._line = sample.line or self._line
-        row = {"time_s": sample.time_s, "line": float(self._line)}
-        row |= {f"command_{n}_m": sample.command_u[n] * self._microstep_m for n in known}
-        row |= {f"position_{n}_m": u * self._microstep_m for n, u in sample.seen_u.items()}
-        self._rows.append(row)
-        self._first_s = self._first_s if self._count else sample.time_s
-        self._last_s = sample.time_s
-        self._count += 1
-
-    @property
-    def rate_hz(self) -> float:
-        """The mean rate of the samples; 0 for fewer than two."""
-        span_s = self._last_s - self._first_s
-        return (self._count - 1) / span_s if span_s > 0 else 0.0
-
-    def hold(self) -> None:
-        """Buffer samples until `close`, so that a slow or failing sink cannot delay a stop."""
-        self._holding = True
-
-    def close(self) -> None:
-        """Write all samples; DataError if the sink cannot."""
-        unsure, self._unsure = self._unsure, None
-        if unsure is not None:
-            self._keep(unsure, ())
-        self._write()
-
-    def _write(self) -> None:
-        if not self._rows or self._sink is None:
-            return
-        columns = {n: np.array([row.get(n, np.nan) for row in self._rows]) for n in self._names}
-        columns["line"] = columns["line"].astype(np.int32)
-        self._rows.clear()
-        with self._whole():
-            self._hand_on(self._sink, columns)
-
-    def _hand_on(self, sink: Sink, columns: Columns) -> None:
-        self._sink = None
-        try:
-            sink.write(columns)
-        except OSError as error:
-            message = f"the recording cannot be written: {error.strerror or error}"
-            raise DataError(message, "unwritable-output") from error
-        self._sink = sink
 
 
 class Watch:

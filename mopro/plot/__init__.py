@@ -1,6 +1,5 @@
-"""HTML pages and figures."""
+"""Figures as files."""
 
 from mopro.plot.figure import figure_bytes
-from mopro.plot.report import report_page
 
-__all__ = ["figure_bytes", "report_page"]
+__all__ = ["figure_bytes"]

@@ -170,7 +170,7 @@ def folded_columns(unit: str) -> list[str]:
     """The heads of the columns of `Repeated.cells`, for lengths in `unit`."""
     return [
         "line", "axis", "profile", f"distance\n({unit})", f"velocity\n({unit}/s)", "time\n(s)",
-        f"lag\n({unit})", "stall\nmargin", "pitches\nlost",
+        f"largest\nlag ({unit})", "stall\nmargin", "pitches\nlost",
     ]  # fmt: skip
 
 

@@ -61,10 +61,23 @@ def test_plot_and_report_and_payload(mopro, files, tmp_path):
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "r.html").read_text()
     assert "LVDT3.CMD on chow1992" in page
-    assert "data:image/png;base64," in page
+    assert '<script type="application/json" id="page-data">' in page
     header = read(tmp_path / "x.npz").header
     assert (header.seed, header.rate_hz) == (3, 500.0)
     assert header.payload_kg == pytest.approx(2.26796, abs=1e-5)
+
+
+def test_a_drawing_that_fails_during_the_run_costs_no_recording(mopro, files, monkeypatch):
+    from mopro.viewer.run import RunSink
+
+    def full(self, columns):
+        raise MemoryError("no room for a drawing")
+
+    monkeypatch.setattr(RunSink, "write", full)
+    done = mopro("run", LVDT3, "--emulate", "--rate", "200Hz", "--report", "r.html")
+    assert done.returncode == 1
+    assert "r.html: not drawn: no room for a drawing" in done.stderr
+    assert files() == ["run.parquet"]
 
 
 def test_a_loop_stops_at_the_stated_default_and_says_how_to_change_it(mopro):

@@ -5,8 +5,10 @@ import json
 import os
 import pty
 import re
+import select
 import subprocess
 import sys
+import termios
 import threading
 from types import SimpleNamespace
 
@@ -16,7 +18,6 @@ from helpers.bench_of_link import SHORT, bench
 from helpers.commands import LIMIT_S
 from helpers.paths import PROGRAMS
 from mopro.cli import progress, say
-from mopro.cli.run import length_unit
 from mopro.cli.table import print_markdown, print_table
 from mopro.emulator import Emulator
 from mopro.link import SerialBackend
@@ -176,6 +177,21 @@ def test_a_line_of_progress_stays_in_one_line(terminal):
     assert terminal.shown == ["x" * 99]
 
 
+def test_a_terminal_that_is_held_does_not_hold_up_the_run(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    master, slave = pty.openpty()
+    termios.tcflow(slave, termios.TCOOFF)
+    with open(slave, "w", encoding="utf-8") as held:
+        monkeypatch.setattr(say, "sys", SimpleNamespace(stderr=held, stdout=sys.stdout))
+        say.say_status("at work")
+        assert select.select([master], [], [], 0) == ([], [], [])
+        termios.tcflow(slave, termios.TCOON)
+        say.say_status("at work")
+        assert os.read(master, 99) == b"\r\x1b[Kat work"
+        say.end_status()
+    os.close(master)
+
+
 @pytest.mark.parametrize(
     ("seconds", "text"), [(0.4, "0 s"), (59, "59 s"), (185, "3:05 min"), (7800, "2:10 h")]
 )
@@ -186,7 +202,7 @@ def test_durations(seconds, text):
 def test_a_run_on_a_controller_shows_where_it_is(terminal):
     program, machine = compile_text(SHORT), load_machine("chow1992")
     joined = bench()
-    with progress.in_motion(length_unit(program, machine)) as told:
+    with progress.in_motion(progress.length_unit(program, machine)) as told:
         SerialBackend(joined.session, machine).run(program, MemorySink(), settle_s=0.3, told=told)
     form = (
         r"\d\.\d of 0\.\d s, line [47], axis 1 -?\d\.\d{3}, axis 2 0\.000 in, "
@@ -341,6 +357,29 @@ def test_settling_is_recorded_unless_it_is_not_wanted(mopro, tmp_path):
         settled_s = {"0": 0.0, "1s": 1.0}.get(option[-1] if option else "", 0.5)
         assert last_s == pytest.approx(durations[-1] + settled_s, abs=6e-4)
     assert len(set(durations)) == 1
+
+
+def test_a_recording_with_its_settling_is_data_for_compare(mopro, tmp_path):
+    mopro("run", "P.CMD", "--emulate", text=NOTED)
+    (tmp_path / "e.toml").write_text(
+        'machine = "chow1992"\n[[sensor]]\nname = "laser"\nquantity = "position"\n'
+        'column = "position_1_m"\nrate_hz = 2000.0\nnoise_rms = 1e-7\n'
+        '[[run]]\nprogram = "P.CMD"\ndata = "run.parquet"\n'
+    )
+    done = mopro("compare", "e.toml")
+    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "no disagreement")
+
+
+def test_a_table_of_steady_states_needs_no_rate(mopro, tmp_path):
+    text = (PROGRAMS / "thermal" / "experiment.toml").read_text()
+    assert "rate_hz" not in text
+    assert mopro("compare", PROGRAMS / "thermal" / "experiment.toml").returncode == 1
+    (tmp_path / "P.CMD").write_text(NOTED)
+    (tmp_path / "d.csv").write_text("time_s,temperature_C\n0,20\n1,20\n")
+    (tmp_path / "e.toml").write_text(
+        text.replace('table = "table-3-2.csv"', 'program = "P.CMD"\ndata = "d.csv"')
+    )
+    assert "the sensor has no rate_hz" in mopro("compare", "e.toml").stderr
 
 
 def test_a_stall_is_in_json_and_in_the_recording(mopro, tmp_path):

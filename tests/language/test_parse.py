@@ -119,6 +119,31 @@ def test_near_misses_get_a_suggestion(line, hint):
     assert hint in fault.hint
 
 
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("WT 2.5s", "write `WT2500`"),
+        ("WT 2.5", "write `WT2500`"),
+        ("WT20 ms", "write `WT20`"),
+        ("WT 3 sec ; rest", "write `WT3000`"),
+        ("MRI 5", "for axis 1 write `MRI1 5`"),
+        ("MRI -5", "for axis 1 write `MRI1 -5`"),
+        ("VEL 4 ; slow", "for axis 1 write `VEL1 4`"),
+        ("GOTO B1", "write `JUMP B1`"),
+        ("goto", "write `JUMP` and a label"),
+        ("# note", "a comment begins with `;`"),
+        ("// note", "a comment begins with `;`"),
+        ("REM note", "a comment begins with `;`"),
+        ("`UU112500/1`", "write the statement without quotes"),
+        ("REMOTE", "known are ACC, GO"),
+        ("WT2000.5", "such a statement is written `WT2000`"),
+    ],
+)
+def test_common_slips_are_told_how_to_write_it(line, hint):
+    (fault,) = faults(line)
+    assert hint in fault.hint
+
+
 def test_a_near_label_is_suggested():
     (fault,) = faults(":LOOP1\nJUMP LOOP2\n")
     assert (fault.rule, fault.hint) == ("unknown-label", "did you mean `LOOP1`?")

@@ -1,14 +1,11 @@
 """Texts from outside in figures: shown as they stand, whatever they look like."""
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from mopro.diagnosis import Series
 from mopro.plot.figure import figure_bytes
-from mopro.plot.residuals import plot_residuals
 from mopro.text import plain
 
 ODD = ["dollar$x_{$.CMD", r"$\frac{$", "$$", r"\$x_{\$", "$a$ $b$", "_hidden", "\udce9\n\0"]
@@ -30,13 +27,3 @@ def test_no_text_keeps_a_figure_from_being_drawn(text, form):
 def test_what_is_shown_is_the_text_itself(text):
     (title,) = figure_titled(text).texts
     assert title._preprocess_math(title.get_text()) == (text, False)
-
-
-@pytest.mark.parametrize("name", ODD)
-def test_a_series_of_any_name_is_drawn(name):
-    count = 50
-    labels = {"line": np.ones(count, int)}
-    series = Series(name, name, name, np.zeros(count), 0.1, np.arange(count) / 10.0, labels=labels)
-    zero = np.zeros(count)
-    figure = plot_residuals(series, zero, {name: zero, f"{name}2": zero}, zero)
-    assert figure_bytes(figure, "png", 50).startswith(b"\x89PNG")

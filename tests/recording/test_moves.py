@@ -1,12 +1,19 @@
 """Outcomes of moves: the worst of their axes, rows in the program's units, and their words."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import pytest
 
 from mopro.motion import PlannedMove, Stroke, plan_profile
 from mopro.recording import MoveOutcome, MoveReport
-from mopro.recording.moves import MOVE_COLUMNS, move_cells, stall_message
+from mopro.recording.moves import (
+    MOVE_COLUMNS,
+    folded,
+    folded_columns,
+    move_cells,
+    stall_message,
+)
 from mopro.source import Span
 
 MICROSTEP_M = 2.032e-6
@@ -44,3 +51,29 @@ def test_a_row_of_what_nobody_saw_says_so():
     cells = move_cells(MoveReport.of(MOVE, MoveOutcome(complete=False), MICROSTEP_M))
     assert cells[6:] == ["-", "-", "0"]
     assert cells[2].endswith("(cut short)")
+
+
+def passes(*outcomes):
+    return [MoveReport.of(MOVE, outcome, MICROSTEP_M) for outcome in outcomes]
+
+
+def test_passes_that_went_alike_are_one_row_with_the_worst_of_them():
+    (row,) = folded(passes(MoveOutcome(1e-4, 0.8), MoveOutcome(3e-4, 0.5), MoveOutcome(2e-4, 0.9)))
+    assert row.count == 3
+    assert (row.worst.max_lag, row.worst.stall_margin) == pytest.approx((3e-4 / 0.0254, 0.5))
+    cells = dict(zip(folded_columns("in"), row.cells, strict=True))
+    assert (cells["line"], cells["stall\nmargin"], cells["distance\n(in)"]) == ("7 × 3", "50%", "1")
+
+
+def test_a_stall_and_a_move_cut_short_have_rows_of_their_own():
+    slips = [MoveOutcome(1e-3, 0.0, 1, True), MoveOutcome(1e-3, 0.0, 2, True)]
+    rows = folded(passes(MoveOutcome(), *slips, MoveOutcome(), MoveOutcome(complete=False)))
+    assert [row.cells[0] for row in rows] == ["7 × 2", "7 × 2", "7"]
+    assert [row.cells[-1] for row in rows] == ["0", "+3", "0"]
+    assert rows[2].cells[2].endswith(" cut")
+
+
+def test_a_velocity_that_is_not_reached_is_told_beside_the_one_that_is_set():
+    short = replace(passes(MoveOutcome())[0], peak_velocity=7.5)
+    assert folded([short])[0].cells[4] == "7.5 of 10"
+    assert folded(passes(MoveOutcome()))[0].cells[4] == "10"

@@ -1,4 +1,4 @@
-"""Self-contained HTML page for a diagnosis: verdict, evidence, gap and candidates."""
+"""The page of a diagnosis: residuals before and after, verdict, evidence, gap and candidates."""
 
 from __future__ import annotations
 
@@ -24,41 +24,50 @@ from mopro.experiment.conclude.wording import (
     undecided_words,
     value_words,
 )
-from mopro.plot.page import heading, listing, page, paragraph, picture, table
-from mopro.plot.residuals import plot_residuals, source_lines
+from mopro.viewer.beside import beside_of
+from mopro.viewer.document import document
+from mopro.viewer.markup import heading, listing, paragraph, section, table
+from mopro.viewer.series import Residuals, series_views, source_lines
 
-# Figures on a page, those of the largest gaps.
-_MOST_FIGURES = 16
-_DPI = 90
 _EFFECTS = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes factor", "held out",
 )  # fmt: skip
-_GAPS = ("run", "sensor", "before", "after", "held out", "machine file rerun", "noise")
+_GAPS = ("run", "sensor", "before", "after", "held out", "machine file rerun", "noise",
+         "source lines")  # fmt: skip
 _PLACES = ("run", "where", "sensor", "samples", "mean", "RMS", "σ of the sensor")
 _TRIED = ("candidate", "status", "σ in all", "reason")
 _UNDECIDED = "No effect of the catalogue is supported by the data."
 
 
-def diagnosis_page(conclusion: Conclusion) -> str:
-    """The page: verdict, evidence, gap, all candidates and the next experiment."""
+def conclusion_page(conclusion: Conclusion) -> str:
+    """The page: the series, verdict, evidence, gap, all candidates and the next experiment."""
     verdict = conclusion.verdict
-    return page(
+    return document(
         sentence(verdict),
+        [paragraph(f"{_name(conclusion)} on the machine {conclusion.experiment.machine.name}.")],
+        series_views(_residuals(conclusion), beside_of(conclusion.experiment, conclusion.where)),
         [
-            paragraph(f"{_name(conclusion)} on the machine {conclusion.experiment.machine.name}."),
-            *_effects(conclusion),
-            *_gap(conclusion),
-            *_where(conclusion),
-            *_figures(conclusion),
-            heading("Remaining residual"),
-            paragraph(_remainder(verdict)),
-            heading("All candidates"),
-            *map(paragraph, left_out_words(conclusion.left_out, conclusion.tried)),
-            table("All effects that were tried", _TRIED, _candidates(verdict)),
+            section("Effects found", _effects(conclusion)),
+            section("The gap", _gap(conclusion)),
+            section("Where simulation and data disagreed", _where(conclusion)),
+            section("Remaining residual", [paragraph(_remainder(verdict))]),
+            section("All candidates", _all_candidates(conclusion)),
             *_next(conclusion),
-            *_provenance(conclusion),
+            section("Provenance", _provenance(conclusion), opened=False),
         ],
     )
+
+
+def _residuals(conclusion: Conclusion) -> list[Residuals]:
+    verdict = conclusion.verdict
+    return [
+        Residuals(
+            series,
+            {"before": verdict.before[index], "after": verdict.after[index]},
+            {s.name: s.changes[index] for s in verdict.signatures},
+        )
+        for index, series in enumerate(conclusion.series)
+    ]
 
 
 def _name(conclusion: Conclusion) -> str:
@@ -66,7 +75,6 @@ def _name(conclusion: Conclusion) -> str:
 
 
 def _effects(conclusion: Conclusion) -> Iterator[str]:
-    yield heading("Effects found")
     yield from map(paragraph, draft_words(conclusion.verdict))
     if not conclusion.verdict.fitted:
         yield paragraph(_UNDECIDED)
@@ -92,19 +100,19 @@ def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:
 
 
 def _gap(conclusion: Conclusion) -> Iterator[str]:
-    yield heading("The gap")
     rows = []
-    for run, rerun in zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, strict=True):
+    gaps = zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, conclusion.series, strict=True)
+    for run, rerun, series in gaps:
         figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
         sizes = ["unknown" if f is None else f"{f:.3g} {run.unit}" for f in figures]
         if run.held_out_rms is None:
             sizes[2] = "nothing to hold out"
-        rows.append([run.run, run.sensor, *sizes])
+        lines = ", ".join(map(str, source_lines(series))) or "–"
+        rows.append([run.run, run.sensor, *sizes, lines])
     yield table("RMS of the residual (measured − simulated)", _GAPS, rows)
 
 
 def _where(conclusion: Conclusion) -> Iterator[str]:
-    yield heading("Where simulation and data disagreed")
     if not conclusion.where:
         yield paragraph("No single place differs by more than the noise explains.")
         return
@@ -126,38 +134,6 @@ def _where(conclusion: Conclusion) -> Iterator[str]:
     )
 
 
-def _figures(conclusion: Conclusion) -> Iterator[str]:
-    yield heading("Run by run")
-    worst = sorted(range(len(conclusion.series)), key=lambda i: -_excess(conclusion, i))[
-        :_MOST_FIGURES
-    ]
-    if len(worst) < len(conclusion.series):
-        yield paragraph(
-            f"The {len(worst)} of {len(conclusion.series)} series with the largest gaps."
-        )
-    for index in sorted(worst):
-        series, run = conclusion.series[index], conclusion.verdict.gap.runs[index]
-        signatures = {s.name: s.changes[index] for s in conclusion.verdict.signatures}
-        figure = plot_residuals(
-            series, conclusion.verdict.before[index], signatures, conclusion.verdict.after[index]
-        )
-        named = f", with the signature of {' and '.join(signatures)} over it" if signatures else ""
-        lines = source_lines(series)
-        marked = f"; source lines {', '.join(map(str, lines))}" if lines else ""
-        yield heading(f"{series.run}, {series.sensor}", 3)
-        yield picture(
-            figure,
-            f"Residual of {series.sensor} in {series.run}: {run.before_rms:.3g} {run.unit} RMS "
-            f"before{named}; {run.after_rms:.3g} {run.unit} RMS after{marked}",
-            _DPI,
-        )
-
-
-def _excess(conclusion: Conclusion, index: int) -> float:
-    run = conclusion.verdict.gap.runs[index]
-    return run.before_rms / (run.noise_rms or 1.0)
-
-
 def _remainder(verdict: Verdict) -> str:
     remainder = verdict.remainder
     if remainder.significant:
@@ -165,6 +141,11 @@ def _remainder(verdict: Verdict) -> str:
     if verdict.gap.noise_rms is None:
         return "The noise is unknown, so the remaining residual cannot be judged."
     return f"White noise: {remainder.scatter:.3g} σ RMS."
+
+
+def _all_candidates(conclusion: Conclusion) -> Iterator[str]:
+    yield from map(paragraph, left_out_words(conclusion.left_out, conclusion.tried))
+    yield table("All effects that were tried", _TRIED, _candidates(conclusion.verdict))
 
 
 def _candidates(verdict: Verdict) -> Iterator[list[str]]:
@@ -190,10 +171,12 @@ def _candidates(verdict: Verdict) -> Iterator[list[str]]:
 
 
 def _next(conclusion: Conclusion) -> Iterator[str]:
+    if conclusion.verdict.verdict == "ambiguous":
+        yield section("The next experiment", _proposal(conclusion))
+
+
+def _proposal(conclusion: Conclusion) -> Iterator[str]:
     proposal = conclusion.next_experiment
-    if conclusion.verdict.verdict != "ambiguous":
-        return
-    yield heading("The next experiment")
     if proposal is None:
         yield paragraph(conclusion.advice)
         return
@@ -206,7 +189,6 @@ def _next(conclusion: Conclusion) -> Iterator[str]:
 def _provenance(conclusion: Conclusion) -> Iterator[str]:
     experiment = conclusion.experiment
     versions = ", ".join(f"{name} {version(name)}" for name in ("mopro", "numpy", "scipy"))
-    yield heading("Provenance")
     yield table(
         "Origin",
         (),

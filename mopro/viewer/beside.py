@@ -1,0 +1,42 @@
+"""What stands beside the plots of an experiment: programs, marks where it disagrees, the platen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from mopro.experiment.compare.comparison import Place
+from mopro.experiment.conclude.wording import place_words
+from mopro.experiment.model import Experiment, Trial
+from mopro.experiment.predict.nominal import planned
+from mopro.viewer.model import Mark
+from mopro.viewer.platen import platen_json
+from mopro.viewer.series import Beside
+
+
+def beside_of(experiment: object, places: Sequence[Place]) -> dict[str, Beside]:
+    """By run; a machine of another kind has neither programs nor a platen."""
+    if not isinstance(experiment, Experiment):
+        return {}
+    return {trial.name: _beside(experiment, trial, places) for trial in experiment.trials}
+
+
+def _beside(experiment: Experiment, trial: Trial, places: Sequence[Place]) -> Beside:
+    machine = experiment.machine
+    seen = {
+        reading.sensor.axis: (reading.sensor.name, "measured")
+        for reading in trial.readings
+        if reading.sensor.quantity.sees_place
+    }
+    return Beside(
+        trial.program.source.lines if trial.program else (),
+        list(_marks(trial, places)),
+        platen_json(machine, planned(trial, machine), seen) if seen else None,
+    )
+
+
+def _marks(trial: Trial, places: Sequence[Place]) -> Iterator[Mark]:
+    for place in places:
+        if place.run == trial.name and place.significant and place.line > 0:
+            size = "" if place.sigma is None else f", {place.sigma:.3g} σ"
+            words = f"{place.sensor}: {place_words(place)}: {place.rms:.3g} {place.unit} RMS{size}"
+            yield Mark("gap", words, place.line)

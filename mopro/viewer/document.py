@@ -1,0 +1,63 @@
+"""A whole page: policy, styles, scripts, data and the parts that need no script."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from mopro.viewer.assets import policy, scripts, styles
+from mopro.viewer.markup import data_block, escaped
+from mopro.viewer.model import View
+from mopro.viewer.pack import Pack
+
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="referrer" content="no-referrer">
+<title>{title}</title>
+{styles}
+</head>
+<body>
+<header id="head">
+<h1>{title}</h1>
+{lead}
+</header>
+<noscript><p>The plots of this page need JavaScript; the tables below do not.</p></noscript>
+<main id="viewer"></main>
+<div id="sections">
+{body}
+</div>
+{data}
+{scripts}
+</body>
+</html>
+"""
+
+
+def document(
+    title: str,
+    lead: Iterable[str],
+    views: Sequence[View],
+    body: Iterable[str],
+    options: dict[str, Any] | None = None,
+    connect: str = "'none'",
+) -> str:
+    """The page of `views`; `lead` and `body` are HTML above and below them.
+
+    `options` are told to the scripts; `connect` is for a page that is fed (assets.policy).
+    """
+    pack = Pack()
+    shown = [view.as_json(pack) for view in views]
+    told = {**(options or {}), "views": shown}
+    return _PAGE.format(
+        policy=escaped(policy(connect)),
+        title=escaped(title),
+        lead="\n".join(lead),
+        body="\n".join(body),
+        styles="\n".join(f"<style>{sheet}</style>" for sheet in styles()),
+        data=data_block("page-data", {**told, "block": pack.text()}),
+        scripts="\n".join(f"<script>{script}</script>" for script in scripts()),
+    )

@@ -1,0 +1,147 @@
+"""Measured series as views: measured against simulated, and the residuals on one axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mopro.diagnosis import Series
+from mopro.text import visible
+from mopro.viewer.envelope import Floats
+from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
+
+# Values in all tracks of a page together, and in one of them, at most.
+_MOST_VALUES = 2_400_000
+_MOST_BUCKETS = 65_536
+_FEWEST_BUCKETS = 256
+_NOTE = "measured − simulated, without the fitted offset"
+# Colours of the palette: measured, simulated, and from there on signatures.
+_MEASURED, _BEFORE, _AFTER, _SIGNATURE = 0, 2, 4, 1
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals of one series, in its unit: with each model, and signatures of effects.
+
+    `by_model`: the name of the model (`before`, `after`) and its residual.
+    """
+
+    series: Series
+    by_model: Mapping[str, Floats]
+    signatures: Mapping[str, Floats] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What is shown beside the plots of one run: its program's lines, marks and the platen."""
+
+    program: Sequence[str] = ()
+    marks: Sequence[Mark] = ()
+    platen: dict[str, Any] | None = None
+
+
+def series_views(found: Sequence[Residuals], beside: Mapping[str, Beside]) -> list[View]:
+    """A view for each run, in the order of the first series of each."""
+    channels = sum(2 * len(r.by_model) + len(r.signatures) + 2 for r in found)
+    most = max(_FEWEST_BUCKETS, min(_MOST_BUCKETS, _MOST_VALUES // max(2 * channels, 1)))
+    by_run: dict[tuple[str, bool], list[Residuals]] = {}
+    for own in found:
+        by_run.setdefault((own.series.run, own.series.time_s is None), []).append(own)
+    return [
+        _view(run, own, rows, most, beside.get(run, Beside()))
+        for (run, rows), own in by_run.items()
+    ]
+
+
+def track_name(series: Series) -> str:
+    """The name of the track of a series."""
+    return visible(series.sensor)
+
+
+def source_lines(series: Series) -> list[int]:
+    """The source lines that run while `series` is measured, ascending.
+
+    Empty for a logged command (line 0) and for a table.
+    """
+    lines = np.unique(np.asarray(series.labels.get("line", ()), dtype=np.int64))
+    return [int(line) for line in lines if line > 0]
+
+
+def _view(run: str, found: Sequence[Residuals], rows: bool, most: int, beside: Beside) -> View:
+    return View(
+        name=run,
+        panels=[panel for own in found for panel in _panels(own)],
+        tracks={track_name(own.series): _track(own, most) for own in found},
+        rows=rows,
+        program=beside.program,
+        lines=_lines(found),
+        marks=beside.marks,
+        platen=beside.platen,
+    )
+
+
+def _track(own: Residuals, most: int) -> Track:
+    series, scale = own.series, Scale.of(own.series.unit)
+    count = len(series)
+    time = np.arange(1.0, count + 1) if series.time_s is None else series.time_s
+    channels = {"measured": series.values}
+    if (command := _command(series)) is not None:
+        channels["command"] = command
+    for model, residual in own.by_model.items():
+        channels[f"simulated {model}"] = series.values - residual
+        channels[f"residual {model}"] = residual
+    for name, change in own.signatures.items():
+        channels[f"signature {name}"] = change
+    scaled = {name: values * scale.factor for name, values in channels.items()}
+    return Track.of(time, scaled, most)
+
+
+def _panels(own: Residuals) -> Iterator[Panel]:
+    series = own.series
+    rows, scale, name = series.time_s is None, Scale.of(series.unit), series.sensor
+    several = len(own.by_model) > 1
+    models = dict(zip(own.by_model, (_BEFORE, _AFTER), strict=False))
+    marked = "points" if rows else "line"
+    command = [Trace("command", "command", style="command")] if _command(series) is not None else []
+    yield Panel(
+        f"{name}: measured and simulated", track_name(series), scale,
+        [
+            *command,
+            Trace("measured", "measured", _MEASURED, "bars" if rows else "line"),
+            *(Trace(f"simulated {model}", f"simulated {model}" if several else "simulated",
+                    color, "points" if rows else "dashed") for model, color in models.items()),
+        ],
+    )  # fmt: skip
+    yield Panel(
+        f"{name}: residual", track_name(series), scale,
+        [
+            *(Trace(f"residual {model}", model if several else "residual", color,
+                    "bars" if rows and color == _BEFORE else marked)
+              for model, color in models.items()),
+            *(Trace(f"signature {effect}", f"signature of {effect}", _SIGNATURE + 2 * place,
+                    "points" if rows else "dashed")
+              for place, effect in enumerate(own.signatures)),
+        ],
+        series.sigma, "measured − simulated" if rows else _NOTE,
+    )  # fmt: skip
+
+
+def _command(series: Series) -> Floats | None:
+    """The position of the series' labels, where it is what the sensor measures."""
+    position = series.labels.get("position")
+    if position is None or series.position_unit != series.unit:
+        return None
+    return np.asarray(position, dtype=np.float64)
+
+
+def _lines(found: Sequence[Residuals]) -> Lines | None:
+    """The source lines by time, from the series that has the most samples."""
+    told = [r.series for r in found if r.series.time_s is not None and source_lines(r.series)]
+    if not told:
+        return None
+    series = max(told, key=len)
+    assert series.time_s is not None, "chosen for its times"
+    return Lines.of(series.time_s, np.asarray(series.labels["line"]))

@@ -1,0 +1,138 @@
+"""The server of a live page: a thread beside the run, on loopback."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import socket
+import threading
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from mopro.errors import MoproError
+from mopro.viewer.document import document
+from mopro.web.feed import Feed, Message
+from mopro.web.guard import Guard
+
+_HOST = "127.0.0.1"
+# How often a page is told what is new, and how long the last message may take to reach it.
+_TOLD_S = 0.05
+_FAREWELL_S = 2.0
+_STARTED_S = 10.0
+_MOST_BODY = 4096
+
+Act = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A live page: its title, its feed, and what its buttons do.
+
+    `acts` are called in the server's thread with the text of the request's body. `options` are
+    told to the page's scripts.
+    """
+
+    title: str
+    feed: Feed
+    acts: Mapping[str, Act]
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@contextmanager
+def serving(page: Page) -> Iterator[str]:
+    """Serve `page` during the block, whose value is its address with the token.
+
+    MoproError if no port can be had. At the end a page that looks is told the last message.
+    """
+    token = secrets.token_urlsafe(24)
+    try:
+        listening = socket.create_server((_HOST, 0))
+    except OSError as error:
+        raise MoproError(f"no page can be served on {_HOST}: {error}", "no-port") from error
+    port = listening.getsockname()[1]
+    server = _Server(_config(_application(page, token, port)))
+    thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
+    thread.start()
+    try:
+        server.began.wait(_STARTED_S)
+        yield f"http://{_HOST}:{port}/?token={token}"
+    finally:
+        page.feed.ended.set()
+        server.should_exit = True
+        thread.join(_FAREWELL_S + 1.0)
+        listening.close()
+
+
+class _Server(uvicorn.Server):
+    """A server that says when it answers."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.began = threading.Event()
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self.began.set()
+
+
+def _config(app: Starlette) -> uvicorn.Config:
+    return uvicorn.Config(
+        app, log_config=None, access_log=False, lifespan="off", ws="none", loop="asyncio",
+        http="h11", server_header=False, timeout_graceful_shutdown=int(_FAREWELL_S),
+    )  # fmt: skip
+
+
+def _application(page: Page, token: str, port: int) -> Starlette:
+    async def whole(request: Request) -> Response:
+        live = {**page.options, "feed": f"feed?token={token}", "token": token}
+        return HTMLResponse(document(page.title, [], [], [], {"live": live}, connect="'self'"))
+
+    async def feed(request: Request) -> Response:
+        return StreamingResponse(_events(page.feed), media_type="text/event-stream")
+
+    async def act(request: Request) -> Response:
+        body = b""
+        async for part in request.stream():
+            body += part
+            if len(body) > _MOST_BODY:
+                return Response(status_code=413)
+        does = page.acts.get(request.path_params["name"])
+        if does is None:
+            return Response(status_code=404)
+        does(body.decode("utf-8", "replace"))
+        return Response(status_code=204)
+
+    acts = [Route("/{name:str}", act, methods=["POST"])] if page.acts else []
+    return Starlette(
+        routes=[Route("/", whole), Route("/feed", feed), *acts],
+        middleware=[Middleware(Guard, token=token, port=lambda: port)],
+    )
+
+
+async def _events(feed: Feed) -> AsyncIterator[str]:
+    """The messages of a feed as server-sent events, until it has ended."""
+    begun = feed.begin()
+    told = begun[0]
+    yield _event(begun)
+    while True:
+        ended = feed.ended.is_set()
+        for message in feed.after(told):
+            told = message[0]
+            yield _event(message)
+        if ended:
+            return
+        await asyncio.sleep(_TOLD_S)
+
+
+def _event(message: Message) -> str:
+    number, event, data = message
+    return f"id: {number}\nevent: {event}\ndata: {data}\n\n"
