@@ -65,7 +65,7 @@ _MOST_PLOTTED = 200_000
 )
 @click.option(
     "--rate",
-    type=Quantity("frequency", "Hz", positive=True),
+    type=Quantity("frequency", "Hz", positive=True, says_unit=False),
     default=2000.0,
     show_default=True,
     metavar="HZ",
