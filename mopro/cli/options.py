@@ -20,7 +20,8 @@ _HEAVIEST_KG = 1e6
 class Quantity(click.ParamType[float]):
     """A number with a unit of one dimension, such as `5lb`; at least 0, at most `most` (SI).
 
-    With `says_unit` the unit that is taken for a bare number is said on standard error.
+    The unit that is taken for a bare number is said on standard error, unless `says_unit` is
+    false.
     """
 
     def __init__(
@@ -29,7 +30,7 @@ class Quantity(click.ParamType[float]):
         default_unit: str,
         positive: bool = False,
         most: float = math.inf,
-        says_unit: bool = False,
+        says_unit: bool = True,
     ) -> None:
         self.name = dimension
         self._dimension = dimension
@@ -63,12 +64,12 @@ def duration_type() -> Quantity:
     """Limit of the time that a run may take."""
     from mopro.motion import LONGEST_RUN_S
 
-    return Quantity("time", "s", positive=True, most=LONGEST_RUN_S, says_unit=True)
+    return Quantity("time", "s", positive=True, most=LONGEST_RUN_S)
 
 
 def payload_type() -> Quantity:
     """A mass that the motor carries."""
-    return Quantity("mass", "kg", most=_HEAVIEST_KG, says_unit=True)
+    return Quantity("mass", "kg", most=_HEAVIEST_KG)
 
 
 # Stands for standard input or output.

@@ -67,7 +67,7 @@ DEFAULT_OUT = "run.parquet"
 )
 @click.option(
     "--rate",
-    type=Quantity("frequency", "Hz", positive=True),
+    type=Quantity("frequency", "Hz", positive=True, says_unit=False),
     default=2000.0,
     show_default=True,
     metavar="HZ",

@@ -397,7 +397,9 @@ def test_a_stall_is_in_json_and_in_the_recording(mopro, tmp_path):
 def test_the_unit_of_a_bare_number_is_told(mopro):
     done = mopro(*RUN, "--payload", "2", "--for", "10", text=NOTED)
     assert done.stderr.splitlines() == ["--payload 2: taken as 2 kg", "--for 10: taken as 10 s"]
-    assert mopro(*RUN, "--payload", "2kg", "--for", "10s", "--payload", "0").stderr == ""
+    assert mopro(*RUN, "--settle", "2").stderr == "--settle 2: taken as 2 s\n"
+    stated = ("--payload", "2kg", "--for", "10s", "--payload", "0", "--rate", "100")
+    assert mopro(*RUN, *stated).stderr == ""
 
 
 def test_who_states_a_time_is_not_told_to_state_one(mopro):
