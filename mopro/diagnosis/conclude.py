@@ -14,7 +14,6 @@ from mopro.diagnosis.heldout import HeldOut
 from mopro.diagnosis.hypotheses import Hypotheses
 from mopro.diagnosis.model import Candidate, Floats, Mask, Series
 from mopro.diagnosis.remainder import Remainder
-from mopro.diagnosis.residual import difference_variance
 from mopro.diagnosis.screening import Screening
 from mopro.diagnosis.state import State
 from mopro.diagnosis.verdict import (
@@ -156,10 +155,7 @@ def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
 
     None where there is no excess.
     """
-    noise = float(fit.count)
-    if not sets.residuals.known_noise:
-        parts = sets.residuals.split(fit.residual)
-        noise = sum(len(own) * difference_variance(own) for own in parts)
+    noise = sets.noise_rss(fit)
     before = sets.null.rss - noise
     if before <= 0:
         return Explained(None, None)

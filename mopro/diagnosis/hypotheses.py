@@ -16,7 +16,7 @@ from mopro.diagnosis.fit import Fit, Identity, Key, growing_fit, least_squares_f
 from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
 from mopro.diagnosis.noise import Noise
 from mopro.diagnosis.remainder import examine
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.residual import Residuals, difference_variance
 
 # EBIC above that of the best set from which on a set is out of the question: its chi-squared is
 # larger than any saving in penalties.
@@ -251,6 +251,13 @@ class Hypotheses:
             fit, candidates=kept, order=tuple(fit.order[i] for i in own), settings=settings,
             jacobian=fit.jacobian[:, own], residual=self.residuals.at(settings),
         )  # fmt: skip
+
+    def noise_rss(self, fit: Fit) -> float:
+        """Sum of squares of the noise; one not stated is what differs between neighbours."""
+        if self.residuals.known_noise:
+            return float(fit.count)
+        parts = self.residuals.split(fit.residual)
+        return sum(len(own) * difference_variance(own) for own in parts)
 
     def scale(self, fit: Fit) -> float:
         """Variance of the noise in units of the stated one, by the evidence's noise."""

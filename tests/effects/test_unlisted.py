@@ -56,6 +56,17 @@ def test_a_force_acts_as_the_listed_effect_of_its_law(motion, term, of_term, eff
     assert own == pytest.approx(listed, abs=1e-9)
 
 
+def test_a_motor_that_is_stronger_forwards_lags_less_while_it_accelerates(motion):
+    """m a = F (1 + c) forwards: the lag behind the command is smaller by that factor."""
+    a = 0.2 * 0.0254 * 1000
+    axis, time = load_machine("chow1992").axis, np.arange(3000) / 2000
+    # The first ramp, of 0.2 s, after the ring of its beginning has decayed to a few hundredths.
+    ramp = (time > 0.12) & (time < 0.19)
+    lag = axis.moving_mass_kg * a / axis.stiffness_N_m
+    gained = shift(motion, {"motor's force of sgn v": {"c": 0.1}})[ramp].mean() * 0.0254
+    assert gained == pytest.approx(lag * (1 - 1 / 1.1), rel=0.15)
+
+
 @pytest.mark.parametrize("power", [2, 3])
 def test_a_force_of_place_shifts_an_axis_at_rest_by_force_over_stiffness(motion, power):
     axis = load_machine("chow1992").axis

@@ -24,6 +24,8 @@ _FEWEST_PERIODS = 2.0
 # Starts of a force of a period: the strongest lines of the residual over the place. The strongest
 # is not always one of force; each costs two simulations.
 _PERIODS_TRIED = 2
+# Largest share of its force by which a motor differs from itself in the other direction.
+_LARGEST_SHARE = 0.5
 
 
 class _Force(FreeFormTerm):
@@ -99,6 +101,24 @@ class _OfDirection(_Force):
 
     def assumed(self) -> Mapping[str, float]:
         return {"delta": PRESLIDING_M}
+
+
+class _MotorOfDirection(FreeFormTerm):
+    """A motor that is stronger in one direction: a force in proportion to its own."""
+
+    name, of, text = "motor's force of sgn v", "sgn v", "force * sign(v)"
+    domain = Domain.DYNAMICS
+    enters, unit = "force", "N"
+    kernel_group = "unlisted"
+    parameters = (size("1"), PRESLIDING)
+    slide = staticmethod(DahlFriction.slide)
+
+    @staticmethod
+    def reaction(x: float, v: float, z: float, motor_N: float, c: float, delta: float) -> float:
+        return c * motor_N * z
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(self.size(_LARGEST_SHARE), fixed={"delta": PRESLIDING_M}, law=self.law)
 
 
 class _OfPlace(_Force):
@@ -213,6 +233,7 @@ FORCES: tuple[type[FreeFormTerm], ...] = (
     _OfSpeed,
     _OfSpeedSquared,
     _OfDirection,
+    _MotorOfDirection,
     _OfPlace,
     _OfPlaceSquared,
     _OfPlaceCubed,
