@@ -73,4 +73,3 @@ def _print_moves(moves: Sequence[MoveReport]) -> None:
         rows = folded(move for move in moves if move.unit == unit)
         styles = ["red" if row.worst.slipped else "" for row in rows]
         print_table(folded_columns(unit), [row.cells for row in rows], _MOST_ROWS, styles, 80)
-        say()

@@ -28,7 +28,7 @@ def print_table(
     """Print `rows` under `columns`, at most `most` of them: the first and the last ones.
 
     `styles` are rich's styles of the rows, shown in colour. The table is at most as wide as
-    the terminal, and `width` where there is none.
+    the terminal, and `width` where there is none; an empty line follows it.
     """
     from rich.measure import Measurement
 
@@ -39,6 +39,7 @@ def print_table(
         if Measurement.get(console, console.options, table).maximum < console.width:
             break
     _show(console, table)
+    say()
 
 
 def _table(
