@@ -169,11 +169,13 @@ def add_laws(state: State) -> State:
         return state
     problem = state.problem
     laws = measurement_laws(problem.data)
-    state.sets.join((*laws, *problem.unlisted), WithLaws(problem.simulate, problem.data, laws))
-    search(state.sets, state.screening, [state.fit], only_laws=state.sets.is_noise(state.fit))
-    best, listed = state.sets.best(), state.sets.best_listed()
+    sets, terms = state.sets, (*laws, *problem.unlisted)
+    sets.join(terms, WithLaws(problem.simulate, problem.data, laws))
+    sets.leave_out({term.name for term in terms if state.screening.repeats_listed(term)})
+    search(sets, state.screening, [state.fit], only_laws=sets.is_noise(state.fit))
+    best, listed = sets.best(), sets.best_listed()
     # What somebody has listed has the benefit of the doubt.
-    doubt = state.sets.ebic(listed) - state.sets.ebic(best) < ALTERNATIVE_MARGIN
+    doubt = sets.ebic(listed) - sets.ebic(best) < ALTERNATIVE_MARGIN
     return replace(state, fit=listed if doubt else best)
 
 

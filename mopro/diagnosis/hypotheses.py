@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
@@ -88,6 +88,10 @@ class Hypotheses:
         """Let free-form terms compete, which `simulate` knows beside the catalogue."""
         self.catalogue = (*self.catalogue, *laws)
         self.residuals = self.residuals.of_model(simulate)
+
+    def leave_out(self, names: Collection[str]) -> None:
+        """Let candidates of these names compete no more."""
+        self.catalogue = tuple(c for c in self.catalogue if c.name not in names)
 
     # -- judging ------------------------------------------------------------------------
 

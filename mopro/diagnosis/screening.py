@@ -13,6 +13,7 @@ from mopro.diagnosis.model import Candidate, Role
 from mopro.diagnosis.signature import (
     Group,
     ScoreTest,
+    alike,
     far_from_probes,
     probed_at,
     score_test,
@@ -118,6 +119,18 @@ class Screening:
             factors = (abs(parameter.factor(end, of=probed)) for end in ends)
             strongest = max(strongest, own * max(factors))
         return strongest
+
+    def repeats_listed(self, law: Candidate) -> bool:
+        """True if a free-form term does what a listed effect does: their signatures are one."""
+        null, listed = self._sets.null, [c for c in self._sets.catalogue if not c.law]
+        own = self._signatures(null, law)
+        return any(
+            alike(one.change, other.change)
+            for candidate in listed
+            for group in self._signatures(null, candidate)
+            for other in group
+            for (one, *_) in own
+        )
 
     def predicted_ebic(self, base: Fit, score: ScoreTest) -> float:
         """Predicted EBIC of `base` with a candidate added, for white noise."""

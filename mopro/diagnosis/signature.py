@@ -26,6 +26,9 @@ _SAME_PREDICTION = 1.0
 # Most times that the change of a candidate without amplitudes is counted: such a probe shows the
 # effect itself, and a shape that is not fitted yet may be off by this factor.
 _MOST_OF_A_SHAPE = 3.0
+# Share of the square of a change that may differ from a multiple of another one that says the same:
+# 1 % of its size, as responses are not quite linear. Doubled, 1.4 %.
+_ALIKE = 1e-4
 # Singular values below this share of the largest: probes that depend on each other.
 _RANK_TOLERANCE = 1e-6
 # Smallest norm, in place of 0, in a comparison of norms.
@@ -196,6 +199,12 @@ def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str
         if size:
             allowed[own] *= parameter.factor(values[name], of=probed) / size
     return values, allowed
+
+
+def alike(one: Floats, other: Floats) -> bool:
+    """True if two changes are multiples of each other, to 1 % of their size."""
+    product = float(one @ other) ** 2
+    return product > (1 - _ALIKE) * float(one @ one) * float(other @ other)
 
 
 def far_from_probes(score: ScoreTest) -> bool:

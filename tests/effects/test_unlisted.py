@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 
+import mopro
 from helpers import one_run
 from helpers.laboratory import Lab
-from mopro.effects import catalogue
-from mopro.effects.unlisted import unlisted_terms
+from mopro.effects import Active, catalogue
+from mopro.effects.unlisted import unlisted_terms, with_unlisted
 from mopro.experiment import load_experiment
 from mopro.experiment.diagnose.candidates import unlisted
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment, SteadyTable
 from mopro.machine import load_machine
+from mopro.plant import plan_with_effects, simulate
 from mopro.source import Source
 
 PITCH_M = load_machine("chow1992").axis.pitch_m
@@ -117,19 +119,36 @@ def test_a_term_is_probed_well_within_the_pull_out_force(motion):
             assert 0 < np.abs(moved).max() < PITCH_M / 8
 
 
-@pytest.mark.parametrize(
-    ("effect", "values", "variable"),
-    [("viscous_drag", {"b": 9.0}, "v"), ("quadratic_drag", {"c": 9.0}, "v")],
-)
-def test_a_force_that_nobody_listed_is_drafted_and_no_effect_is_named(
-    tmp_path, effect, values, variable
-):
+def test_a_force_that_nobody_listed_is_drafted_and_no_effect_is_named(tmp_path):
     lab = Lab(tmp_path)
     for program in ("fast", "slow"):
-        lab.record(f"{program}.CMD", f"{program}.csv", {effect: values})
+        lab.record(f"{program}.CMD", f"{program}.csv", {"viscous_drag": {"b": 9.0}})
     runs = [f'program = "{n}.CMD"\ndata = "{n}.csv"' for n in ("fast", "slow")]
-    verdict = diagnose(load_experiment(lab.experiment(runs)), left_out=(effect,)).verdict
+    verdict = diagnose(load_experiment(lab.experiment(runs)), left_out=("viscous_drag",)).verdict
     assert verdict.verdict == "unexplained"
     assert [e.name for e in verdict.effects] == []
-    assert [draft.of for draft in verdict.drafts] == [variable]
+    assert [draft.of for draft in verdict.drafts] == ["v"]
     assert verdict.drafts[0].enters == "force"
+
+
+def test_a_force_that_grows_with_the_speed_is_probed_where_it_does_not_run_away(motion):
+    damping = load_machine("chow1992").axis.drive_damping_N_s_m
+    of_speed = {c.name: c.parameters[0] for c in unlisted(motion.forward)}
+    assert of_speed["force of v"].high <= damping
+    assert of_speed["force of v|v|"].high < damping
+    assert of_speed["force of v"].low < -damping
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_an_axis_that_runs_away_is_told_and_not_followed(compiled):
+    """A negative drag of ten times the damping: after a second the speed would be e^100 m/s."""
+    program = mopro.compile("UU012500/1\nACC1 0.2\nVEL1 10\nMRI1 1.0\nWX1\nWT2000\n")
+    schedule = plan_with_effects(program, load_machine("chow1992"), ())
+    drag = Active(with_unlisted(catalogue())["force of v"], (300.0,), (1, 2))
+    simulation = simulate(
+        schedule, load_machine("chow1992"), (drag,), payload_kg=0.0, resolved=False,
+        compiled=compiled,
+    )  # fmt: skip
+    place = simulation.positions_m(1, np.linspace(0, 2, 50), 2.0)
+    assert np.isfinite(place[0])
+    assert np.isnan(place[-1])

@@ -35,16 +35,24 @@ class _Force(FreeFormTerm):
     enters = "force"
     unit = "N"
     kernel_group: ClassVar[str | None] = "unlisted"
+    # True if it grows with the speed: along the motion, the damping must exceed it.
+    of_speed: ClassVar[bool] = False
 
     def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
         """The term for c = 1, along a motion (m, m/s, m/s²)."""
         raise NotImplementedError
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        reach = max((float(np.abs(self.shape(*m)).max()) for m in _motions(view)), default=0.0)
-        if reach > 0:
-            largest = view.machine.axis.pull_out_force_N / reach
-            yield self.form(self.size(largest), fixed=self.assumed(), law=self.law)
+        motions, axis = list(_motions(view)), view.machine.axis
+        reach = max((float(np.abs(self.shape(*m)).max()) for m in motions), default=0.0)
+        if not reach:
+            return
+        size = self.size(axis.pull_out_force_N / reach)
+        if self.of_speed:
+            fastest = max(float(np.abs(v).max()) for _, v, _ in motions)
+            along = min(size.high, axis.drive_damping_N_s_m * fastest / reach)
+            size = replace(size, high=along, starts=tuple(-start for start in size.starts))
+        yield self.form(size, fixed=self.assumed(), law=self.law)
 
     def assumed(self) -> Mapping[str, float]:
         """Parameters that are not fitted."""
@@ -64,6 +72,7 @@ def _motions(view: View) -> Iterator[tuple[Floats, Floats, Floats]]:
 class _OfSpeed(_Force):
     name, of, text = "force of v", "v", "v"
     parameters = (size("N s/m"),)
+    of_speed = True
 
     @staticmethod
     def force(x: float, v: float, c: float) -> float:
@@ -76,6 +85,7 @@ class _OfSpeed(_Force):
 class _OfSpeedSquared(_Force):
     name, of, text = "force of v|v|", "v", "v * abs(v)"
     parameters = (size("N s2/m2"),)
+    of_speed = True
 
     @staticmethod
     def force(x: float, v: float, c: float) -> float:

@@ -9,7 +9,7 @@ an axis that has come to rest under a command at rest stays where it is.
 from __future__ import annotations
 
 from collections.abc import Callable, MutableSequence, Sequence
-from math import ceil, cos, floor, sin, sqrt
+from math import ceil, cos, floor, nan, sin, sqrt
 
 from mopro.plant.kernel.drive import LOOP_STEP_S, DriveNumbers
 from mopro.plant.kernel.motion import (
@@ -22,6 +22,11 @@ from mopro.plant.kernel.motion import (
     step_of,
 )
 from mopro.plant.kernel.terms import Numbers, Pair, Prepare
+
+# The speed (m/s) beyond which an axis has run away, as under a drag that drives it: its motion is
+# NaN from there on, as its steps would never end. Fifty times that of the fastest such motors;
+# doubled, a runaway takes twice as long.
+RUNAWAY_M_S = 100.0
 
 # k (1/m), F0 (N), c_s (N s/m), mass (kg), microstep (m), I (A), R (ohm), L (H).
 Plant = tuple[float, float, float, float, float, float, float, float]
@@ -204,6 +209,8 @@ def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
             if i == 0 and not nominal:
                 record(electrical, i, u, w, resolved, state, plant, axis, drive, numbers)
             here = motion[i + 1]
+            if abs(state[1]) > RUNAWAY_M_S:
+                state = (nan, nan, state[2], state[3])
             if holding and rests(u * microstep, state, limits[2], natural, axis, drive, numbers):
                 state = (state[0], 0.0, state[2], state[3])
                 here[2] = here[3] = u * microstep - state[0]
