@@ -6,6 +6,7 @@ import pytest
 import mopro
 from helpers import one_run
 from helpers.laboratory import Lab
+from mopro.diagnosis.laws import measurement_laws
 from mopro.effects import Active, catalogue
 from mopro.effects.unlisted import unlisted_terms, with_unlisted
 from mopro.experiment import load_experiment
@@ -152,3 +153,14 @@ def test_an_axis_that_runs_away_is_told_and_not_followed(compiled):
     place = simulation.positions_m(1, np.linspace(0, 2, 50), 2.0)
     assert np.isfinite(place[0])
     assert np.isnan(place[-1])
+
+
+def test_a_sensor_may_follow_the_other_axis():
+    """y goes along: the term of its place is c y, whatever x does."""
+    text = "UU112500/1\nUU212500/1\nVEL1 10\nVEL2 10\nACC1 0.2\nACC2 0.2\nMR1 1.0\nMR2 0.5\nGO\nWX1\n"
+    program = mopro.compile(text)
+    (series,) = Model(one_run.of(np.zeros(1000), program)).series()
+    (term,) = (c for c in measurement_laws([series]) if c.name == "other x in laser")
+    moved = term.law.of_data(series, np.zeros(1000), {"c": 0.02})
+    assert moved[0] == 0
+    assert moved[-1] == pytest.approx(0.02 * 0.5, rel=1e-3)
