@@ -41,7 +41,6 @@ _STANDARD_ERRORS = 4.0
 
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
 _STANDS_IN = "its size differs from part to part by {:.0%}: it stands in for something else"
-_OUTWEIGHED = "explains less than is left unexplained: it may be a part of that"
 _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 10 beside what remains"
 
 
@@ -254,29 +253,6 @@ def _held(sets: Hypotheses, fit: Fit) -> HeldOut | None:
     return held_out(sets.residuals, sets.evidence.noise, sets.null, fit, without)
 
 
-def outweigh(state: State) -> State:
-    """The answer without effects that explain less than is left unexplained, the least first.
-
-    What nobody listed leaves a part of itself on whatever resembles it: such an effect may be
-    made of it. All are compared with what the whole answer leaves, its free-form terms included.
-    Noise of unknown size may be all of that.
-    """
-    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
-    if not sets.residuals.known_noise or sets.is_noise(fit):
-        return state
-    left = fit.rss - sets.noise_rss(fit)
-    while listed := sorted(c.name for c in fit.candidates if not c.law):
-        gains = {name: sets.without(fit, name).rss - fit.rss for name in listed}
-        least = min(listed, key=lambda name: gains[name])
-        if gains[least] >= left:
-            break
-        rejected.append(Rejected(least, gains[least], _OUTWEIGHED))
-        fit = sets.settled(sets.without(fit, least))
-    if fit is state.fit:
-        return state
-    return replace(state, fit=fit, held=_held(sets, fit), rejected=tuple(rejected))
-
-
 def set_laws_apart(state: State) -> State:
     """The listed effects by themselves, with the free-form terms as drafts of what they leave.
 
@@ -370,7 +346,6 @@ PASSES: tuple[Pass, ...] = (
     eliminate,
     expose_stand_ins,
     hold_out,
-    outweigh,
     set_laws_apart,
     examine_remainder,
     find_alternatives,

@@ -18,7 +18,7 @@ from mopro.formula.closures import closure_of
 from mopro.formula.dimension import dimension_of_unit, factor_of, words
 from mopro.formula.language import Formula
 from mopro.formula.written import AMPLITUDE, PERIOD, EffectParameter, Written, WrittenEffect
-from mopro.machine.formulas import COMMAND, FORCE, FRICTION, MEASUREMENT
+from mopro.machine.formulas import AS_FORCE, AS_FRICTION, COMMAND, MEASUREMENT
 
 # As the catalogue's laws of dry friction have it where it is not fitted.
 _PRESLIDING_M = 5e-6
@@ -33,14 +33,14 @@ _PERIODS, _PERIOD_STARTS = (0.005, 0.5), (0.02, 0.05, 0.15, 0.4)
 _GRID, _PERIOD_GRID, _MOST_POINTS, _MOST_SAMPLES = 12, 400, 2000, 2000
 # Times at which the size of a term is taken, in each run.
 _TIMES = 400
-_DIFFERENCE = {FORCE: 1e-4, FRICTION: 1e-4, COMMAND: 1e-5, MEASUREMENT: 1e-5}
+_DIFFERENCE = {AS_FORCE: 1e-4, AS_FRICTION: 1e-4, COMMAND: 1e-5, MEASUREMENT: 1e-5}
 
 
 @cache
 def effect_of(written: WrittenEffect) -> Effect:
     """The effect that a file states; of one class for all files that state the same."""
     base = {
-        FORCE: FormulaForce, FRICTION: FormulaFriction, COMMAND: FormulaCommand,
+        AS_FORCE: FormulaForce, AS_FRICTION: FormulaFriction, COMMAND: FormulaCommand,
         MEASUREMENT: FormulaMeasurement,
     }[written.enters]  # fmt: skip
     facts: dict[str, Any] = {
@@ -147,8 +147,8 @@ class FormulaEffect(Effect):
             if not largest:
                 return None
             high = sizes.scale(self.written.enters) / largest
-            low = 0.0 if p.positive or self.written.enters == FRICTION else -high
-        in_force = self.written.enters in (FORCE, FRICTION)
+            low = 0.0 if p.positive or self.written.enters == AS_FRICTION else -high
+        in_force = self.written.enters in (AS_FORCE, AS_FRICTION)
         shares = _FORCE_STARTS if in_force else _PLACE_STARTS
         starts = tuple(share * (high if high > 0 else low) for share in shares)
         if p.start is not None:
@@ -364,7 +364,7 @@ class _Sizes:
 
     def scale(self, enters: str) -> float:
         """The size (SI) of the quantity that a term is added to."""
-        return self.pull_out_N if enters in (FORCE, FRICTION) else self.names["x_span"]
+        return self.pull_out_N if enters in (AS_FORCE, AS_FRICTION) else self.names["x_span"]
 
 
 def _scene_of(position_u: Floats, time_s: Floats, view: View) -> dict[str, Floats]:

@@ -9,19 +9,24 @@ from mopro.formula.language import PI
 from mopro.formula.written import WrittenEffect
 from mopro.tomlfile import Value
 
-FORCE, FRICTION, COMMAND, MEASUREMENT = PLACES = ("force", "friction", "command", "measurement")
+AS_FORCE, AS_FRICTION, COMMAND, MEASUREMENT = PLACES = (
+    "force",
+    "friction",
+    "command",
+    "measurement",
+)
 _PLACE, _SPEED, _RATE = map(dimension_of_unit, ("m", "m/s", "m/s2"))
 _NEWTON, _SECOND, _KELVIN = map(dimension_of_unit, ("N", "s", "K"))
 _MOTION = {"x": _PLACE, "v": _SPEED}
 _IN_TIME = {**_MOTION, "a": _RATE, "t": _SECOND}
 # What a formula may name beside its parameters, and its dimension, by where it enters.
 NAMES: dict[str, dict[str, Dimension]] = {
-    FORCE: {**_MOTION, "motor": _NEWTON},
-    FRICTION: {**_MOTION, "motor": _NEWTON},
+    AS_FORCE: {**_MOTION, "motor": _NEWTON},
+    AS_FRICTION: {**_MOTION, "motor": _NEWTON},
     COMMAND: _IN_TIME,
     MEASUREMENT: {**_IN_TIME, "y": _PLACE, "T": _KELVIN},
 }
-_WANTED = {FORCE: _NEWTON, FRICTION: _NEWTON, COMMAND: _PLACE, MEASUREMENT: _PLACE}
+_WANTED = {AS_FORCE: _NEWTON, AS_FRICTION: _NEWTON, COMMAND: _PLACE, MEASUREMENT: _PLACE}
 _RESERVED = frozenset([PI]).union(*NAMES.values())
 _HOST = Host("sawyer", PLACES, frozenset(), _RESERVED)
 
@@ -46,6 +51,6 @@ def _check(effect: WrittenEffect) -> None:
     own = {p.name: dimension_of_unit(p.unit) for p in effect.parameters}
     what = f"what enters as {effect.enters}"
     effect.term.check(NAMES[effect.enters] | own, _WANTED[effect.enters], what)
-    if effect.term.formula.of_signals and effect.enters in (FORCE, FRICTION):
+    if effect.term.formula.of_signals and effect.enters in (AS_FORCE, AS_FRICTION):
         message = "lag, delayed, play and the like act on whole signals, not inside an equation"
         raise effect.value["formula"].error(message, "bad-formula")

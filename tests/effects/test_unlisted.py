@@ -157,7 +157,9 @@ def test_an_axis_that_runs_away_is_told_and_not_followed(compiled):
 
 def test_a_sensor_may_follow_the_other_axis():
     """y goes along: the term of its place is c y, whatever x does."""
-    text = "UU112500/1\nUU212500/1\nVEL1 10\nVEL2 10\nACC1 0.2\nACC2 0.2\nMR1 1.0\nMR2 0.5\nGO\nWX1\n"
+    text = (
+        "UU112500/1\nUU212500/1\nVEL1 10\nVEL2 10\nACC1 0.2\nACC2 0.2\nMR1 1.0\nMR2 0.5\nGO\nWX1\n"
+    )
     program = mopro.compile(text)
     (series,) = Model(one_run.of(np.zeros(1000), program)).series()
     (term,) = (c for c in measurement_laws([series]) if c.name == "other x in laser")
