@@ -1,4 +1,4 @@
-"""Surroundings of an experiment's plots: programs, marks of disagreements, the platen."""
+"""What stands beside the plots of an experiment: programs, marks where it disagrees, the platen."""
 
 from __future__ import annotations
 
