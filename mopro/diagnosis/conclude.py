@@ -8,13 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from mopro.diagnosis.alternatives import Alternative
-from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.heldout import HeldOut
-from mopro.diagnosis.hypotheses import Hypotheses
+from mopro.diagnosis.search.alternatives import Alternative
+from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.statistics.heldout import HeldOut
+from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.model import Candidate, Floats, Mask, Series
-from mopro.diagnosis.remainder import Remainder
-from mopro.diagnosis.screening import Screening
+from mopro.diagnosis.statistics.remainder import Remainder
+from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.state import State
 from mopro.diagnosis.verdict import (
     BelowResolution,

@@ -27,7 +27,7 @@ from mopro.diagnosis.model import (
     Settings,
     Simulate,
 )
-from mopro.diagnosis.spectrum import position_spectrum, sinusoid
+from mopro.diagnosis.statistics.spectrum import position_spectrum, sinusoid
 from mopro.play import follow
 
 Values = Mapping[str, float]

@@ -11,8 +11,8 @@ import numpy as np
 
 from mopro.diagnosis.html import paragraph, table
 from mopro.diagnosis.model import Floats, Series, Settings, Simulate
-from mopro.diagnosis.remainder import Remainder
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.statistics.remainder import Remainder
+from mopro.diagnosis.fitting.residual import Residuals
 
 _EFFECTS_SHOWN = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes", "held out",

@@ -49,7 +49,7 @@ def lines_over_position(
     places_m: list[Floats], residuals: list[Floats], finest_m: float
 ) -> tuple[Floats, Floats]:
     """Cycles per metre and their power; see diagnosis.spectrum."""
-    from mopro.diagnosis.spectrum import position_spectrum
+    from mopro.diagnosis.statistics.spectrum import position_spectrum
 
     return position_spectrum(places_m, residuals, finest_m)
 
@@ -61,7 +61,7 @@ def strongest_lines(
 
     A line has two periods at least in the longest travel, and a period above `finest_m`.
     """
-    from mopro.diagnosis.spectrum import sinusoid
+    from mopro.diagnosis.statistics.spectrum import sinusoid
 
     targets = targets_m(view, fit)
     rows = [row for row, place in targets.items() if np.ptp(place) > 0]
@@ -96,7 +96,7 @@ def step(z: Floats, metres: Floats, time_s: Floats) -> tuple[float, float, float
 
     `z` are the residuals in standard deviations; None where the step is below _STEP_SIGMAS.
     """
-    from mopro.diagnosis.noise_tests import cusum_step  # loads scipy
+    from mopro.diagnosis.statistics.noise_tests import cusum_step  # loads scipy
 
     if len(z) < _FEWEST_FOR_A_STEP:
         return None

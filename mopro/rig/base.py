@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mopro.diagnosis import Parameter, Series, Settings
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.fitting.residual import Residuals
 from mopro.formula.evaluate import Floats
 from mopro.rig.data import Reading, Run
 from mopro.rig.model import AXIS, KINEMATIC, THERMAL

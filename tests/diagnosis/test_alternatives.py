@@ -7,10 +7,10 @@ import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import candidates, diagnosed, family, measured, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Series
-from mopro.diagnosis.alternatives import alternatives
-from mopro.diagnosis.hypotheses import Hypotheses
-from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.screening import Screening
+from mopro.diagnosis.search.alternatives import alternatives
+from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.search.screening import Screening
 
 
 def test_two_effects_of_the_same_response_are_a_family():

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.descent import Descent
-from mopro.diagnosis.evidence import Evidence
-from mopro.diagnosis.fit import least_squares_fit
-from mopro.diagnosis.hypotheses import Hypotheses
-from mopro.diagnosis.jacobian import SecantJacobian
-from mopro.diagnosis.noise import Noise
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.fitting.descent import Descent
+from mopro.diagnosis.statistics.evidence import Evidence
+from mopro.diagnosis.fitting.fit import least_squares_fit
+from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.fitting.jacobian import SecantJacobian
+from mopro.diagnosis.statistics.noise import Noise
+from mopro.diagnosis.fitting.residual import Residuals
 
 TIME_S = np.linspace(0.0, 2.0, 400)
 SIGMA = 0.01

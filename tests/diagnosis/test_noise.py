@@ -11,14 +11,14 @@ import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import family, names
 from mopro.diagnosis import Series
-from mopro.diagnosis.hypotheses import Hypotheses
-from mopro.diagnosis.noise_tests import (
+from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.statistics.noise_tests import (
     bartlett_log_p,
     cumulative_periodogram,
     cusum_step,
     whiteness_p,
 )
-from mopro.diagnosis.residual import Residuals, difference_variance
+from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 
 SIGMA = 0.1
 

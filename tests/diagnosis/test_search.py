@@ -8,11 +8,11 @@ import pytest
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.hypotheses import Hypotheses
-from mopro.diagnosis.neighbours import neighbourhood
-from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.screening import Screening
-from mopro.diagnosis.search import search
+from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.search.neighbours import neighbourhood
+from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.search.screening import Screening
+from mopro.diagnosis.search.rounds import search
 
 
 def test_a_single_effect_that_explains_all_is_fitted_alone_first():
@@ -179,7 +179,7 @@ def test_a_second_start_keeps_what_a_search_found(monkeypatch):
     size, move = Parameter("size", "V", -9.0, 9.0), Parameter("move", "1", 0, 9, role=Role.SEARCHED)
     step = Candidate("step", (size, move), find_starts=lambda _: [{"size": 1.0, "move": 3.0}])
     sets = Hypotheses(Residuals(simulate, measured(2.0 * (t > 2.0), 0.1, 1)), [step])
-    monkeypatch.setattr("mopro.diagnosis.hypotheses._lower_subset", lambda *_: sets.null)
+    monkeypatch.setattr("mopro.diagnosis.search.hypotheses._lower_subset", lambda *_: sets.null)
     fit = sets.fitted([step], {"step": {"size": 1.0, "move": 3.0}})
     assert fit.settings["step"]["size"] == pytest.approx(2.0, abs=0.05)
 

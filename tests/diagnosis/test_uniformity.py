@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
-from mopro.diagnosis.heldout import folds
-from mopro.diagnosis.hypotheses import Hypotheses
-from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.uniformity import spread
+from mopro.diagnosis.statistics.heldout import folds
+from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.statistics.uniformity import spread
 
 T = times(1000)
 MOVE = (T / T[-1] * 4.999).astype(int)

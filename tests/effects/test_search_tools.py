@@ -7,7 +7,7 @@ import pytest
 
 from helpers.one_run import LASER
 from mopro.diagnosis.model import ResidualView
-from mopro.diagnosis.spectrum import sinusoid
+from mopro.diagnosis.statistics.spectrum import sinusoid
 from mopro.effects.search import delay_s, peaks, step
 
 TIMES = np.arange(400) / LASER.rate_hz

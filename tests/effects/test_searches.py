@@ -7,9 +7,9 @@ import pytest
 
 import mopro
 from helpers.one_run import LASER, PROGRAM, of
-from mopro.diagnosis.fit import least_squares_fit
-from mopro.diagnosis.residual import Residuals
-from mopro.diagnosis.signature import searched
+from mopro.diagnosis.fitting.fit import least_squares_fit
+from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.search.signature import searched
 from mopro.effects.currents.hold_current_reduction import EARLIEST_S
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.series import series_of

@@ -12,7 +12,7 @@ import numpy as np
 
 from mopro.diagnosis.model import Candidate, FindStarts, ResidualView, Role
 from mopro.diagnosis.model import Parameter as Fitted
-from mopro.diagnosis.spectrum import sinusoid
+from mopro.diagnosis.statistics.spectrum import sinusoid
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View, angle_in, phase
 from mopro.effects.search import Values, residual_m
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mopro.diagnosis import Series
-from mopro.diagnosis.noise_tests import whiteness_p
+from mopro.diagnosis.statistics.noise_tests import whiteness_p
 from mopro.diagnosis.verdict import rms
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
 from mopro.experiment.compare.noise_tests import (

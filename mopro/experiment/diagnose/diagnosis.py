@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.fitting.residual import Residuals
 from mopro.effects import Effect, catalogue_of
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.diagnose.candidates import candidates, unlisted

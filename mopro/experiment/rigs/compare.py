@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mopro.diagnosis import Series
-from mopro.diagnosis.noise_tests import whiteness_p
+from mopro.diagnosis.statistics.noise_tests import whiteness_p
 from mopro.experiment.compare.comparison import (
     FALSE_ALARMS,
     Compared,

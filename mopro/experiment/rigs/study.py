@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mopro.diagnosis import Parameter, Series
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.fitting.residual import Residuals
 from mopro.errors import DataError, ModelError
 from mopro.experiment.rigs.bare import completed
 from mopro.experiment.rigs.doubts import check_scales

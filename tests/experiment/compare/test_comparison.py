@@ -12,7 +12,7 @@ import mopro
 from helpers.laboratory import LASER
 from helpers.laboratory import PROGRAMS as PROGRAMS_OF_LAB
 from helpers.paths import PROGRAMS
-from mopro.diagnosis.noise_tests import whiteness_p
+from mopro.diagnosis.statistics.noise_tests import whiteness_p
 from mopro.errors import DataError
 from mopro.experiment import load_experiment
 from mopro.experiment.compare.comparison import compare

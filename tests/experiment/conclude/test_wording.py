@@ -6,7 +6,7 @@ import math
 import pytest
 
 from mopro.diagnosis import Estimate, Named, Verdict
-from mopro.diagnosis.remainder import Remainder
+from mopro.diagnosis.statistics.remainder import Remainder
 from mopro.diagnosis.verdict import BelowResolution, Gap
 from mopro.experiment.compare.comparison import Place
 from mopro.experiment.conclude.wording import (

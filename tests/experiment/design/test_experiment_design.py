@@ -7,7 +7,7 @@ import pytest
 
 import mopro
 from mopro.diagnosis import Estimate, Named, Verdict
-from mopro.diagnosis.remainder import Remainder
+from mopro.diagnosis.statistics.remainder import Remainder
 from mopro.diagnosis.verdict import Gap
 from mopro.emulator import Emulator
 from mopro.experiment.design.experiment_design import propose

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mopro.diagnosis.evidence import ALTERNATIVE_MARGIN
-from mopro.diagnosis.fit import Fit, Identity
-from mopro.diagnosis.hypotheses import Hypotheses
+from mopro.diagnosis.statistics.evidence import ALTERNATIVE_MARGIN
+from mopro.diagnosis.fitting.fit import Fit, Identity
+from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.model import Candidate, Role
-from mopro.diagnosis.signature import (
+from mopro.diagnosis.search.signature import (
     Group,
     ScoreTest,
     alike,

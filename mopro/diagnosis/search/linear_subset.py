@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis.evidence import Evidence
-from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.jacobian import gauss_newton_step
+from mopro.diagnosis.statistics.evidence import Evidence
+from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.fitting.jacobian import gauss_newton_step
 from mopro.diagnosis.model import Candidate, Floats, Settings
-from mopro.diagnosis.residual import projected_out
-from mopro.diagnosis.signature import ScoreTest, resized
+from mopro.diagnosis.fitting.residual import projected_out
+from mopro.diagnosis.search.signature import ScoreTest, resized
 
 # Subsets of each size from which larger ones are grown, and that are evaluated exactly. Doubled,
 # the search is twice as wide; it costs no simulation.

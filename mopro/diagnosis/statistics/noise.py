@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from mopro.diagnosis.model import Floats, Mask
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.fitting.residual import Residuals
 
 # Ratio of the first frequencies of neighbouring bands, half an octave, and the fewest frequencies
 # in a band. Halved, the power in a band is less certain; doubled, a line is judged by what is

@@ -10,9 +10,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis.fit import Fit
+from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.model import Candidate, Floats, Parameter, ResidualView, Role, Settings
-from mopro.diagnosis.residual import Residuals, projected_out
+from mopro.diagnosis.fitting.residual import Residuals, projected_out
 
 # Starts of a candidate that are fitted from, the best by their score tests. Each more costs a fit.
 _MOST_STARTS = 2

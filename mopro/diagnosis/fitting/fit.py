@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from mopro.diagnosis.descent import Descent
-from mopro.diagnosis.jacobian import gauss_newton_step
+from mopro.diagnosis.fitting.descent import Descent
+from mopro.diagnosis.fitting.jacobian import gauss_newton_step
 from mopro.diagnosis.model import Candidate, Floats, Parameter, Role, Settings
-from mopro.diagnosis.residual import Residuals
+from mopro.diagnosis.fitting.residual import Residuals
 
 # Chi-squared by which a fit may be above its minimum. Doubled, it saves a simulation now and then;
 # evidence is compared in steps of 1 at the least.

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import fft
 
 from mopro.diagnosis.model import Floats, Series
-from mopro.diagnosis.noise_tests import (
+from mopro.diagnosis.statistics.noise_tests import (
     FEWEST_SAMPLES,
     STILL,
     bartlett_log_p,
@@ -21,8 +21,8 @@ from mopro.diagnosis.noise_tests import (
     line_log_p,
     normal_log_p,
 )
-from mopro.diagnosis.residual import Residuals, difference_variance
-from mopro.diagnosis.spectrum import position_spectrum
+from mopro.diagnosis.fitting.residual import Residuals, difference_variance
+from mopro.diagnosis.statistics.spectrum import position_spectrum
 
 # Share of residuals that are noise and fail, over all tests together (Bonferroni).
 FALSE_ALARMS = 1e-3

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis.fit import Fit, least_squares_fit
-from mopro.diagnosis.jacobian import gauss_newton_step
+from mopro.diagnosis.fitting.fit import Fit, least_squares_fit
+from mopro.diagnosis.fitting.jacobian import gauss_newton_step
 from mopro.diagnosis.model import Candidate, Floats, Mask
-from mopro.diagnosis.noise import Noise
-from mopro.diagnosis.residual import Residuals, projected_out
+from mopro.diagnosis.statistics.noise import Noise
+from mopro.diagnosis.fitting.residual import Residuals, projected_out
 
 # More folds cost more fits and tell hardly more.
 _MOST_FOLDS = 12

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mopro.diagnosis.fit import Fit, Identity
-from mopro.diagnosis.hypotheses import Hypotheses, Proposal
-from mopro.diagnosis.linear_subset import LinearSubset, distinct
-from mopro.diagnosis.neighbours import (
+from mopro.diagnosis.fitting.fit import Fit, Identity
+from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
+from mopro.diagnosis.search.linear_subset import LinearSubset, distinct
+from mopro.diagnosis.search.neighbours import (
     MOST_OF_GAIN,
     Neighbourhood,
     in_other_forms,
     in_wider_forms,
     neighbourhood,
 )
-from mopro.diagnosis.screening import LINEARITY_ERROR, Screening
+from mopro.diagnosis.search.screening import LINEARITY_ERROR, Screening
 
 # Sets fitted in one round; far from linear, where predictions are worth less, twice as many.
 # Doubled, a round takes twice as long.

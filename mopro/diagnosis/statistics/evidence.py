@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
-from mopro.diagnosis.fit import Fit, Identity
+from mopro.diagnosis.fitting.fit import Fit, Identity
 from mopro.diagnosis.model import Candidate, Floats, Parameter, Role
-from mopro.diagnosis.noise import Noise
+from mopro.diagnosis.statistics.noise import Noise
 
 # EBIC within which two explanations cannot be distinguished: a Bayes factor of 150, above which
 # evidence is "very strong" (Kass and Raftery 1995). Halved, families lose true members at odds of

@@ -11,12 +11,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from mopro.diagnosis.evidence import Evidence
-from mopro.diagnosis.fit import Fit, Identity, Key, growing_fit, least_squares_fit
+from mopro.diagnosis.statistics.evidence import Evidence
+from mopro.diagnosis.fitting.fit import Fit, Identity, Key, growing_fit, least_squares_fit
 from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
-from mopro.diagnosis.noise import Noise
-from mopro.diagnosis.remainder import examine
-from mopro.diagnosis.residual import Residuals, difference_variance
+from mopro.diagnosis.statistics.noise import Noise
+from mopro.diagnosis.statistics.remainder import examine
+from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 
 # EBIC above that of the best set from which on a set is out of the question: its chi-squared is
 # larger than any saving in penalties.

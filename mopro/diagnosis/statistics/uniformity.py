@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from mopro.diagnosis.fit import Fit
+from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.model import Floats, Mask, Role
-from mopro.diagnosis.noise import Noise
-from mopro.diagnosis.residual import Residuals, projected_out
+from mopro.diagnosis.statistics.noise import Noise
+from mopro.diagnosis.fitting.residual import Residuals, projected_out
 
 # Share of the information on an effect's size that a part must have to be asked for a size of its
 # own. Halved, parts that hardly see the effect add scatter that the test allows for.

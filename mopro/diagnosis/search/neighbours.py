@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.hypotheses import Hypotheses, Proposal
-from mopro.diagnosis.linear_subset import LinearSubset, LinearSubsets
+from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
+from mopro.diagnosis.search.linear_subset import LinearSubset, LinearSubsets
 from mopro.diagnosis.model import Candidate, Settings
-from mopro.diagnosis.screening import Screening
+from mopro.diagnosis.search.screening import Screening
 
 # Effects in one set. Doubled, harmonics of many lines are told, and pure noise costs no more.
 MOST_EFFECTS = 6

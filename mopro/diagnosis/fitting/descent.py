@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 from scipy import optimize
 
-from mopro.diagnosis.jacobian import Iterate, SecantJacobian
+from mopro.diagnosis.fitting.jacobian import Iterate, SecantJacobian
 from mopro.diagnosis.model import Floats
 
 # Budget of one round of trust-region steps. Fits of a few parameters take 3 to 8.

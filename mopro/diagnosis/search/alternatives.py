@@ -10,14 +10,14 @@ from itertools import groupby
 import numpy as np
 from scipy import stats
 
-from mopro.diagnosis.evidence import ALTERNATIVE_MARGIN, NAMING_MARGIN
-from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.hypotheses import Hypotheses
-from mopro.diagnosis.linear_subset import LinearSubset
+from mopro.diagnosis.statistics.evidence import ALTERNATIVE_MARGIN, NAMING_MARGIN
+from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.search.linear_subset import LinearSubset
 from mopro.diagnosis.model import Candidate, Settings
-from mopro.diagnosis.neighbours import in_other_forms, neighbourhood
-from mopro.diagnosis.screening import LINEARITY_ERROR, Screening
-from mopro.diagnosis.signature import ScoreTest
+from mopro.diagnosis.search.neighbours import in_other_forms, neighbourhood
+from mopro.diagnosis.search.screening import LINEARITY_ERROR, Screening
+from mopro.diagnosis.search.signature import ScoreTest
 
 # Sets that are fitted in the place of the same effects, one or two fits each. Fewer, and larger
 # families lose members.

@@ -1,0 +1,272 @@
+"""The passes of the diagnosis: each a function from one state to the next."""
+
+from __future__ import annotations
+
+# Chi-squared by which a finer simulation must move a prediction to be used: less cannot tell two
+# explanations apart.
+_STEP_ERROR = 1.0
+# The same as a share of the unexplained excess: a change of δ takes at most 2 δ √excess away, so
+# this is what could account for a tenth of it. Doubled, a seventh.
+_STEP_ERROR_SHARE = 0.05**2
+# Least variance of a series, in that of the stated noise, from which its noise is taken: what is
+# below is a sensor that shows none, as at rest. Halved, statements off by a factor of 10 count.
+_QUIETEST = 0.01
+# Standard errors by which a variance must be below the stated one to replace it, or may be above
+# it if the noise has a memory. Doubled, a disturbance within the noise passes for noise.
+_STANDARD_ERRORS = 4.0
+
+_FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
+_STANDS_IN = "its size differs from part to part by {:.0%}: it stands in for something else"
+_NO_GAIN = "lowers the EBIC by less than a Bayes factor of 10 beside what remains"
+
+
+
+
+Pass = Callable[[State], State]
+
+
+def search_catalogue(state: State) -> State:
+    """The set of listed effects of the lowest EBIC, as far as a few rounds lead."""
+    search(state.sets, state.screening, rounds=FIRST_ROUNDS)
+    return replace(state, fit=state.sets.best())
+
+
+def refine_steps(state: State) -> State:
+    """The search again with a finer simulation, where its steps may be what remains."""
+    finer = state.problem.finer
+    if finer is None or state.sets.is_noise(state.fit) or not _steps_matter(state, finer):
+        return state
+    state.problem.progress("refitting with a finer simulation")
+    finer = WithLaws(finer, state.problem.data, ())
+    return search_catalogue(State.of(replace(state.problem, simulate=finer, finer=None)))
+
+
+def _steps_matter(state: State, finer: Simulate) -> bool:
+    """True if a residual beyond noise may come from the steps of the coarse simulation."""
+    fit, residuals = state.fit, state.sets.residuals
+    fine = Residuals(finer, residuals.data).at(fit.settings)
+    # Sensor noise that wanders is not white, hides no effect, and looks like one.
+    most = 1.0 if residuals.known_noise else np.inf
+    parts = residuals.split(fit.residual)
+    white = sum(len(own) * min(difference_variance(own), most) for own in parts)
+    least = max(_STEP_ERROR * state.sets.scale(fit), _STEP_ERROR_SHARE * (fit.rss - white))
+    return float(np.sum((fine - fit.residual) ** 2)) > least
+
+
+def restate_quiet_noise(state: State) -> State:
+    """The search again with the noise that the data show, where they are quieter than stated."""
+    sets = state.sets
+    mean = sets.evidence.noise.sums(state.fit.residual) / np.array(sets.evidence.noise.counts)
+    samples = Noise.as_stated(sets.residuals).like(state.fit.residual).samples
+    below = mean * (1 + _STANDARD_ERRORS * np.sqrt(2 / samples)) < (1 + NOISE_TOLERANCE) ** -2
+    quiet = [
+        bool(b) and m > _QUIETEST and series.sigma is not None
+        for b, m, series in zip(below, mean, state.problem.data, strict=True)
+    ]
+    if not any(quiet):
+        return state
+    data, notes = [], list(state.notes)
+    for series, is_quiet, m in zip(state.problem.data, quiet, mean, strict=True):
+        if is_quiet and series.sigma is not None:
+            series = replace(series, sigma=series.sigma * float(np.sqrt(m)))
+            notes.append(
+                f"{series.sensor} in {series.run} is quieter than stated: its noise is "
+                f"{series.sigma:.3g} {series.unit}, {np.sqrt(m):.2g} times as much"
+            )
+        data.append(series)
+    again = State.of(replace(state.problem, data=tuple(data)))
+    return replace(add_laws(search_catalogue(again)), notes=tuple(notes))
+
+
+def add_laws(state: State) -> State:
+    """The search continued with free-form terms beside the catalogue, where something is left.
+
+    A set that needs several effects, or a flexible one, may stand for one that nobody listed.
+    """
+    doubtful = len(state.fit.candidates) > 1 or any(c.flexible for c in state.fit.candidates)
+    if state.sets.is_noise(state.fit) and not doubtful:
+        return state
+    problem = state.problem
+    laws = measurement_laws(problem.data)
+    sets, terms = state.sets, (*laws, *problem.unlisted)
+    sets.join(terms, WithLaws(problem.simulate, problem.data, laws))
+    sets.leave_out({term.name for term in terms if state.screening.repeats_listed(term)})
+    search(sets, state.screening, [state.fit], only_laws=sets.is_noise(state.fit))
+    best, listed = sets.best(), sets.best_listed()
+    # What somebody has listed has the benefit of the doubt.
+    doubt = sets.ebic(listed) - sets.ebic(best) < ALTERNATIVE_MARGIN
+    return replace(state, fit=listed if doubt else best)
+
+
+def settle(state: State) -> State:
+    """The answer, and what is left of it without each effect, at their minima.
+
+    Where something is left, fits end in narrow valleys.
+    """
+    sets, fit = state.sets, state.fit
+    if sets.is_noise(fit):
+        return state
+    for name in sorted(fit.names):
+        sets.settled(sets.without(fit, name))
+    return replace(state, fit=sets.settled(fit))
+
+
+def eliminate(state: State) -> State:
+    """The answer without effects that save less than a Bayes factor of 10."""
+    fit, rejected = state.fit, list(state.rejected)
+    while fit.candidates:
+        reduced = [(state.sets.without(fit, name), name) for name in sorted(fit.names)]
+        best, name = min(reduced, key=lambda pair: state.sets.ebic(pair[0]))
+        if state.sets.ebic(best) > state.sets.ebic(fit) + NAMING_MARGIN:
+            break
+        rejected.append(Rejected(name, best.rss - fit.rss, _NO_GAIN))
+        fit = best
+    return replace(state, fit=fit, rejected=tuple(rejected))
+
+
+def expose_stand_ins(state: State) -> State:
+    """The answer without effects whose size differs from part to part, the worst dropped first.
+
+    They resemble something that nobody listed.
+    """
+    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
+    masks = folds(sets.residuals)
+    while not sets.is_noise(fit):
+        spreads = {c.name: _spread(state, masks, fit, c) for c in fit.candidates}
+        stand_ins = {name: s.share for name, s in spreads.items() if s and s.of_a_stand_in}
+        if not stand_ins:
+            break
+        worst = max(sorted(stand_ins), key=lambda name: stand_ins[name])
+        without = sets.settled(sets.without(fit, worst))
+        reason = _STANDS_IN.format(stand_ins[worst])
+        rejected.append(Rejected(worst, without.rss - fit.rss, reason))
+        fit = without
+    return replace(state, fit=fit, rejected=tuple(rejected))
+
+
+def _spread(state: State, masks: Sequence[Mask], fit: Fit, effect: Candidate) -> Spread | None:
+    """Spread of a listed effect's size; that of a free-form term is not asked for."""
+    sets = state.sets
+    return (
+        None if effect.law else spread(sets.residuals, sets.evidence.noise, masks, fit, effect.name)
+    )
+
+
+def hold_out(state: State) -> State:
+    """The answer without effects that held-out parts do not support, the worst dropped first."""
+    fit, rejected = state.fit, list(state.rejected)
+    while fit.candidates:
+        held = _held(state.sets, fit)
+        failing = [n for n in sorted(fit.names) if held is not None and not held.supports(n)]
+        if held is None or not failing:
+            return replace(state, fit=fit, held=held, rejected=tuple(rejected))
+        worst = min(failing, key=lambda name: held.gains[name])
+        without = state.sets.without(fit, worst)
+        rejected.append(Rejected(worst, without.rss - fit.rss, _FAILS_CV))
+        fit = without
+    return replace(state, fit=fit, held=None, rejected=tuple(rejected))
+
+
+def _held(sets: Hypotheses, fit: Fit) -> HeldOut | None:
+    """Prediction of held-out parts with and without each effect of `fit`."""
+    without = {name: sets.without(fit, name) for name in sorted(fit.names)}
+    return held_out(sets.residuals, sets.evidence.noise, sets.null, fit, without)
+
+
+def set_laws_apart(state: State) -> State:
+    """The listed effects by themselves, with the free-form terms as drafts of what they leave.
+
+    A term that is fitted together with an effect may take a part of it. From here on the noise
+    is what the listed effects leave.
+    """
+    sets, fit = state.sets, state.fit
+    laws = frozenset(c.name for c in fit.candidates if c.law)
+    for name in sorted(laws):
+        fit = sets.without(fit, name)
+    # One that only made up for a term takes a place where it raises chi-squared.
+    while reduced := [r for n in sorted(fit.names) if (r := sets.without(fit, n)).rss <= fit.rss]:
+        fit = reduced[0]
+    sets.judge_by(fit)
+    if not laws:
+        return state
+    return replace(
+        state, fit=fit, drafted=state.fit, drafted_held=state.held, held=_held(sets, fit)
+    )
+
+
+def examine_remainder(state: State) -> State:
+    """The tests of what is left: noise, of whatever size and memory, or something unexplained."""
+    sets, fit = state.sets, state.fit
+    variable = None if state.drafted is None else _main_law(sets, state.drafted).of
+    remainder = examine(sets.residuals, fit.residual, len(fit.order), variable)
+    if variable is not None:
+        described = remainder.description or f"a law of {variable}"
+        remainder = replace(
+            remainder, significant=True, description=described, variable=variable, only_size=False
+        )
+        return replace(state, remainder=remainder)
+    if not remainder.significant:
+        return replace(state, remainder=remainder)
+    note = _as_noise(state, remainder)
+    if note is None:
+        return replace(state, remainder=remainder)
+    remainder = replace(remainder, significant=False)
+    return replace(state, remainder=remainder, notes=(*state.notes, note))
+
+
+def _main_law(sets: Hypotheses, drafted: Fit) -> Law:
+    """The free-form term that explains most."""
+    laws = {c.name: c.law for c in drafted.candidates if c.law}
+    return laws[max(laws, key=lambda name: (sets.without(drafted, name).rss, name))]
+
+
+def _as_noise(state: State, remainder: Remainder) -> str | None:
+    """Reason why a residual that fails the tests may be noise all the same; None if none."""
+    residual = state.fit.residual
+    if remainder.only_size:
+        return (
+            f"the noise is {remainder.scatter:.2g} times as much as stated, and white: "
+            "intervals and evidence are those of the larger one"
+        )
+    parts = state.sets.residuals.split(residual)
+    white = sum(len(own) * difference_variance(own) for own in parts) / len(residual)
+    square = float(np.mean(residual**2))
+    alike = f"neighbouring samples are {'alike' if white < square else 'unlike'}"
+    if not state.sets.residuals.known_noise:
+        return f"the noise has a memory: {alike}"
+    most = (1 + NOISE_TOLERANCE) ** 2
+    # The variance of noise with a memory is known from few independent samples.
+    spread = 1 + _STANDARD_ERRORS * float(np.sqrt(2 / state.sets.evidence.noise.samples.sum()))
+    if square > most * spread or 1 / most < white < most:
+        return None
+    return f"the noise is of the stated size and not white: {alike}"
+
+
+def find_alternatives(state: State) -> State:
+    """Other sets that the data cannot distinguish from the answer.
+
+    A set with a free-form term is none of them, as what somebody has listed has the benefit of
+    the doubt, but is told.
+    """
+    if not state.fit.candidates:
+        return state
+    every = alternatives(state.sets, state.screening, state.fit)
+    listed = tuple(other for other in every if not other.laws)
+    drafts = [other for other in every if other.laws]
+    notes = [f"{' + '.join(sorted(other.names))} would do as well" for other in drafts[:1]]
+    return replace(state, alternatives=listed, notes=(*state.notes, *notes))
+
+
+PASSES: tuple[Pass, ...] = (
+    search_catalogue,
+    refine_steps,
+    add_laws,
+    restate_quiet_noise,
+    settle,
+    eliminate,
+    expose_stand_ins,
+    hold_out,
+    set_laws_apart,
+    examine_remainder,
+    find_alternatives,
+)
