@@ -138,11 +138,11 @@ def command(
 
     Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
     """
-    _refuse_contradictions(emulate, port, out, as_json)
     keep_inputs(
         [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)],
         [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)],
     )
+    _refuse_contradictions(emulate, port, out, as_json)
     from mopro.machine import load_machine
 
     replaces = replaces_recording(out, force)
