@@ -52,14 +52,14 @@ LEAST_SHARE = 0.1
 # Share of a whole that is most of it: of what an effect explains, of what is left. Halved, true
 # effects go whose law is only nearly right; doubled, none.
 MAJORITY = 0.5
-# Cycles, frequencies or parts that a statistic over them needs at the least. Doubled, slow lines
-# are bends, and effects that few moves show are not asked for their spread.
+# Cycles, frequencies or parts that a statistic over them needs at the least; chunks that a part is
+# cut into if it alone tells of an effect. Doubled, slow lines are bends, and effects that few moves
+# show are not asked for their spread.
 FEWEST = 3
+# Intervals of position, as numbers of them over the range, among which a bump is looked for.
+BUMP_BINS = (8, 16, 32, 64)
 # Parts of the data that are held out, at the most: more cost more and tell hardly more.
 MOST_FOLDS = 12
-# Chunks that a part is cut into if it alone tells of an effect. Halved, half of it must predict the
-# other half.
-CHUNKS = 4
 
 # -- search ----------------------------------------------------------------------------------
 
@@ -73,9 +73,9 @@ PROPORTIONAL = 3.0
 MOST_EFFECTS = 6
 # Sets fitted in one round. Doubled, a round takes twice as long.
 FITTED = 5
-# Rounds of a search that ends in noise, and refits of one set from its own end. Doubled, no search
-# of the benchmark leads further.
-MOST_ROUNDS = 10
+# Rounds of a search that ends in noise, evaluations in one descent of a fit (those of a few
+# parameters take 3 to 8), refits of one set from its own end. Halved, fits end above their minimum.
+ITERATIONS = 15
 # Second guesses: starts of a candidate, sets of a round that are fitted to their minimum, sets
 # beside the best that are expanded, effects added beyond those dropped, rounds with free-form
 # terms where something stays unexplained. Doubled, the search leaves deeper minima and takes four
@@ -84,16 +84,22 @@ SECOND_GUESSES = 2
 
 # -- fits ------------------------------------------------------------------------------------
 
-# Evaluations in one descent. Fits of a few parameters take 3 to 8.
-MOST_EVALUATIONS = 15
 # Descents in one fit; the second begins with a Jacobian from differences. Steps from one point are
 # cut so many times, to a quarter each: a residual with a kink has no smaller ones. Doubled, kinks
 # cost twice as much.
 REPEATS = 3
 
+# Chi-squared by which a fit may be above its minimum: little beside what tells two fits apart.
+FIT_TOLERANCE = SAME * LEAST_SHARE**2
+# EBIC above that of the best set from which on a set is out of the question: its chi-squared is
+# larger than any saving in penalties.
+OUT_OF_REACH = VERY_STRONG / LEAST_SHARE
+
 # -- rounding --------------------------------------------------------------------------------
 
 # Smallest share that is more than the rounding of sums of squares.
 ROUNDING = 1e-9
+# Distance from the ends of a range, as a share of it, that is inside.
+INTERIOR = 1e-6
 # Smallest number, in place of 0, where a logarithm or a quotient is taken.
 TINY = 1e-300

@@ -1,31 +1,24 @@
-"""The passes of the diagnosis, from a model, a catalogue of effects and data to a verdict."""
+"""The diagnosis: from a model, a catalogue of effects and data to a verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.conclude import conclude
-from mopro.diagnosis.statistics.evidence import ALTERNATIVE_MARGIN, NAMING_MARGIN
-from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.statistics.heldout import HeldOut, folds, held_out
-from mopro.diagnosis.search.hypotheses import Hypotheses, Progress
-from mopro.diagnosis.laws import WithLaws, measurement_laws
-from mopro.diagnosis.model import Candidate, Law, Mask, Parameter, Series, Simulate
-from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.remainder import NOISE_TOLERANCE, Remainder, examine
-from mopro.diagnosis.fitting.residual import Residuals, difference_variance
-from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
+from mopro.diagnosis.laws import WithLaws
+from mopro.diagnosis.model import Candidate, Parameter, Series, Simulate
+from mopro.diagnosis.passes import PASSES
+from mopro.diagnosis.search.hypotheses import Progress
 from mopro.diagnosis.state import Problem, State
-from mopro.diagnosis.statistics.uniformity import Spread, spread
-from mopro.diagnosis.verdict import Rejected, Verdict
+from mopro.diagnosis.verdict import Verdict
 
 # The name of the model's own free numbers in the settings.
 BASE = "base"
+
+
 def reconcile(
     simulate: Simulate,
     effects: Sequence[Candidate],

@@ -16,6 +16,7 @@ import numpy as np
 from cachetools import LRUCache, cached
 from scipy import fft
 
+from mopro.diagnosis.constants import BUMP_BINS, FEWEST, LEAST_SHARE
 from mopro.diagnosis.model import (
     Candidate,
     Floats,
@@ -34,14 +35,9 @@ Values = Mapping[str, float]
 
 # Size of a term that is looked for, as a multiple of the largest value measured, and the size at
 # which it is probed.
-_LARGEST, _PROBED = 100.0, 1e-2
-# Cycles in the data below which a line is a bend or a drift.
-_FEWEST_CYCLES = 2
-# Widths of a bump, as shares of the range of positions.
-_BUMP_WIDTHS = (0.02, 0.05, 0.1)
-# Intervals of position in which one is looked for: a quarter of the least width. Doubled, it takes
-# twice as long to find the same start.
-_BUMP_BINS = 200
+_LARGEST, _PROBED = 1 / LEAST_SHARE**2, LEAST_SHARE**2
+# Intervals of position in which a bump is looked for: a quarter of the least that one takes.
+_BINS = 4 * max(BUMP_BINS)
 # Predictions kept: a term that is fitted beside effects asks for the same ones again.
 _KEPT = 16
 
@@ -246,7 +242,7 @@ def _line_in_time(sensor: str, rows: Mapping[int, Series]) -> Candidate:
 
     fastest = max(0.5 / _step(series) for series in rows.values())
     longest = max(float(np.ptp(_values(series, ""))) for series in rows.values())
-    slowest = min(_FEWEST_CYCLES / longest, fastest / 2) if longest else fastest / 2
+    slowest = min(FEWEST / longest, fastest / 2) if longest else fastest / 2
     f = Parameter("f", "Hz", slowest, fastest, role=Role.SHAPE, difference=1e-7)
     unit = next(iter(rows.values())).unit
     sizes = [Parameter(n, unit, -size, size) for pair in names.values() for n in pair]
@@ -273,7 +269,7 @@ def _strongest(rows: Mapping[int, Series], view: ResidualView) -> float | None:
             power += np.abs(fft.rfft(view.residuals[row], length)[1 : length // 2 + 1]) ** 2
     longest = max(float(np.ptp(_values(series, ""))) for series in rows.values())
     frequencies = np.arange(1, len(power) + 1) / (length * step)
-    power[frequencies * longest < _FEWEST_CYCLES] = 0.0
+    power[frequencies * longest < FEWEST] = 0.0
     return float(frequencies[int(np.argmax(power))]) if power.any() else None
 
 
@@ -294,7 +290,7 @@ def _line_in_position(sensor: str, rows: Mapping[int, Series]) -> Candidate:
         if not max(float(np.ptp(x)) for x in places):
             return
         cycles, power = position_spectrum(places, [view.residuals[row] for row in rows])
-        power = np.where(cycles * reach < _FEWEST_CYCLES, 0.0, power)
+        power = np.where(cycles * reach < FEWEST, 0.0, power)
         if not power.any():
             return
         period = 1 / float(cycles[int(np.argmax(power))])
@@ -322,8 +318,8 @@ def _bump(sensor: str, rows: Mapping[int, Series]) -> Candidate:
     size = _LARGEST * _largest(series)
     places = np.concatenate([_values(s, _POSITION) for s in series])
     low, reach = float(places.min()), float(np.ptp(places)) or 1.0
-    middles = low + reach * (np.arange(_BUMP_BINS) + 0.5) / _BUMP_BINS
-    binned = np.minimum((places - low) / reach * _BUMP_BINS, _BUMP_BINS - 1).astype(np.intp)
+    middles = low + reach * (np.arange(_BINS) + 0.5) / _BINS
+    binned = np.minimum((places - low) / reach * _BINS, _BINS - 1).astype(np.intp)
 
     def shape(x: Floats, at: float, width: float) -> Floats:
         return np.asarray(np.exp(-0.5 * ((x - at) / width) ** 2))
@@ -336,11 +332,11 @@ def _bump(sensor: str, rows: Mapping[int, Series]) -> Candidate:
     def find(view: ResidualView) -> Iterator[Values]:
         left = np.concatenate([view.residuals[row] * view.sigmas[row] for row in rows])
         # Sums over intervals that are short for every width.
-        samples = np.bincount(binned, minlength=_BUMP_BINS)
-        sums = np.bincount(binned, left, minlength=_BUMP_BINS)
+        samples = np.bincount(binned, minlength=_BINS)
+        sums = np.bincount(binned, left, minlength=_BINS)
         best: tuple[float, Values] = (0.0, {})
-        for share in _BUMP_WIDTHS:
-            width = share * reach
+        for intervals in BUMP_BINS:
+            width = reach / intervals / 2
             for at in np.arange(low, low + reach, width):
                 form = shape(middles, float(at), width)
                 form -= samples @ form / samples.sum()

@@ -1,5 +1,7 @@
 """Input of the engine: a callable model, candidate effects and measured series.
 
+from mopro.diagnosis.constants import TOLERANCE
+
 Nothing here knows a motor. A model is any function that predicts what each sensor would have
 shown in a run, for given parameters of given effects.
 """
@@ -15,9 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-# Share of the plausible range by which a value may be outside of it: its ends are round numbers.
-# Doubled, a value 2 % of the range past its end costs nothing.
-_ROUND_ENDS = 0.01
+from mopro.diagnosis.constants import TOLERANCE
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -99,10 +99,10 @@ class Parameter:
     def beyond(self, value: float) -> float:
         """Distance of `value` from the plausible range, in `unit`; 0 inside.
 
-        The range is widened by a hundredth at each end, as its ends are round numbers.
+        The range is widened by `TOLERANCE` of it at each end, as its ends are round numbers.
         """
         low, high = self.plausible or (self.low, self.high)
-        margin = _ROUND_ENDS * (high - low)
+        margin = TOLERANCE * (high - low)
         return max(low - margin - value, value - margin - high, 0.0)
 
     def tolerates(self, value: float, error: float) -> bool:

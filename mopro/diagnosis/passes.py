@@ -2,25 +2,42 @@
 
 from __future__ import annotations
 
-# Chi-squared by which a finer simulation must move a prediction to be used: less cannot tell two
-# explanations apart.
-_STEP_ERROR = 1.0
-# The same as a share of the unexplained excess: a change of δ takes at most 2 δ √excess away, so
-# this is what could account for a tenth of it. Doubled, a seventh.
-_STEP_ERROR_SHARE = 0.05**2
-# Least variance of a series, in that of the stated noise, from which its noise is taken: what is
-# below is a sensor that shows none, as at rest. Halved, statements off by a factor of 10 count.
-_QUIETEST = 0.01
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from mopro.diagnosis.constants import (
+    FALSE_ALARMS,
+    LEAST_SHARE,
+    SAME,
+    STRONG,
+    TOLERANCE,
+    VERY_STRONG,
+)
+from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.fitting.residual import Residuals, difference_variance
+from mopro.diagnosis.laws import WithLaws, measurement_laws
+from mopro.diagnosis.model import Candidate, Law, Mask, Simulate
+from mopro.diagnosis.search.alternatives import alternatives
+from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
+from mopro.diagnosis.state import State
+from mopro.diagnosis.statistics.heldout import HeldOut, folds, held_out
+from mopro.diagnosis.statistics.noise import Noise
+from mopro.diagnosis.statistics.remainder import Remainder, examine
+from mopro.diagnosis.statistics.uniformity import Spread, spread
+from mopro.diagnosis.verdict import Rejected
+
 # Standard errors by which a variance must be below the stated one to replace it, or may be above
-# it if the noise has a memory. Doubled, a disturbance within the noise passes for noise.
-_STANDARD_ERRORS = 4.0
+# it if the noise has a memory.
+_STANDARD_ERRORS = float(stats.norm.isf(FALSE_ALARMS / 2))
+
 
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
 _STANDS_IN = "its size differs from part to part by {:.0%}: it stands in for something else"
-_NO_GAIN = "lowers the EBIC by less than a Bayes factor of 10 beside what remains"
-
-
-
+_NO_GAIN = "lowers the EBIC by less than a Bayes factor of 20 beside what remains"
 
 Pass = Callable[[State], State]
 
@@ -49,7 +66,9 @@ def _steps_matter(state: State, finer: Simulate) -> bool:
     most = 1.0 if residuals.known_noise else np.inf
     parts = residuals.split(fit.residual)
     white = sum(len(own) * min(difference_variance(own), most) for own in parts)
-    least = max(_STEP_ERROR * state.sets.scale(fit), _STEP_ERROR_SHARE * (fit.rss - white))
+    # A change of δ takes at most 2 δ √excess away.
+    share = (LEAST_SHARE / 2) ** 2
+    least = max(SAME * state.sets.scale(fit), share * (fit.rss - white))
     return float(np.sum((fine - fit.residual) ** 2)) > least
 
 
@@ -58,9 +77,9 @@ def restate_quiet_noise(state: State) -> State:
     sets = state.sets
     mean = sets.evidence.noise.sums(state.fit.residual) / np.array(sets.evidence.noise.counts)
     samples = Noise.as_stated(sets.residuals).like(state.fit.residual).samples
-    below = mean * (1 + _STANDARD_ERRORS * np.sqrt(2 / samples)) < (1 + NOISE_TOLERANCE) ** -2
+    below = mean * (1 + _STANDARD_ERRORS * np.sqrt(2 / samples)) < (1 + TOLERANCE) ** -2
     quiet = [
-        bool(b) and m > _QUIETEST and series.sigma is not None
+        bool(b) and m > LEAST_SHARE**2 and series.sigma is not None
         for b, m, series in zip(below, mean, state.problem.data, strict=True)
     ]
     if not any(quiet):
@@ -94,7 +113,7 @@ def add_laws(state: State) -> State:
     search(sets, state.screening, [state.fit], only_laws=sets.is_noise(state.fit))
     best, listed = sets.best(), sets.best_listed()
     # What somebody has listed has the benefit of the doubt.
-    doubt = sets.ebic(listed) - sets.ebic(best) < ALTERNATIVE_MARGIN
+    doubt = sets.ebic(listed) - sets.ebic(best) < VERY_STRONG
     return replace(state, fit=listed if doubt else best)
 
 
@@ -112,12 +131,12 @@ def settle(state: State) -> State:
 
 
 def eliminate(state: State) -> State:
-    """The answer without effects that save less than a Bayes factor of 10."""
+    """The answer without effects that save less than strong evidence, a Bayes factor of 20."""
     fit, rejected = state.fit, list(state.rejected)
     while fit.candidates:
         reduced = [(state.sets.without(fit, name), name) for name in sorted(fit.names)]
         best, name = min(reduced, key=lambda pair: state.sets.ebic(pair[0]))
-        if state.sets.ebic(best) > state.sets.ebic(fit) + NAMING_MARGIN:
+        if state.sets.ebic(best) > state.sets.ebic(fit) + STRONG:
             break
         rejected.append(Rejected(name, best.rss - fit.rss, _NO_GAIN))
         fit = best
@@ -234,7 +253,7 @@ def _as_noise(state: State, remainder: Remainder) -> str | None:
     alike = f"neighbouring samples are {'alike' if white < square else 'unlike'}"
     if not state.sets.residuals.known_noise:
         return f"the noise has a memory: {alike}"
-    most = (1 + NOISE_TOLERANCE) ** 2
+    most = (1 + TOLERANCE) ** 2
     # The variance of noise with a memory is known from few independent samples.
     spread = 1 + _STANDARD_ERRORS * float(np.sqrt(2 / state.sets.evidence.noise.samples.sum()))
     if square > most * spread or 1 / most < white < most:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mopro.diagnosis.search.alternatives import Alternative
 from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.statistics.heldout import HeldOut
-from mopro.diagnosis.search.hypotheses import Hypotheses, Progress
-from mopro.diagnosis.model import Candidate, Series, Simulate
-from mopro.diagnosis.statistics.remainder import NOTHING_LEFT, Remainder
 from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.model import Candidate, Series, Simulate
+from mopro.diagnosis.search.alternatives import Alternative
+from mopro.diagnosis.search.hypotheses import Hypotheses, Progress
 from mopro.diagnosis.search.screening import Screening
+from mopro.diagnosis.statistics.heldout import HeldOut
+from mopro.diagnosis.statistics.remainder import NOTHING_LEFT, Remainder
 from mopro.diagnosis.verdict import Rejected
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.html import paragraph, table
 from mopro.diagnosis.model import Floats, Series, Settings, Simulate
 from mopro.diagnosis.statistics.remainder import Remainder
-from mopro.diagnosis.fitting.residual import Residuals
 
 _EFFECTS_SHOWN = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes", "held out",

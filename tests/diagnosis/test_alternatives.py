@@ -7,9 +7,9 @@ import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import candidates, diagnosed, family, measured, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
-from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.search.screening import Screening
 
 

@@ -11,6 +11,7 @@ import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import family, names
 from mopro.diagnosis import Series
+from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.statistics.noise_tests import (
     bartlett_log_p,
@@ -18,7 +19,6 @@ from mopro.diagnosis.statistics.noise_tests import (
     cusum_step,
     whiteness_p,
 )
-from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 
 SIGMA = 0.1
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, diagnosed, of_size, sizes, times
-from mopro.diagnosis.statistics.evidence import Evidence
 from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.statistics.evidence import Evidence
 from mopro.diagnosis.statistics.noise import Noise
 
 TWINS = ("stretched", "amplified")

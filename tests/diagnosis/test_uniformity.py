@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
-from mopro.diagnosis.statistics.heldout import folds
-from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.statistics.heldout import folds
 from mopro.diagnosis.statistics.uniformity import spread
 
 T = times(1000)

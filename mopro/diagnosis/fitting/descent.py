@@ -9,20 +9,9 @@ from contextlib import suppress
 import numpy as np
 from scipy import optimize
 
+from mopro.diagnosis.constants import INTERIOR, ITERATIONS, REPEATS
 from mopro.diagnosis.fitting.jacobian import Iterate, SecantJacobian
 from mopro.diagnosis.model import Floats
-
-# Budget of one round of trust-region steps. Fits of a few parameters take 3 to 8.
-_MOST_EVALUATIONS = 15
-# A round after the first begins with a Jacobian from differences, as errors need one: two more
-# correct what secant updates missed.
-_MOST_ROUNDS = 3
-# Trial steps from one point: at a kink of the residual each is cut to a quarter of the last, and
-# four cuts are a 256th.
-_MOST_CUTS = 4
-# Distance of a start from the ends of the range, as a share of it: the solver needs an interior
-# point.
-_INTERIOR = 1e-6
 
 
 class _Converged(Exception):
@@ -49,8 +38,8 @@ class Descent:
 
     def run(self, start: Floats, low: Floats, high: Floats, tolerance: float) -> Iterate:
         """The minimum found from `start`; `tolerance` is relative to the sum of squares."""
-        x = np.clip(start, low + _INTERIOR, high - _INTERIOR)
-        for _ in range(_MOST_ROUNDS):
+        x = np.clip(start, low + INTERIOR, high - INTERIOR)
+        for _ in range(REPEATS):
             reached = self._round(x, low, high, tolerance)
             if self.abandoned or not self._jacobian.updated:
                 break
@@ -76,22 +65,20 @@ class Descent:
         with suppress(_Converged):
             optimize.least_squares(
                 residual, x, jac=jacobian, method="dogbox", bounds=(low, high), xtol=1e-9,
-                gtol=1e-12, x_scale="jac", ftol=tolerance, max_nfev=_MOST_EVALUATIONS,
+                gtol=1e-12, x_scale="jac", ftol=tolerance, max_nfev=ITERATIONS,
                 callback=abandon,
             )  # fmt: skip
         assert self._jacobian.last is not None, "the Jacobian is taken at the start"
         return self._jacobian.last
 
     def _converged(self, x: Floats, tolerance: float) -> bool:
-        """True if the step to `x` has a predicted decrease below tolerance, or after four cuts."""
+        """True if the step to `x` is predicted to gain less than `tolerance`, or was cut enough."""
         last = self._jacobian.last
         assert last is not None, "asked after the start only"
         self._cuts += 1
         change = last.jacobian @ (x - last.x)
         decrease = -float(change @ (2 * last.residual + change))
-        return self._cuts > _MOST_CUTS or decrease < tolerance * float(
-            last.residual @ last.residual
-        )
+        return self._cuts > REPEATS or decrease < tolerance * float(last.residual @ last.residual)
 
     def _out_of_reach(self, rss: float, low: Floats, high: Floats) -> bool:
         """True if neither steps nor slopes lead down to the limit.
@@ -101,5 +88,5 @@ class Descent:
         """
         decrease, self._last_rss = self._last_rss - rss, rss
         missing = rss - self._rss_limit
-        slow = decrease * _MOST_EVALUATIONS < missing
+        slow = decrease * ITERATIONS < missing
         return slow and 2 * self._jacobian.predicted_reduction(low, high) < missing

@@ -8,22 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
+from mopro.diagnosis.constants import FIT_TOLERANCE, INTERIOR, LEAST_SHARE, REPEATS
 from mopro.diagnosis.fitting.descent import Descent
 from mopro.diagnosis.fitting.jacobian import gauss_newton_step
-from mopro.diagnosis.model import Candidate, Floats, Parameter, Role, Settings
 from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.model import Candidate, Floats, Parameter, Role, Settings
 
-# Chi-squared by which a fit may be above its minimum. Doubled, it saves a simulation now and then;
-# evidence is compared in steps of 1 at the least.
-_CHI2_TOLERANCE = 0.01
-# Chi-squared per sample above which the model may be too far from the data for signatures, which
-# are linear, to rank candidates.
-_FAR_FROM_LINEAR = 100.0
 # Shares of each series that are fitted one after another where the whole one misleads: each is
 # twice the one before, so that an oscillation which the last one fits is off by less than a cycle.
-_GROWING = (1 / 8, 1 / 4, 1 / 2)
-# Step of the derivative of a parameter by its scaled coordinate.
-_SCALE_STEP = 1e-6
+_GROWING = tuple(2.0**-halvings for halvings in range(REPEATS, 0, -1))
 
 # A set of effects in their forms.
 Key = frozenset[tuple[str, str]]
@@ -67,8 +60,8 @@ class Fit:
 
     @property
     def far_from_linear(self) -> bool:
-        """True if the residual is so large (10 σ RMS) that signatures may mislead."""
-        return self.rss > _FAR_FROM_LINEAR * self.count
+        """True if noise is so small a share of the residual (RMS) that signatures may mislead."""
+        return self.rss * LEAST_SHARE**2 > self.count
 
     @property
     def values(self) -> Floats:
@@ -165,7 +158,7 @@ class _Problem:
             residual = self._residual(scaled)
             return self._fit(scaled, residual, np.zeros((len(residual), 0)))
         descent = Descent(self._residual, [p.difference for _, p in self._order], rss_limit)
-        tolerance = _CHI2_TOLERANCE / max(self._residuals.count, 1)
+        tolerance = FIT_TOLERANCE / max(self._residuals.count, 1)
         reached = descent.run(scaled, low, high, tolerance)
         fit = self._fit(reached.x, reached.residual, reached.jacobian)
         return replace(fit, abandoned=descent.abandoned)
@@ -177,7 +170,7 @@ class _Problem:
 
     def _fit(self, scaled: Floats, residual: Floats, jacobian: Floats) -> Fit:
         coordinates = list(zip((p for _, p in self._order), scaled.tolist(), strict=True))
-        h = _SCALE_STEP
+        h = INTERIOR
         spans = np.array([(p.value(s + h) - p.value(s - h)) / (2 * h) for p, s in coordinates])
         return Fit(
             candidates=self._candidates,

@@ -8,25 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mopro.diagnosis.constants import FIT_TOLERANCE, INTERIOR, PROPORTIONAL, ROUNDING
 from mopro.diagnosis.model import Floats
-
-# A secant update is made if the Jacobian predicted the change of the residual to within this
-# share of it. Doubled, steps follow worse slopes; halved, more of them cost new differences.
-_SECANT_ERROR = 0.3
-# Distance from an end of the range, as a share of it, within which a parameter is at that end.
-_AT_BOUND = 1e-6
-# Singular values below this share of the largest: parameters that the residual cannot
-# distinguish.
-_RANK_TOLERANCE = 1e-9
-# A change of the residual below this, in chi-squared, is too small to learn a slope from.
-_NO_CHANGE = 1e-2
 
 
 def gauss_newton_step(jacobian: Floats, residual: Floats) -> Floats:
     """The step of the parameters that minimises |residual + jacobian @ step|² (samples x them)."""
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
-    step: Floats = np.linalg.lstsq(jacobian / scale, -residual, rcond=_RANK_TOLERANCE)[0] / scale
+    step: Floats = np.linalg.lstsq(jacobian / scale, -residual, rcond=ROUNDING)[0] / scale
     return step
 
 
@@ -76,7 +66,7 @@ class SecantJacobian:
         """
         if self.last is None:
             return math.inf
-        inside = (self.last.x > low + _AT_BOUND) & (self.last.x < high - _AT_BOUND)
+        inside = (self.last.x > low + INTERIOR) & (self.last.x < high - INTERIOR)
         basis, _ = np.linalg.qr(self.last.jacobian[:, inside])
         return float(np.sum((basis.T @ self.last.residual) ** 2))
 
@@ -85,11 +75,11 @@ class SecantJacobian:
         if self.last is None:
             return None
         step, change = x - self.last.x, residual - self.last.residual
-        if float(change @ change) < _NO_CHANGE:
+        if float(change @ change) < FIT_TOLERANCE:
             return self.last.jacobian
         missed = change - self.last.jacobian @ step
         share = float(np.linalg.norm(missed) / np.linalg.norm(change))
-        if share > _SECANT_ERROR:
+        if share > 1 / PROPORTIONAL:
             return None
         weighted = step * np.sum(self.last.jacobian**2, axis=0)
         self.updated = True

@@ -9,12 +9,8 @@ from itertools import pairwise
 import numpy as np
 from scipy import linalg
 
+from mopro.diagnosis.constants import ROUNDING
 from mopro.diagnosis.model import Floats, Mask, Series, Settings, Simulate
-
-# Singular values below this share of the largest are rounding: nuisance shapes that depend on
-# each other.
-_RANK_TOLERANCE = 1e-9
-
 
 # Standard deviations by which a prediction that is not finite is off.
 _FAR = 1e8
@@ -114,7 +110,7 @@ class Residuals:
             end += len(series)
             shapes = series.nuisance_shapes()
             # A series has one sigma, so that its weight does not change the basis.
-            for shape in linalg.orth(shapes[mask[own]], _RANK_TOLERANCE).T:
+            for shape in linalg.orth(shapes[mask[own]], ROUNDING).T:
                 column = np.zeros(len(mask))
                 column[own[mask[own]]] = shape
                 columns.append(column[mask])

@@ -10,31 +10,27 @@ from itertools import groupby
 import numpy as np
 from scipy import stats
 
-from mopro.diagnosis.statistics.evidence import ALTERNATIVE_MARGIN, NAMING_MARGIN
+from mopro.diagnosis.constants import (
+    CLEAR,
+    FALSE_ALARMS,
+    FITTED,
+    LEAST_SHARE,
+    LINEARITY_ERROR,
+    MAJORITY,
+    STRONG,
+    VERY_STRONG,
+)
 from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.model import Candidate, Settings
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.linear_subset import LinearSubset
-from mopro.diagnosis.model import Candidate, Settings
 from mopro.diagnosis.search.neighbours import in_other_forms, neighbourhood
-from mopro.diagnosis.search.screening import LINEARITY_ERROR, Screening
+from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.search.signature import ScoreTest
 
-# Sets that are fitted in the place of the same effects, one or two fits each. Fewer, and larger
-# families lose members.
-_MOST_FITTED = 5
-# Largest error of the predicted reduction of chi-squared that is allowed for, as a share of it.
-_MOST_LINEARITY_ERROR = 0.1
-# Share of a reduction by which an alternative may fall short of what is needed and still
-# have its signature simulated again, where it would stand.
-_WORTH_RELINEARISING = 0.2
-# Chi-squared explained (20 standard deviations in all) below which an effect is so small that its
-# response is linear.
-_WEAK = 400.0
-# Standard deviations by which a size must be outside of what is plausible to be clearly so.
-_CLEARLY_IMPLAUSIBLE = 2.0
-# Level of the chi-squared test that two nested fits predict the same: noise alone parts them more
-# in one of a thousand cases.
-_NESTED_LEVEL = 0.999
+# Chi-squared explained below which an effect is so small that the error of its signature is less
+# than what distinguishes two explanations.
+_WEAK = VERY_STRONG / LINEARITY_ERROR
 
 
 @dataclass(frozen=True)
@@ -106,14 +102,14 @@ def _fit_likely(
     for subset in subsets:
         reached = subset.reduction
         if reached < needed and len(subset.members) == 1:
-            if reached < needed - _WORTH_RELINEARISING * reduction:
+            if reached < MAJORITY * needed:
                 continue
             reached = screening.at_its_start(base, subset.members[0]).predicted_reduction
         if reached >= needed:
             close.append((subset.ebic + subset.reduction - reached, subset))
     close.sort(key=lambda pair: pair[0])
     limit = sets.limit(best)
-    for fit in sets.fit_all([(s.candidates, s.starts) for _, s in close[:_MOST_FITTED]], limit):
+    for fit in sets.fit_all([(s.candidates, s.starts) for _, s in close[:FITTED]], limit):
         if not fit.abandoned:
             sets.fit_all(in_other_forms(sets, fit), limit)
 
@@ -131,8 +127,8 @@ def _needed(sets: Hypotheses, screening: Screening, best: Fit, base: Fit) -> flo
         predicted = max((s.predicted_reduction for s in own), default=reduction)
     if reduction < _WEAK:
         return min(reduction, predicted)
-    error = min(_MOST_LINEARITY_ERROR, LINEARITY_ERROR + 2 * abs(predicted / reduction - 1))
-    margin = 4 * ALTERNATIVE_MARGIN * _density(sets, best, base)
+    error = min(LEAST_SHARE, LINEARITY_ERROR + 2 * abs(predicted / reduction - 1))
+    margin = 4 * VERY_STRONG * _density(sets, best, base)
     return min(reduction, predicted) - margin - error * reduction
 
 
@@ -153,14 +149,14 @@ def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[
     """
     limit, answer = sets.limit(best), []
     for subset in subsets:
-        close = subset.ebic < sets.white.ebic(best) + ALTERNATIVE_MARGIN
+        close = subset.ebic < sets.white.ebic(best) + VERY_STRONG
         if not close or len(subset.members) != 1 or not _plausible(subset.members[0]):
             continue
         deviance = sets.evidence.noise.deviance(sets.residuals.at(subset.start))
         penalty = sets.evidence.penalty(subset.base)
         joined = [member.candidate for member in subset.members]
         ebic = deviance + penalty + sets.evidence.added_penalty(subset.base, joined)
-        if ebic < sets.ebic(best) + ALTERNATIVE_MARGIN:
+        if ebic < sets.ebic(best) + VERY_STRONG:
             delta = ebic - sets.ebic(best)
             answer.append(Alternative.of(subset.candidates, delta, subset.start))
         else:
@@ -171,7 +167,7 @@ def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[
 def _plausible(score: ScoreTest) -> bool:
     """True if the size that the signature asks for is plausible, its error allowed for."""
     values = score.starts[0][score.candidate.name]
-    error = _CLEARLY_IMPLAUSIBLE / math.sqrt(max(score.predicted_reduction, 1.0))
+    error = CLEAR / math.sqrt(max(score.predicted_reduction, 1.0))
     return not any(
         p.beyond(values[p.name]) > error * abs(values[p.name]) for p in score.candidate.parameters
     )
@@ -179,13 +175,11 @@ def _plausible(score: ScoreTest) -> bool:
 
 def _is_alternative(sets: Hypotheses, fit: Fit, best: Fit) -> bool:
     delta = sets.ebic(fit) - sets.ebic(best)
-    if delta >= ALTERNATIVE_MARGIN or not _differs(fit.names, best):
+    if delta >= VERY_STRONG or not _differs(fit.names, best):
         return False
     if not sets.evidence.plausible(fit) or _nests_prediction(sets, fit, best):
         return False
-    return all(
-        sets.ebic(sets.without(fit, name)) > sets.ebic(fit) + NAMING_MARGIN for name in fit.names
-    )
+    return all(sets.ebic(sets.without(fit, name)) > sets.ebic(fit) + STRONG for name in fit.names)
 
 
 def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
@@ -202,4 +196,4 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
         return False
     difference = wider.residual - fit.residual
     chi2 = float(np.sum(difference**2 / sets.evidence.noise.variances(fit.residual)))
-    return chi2 < float(stats.chi2.ppf(_NESTED_LEVEL, extra))
+    return chi2 < float(stats.chi2.isf(FALSE_ALARMS, extra))

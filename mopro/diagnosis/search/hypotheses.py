@@ -11,24 +11,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from mopro.diagnosis.statistics.evidence import Evidence
+from mopro.diagnosis.constants import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, SAME
 from mopro.diagnosis.fitting.fit import Fit, Identity, Key, growing_fit, least_squares_fit
+from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
+from mopro.diagnosis.statistics.evidence import Evidence
 from mopro.diagnosis.statistics.noise import Noise
 from mopro.diagnosis.statistics.remainder import examine
-from mopro.diagnosis.fitting.residual import Residuals, difference_variance
-
-# EBIC above that of the best set from which on a set is out of the question: its chi-squared is
-# larger than any saving in penalties.
-OUT_OF_REACH = 100.0
-# Chi-squared by which a start must be below a known fit of the same set to be fitted from too.
-# Below it the two are the same minimum.
-_BETTER_START = 1.0
-
-# Refits of one set from its own end.
-_MOST_REFITS = 6
-# Size of an effect that is hardly there, as a share of that at which its signature is simulated.
-_FAINT = 1e-2
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -215,11 +204,11 @@ class Hypotheses:
         if self.base:
             grown = growing_fit(self.residuals, fit.candidates, fit.settings, math.inf, self.base)
             fit = self._kept(grown, math.inf)
-        for _ in range(_MOST_REFITS):
+        for _ in range(ITERATIONS):
             again = least_squares_fit(
                 self.residuals, fit.candidates, [fit.settings], math.inf, self.base
             )
-            if again.rss > fit.rss - _BETTER_START * self.scale(fit):
+            if again.rss > fit.rss - SAME * self.scale(fit):
                 break
             self._fits[fit.key] = fit = again
         return fit
@@ -228,7 +217,7 @@ class Hypotheses:
         if not known.candidates or start == known.settings:
             return False
         rss = float(np.sum(self.residuals.at(start) ** 2))
-        return rss < known.rss - _BETTER_START * self.scale(known)
+        return rss < known.rss - SAME * self.scale(known)
 
     def without(self, fit: Fit, name: str, limit: float = math.inf) -> Fit:
         """`fit` without the effect `name`, from where a Gauss-Newton step leads, or as it stands.
@@ -307,4 +296,4 @@ def _faint(candidates: Sequence[Candidate], start: Settings) -> Settings:
 
 def _faint_value(parameter: Parameter) -> float:
     size = parameter.starts[0] if parameter.starts else parameter.value(0.5)
-    return parameter.within(parameter.multiplied(size, _FAINT))
+    return parameter.within(parameter.multiplied(size, LEAST_SHARE**2))

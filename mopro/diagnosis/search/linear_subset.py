@@ -9,20 +9,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis.statistics.evidence import Evidence
+from mopro.diagnosis.constants import FITTED, LEAST_SHARE, MOST_EFFECTS, ROUNDING
 from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.fitting.jacobian import gauss_newton_step
-from mopro.diagnosis.model import Candidate, Floats, Settings
 from mopro.diagnosis.fitting.residual import projected_out
+from mopro.diagnosis.model import Candidate, Floats, Settings
 from mopro.diagnosis.search.signature import ScoreTest, resized
+from mopro.diagnosis.statistics.evidence import Evidence
 
-# Subsets of each size from which larger ones are grown, and that are evaluated exactly. Doubled,
-# the search is twice as wide; it costs no simulation.
-_BEAM_WIDTH = 30
-# Share of its size by which the range of an amplitude may cut it before the subset is left out.
-_MOST_CUT = 0.05
-# Smallest share of a signature that others leave of it: below it signatures are parallel.
-_PARALLEL = 1e-9
+# Subsets of each size from which larger ones are grown, and that are evaluated exactly. They
+# cost no simulation.
+_BEAM_WIDTH = FITTED * MOST_EFFECTS
 
 Rows = tuple[int, ...]
 Index = NDArray[np.intp]
@@ -121,7 +118,7 @@ class LinearSubsets:
             held = np.linalg.pinv(gram[np.ix_(at, at)], hermitian=True) @ gram[at]
             product = product - self._product[at] @ held
             gram = gram - gram[:, at] @ held
-        left = np.diag(gram) > _PARALLEL * np.diag(self._gram)
+        left = np.diag(gram) > ROUNDING * np.diag(self._gram)
         single = np.where(left, product**2 / np.where(left, np.diag(gram), 1.0), 0.0)
         gains = np.empty(len(self._scores))
         for i, (score, own) in enumerate(zip(self._scores, self._columns, strict=True)):
@@ -162,7 +159,7 @@ def _solved(gram: Floats, product: Floats) -> Floats | None:
     if not scale.all():
         return None
     unit = gram / np.outer(scale, scale)
-    if np.linalg.eigvalsh(unit)[0] < _PARALLEL:
+    if np.linalg.eigvalsh(unit)[0] < ROUNDING:
         return None
     sizes: Floats = np.linalg.solve(unit, product / scale) / scale
     return sizes
@@ -176,7 +173,7 @@ def _start(members: Sequence[ScoreTest], sizes: Floats) -> Settings | None:
         own = sizes[end : end + len(s.group)]
         end += len(s.group)
         values, allowed = resized(s.candidate, s.group, own)
-        if np.abs(allowed - own).max() > _MOST_CUT * np.abs(own).max():
+        if np.abs(allowed - own).max() > LEAST_SHARE * np.abs(own).max():
             return None
         settings |= s.candidate.settings(values)
     return settings

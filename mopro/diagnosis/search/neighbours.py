@@ -6,27 +6,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+from mopro.diagnosis.constants import (
+    FEWEST,
+    FITTED,
+    LEAST_SHARE,
+    MAJORITY,
+    MOST_EFFECTS,
+    SECOND_GUESSES,
+)
 from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.model import Candidate, Settings
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, LinearSubsets
-from mopro.diagnosis.model import Candidate, Settings
 from mopro.diagnosis.search.screening import Screening
-
-# Effects in one set. Doubled, harmonics of many lines are told, and pure noise costs no more.
-MOST_EFFECTS = 6
-# Effects added beyond those that were dropped. Doubled, the search leaves deeper minima and takes
-# twice as long.
-_MOST_MORE = 2
-# Sizes of sets of which each two effects are dropped at once. Of four it would be six pairs.
-_PAIRS_OF = (2, 3)
-# Share of what one or several effects bring that a single one must be predicted to bring, to be
-# fitted in their place. Halved, twice as many fits are begun in vain.
-MOST_OF_GAIN = 0.5
-# Substitutes fitted in wider forms. Half as many, and the second of two is not looked at.
-_WIDER_FITTED = 4
-# Share of the sum of squares with an effect switched off, below which the others have absorbed it
-# when they are fitted again: a search for starts must then look at the residual before that.
-_ABSORBED = 0.8
 
 
 @dataclass(frozen=True)
@@ -62,28 +54,30 @@ def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbour
 def _more(reduced: Fit, fit: Fit) -> int:
     """Effects that may be added beyond those that were dropped from `fit`."""
     if reduced.far_from_linear:
-        return 0 if reduced is not fit else _MOST_MORE if fit.candidates else 1
+        return 0 if reduced is not fit else SECOND_GUESSES if fit.candidates else 1
     if reduced is not fit:
         return 1
-    return _MOST_MORE if fit.candidates else _MOST_MORE + 1
+    return SECOND_GUESSES if fit.candidates else SECOND_GUESSES + 1
 
 
 def _reduced(sets: Hypotheses, fit: Fit) -> Iterator[tuple[Fit, Fit | None, int]]:
     """`fit` without none, one, two or all of its effects, and how many were dropped.
 
     The second is the fit with those effects switched off and the others as they are, if the
-    others have absorbed them: if they leave less than 4/5 of that when they are fitted again.
+    others have absorbed them: if they leave less of it, by a tenth or more, when they are
+    fitted again.
     """
     yield fit, None, 0
     every = len(fit.candidates)
-    several = [2] if every in _PAIRS_OF else []
+    # Of larger sets there would be many pairs.
+    several = [2] if 2 <= every <= FEWEST else []
     for number in (*([1] if every else []), *several, *([every] if every > 2 else [])):
         for names in combinations(sorted(fit.names), number):
             reduced = fit
             for name in names:
                 reduced = sets.without(reduced, name)
             switched = sets.switched_off(fit, frozenset(names)) if reduced.candidates else reduced
-            absorbed = reduced.rss < _ABSORBED * switched.rss
+            absorbed = reduced.rss < (1 - LEAST_SHARE) * switched.rss
             yield reduced, switched if absorbed else None, number
 
 
@@ -106,7 +100,7 @@ def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
     for subset in sorted(near.subsets, key=lambda s: -s.reduction):
         base = subset.base
         single = len(subset.members) == 1 and len(base.candidates) == len(near.fit.candidates) - 1
-        if not single or subset.reduction < MOST_OF_GAIN * (base.rss - near.fit.rss):
+        if not single or subset.reduction < MAJORITY * (base.rss - near.fit.rss):
             continue
         (member,) = subset.members
         proposals += [
@@ -114,7 +108,7 @@ def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
             for form in _neighbouring_forms(member.candidate, sets.catalogue)
             if form.name not in near.fit.names
         ]
-    return proposals[:_WIDER_FITTED]
+    return proposals[:FITTED]
 
 
 def _in_another_form(fit: Fit, form: Candidate) -> Proposal:

@@ -8,41 +8,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mopro.diagnosis.constants import FITTED, ITERATIONS, LINEARITY_ERROR, MAJORITY, SECOND_GUESSES
 from mopro.diagnosis.fitting.fit import Fit, Identity
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, distinct
 from mopro.diagnosis.search.neighbours import (
-    MOST_OF_GAIN,
     Neighbourhood,
     in_other_forms,
     in_wider_forms,
     neighbourhood,
 )
-from mopro.diagnosis.search.screening import LINEARITY_ERROR, Screening
+from mopro.diagnosis.search.screening import Screening
 
-# Sets fitted in one round; far from linear, where predictions are worth less, twice as many.
-# Doubled, a round takes twice as long.
-_FITTED = 5
-# Of these the first are fitted to their minimum, the others only if they can come near it.
-_FITTED_TO_MINIMUM = 2
-# Sets beside the best one that are expanded while the remainder is more than noise.
-_MOST_OTHERS = 2
-# Rounds after which free-form terms join the search, rounds with them, and those of a search that
-# ends in noise. Doubled, what nobody listed is described by several effects, which takes long.
-FIRST_ROUNDS, _LAW_ROUNDS, _MOST_ROUNDS = 1, 2, 10
-# Share of the sum of squares that a main effect leaves by itself, if it is the main one.
-_MAIN_EFFECT_LEAVES = 0.02
-# EBIC by which another form may at first be worse, as it may make an effect superfluous: that
-# saves its penalty, a parameter's and a choice's, in any but the largest data. Halved, some forms
-# are never looked at beside the effect that they replace; doubled, more fits are run to their end.
-_ONE_EFFECT = 40.0
+# Rounds of a search before free-form terms join it: what nobody listed is described by several
+# effects, which takes long.
+FIRST_ROUNDS = 1
 
 
 def search(
     sets: Hypotheses,
     screening: Screening,
     also: Sequence[Fit] = (),
-    rounds: int = _LAW_ROUNDS,
+    rounds: int = SECOND_GUESSES,
     only_laws: bool = False,
 ) -> None:
     """Fit sets of effects to `sets` until none near the best one has a lower EBIC.
@@ -57,7 +44,7 @@ def search(
     for start in (sets.null, *also):
         expanded.add(start.identity)
         _round(sets, screening, start, only_laws)
-    for number in range(_MOST_ROUNDS):
+    for number in range(ITERATIONS):
         best = sets.best()
         if number >= rounds and not sets.is_noise(best):
             break
@@ -66,7 +53,7 @@ def search(
             break
         if front is not best:
             others += 1
-            if others > _MOST_OTHERS or sets.is_noise(best):
+            if others > SECOND_GUESSES or sets.is_noise(best):
                 break
         expanded.add(front.identity)
         _round(sets, screening, front, only_laws)
@@ -77,7 +64,7 @@ def _next(sets: Hypotheses, best: Fit, expanded: set[Identity]) -> Fit | None:
     """The next best set that was not expanded and explains the data otherwise."""
     limit = sets.limit(best)
     for fit in sets.ranked():
-        near = fit.rss < max(limit, _MAIN_EFFECT_LEAVES * sets.null.rss)
+        near = fit.rss < max(limit, LINEARITY_ERROR * sets.null.rss)
         if near and fit.candidates and fit.identity not in expanded:
             return fit
     return None
@@ -90,11 +77,11 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
     if only_laws:
         near = near.with_laws()
     proposed = _proposed(sets, near)
-    sets.fit_all(_proposals(proposed[:_FITTED_TO_MINIMUM]))
+    sets.fit_all(_proposals(proposed[:SECOND_GUESSES]))
     limit = sets.limit(sets.best())
     if sets.null.far_from_linear:
-        limit = max(limit, _MAIN_EFFECT_LEAVES * sets.null.rss)
-    sets.fit_all([*_proposals(proposed[_FITTED_TO_MINIMUM:]), *in_wider_forms(sets, near)], limit)
+        limit = max(limit, LINEARITY_ERROR * sets.null.rss)
+    sets.fit_all([*_proposals(proposed[SECOND_GUESSES:]), *in_wider_forms(sets, near)], limit)
     sets.judge_by(sets.fullest())
     best = sets.best()
     while best is not before:
@@ -105,9 +92,11 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
 
 def _fit_forms(sets: Hypotheses, fit: Fit) -> None:
     """Fit `fit` in other forms, and each of those that come near without one of its effects."""
-    limit = sets.limit(fit, _ONE_EFFECT)
+    # Another form may make an effect superfluous, which saves the penalty of that.
+    saved = max((sets.evidence.added_penalty(sets.null, [c]) for c in fit.candidates), default=0.0)
+    limit = sets.limit(fit, saved)
     for trial in sets.fit_all(in_other_forms(sets, fit), limit):
-        if not trial.abandoned and sets.ebic(trial) < sets.ebic(fit) + _ONE_EFFECT:
+        if not trial.abandoned and sets.ebic(trial) < sets.ebic(fit) + saved:
             for name in sorted(trial.names):
                 sets.without(trial, name, limit)
 
@@ -135,10 +124,10 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
         excess = near.fit.rss - near.fit.count * sets.scale(near.fit)
         if excess - first.reduction <= LINEARITY_ERROR * first.reduction:
             return [first]
-    chosen = distinct(hopeful, _FITTED)
+    chosen = distinct(hopeful, FITTED)
     if near.fit.far_from_linear:
-        chosen += distinct([s for s in hopeful if len(s.members) == 1], 2 * _FITTED)
-    return list(dict.fromkeys([*chosen, *distinct(_simpler(near), _FITTED)]))
+        chosen += distinct([s for s in hopeful if len(s.members) == 1], 2 * FITTED)
+    return list(dict.fromkeys([*chosen, *distinct(_simpler(near), FITTED)]))
 
 
 def _simpler(near: Neighbourhood) -> list[LinearSubset]:
@@ -148,5 +137,5 @@ def _simpler(near: Neighbourhood) -> list[LinearSubset]:
     """
     single = [s for s in near.subsets if len(s.members) == 1]
     several = [s for s in single if len(s.base.candidates) < len(near.fit.candidates) - 1]
-    able = [s for s in several if s.reduction > MOST_OF_GAIN * (s.base.rss - near.fit.rss)]
+    able = [s for s in several if s.reduction > MAJORITY * (s.base.rss - near.fit.rss)]
     return sorted(able, key=lambda s: -s.reduction)

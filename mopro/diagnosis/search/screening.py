@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mopro.diagnosis.statistics.evidence import ALTERNATIVE_MARGIN
+from mopro.diagnosis.constants import FITTED, STRONG, VERY_STRONG
 from mopro.diagnosis.fitting.fit import Fit, Identity
-from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.model import Candidate, Role
+from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.signature import (
     Group,
     ScoreTest,
@@ -20,18 +20,6 @@ from mopro.diagnosis.search.signature import (
     searched,
     signatures,
 )
-
-# Predicted reduction of chi-squared from which on a signature is simulated again at the size that
-# it asks for, if that is far from the size it was simulated at. An effect must gain more than ln n
-# anyway: halved, it costs simulations of what is noise.
-_WORTH_RELINEARISING = 6.0
-# Signatures simulated again beside one fit. Doubled, an unexplained residual, which many effects
-# may explain a part of, takes twice as long.
-_MOST_RELINEARISED = 12
-# Error of the reduction of chi-squared that a signature predicts, as a share of it.
-LINEARITY_ERROR = 0.02
-# Smallest sum of squares that is predicted.
-_TINY = 1e-300
 
 
 class Screening:
@@ -73,9 +61,9 @@ class Screening:
         if at.key == null.key or null.far_from_linear:
             return self._scores(base, at, joining)
         known = self._scores(base, null, joining)
-        limit = self._sets.white.ebic(at) + ALTERNATIVE_MARGIN
+        limit = self._sets.white.ebic(at) + VERY_STRONG
         promising = [s.candidate for s in known if self.predicted_ebic(base, s) < limit]
-        promising = promising[:_MOST_RELINEARISED]
+        promising = promising[: 2 * FITTED]
         others = [s for s in known if s.candidate not in promising]
         return self._sorted(base, [*self._scores(base, at, promising), *others])
 
@@ -83,7 +71,7 @@ class Screening:
         def scored(candidate: Candidate) -> ScoreTest:
             groups = [*self._signatures(at, candidate), *self._found(base, candidate)]
             first = score_test(base, base.tangent, candidate, groups)
-            if first.predicted_reduction < _WORTH_RELINEARISING or not far_from_probes(first):
+            if first.predicted_reduction < STRONG or not far_from_probes(first):
                 return first
             closer = probed_at(self._sets.residuals, at, candidate, first.starts[0])
             return score_test(base, base.tangent, candidate, [*groups, closer])

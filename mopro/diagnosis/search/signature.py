@@ -10,29 +10,19 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.diagnosis.constants import (
+    LINEARITY_ERROR,
+    PROPORTIONAL,
+    ROUNDING,
+    SAME,
+    SECOND_GUESSES,
+    TINY,
+)
 from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.model import Candidate, Floats, Parameter, ResidualView, Role, Settings
 from mopro.diagnosis.fitting.residual import Residuals, projected_out
+from mopro.diagnosis.model import Candidate, Floats, Parameter, ResidualView, Role, Settings
 
-# Starts of a candidate that are fitted from, the best by their score tests. Each more costs a fit.
-_MOST_STARTS = 2
 _QUARTER_TURN = math.pi / 2
-# A signature is rounding if projecting out the effects of the fit leaves a smaller share of it.
-_INDEPENDENT = 1e-6
-# Factor between two amplitudes within which a response is taken to be proportional.
-_PROPORTIONAL = 3.0
-# Chi-squared between two predictions below which they are one.
-_SAME_PREDICTION = 1.0
-# Most times that the change of a candidate without amplitudes is counted: such a probe shows the
-# effect itself, and a shape that is not fitted yet may be off by this factor.
-_MOST_OF_A_SHAPE = 3.0
-# Share of the square of a change that may differ from a multiple of another one that says the same:
-# 1 % of its size, as responses are not quite linear. Doubled, 1.4 %.
-_ALIKE = 1e-4
-# Singular values below this share of the largest: probes that depend on each other.
-_RANK_TOLERANCE = 1e-6
-# Smallest norm, in place of 0, in a comparison of norms.
-_TINY = 1e-300
 
 # The amplitude that a probe sets away from its null ("" if there is none), and its angle.
 Moved = tuple[str, str | None]
@@ -58,7 +48,7 @@ class ScoreTest:
         """True if both would take away the same, to within 1 in chi-squared."""
         if not self.starts or not other.starts:
             return False
-        return float(np.sum((self.explained - other.explained) ** 2)) < _SAME_PREDICTION
+        return float(np.sum((self.explained - other.explained) ** 2)) < SAME
 
 
 @dataclass(frozen=True)
@@ -137,7 +127,7 @@ def score_test(
     unabsorbed = projected_out(tangent, base.residual)
     trials = [_trial(unabsorbed, tangent, candidate, group) for group in groups]
     trials.sort(key=lambda trial: -trial.reduction)
-    best = [trial for trial in trials[:_MOST_STARTS] if trial.reduction > 0]
+    best = [trial for trial in trials[:SECOND_GUESSES] if trial.reduction > 0]
     if not best:
         # It may still lower chi-squared beside another effect.
         group = trials[0].group if trials else ()
@@ -171,10 +161,10 @@ def _trial(unabsorbed: Floats, tangent: Floats, candidate: Candidate, group: Gro
     absorbed = np.array([change @ tangent for change in changes])
     gram = whole - absorbed @ absorbed.T
     product = np.array([change @ unabsorbed for change in changes])
-    seen = np.diag(gram) > _INDEPENDENT**2 * np.maximum(np.diag(whole), _TINY)
+    seen = np.diag(gram) > ROUNDING * np.maximum(np.diag(whole), TINY)
     sizes = np.zeros(len(group))
     if seen.any():
-        inverse = np.linalg.pinv(gram[np.ix_(seen, seen)], rcond=_RANK_TOLERANCE**2, hermitian=True)
+        inverse = np.linalg.pinv(gram[np.ix_(seen, seen)], rcond=ROUNDING, hermitian=True)
         sizes[seen] = inverse @ product[seen]
     values, sizes = resized(candidate, group, sizes)
     return _Trial(group, float(2 * sizes @ product - sizes @ gram @ sizes), values, sizes)
@@ -186,7 +176,7 @@ def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str
     by_name = {p.name: p for p in candidate.parameters}
     allowed = sizes.copy()
     if group[0].moved[0] == "":
-        allowed = np.clip(sizes, 0.0, _MOST_OF_A_SHAPE)
+        allowed = np.clip(sizes, 0.0, PROPORTIONAL)
     for name in {probe.moved[0] for probe in group} - {""}:
         own = [i for i, probe in enumerate(group) if probe.moved[0] == name]
         parameter, angle = by_name[name], group[own[0]].moved[1]
@@ -202,13 +192,13 @@ def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str
 
 
 def alike(one: Floats, other: Floats) -> bool:
-    """True if two changes are multiples of each other, to 1 % of their size."""
+    """True if two changes are multiples of each other, as far as they are linear."""
     product = float(one @ other) ** 2
-    return product > (1 - _ALIKE) * float(one @ one) * float(other @ other)
+    return product > (1 - LINEARITY_ERROR**2) * float(one @ one) * float(other @ other)
 
 
 def far_from_probes(score: ScoreTest) -> bool:
-    """True if the amplitude of the best start is over 3 times, or under 1/3 of, the probed one."""
+    """True if the amplitude of the best start is no more in proportion to the probed one."""
     amplitudes = [p for p in score.candidate.parameters if p.role is Role.AMPLITUDE]
     if len(amplitudes) != 1 or not score.starts:
         return False
@@ -217,7 +207,7 @@ def far_from_probes(score: ScoreTest) -> bool:
     probed = score.group[0].values[own.name]
     if own.null in (value, probed):
         return value != own.null
-    return not 1 / _PROPORTIONAL < abs(own.factor(value, of=probed)) < _PROPORTIONAL
+    return not 1 / PROPORTIONAL < abs(own.factor(value, of=probed)) < PROPORTIONAL
 
 
 def probed_at(residuals: Residuals, base: Fit, candidate: Candidate, start: Settings) -> Group:

@@ -9,43 +9,25 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
+from mopro.diagnosis.constants import (
+    CLEAR,
+    FIT_TOLERANCE,
+    LEAST_SAMPLES,
+    PHASE_PENALTY,
+    ROUNDING,
+    STRONG,
+    TINY,
+    VERY_STRONG,
+)
 from mopro.diagnosis.fitting.fit import Fit, Identity
 from mopro.diagnosis.model import Candidate, Floats, Parameter, Role
 from mopro.diagnosis.statistics.noise import Noise
 
-# EBIC within which two explanations cannot be distinguished: a Bayes factor of 150, above which
-# evidence is "very strong" (Kass and Raftery 1995). Halved, families lose true members at odds of
-# 12 to 1; doubled, they gain members at odds of up to 22000 to 1.
-ALTERNATIVE_MARGIN = 10.0
-# EBIC that an effect must save to be named: a Bayes factor of 10. Doubled, one of 100.
-NAMING_MARGIN = 2 * math.log(10)
-# EBIC below which two sets are equal, so that rounding does not decide between effects whose
-# responses are the same: fits end within 0.01 of their minimum.
-_EQUAL = 0.02
-# Distance from an end of the range, as a share of it, within which a value may be stopped there.
-_NEAR_BOUND = 1e-3
-# Greatest penalty (chi-squared) of one implausible value, and that of one stopped by its range.
-_MOST_IMPLAUSIBLE = ALTERNATIVE_MARGIN
-# Standard deviations by which a value must be outside a range to be clearly so (95 %).
-_CLEARLY_OUTSIDE = 2.0
-# Penalty (chi-squared) of an angle that may be anything: its prior is bounded, and a line that is
-# seen at all determines it to about 0.2 rad. 2 ln(2π / (0.2 √(2π))) = 5.
-_PHASE_PENALTY = 5.0
-# Least number of samples that a parameter's penalty, ln n, is taken for: a handful of precise
-# samples determines a parameter to a tenth of its prior, which the logarithm of their number
-# does not tell. Doubled, each parameter of a small table must gain 0.7 more.
-_LEAST_SAMPLES = 100
-# The same of independent samples, where the noise has a memory.
-_LEAST_INDEPENDENT = 10
-# Penalty (chi-squared) of a free-form term beside that of its parameters: odds of 20 to 1 for an
-# effect that somebody has listed. Doubled, 400 to 1.
-_LAW_PENALTY = 2 * math.log(20)
+# EBIC within which two sets are equal, so that rounding does not decide between effects whose
+# responses are the same: each fit may be so much above its minimum.
+_EQUAL = 2 * FIT_TOLERANCE
 # Variance of a number that may be anywhere in a range of width 1.
 _UNIFORM = 1 / 12
-# Smallest sum of squares, in place of 0, where a logarithm or a quotient is taken.
-_TINY = 1e-300
-# Condition number of the normal matrix beyond which parameters are not identifiable.
-_MOST_CONDITION = 1e12
 
 
 @dataclass(frozen=True)
@@ -70,14 +52,14 @@ class Evidence:
     def penalty(self, fit: Fit) -> float:
         """EBIC of `fit` less its deviance."""
         own = sum(self.of_parameter(p, fit.count) for c in fit.candidates for p in c.parameters)
-        laws = sum(_LAW_PENALTY for c in fit.candidates if c.law)
+        laws = sum(STRONG for c in fit.candidates if c.law)
         choice = self.of_choice(self.findings(fit))
         return own + laws + choice + self._constants(fit) + self._implausibility(fit)
 
     def added_penalty(self, base: Fit, joined: Sequence[Candidate]) -> float:
         """Fall of the deviance that candidates must bring beside `base` for EBIC to fall."""
         own = sum(self.of_parameter(p, base.count) for c in joined for p in c.parameters)
-        laws = sum(_LAW_PENALTY for c in joined if c.law)
+        laws = sum(STRONG for c in joined if c.law)
         known = self.findings(base)
         together = known + sum(not c.calibrates for c in joined)
         return own + laws + self.of_choice(together) - self.of_choice(known)
@@ -91,10 +73,10 @@ class Evidence:
         if parameter.role is Role.CONSTANT:
             return 0.0
         if parameter.role is Role.PHASE:
-            return _PHASE_PENALTY
+            return PHASE_PENALTY
         if not self.noise.exact and parameter.role is Role.AMPLITUDE:
-            return math.log(max(float(self.noise.samples.sum()), _LEAST_INDEPENDENT))
-        return math.log(max(count, _LEAST_SAMPLES))
+            return math.log(max(float(self.noise.samples.sum()), LEAST_SAMPLES))
+        return math.log(max(count, LEAST_SAMPLES))
 
     def of_choice(self, chosen: int) -> float:
         """Penalty of having chosen so many effects: 2 ln(catalogue over chosen)."""
@@ -121,24 +103,25 @@ class Evidence:
         if not candidate.calibrates:
             return False
         own = [(p, v, d) for (name, p), v, d in self._known(fit) if name == candidate.name]
-        return all(p.tolerates(value, _CLEARLY_OUTSIDE * d) for p, value, d in own)
+        return all(p.tolerates(value, CLEAR * d) for p, value, d in own)
 
     # -- plausibility -------------------------------------------------------------------
 
     def plausible(self, fit: Fit) -> bool:
         """True if every parameter is within its plausible range, its error allowed for."""
         furthest = max((p.beyond(v) / d for (_, p), v, d in self._known(fit)), default=0.0)
-        return not self.at_bound(fit) and furthest <= _CLEARLY_OUTSIDE
+        return not self.at_bound(fit) and furthest <= CLEAR
 
     def at_bound(self, fit: Fit) -> list[str]:
         """Parameters (`effect.parameter`) that the data would push out of their range.
 
-        Those within 1/1000 of an end of it, and by less than their standard deviation.
+        Those within a step of finite differences of an end of it, and by less than their standard
+        deviation.
         """
         names = []
         for (effect, p), value, error in self._known(fit):
             nearest = min((p.low, p.high), key=lambda bound: abs(p.scaled(value) - p.scaled(bound)))
-            near = abs(p.scaled(value) - p.scaled(nearest)) < _NEAR_BOUND
+            near = abs(p.scaled(value) - p.scaled(nearest)) < p.difference
             bounded = p.role not in (Role.PHASE, Role.CONSTANT)
             if bounded and near and abs(value - nearest) < error:
                 names.append(f"{effect}.{p.name}")
@@ -149,9 +132,9 @@ class Evidence:
 
         It grows continuously up to its limit, so that no fit gains by passing a threshold.
         """
-        most = math.sqrt(_MOST_IMPLAUSIBLE)
+        most = math.sqrt(VERY_STRONG)
         distances = (p.beyond(v) / d for (_, p), v, d in self._known(fit))
-        at_bound = _MOST_IMPLAUSIBLE * len(self.at_bound(fit))
+        at_bound = VERY_STRONG * len(self.at_bound(fit))
         return at_bound + sum(min(distance, most) ** 2 for distance in distances)
 
     def _constants(self, fit: Fit) -> float:
@@ -206,7 +189,7 @@ class Evidence:
         if not scale.all() or not np.isfinite(normal).all():
             return unknown
         unit = normal / np.outer(scale, scale)
-        if len(spans) and np.linalg.cond(unit) > _MOST_CONDITION:
+        if len(spans) and np.linalg.cond(unit) > 1 / ROUNDING:
             return unknown
         inverse = np.linalg.inv(unit) / np.outer(scale, scale)
         variance = inverse @ (self._variance(fit, scaled) + prior) @ inverse
@@ -218,5 +201,5 @@ class Evidence:
             coloured = self.noise.like(fit.residual).transformed(scaled)
             return np.asarray(coloured.T @ coloured)
         freedom = max(fit.count - len(fit.order), 1)
-        size = 1.0 if all(self.noise.stated) else max(fit.rss / freedom, _TINY)
+        size = 1.0 if all(self.noise.stated) else max(fit.rss / freedom, TINY)
         return np.asarray(size * (scaled.T @ scaled))

@@ -8,25 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.diagnosis.constants import FEWEST, LEAST_SAMPLES, LEAST_SHARE, MOST_FOLDS, TINY
 from mopro.diagnosis.fitting.fit import Fit, least_squares_fit
 from mopro.diagnosis.fitting.jacobian import gauss_newton_step
+from mopro.diagnosis.fitting.residual import Residuals, projected_out
 from mopro.diagnosis.model import Candidate, Floats, Mask
 from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.fitting.residual import Residuals, projected_out
 
-# More folds cost more fits and tell hardly more.
-_MOST_FOLDS = 12
-# Samples up to which each fold's parameters are refitted; beyond, one Gauss-Newton step from the
-# fit of all data is close, as one fold of many samples changes little.
-_FEW_SAMPLES = 1000
-# Share of the information on a parameter, or on a nuisance, below which the other folds cannot
-# predict this one: an effect's fold is then cut in time; a nuisance, and a free number of the model
-# such as the state that a run starts from, is what the fold itself says.
-_LEAST_INFORMATION = 0.1
-# Chunks that such a fold is cut into.
-_CHUNKS = 4
-# Smallest information, in place of 0, where it divides.
-_TINY = 1e-300
+# Samples up to which each fold's parameters are refitted. Beyond, a fold has enough samples to be
+# a small change: one Gauss-Newton step from the fit of all data is close.
+_FEW_SAMPLES = MOST_FOLDS * LEAST_SAMPLES
 
 
 @dataclass(frozen=True)
@@ -80,7 +71,7 @@ def _gain(noise: Noise, masks: Sequence[Mask], without: Floats, after: Floats) -
     without it, such as a move that is cut off, does not count in the latter.
     """
     parts = [(float(np.sum(without[m] ** 2)), float(np.sum(after[m] ** 2)), m) for m in masks]
-    if len(parts) > _CHUNKS:
+    if len(parts) > FEWEST:
         worst = max(range(len(parts)), key=lambda i: min(parts[i][:2]) / parts[i][2].sum())
         del parts[worst]
     gain = _deviance(noise, masks, without) - _deviance(noise, masks, after)
@@ -102,8 +93,8 @@ def folds(residuals: Residuals) -> list[Mask]:
         known = [numbers.setdefault((series.run, int(move)), len(numbers)) for move in moves]
         labels.append(np.array(known)[inverse])
     joined = np.concatenate(labels)
-    if len(numbers) > _MOST_FOLDS:
-        joined = joined % _MOST_FOLDS
+    if len(numbers) > MOST_FOLDS:
+        joined = joined % MOST_FOLDS
     return [joined == label for label in np.unique(joined)]
 
 
@@ -119,12 +110,12 @@ def _divided(residuals: Residuals, masks: Sequence[Mask], fit: Fit) -> Iterator[
     if not columns or len(jacobian) <= _FEW_SAMPLES:
         yield from masks
         return
-    whole = np.maximum(np.sum(jacobian**2, axis=0), _TINY)
+    whole = np.maximum(np.sum(jacobian**2, axis=0), TINY)
     for mask in masks:
         others = projected_out(residuals.nuisance_basis(~mask), jacobian[~mask])
         information = np.sum(others**2, axis=0) / whole
         least = int(np.argmin(information))
-        if information[least] <= _LEAST_INFORMATION:
+        if information[least] <= LEAST_SHARE:
             yield from _chunks(mask, jacobian[:, least])
         else:
             yield mask
@@ -134,7 +125,7 @@ def _chunks(mask: Mask, slope: Floats) -> Iterator[Mask]:
     """`mask` cut in time into chunks of equal information on the parameter of `slope`."""
     samples = np.flatnonzero(mask)
     so_far = np.cumsum(slope[samples] ** 2)
-    number_of = np.minimum(_CHUNKS * so_far / max(so_far[-1], _TINY), _CHUNKS - 1).astype(int)
+    number_of = np.minimum(FEWEST * so_far / max(so_far[-1], TINY), FEWEST - 1).astype(int)
     for number in np.unique(number_of):
         chunk = np.zeros_like(mask)
         chunk[samples[number_of == number]] = True
@@ -159,7 +150,7 @@ def _deviance(noise: Noise, masks: Sequence[Mask], residual: Floats) -> float:
     for mask in masks:
         for number in np.unique(series[mask]):
             part = mask & (series == number)
-            mean = max(float(np.mean(residual[part] ** 2)), _TINY)
+            mean = max(float(np.mean(residual[part] ** 2)), TINY)
             variance = max(mean, float(least[part][0]))
             total += float(samples[part].sum()) * (np.log(variance) + mean / variance)
     return total
@@ -194,7 +185,7 @@ def _of_the_fold(fit: Fit, jacobian: Floats, mask: Mask) -> Mask:
     """The columns of the model's free numbers that the other folds tell next to nothing of."""
     base = {c.name for c in fit.base}
     outside, whole = (np.sum(jacobian[rows] ** 2, axis=0) for rows in (~mask, slice(None)))
-    unknown = outside <= _LEAST_INFORMATION * whole
+    unknown = outside <= LEAST_SHARE * whole
     answer: Mask = np.array([name in base for name, _ in fit.order], dtype=bool) & unknown
     return answer
 
@@ -215,7 +206,7 @@ def _extrapolated(residuals: Residuals, residual: Floats, jacobian: Floats, mask
     """
     basis = residuals.basis
     outside = np.sum(basis[~mask] ** 2, axis=0)
-    known, own = basis[:, outside >= _LEAST_INFORMATION], basis[:, outside < _LEAST_INFORMATION]
+    known, own = basis[:, outside >= LEAST_SHARE], basis[:, outside < LEAST_SHARE]
     columns = np.hstack([jacobian, known])
     left = residual[mask]
     if columns.shape[1]:

@@ -15,15 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from mopro.diagnosis.model import Floats, Mask
+from mopro.diagnosis.constants import FEWEST, TINY
 from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.model import Floats, Mask
 
-# Ratio of the first frequencies of neighbouring bands, half an octave, and the fewest frequencies
-# in a band. Halved, the power in a band is less certain; doubled, a line is judged by what is
-# further from it.
-_BAND, _FEWEST_IN_BAND = math.sqrt(2), 3
-# Smallest variance, in place of 0, where a logarithm or a quotient is taken.
-_TINY = 1e-300
+# Ratio of the first frequencies of neighbouring bands: half an octave.
+_BAND = math.sqrt(2)
 
 
 @dataclass(frozen=True)
@@ -87,7 +84,7 @@ class Noise:
 
         The sum itself for variance 1; n ln(sum / n) where the size is not stated.
         """
-        estimated = self._counts * np.log(np.maximum(sums, _TINY) / self._counts)
+        estimated = self._counts * np.log(np.maximum(sums, TINY) / self._counts)
         return float(np.where(self._stated, sums, estimated).sum())
 
     @cached_property
@@ -138,7 +135,7 @@ class Noise:
     @cached_property
     def floor(self) -> Floats:
         """Least variance of the noise of each series."""
-        return np.where(self._stated, 1.0, _TINY)
+        return np.where(self._stated, 1.0, TINY)
 
     @cached_property
     def _counts(self) -> Floats:
@@ -152,7 +149,7 @@ class Noise:
 def _first_frequencies(count: int) -> NDArray[np.intp]:
     """Numbers of the first frequencies of the bands among so many."""
     first = [0]
-    while (following := max(first[-1] + _FEWEST_IN_BAND, int(first[-1] * _BAND))) < count:
+    while (following := max(first[-1] + FEWEST, int(first[-1] * _BAND))) < count:
         first.append(following)
     return np.array(first)
 

@@ -10,16 +10,17 @@ import math
 import numpy as np
 from scipy import fft, stats
 
+from mopro.diagnosis.constants import LEAST_SAMPLES, LEAST_SHARE
 from mopro.diagnosis.model import Floats
 
-# Samples below which the asymptotic p-values of these tests do not hold.
-FEWEST_SAMPLES = 60
-# Variance, in that of the noise, below which a series is constant: a sensor at rest that shows no
-# noise. Rounding of the simulation is about 1e-12.
-STILL = 1e-6
 # Kolmogorov distance (times √n) beyond which the first term of its series is all of it: the
 # second is e⁻⁵⁴ of it there, and the library's logarithm underflows further out.
 _FIRST_TERM_ALONE = 3.0
+
+
+def is_still(z: Floats) -> bool:
+    """True if a series shows none of the noise that is stated for it, as a sensor at rest."""
+    return float(np.var(z)) < LEAST_SHARE**2
 
 
 def chi2_log_p(rss: float, freedom: int) -> float:
@@ -60,8 +61,8 @@ def bartlett_log_p(shares: Floats) -> float:
 
 
 def whiteness_p(z: Floats) -> float:
-    """p-value of Bartlett's test; 1 for fewer than 60 samples and for a constant."""
-    if len(z) < FEWEST_SAMPLES or float(np.var(z)) < STILL:
+    """p-value of Bartlett's test; 1 for few samples and for a sensor that is still."""
+    if len(z) < LEAST_SAMPLES or is_still(z):
         return 1.0
     return math.exp(bartlett_log_p(cumulative_periodogram(z)))
 

@@ -10,33 +10,27 @@ from itertools import groupby
 import numpy as np
 from scipy import fft
 
+from mopro.diagnosis.constants import (
+    BUMP_BINS,
+    CLEAR,
+    FALSE_ALARMS,
+    FEWEST,
+    LEAST_SAMPLES,
+    LEAST_SHARE,
+    TOLERANCE,
+)
+from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.model import Floats, Series
 from mopro.diagnosis.statistics.noise_tests import (
-    FEWEST_SAMPLES,
-    STILL,
     bartlett_log_p,
     chi2_log_p,
     cumulative_periodogram,
     cusum_step,
+    is_still,
     line_log_p,
     normal_log_p,
 )
-from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.statistics.spectrum import position_spectrum
-
-# Share of residuals that are noise and fail, over all tests together (Bonferroni).
-FALSE_ALARMS = 1e-3
-# Share by which a sensor's noise may be larger than stated: it is never known better.
-NOISE_TOLERANCE = 0.05
-# Standard errors by which noise that is estimated from n samples may be larger than the estimate.
-_ESTIMATE_ERRORS = 2.0
-# Cycles in all the data below which a line is a bend or a drift.
-_FEWEST_CYCLES = 4
-# Intervals of position, as numbers of them over the range, among which a bump is looked for.
-_BUMP_BINS = (8, 16, 32, 64)
-# Sampling is even if this share of the time steps is within this share of their median: single
-# gaps do not matter.
-_EVEN_STEPS, _STEP_TOLERANCE = 0.9, 0.01
 
 
 @dataclass(frozen=True)
@@ -97,7 +91,7 @@ def examine(
     parts = [
         _standardised(series, own, sigma)
         for series, own, sigma in by_series
-        if len(series) >= FEWEST_SAMPLES
+        if len(series) >= LEAST_SAMPLES
     ]
     known = residuals.known_noise
     size = _excess(residual, parameters) if known else _Finding(0.0, None)
@@ -124,7 +118,7 @@ def examine(
 
 def _standardised(series: Series, residual: Floats, sigma: float) -> _Standardised:
     """In units of the stated noise, or of an upper limit of its estimate where that is more."""
-    upper = 1 + _ESTIMATE_ERRORS / math.sqrt(len(residual))
+    upper = 1 + CLEAR / math.sqrt(len(residual))
     scatter = upper * math.sqrt(difference_variance(residual)) or 1.0
     if series.sigma is not None:
         scatter = max(scatter, 1.0)
@@ -137,7 +131,7 @@ def _sensor(part: _Standardised) -> str:
 
 def _excess(residual: Floats, parameters: int) -> _Finding:
     """Chi-squared test with the largest noise that is tolerated."""
-    rss = float(residual @ residual) / (1 + NOISE_TOLERANCE) ** 2
+    rss = float(residual @ residual) / (1 + TOLERANCE) ** 2
     return _Finding(chi2_log_p(rss, len(residual) - parameters), None)
 
 
@@ -159,12 +153,13 @@ def _even(series: Series) -> bool:
         return False
     steps = np.diff(series.time_s)
     step = float(np.median(steps))
-    return float(np.mean(np.abs(steps - step) < _STEP_TOLERANCE * step)) >= _EVEN_STEPS
+    # Single gaps do not matter.
+    return float(np.quantile(np.abs(steps - step), 1 - LEAST_SHARE)) < TOLERANCE * step
 
 
 def _autocorrelation(part: _Standardised) -> _Finding:
     """Bartlett's test."""
-    if float(np.var(part.z)) < STILL:
+    if is_still(part.z):
         return _Finding(0.0, None)
     shares = cumulative_periodogram(part.z)
     return _Finding(bartlett_log_p(shares), _wander(part, shares), "t")
@@ -229,7 +224,7 @@ def _line_in_time(parts: Sequence[_Standardised]) -> _Finding:
     length = fft.next_fast_len(max(len(part.z) for part in parts))
     powers = [np.abs(fft.rfft(part.z, length)[1:]) ** 2 / len(part.z) for part in parts]
     summed = np.sum(powers, axis=0)
-    summed[: _FEWEST_CYCLES - 1] = 0.0
+    summed[: FEWEST - 1] = 0.0
     line = int(np.argmax(summed))
     series = parts[0].series
     assert series.time_s is not None, "only series with times are asked for lines in time"
@@ -247,7 +242,7 @@ def _line_in_position(parts: Sequence[_Standardised]) -> _Finding:
     """The strongest line of the periodograms over position, summed over the series."""
     positions = [np.asarray(part.label("position")) for part in parts]
     cycles, power = position_spectrum(positions, [part.z for part in parts])
-    power[cycles * max(np.ptp(x) for x in positions) < _FEWEST_CYCLES] = 0.0
+    power[cycles * max(np.ptp(x) for x in positions) < FEWEST] = 0.0
     line = int(np.argmax(power))
     series = parts[0].series
     words = f"a line in position with a period of {1 / cycles[line]:.3g} {series.position_unit}"
@@ -260,7 +255,7 @@ def _bump(parts: Sequence[_Standardised]) -> _Finding:
     z = np.concatenate([part.z for part in parts])
     low, reach = float(position.min()), float(np.ptp(position))
     strength, middle, width, count, trials = 0.0, low, reach, 1.0, 0
-    for bins in _BUMP_BINS:
+    for bins in BUMP_BINS:
         bin_of = np.minimum((bins * (position - low) / reach).astype(int), bins - 1)
         counts, sums = np.bincount(bin_of, minlength=bins), np.bincount(bin_of, z, bins)
         means = sums / np.sqrt(np.maximum(counts, 1))

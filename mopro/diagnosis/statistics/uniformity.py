@@ -13,23 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from mopro.diagnosis.constants import FALSE_ALARMS, FEWEST, LEAST_SHARE, MAJORITY, ROUNDING
 from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.fitting.residual import Residuals, projected_out
 from mopro.diagnosis.model import Floats, Mask, Role
 from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.fitting.residual import Residuals, projected_out
-
-# Share of the information on an effect's size that a part must have to be asked for a size of its
-# own. Halved, parts that hardly see the effect add scatter that the test allows for.
-_LEAST_INFORMATION = 0.01
-# Fewest parts that tell a spread.
-_FEWEST_PARTS = 3
-# Level of the test that the parts agree: noise alone fails it in one of a thousand cases.
-_LEVEL = 0.999
-# Share of what an effect explains, and of what remains, beyond which the greater part of it is the
-# effect at other sizes. Halved, true effects go whose law is only nearly right; doubled, none.
-_GREATER_PART = 0.5
-# Singular values below this share of the largest: parts that others determine.
-_RANK_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -48,7 +36,7 @@ class Spread:
     def of_a_stand_in(self) -> bool:
         """True if what it explains, or what remains, is mostly the effect at other sizes."""
         of_explained = self.share**2 / (1 + self.share**2)
-        return self.significant and max(of_explained, self.of_remainder) > _GREATER_PART
+        return self.significant and max(of_explained, self.of_remainder) > MAJORITY
 
 
 def spread(
@@ -64,13 +52,13 @@ def spread(
     away = fit.values - np.array([p.null for _, p in fit.order])
     change = fit.jacobian[:, own] @ away[own]
     information = np.array([float(change[mask] @ change[mask]) for mask in masks])
-    seen = np.flatnonzero(information > _LEAST_INFORMATION * information.sum())
-    if len(seen) < _FEWEST_PARTS:
+    seen = np.flatnonzero(information > LEAST_SHARE * information.mean())
+    if len(seen) < FEWEST:
         return None
     parts = np.column_stack([np.where(masks[i], change, 0.0) for i in seen.tolist()])
     others, _ = np.linalg.qr(fit.jacobian[:, ~own])
     apart = projected_out(others, projected_out(residuals.basis, parts))
-    inverse = np.linalg.pinv(apart.T @ apart, _RANK_TOLERANCE, hermitian=True)
+    inverse = np.linalg.pinv(apart.T @ apart, ROUNDING, hermitian=True)
     sizes = -inverse @ (apart.T @ fit.residual)
     left = fit.residual + apart @ sizes
     coloured = noise.like(left).transformed(apart @ inverse)
@@ -85,5 +73,5 @@ def _between(sizes: Floats, covariance: Floats) -> tuple[float, bool]:
     q = float(weights @ (sizes - mean) ** 2)
     freedom = len(sizes) - 1
     variance = (q - freedom) / float(weights.sum() - weights @ weights / weights.sum())
-    significant = q > float(stats.chi2.ppf(_LEVEL, freedom))
+    significant = q > float(stats.chi2.isf(FALSE_ALARMS, freedom))
     return math.sqrt(max(variance, 0.0)), significant
