@@ -196,7 +196,7 @@ def set_laws_apart(state: State) -> State:
     """The listed effects by themselves, with the free-form terms as drafts of what they leave.
 
     A term that is fitted together with an effect may take a part of it. From here on the noise
-    is what the listed effects leave.
+    is what the listed effects leave, and beside that each must be supported once more.
     """
     sets, fit = state.sets, state.fit
     laws = frozenset(c.name for c in fit.candidates if c.law)
@@ -208,9 +208,7 @@ def set_laws_apart(state: State) -> State:
     sets.judge_by(fit)
     if not laws:
         return state
-    return replace(
-        state, fit=fit, drafted=state.fit, drafted_held=state.held, held=_held(sets, fit)
-    )
+    return hold_out(eliminate(replace(state, fit=fit, drafted=state.fit, drafted_held=state.held)))
 
 
 def examine_remainder(state: State) -> State:

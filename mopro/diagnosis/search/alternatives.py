@@ -174,12 +174,14 @@ def _plausible(score: ScoreTest) -> bool:
 
 
 def _is_alternative(sets: Hypotheses, fit: Fit, best: Fit) -> bool:
-    delta = sets.ebic(fit) - sets.ebic(best)
-    if delta >= VERY_STRONG or not _differs(fit.names, best):
+    limit = sets.ebic(best) + VERY_STRONG
+    if sets.ebic(fit) >= limit or not _differs(fit.names, best):
         return False
     if not sets.evidence.plausible(fit) or _nests_prediction(sets, fit, best):
         return False
-    return all(sets.ebic(sets.without(fit, name)) > sets.ebic(fit) + STRONG for name in fit.names)
+    # An effect is needed if there is strong evidence for it, or no alternative without it.
+    needed = min(sets.ebic(fit) + STRONG, limit)
+    return all(sets.ebic(sets.without(fit, name)) > needed for name in fit.names)
 
 
 def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:

@@ -14,7 +14,6 @@ from mopro.diagnosis.constants import (
     FIT_TOLERANCE,
     LEAST_SAMPLES,
     PHASE_PENALTY,
-    ROUNDING,
     STRONG,
     TINY,
     VERY_STRONG,
@@ -26,6 +25,9 @@ from mopro.diagnosis.statistics.noise import Noise
 # EBIC within which two sets are equal, so that rounding does not decide between effects whose
 # responses are the same: each fit may be so much above its minimum.
 _EQUAL = 2 * FIT_TOLERANCE
+# Condition number of the normal matrix beyond which parameters are not identifiable: of the 16
+# digits of a number four are left.
+_MOST_CONDITION = 1e12
 # Variance of a number that may be anywhere in a range of width 1.
 _UNIFORM = 1 / 12
 
@@ -189,7 +191,7 @@ class Evidence:
         if not scale.all() or not np.isfinite(normal).all():
             return unknown
         unit = normal / np.outer(scale, scale)
-        if len(spans) and np.linalg.cond(unit) > 1 / ROUNDING:
+        if len(spans) and np.linalg.cond(unit) > _MOST_CONDITION:
             return unknown
         inverse = np.linalg.inv(unit) / np.outer(scale, scale)
         variance = inverse @ (self._variance(fit, scaled) + prior) @ inverse
