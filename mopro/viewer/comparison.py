@@ -11,6 +11,7 @@ from mopro.experiment.conclude.wording import place_words
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
 from mopro.viewer.markup import listing, paragraph, section, table
+from mopro.viewer.model import residual_unit
 from mopro.viewer.series import Residuals, series_views
 
 _SERIES = ("run", "sensor", "samples", "RMS", "noise", "σ", "χ² p", "whiteness p", "only noise")
@@ -83,13 +84,14 @@ def _rows(places: Sequence[Place]) -> Iterator[list[str]]:
     for place in places:
         yield [
             place.run, place_words(place), place.sensor, str(place.count),
-            f"{place.mean:+.3g} {place.unit}", _size(place.rms, place.unit),
+            f"{place.mean:+.3g} {residual_unit(place.unit)}", _size(place.rms, place.unit),
             _number(place.sigma), "yes" if place.significant else "",
         ]  # fmt: skip
 
 
 def _size(value: float | None, unit: str) -> str:
-    return "unknown" if value is None else f"{value:.3g} {unit}"
+    """A residual or a noise in words."""
+    return "unknown" if value is None else f"{value:.3g} {residual_unit(unit)}"
 
 
 def _number(value: float | None) -> str:

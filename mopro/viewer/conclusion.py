@@ -27,6 +27,7 @@ from mopro.experiment.conclude.wording import (
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
 from mopro.viewer.markup import heading, listing, paragraph, section, table
+from mopro.viewer.model import residual_unit
 from mopro.viewer.series import Residuals, series_views, source_lines
 
 _EFFECTS = (
@@ -104,7 +105,7 @@ def _gap(conclusion: Conclusion) -> Iterator[str]:
     gaps = zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, conclusion.series, strict=True)
     for run, rerun, series in gaps:
         figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
-        sizes = ["unknown" if f is None else f"{f:.3g} {run.unit}" for f in figures]
+        sizes = ["unknown" if f is None else f"{f:.3g} {residual_unit(run.unit)}" for f in figures]
         if run.held_out_rms is None:
             sizes[2] = "nothing to hold out"
         lines = ", ".join(map(str, source_lines(series))) or "–"
@@ -125,8 +126,8 @@ def _where(conclusion: Conclusion) -> Iterator[str]:
                 place_words(place),
                 place.sensor,
                 str(place.count),
-                f"{place.mean:+.3g} {place.unit}",
-                f"{place.rms:.3g} {place.unit}",
+                f"{place.mean:+.3g} {residual_unit(place.unit)}",
+                f"{place.rms:.3g} {residual_unit(place.unit)}",
                 "unknown" if place.sigma is None else f"{place.sigma:.3g}",
             ]
             for place in conclusion.where

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from mopro.text import visible
+
+_NUMBER = re.compile(r"[-+−]?\d|at most ")
+# What stands in a column of numbers where there is none.
+_NO_NUMBERS = ("", "–", "unknown", "nothing to hold out")
 
 
 def escaped(text: str) -> str:
@@ -29,12 +34,18 @@ def listing(text: str) -> str:
 
 
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table with a caption; without `columns` the first cell of each row is its head."""
+    """A table with a caption; without `columns` the first cell of each row is its head.
+
+    Columns of numbers stand to the right.
+    """
     lines = [f'<div class="table"><table>\n<caption>{escaped(caption)}</caption>']
+    body = list(rows)
+    kinds = [_kind(cells) for cells in zip(*body, strict=True)] if columns else ["", ""]
     if columns:
-        heads = "".join(f'<th scope="col">{escaped(c)}</th>' for c in columns)
-        lines.append(f"<tr>{heads}</tr>")
-    lines += [_row(cells, headed=not columns) for cells in rows]
+        heads = zip(columns, kinds or [""] * len(columns), strict=True)
+        cells = "".join(f'<th scope="col"{kind}>{escaped(c)}</th>' for c, kind in heads)
+        lines.append(f"<tr>{cells}</tr>")
+    lines += [_row(cells, kinds, headed=not columns) for cells in body]
     return "\n".join([*lines, "</table></div>"])
 
 
@@ -53,7 +64,15 @@ def data_block(name: str, value: Any) -> str:
     return f'<script type="application/json" id="{escaped(name)}">{text}</script>'
 
 
-def _row(cells: Sequence[str], headed: bool) -> str:
-    first, *others = (escaped(cell) for cell in cells)
-    head = f'<th scope="row">{first}</th>' if headed else f"<td>{first}</td>"
-    return f"<tr>{head}{''.join(f'<td>{cell}</td>' for cell in others)}</tr>"
+def _kind(cells: Iterable[str]) -> str:
+    """The attribute of the cells of a column, which may be one of numbers."""
+    known = [cell for cell in cells if cell not in _NO_NUMBERS]
+    numbers = bool(known) and all(_NUMBER.match(cell) for cell in known)
+    return ' class="number"' if numbers else ""
+
+
+def _row(cells: Sequence[str], kinds: Sequence[str], headed: bool) -> str:
+    shown = [f"<td{kind}>{escaped(c)}</td>" for c, kind in zip(cells, kinds, strict=True)]
+    if headed:
+        shown[0] = f'<th scope="row">{escaped(cells[0])}</th>'
+    return f"<tr>{''.join(shown)}</tr>"

@@ -151,14 +151,23 @@ def run_page(header: Header, view: View, run: Run, machine: Machine) -> str:
     source = machine.source
     file = [section("Machine", [listing(source.text)], opened=False)] if source else []
     stated = {k: v for k, v in header.after(run).as_json().items() if k != "stalls"}
-    rows = ([key, str(value)] for key, value in stated.items())
+    rows = ([key.replace("_", " "), _stated(value)] for key, value in stated.items())
     trouble = [paragraph(run.trouble)] if run.trouble else []
     return document(
         view.name,
-        [paragraph(outcome(run)), *trouble],
+        [paragraph(outcome(run).removeprefix(f"{view.name}: ")), *trouble],
         [view],
         [section("Provenance", [table("The recording", (), rows)]), *file],
     )
+
+
+def _stated(value: Any) -> str:
+    """What a header states, in words."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_stated(own)}" for key, own in value.items()) or "none"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(map(_stated, value)) or "none"
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
 def run_panels(alive: Sequence[str]) -> list[Panel]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import queue
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -59,6 +60,7 @@ class ControllerPanel:
         self._due_s = -np.inf
         self._told: tuple[Any, ...] = ()
         self._program: tuple[str, ...] = ()
+        self._suffered: Counter[str] = Counter()
         self.feed = Feed(self.snapshot)
 
     # -- in the server's thread ------------------------------------------------
@@ -70,7 +72,7 @@ class ControllerPanel:
         except ValueError:
             return
         if name in _PLANT:
-            self._asked.put(lambda now_s: self._station.device.suffer(_PLANT[name], now_s))
+            self._asked.put(lambda now_s: self._suffer(name, now_s))
         elif name in _WIRE:
             self._asked.put(lambda now_s: self._station.suffer(_WIRE[name], now_s))
 
@@ -79,6 +81,10 @@ class ControllerPanel:
         self._asked.put(lambda now_s: _ignore(self._station.device.do("stop", {}, now_s)))
 
     # -- in the station's thread -----------------------------------------------
+
+    def _suffer(self, name: str, now_s: float) -> None:
+        self._suffered[name] += 1
+        self._station.device.suffer(_PLANT[name], now_s)
 
     def tick(self, now_s: float) -> None:
         """Do what was asked for, and tell the pages of the state at `now_s`."""
@@ -103,8 +109,8 @@ class ControllerPanel:
             line = [[now_s, seen.line]] if self._told[:1] != (seen.line,) else []
             told = samples_json(columns["time_s"], channels_of(columns), TRACK)
             self.feed.tell("samples", told | {"lines": line})
-        happened = dict(self._station.injector.happened)
-        told_now = (seen.line, seen.state, str(happened))
+        happened = self._suffered + Counter(self._station.injector.happened)
+        told_now = (seen.line, seen.state, happened)
         if told_now != self._told:
             words = ", ".join(f"{kind} × {count}" for kind, count in happened.items())
             self.feed.tell("status", f"{seen.state}{f' · faults: {words}' if words else ''}")
