@@ -8,9 +8,9 @@ from pathlib import Path
 from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
 from mopro.experiment.conclude.conclusion import Examined
 from mopro.experiment.conclude.wording import place_words
+from mopro.markup import listing, paragraph, section, table
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
-from mopro.viewer.markup import listing, paragraph, section, table
 from mopro.viewer.model import residual_unit
 from mopro.viewer.series import Residuals, series_views
 
@@ -40,7 +40,7 @@ def comparison_page(
         series_views(_residuals(comparison, before), beside_of(experiment, comparison.where)),
         [
             *([_gaps(before, comparison)] if before else []),
-            section("Series", [table(_TESTS, _SERIES, map(_series, comparison.series))]),
+            section("Series", [table(_SERIES, map(_series, comparison.series), _TESTS)]),
             _places(comparison.where),
             section("The experiment's file", [listing(source.text)], opened=False),
         ],
@@ -62,7 +62,7 @@ def _gaps(before: Comparison, after: Comparison) -> str:
          _size(one.noise_rms, one.unit)]
         for one, two in zip(before.series, after.series, strict=True)
     )  # fmt: skip
-    return section("The gap", [table("RMS of the residual (measured − simulated)", _GAPS, rows)])
+    return section("The gap", [table(_GAPS, rows, "RMS of the residual (measured − simulated)")])
 
 
 def _series(test: SeriesTest) -> list[str]:
@@ -77,7 +77,7 @@ def _places(places: Sequence[Place]) -> str:
     shown = places[:_MOST_PLACES]
     more = len(places) - len(shown)
     rest = [paragraph(f"and {more} more")] if more else []
-    return section("Places", [table("The largest residual first", _PLACES, _rows(shown)), *rest])
+    return section("Places", [table(_PLACES, _rows(shown), "The largest residual first"), *rest])
 
 
 def _rows(places: Sequence[Place]) -> Iterator[list[str]]:

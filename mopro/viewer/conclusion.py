@@ -24,9 +24,9 @@ from mopro.experiment.conclude.wording import (
     undecided_words,
     value_words,
 )
+from mopro.markup import heading, listing, paragraph, section, table
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
-from mopro.viewer.markup import heading, listing, paragraph, section, table
 from mopro.viewer.model import residual_unit
 from mopro.viewer.series import Residuals, series_views, source_lines
 
@@ -80,7 +80,7 @@ def _effects(conclusion: Conclusion) -> Iterator[str]:
     if not conclusion.verdict.fitted:
         yield paragraph(_UNDECIDED)
         return
-    yield table("Effects supported by the data", _EFFECTS, _effect_rows(conclusion.verdict))
+    yield table(_EFFECTS, _effect_rows(conclusion.verdict), "Effects supported by the data")
     yield from map(paragraph, calibration_words(conclusion.verdict))
     yield from map(paragraph, undecided_words(conclusion.verdict))
     yield from map(paragraph, reservations(conclusion.verdict, conclusion.runs))
@@ -110,7 +110,7 @@ def _gap(conclusion: Conclusion) -> Iterator[str]:
             sizes[2] = "nothing to hold out"
         lines = ", ".join(map(str, source_lines(series))) or "–"
         rows.append([run.run, run.sensor, *sizes, lines])
-    yield table("RMS of the residual (measured − simulated)", _GAPS, rows)
+    yield table(_GAPS, rows, "RMS of the residual (measured − simulated)")
 
 
 def _where(conclusion: Conclusion) -> Iterator[str]:
@@ -118,7 +118,6 @@ def _where(conclusion: Conclusion) -> Iterator[str]:
         yield paragraph("No single place differs by more than the noise explains.")
         return
     yield table(
-        "The largest first, before any effect was added",
         _PLACES,
         (
             [
@@ -132,6 +131,7 @@ def _where(conclusion: Conclusion) -> Iterator[str]:
             ]
             for place in conclusion.where
         ),
+        "The largest first, before any effect was added",
     )
 
 
@@ -146,7 +146,7 @@ def _remainder(verdict: Verdict) -> str:
 
 def _all_candidates(conclusion: Conclusion) -> Iterator[str]:
     yield from map(paragraph, left_out_words(conclusion.left_out, conclusion.tried))
-    yield table("All effects that were tried", _TRIED, _candidates(conclusion.verdict))
+    yield table(_TRIED, _candidates(conclusion.verdict), "All effects that were tried")
 
 
 def _candidates(verdict: Verdict) -> Iterator[list[str]]:
@@ -184,14 +184,13 @@ def _proposal(conclusion: Conclusion) -> Iterator[str]:
     yield paragraph(f"This program would distinguish the alternatives: {proposal.summary}.")
     yield listing(proposal.text)
     rows = [[" / ".join(pair), f"{sigmas:.3g}"] for pair, sigmas in proposal.pairs.items()]
-    yield table("Separation of the alternatives", ("alternatives", "σ"), rows)
+    yield table(("alternatives", "σ"), rows, "Separation of the alternatives")
 
 
 def _provenance(conclusion: Conclusion) -> Iterator[str]:
     experiment = conclusion.experiment
     versions = ", ".join(f"{name} {version(name)}" for name in ("mopro", "numpy", "scipy"))
     yield table(
-        "Origin",
         (),
         [
             ["experiment", _name(conclusion)],
@@ -199,6 +198,7 @@ def _provenance(conclusion: Conclusion) -> Iterator[str]:
             ["samples", str(sum(map(len, conclusion.series)))],
             ["made by", f"{versions}, Python {platform.python_version()}"],
         ],
+        "Origin",
     )
     for note in experiment.notes:
         yield paragraph(note)

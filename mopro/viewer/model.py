@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.recording.envelope import Buckets, Envelope, Floats
 from mopro.text import visible
 from mopro.units import UNITS
-from mopro.viewer.envelope import Buckets, Envelope, Floats
 from mopro.viewer.pack import Pack
 
 # Dimensions of which a person chooses the unit by the switch; the rest keep their own.

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from mopro.diagnosis import Series
+from mopro.recording.envelope import Floats
 from mopro.text import visible
-from mopro.viewer.envelope import Floats
 from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View, residual_unit
 
 # Values in all tracks of a page together, and in one of them, at most.

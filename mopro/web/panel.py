@@ -15,11 +15,12 @@ from mopro.controller import Station
 from mopro.controller.faults import Fault, PlantFault
 from mopro.machine import Machine
 from mopro.program import AXES
+from mopro.recording.envelope import Envelopes, channels_of
 from mopro.recording.record import Columns
-from mopro.viewer.model import View
+from mopro.viewer.model import Lines, View
 from mopro.viewer.pack import Pack
 from mopro.viewer.platen import platen_of
-from mopro.viewer.run import TRACK, RunSink, channels_of, places_of, run_panels
+from mopro.viewer.run import TRACK, places_of, run_panels, run_track
 from mopro.web.feed import Feed
 from mopro.web.live import samples_json
 
@@ -56,7 +57,7 @@ class ControllerPanel:
         self._machine = machine
         self._clock = clock
         self._asked: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
-        self._sink = RunSink(_MOST_BUCKETS, 0)
+        self._sink = Envelopes(_MOST_BUCKETS, 0)
         self._due_s = -np.inf
         self._told: tuple[Any, ...] = ()
         self._program: tuple[str, ...] = ()
@@ -133,8 +134,8 @@ class ControllerPanel:
             return {"views": [], "block": ""}
         view = View(
             name=f"virtual controller, {self._machine.name}",
-            panels=run_panels(self._sink.names), tracks={TRACK: self._sink.track()},
-            program=self._program, lines=self._sink.lines(),
+            panels=run_panels(self._sink.names), tracks={TRACK: run_track(self._sink)},
+            program=self._program, lines=Lines(*self._sink.changes()),
             platen=platen_of(self._machine, self._machine.travel_u(), places_of(self._sink.names)),
         )  # fmt: skip
         pack = Pack()

@@ -11,13 +11,14 @@ from helpers.paths import PROGRAMS
 from helpers.rigs import DRIVE, FRICTION_OF_PLACE, drive_folder
 from mopro.emulator import Emulator
 from mopro.machine import load_machine
+from mopro.markup import listing, table
 from mopro.program.compile import compile_file
 from mopro.recording import MemorySink
+from mopro.recording.envelope import Envelopes
 from mopro.recording.run import Run
 from mopro.viewer.document import document
-from mopro.viewer.markup import listing, table
 from mopro.viewer.model import Mark, Panel, Scale, Trace, Track, View
-from mopro.viewer.run import RunSink, run_page, run_view
+from mopro.viewer.run import run_page, run_view
 
 pytestmark = pytest.mark.browser
 
@@ -222,7 +223,7 @@ def hour():
     emulator = Emulator(machine)
     run = emulator.run(program, memory, 60.0)
     recording = memory.recording(emulator.header(program))
-    sink = RunSink()
+    sink = Envelopes()
     noise = np.random.default_rng(1)
     for minute in range(60):
         columns = {name: values[:-1].copy() for name, values in recording.columns.items()}
@@ -373,7 +374,7 @@ def test_texts_from_outside_are_shown_and_do_nothing(chromium, tmp_path):
         )
         for odd in ODD
     ]  # fmt: skip
-    text = document(ODD[3], [listing(ODD[1])], views, [table(ODD[0], [ODD[2]], [[ODD[3]]])])
+    text = document(ODD[3], [listing(ODD[1])], views, [table([ODD[2]], [[ODD[3]]], ODD[0])])
     (tmp_path / "odd.html").write_text(text, encoding="utf-8")
     page = chromium.open(f"file://{tmp_path / 'odd.html'}")
     names = page.value("[...document.querySelector('select').options].map(o => o.textContent)")

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from helpers.commands import run_here
 from helpers.rigs import DRIVE, FRICTION_OF_PLACE, drive_folder
+from mopro.markup import table
 from mopro.recording.moves import MoveReport
 from mopro.viewer import assets
-from mopro.viewer.document import document
-from mopro.viewer.markup import data_block, table
+from mopro.viewer.document import data_block, document
 from mopro.viewer.model import Lines, Scale
 from mopro.viewer.pack import Pack
 from mopro.viewer.run import moves_json
@@ -62,11 +62,11 @@ def test_no_text_ends_the_element_that_holds_the_data(text):
 
 
 def test_columns_of_numbers_stand_to_the_right_and_words_to_the_left():
-    text = table("c", ["run", "size", "held"], [["1st", "-3.1 mm", ""], ["b", "unknown", "–"]])
+    text = table(["run", "size", "held"], [["a", "-3.1 mm", ""], ["b", "unknown", "–"]])
     rows = re.findall(r"<tr>(.*?)</tr>", text)
-    assert rows[1] == '<td>1st</td><td class="number">-3.1 mm</td><td></td>'
+    assert rows[1] == '<td>a</td><td class="number">-3.1 mm</td><td></td>'
     assert rows[2] == '<td>b</td><td class="number">unknown</td><td>–</td>'
-    assert '<th scope="row">seed</th><td>7</td>' in table("c", (), [["seed", "7"]])
+    assert '<th scope="row">seed</th><td>7</td>' in table((), [["seed", "7"]])
 
 
 def test_a_page_tells_where_it_comes_from_in_words(tmp_path):
