@@ -58,9 +58,9 @@ def series_views(found: Sequence[Residuals], beside: Mapping[str, Beside]) -> li
     ]
 
 
-def track_name(series: Series) -> str:
-    """The name of the track of a series."""
-    return visible(series.sensor)
+def track_name(sensor: str) -> str:
+    """The name of the track of a sensor's readings."""
+    return visible(sensor)
 
 
 def source_lines(series: Series) -> list[int]:
@@ -76,7 +76,7 @@ def _view(run: str, found: Sequence[Residuals], rows: bool, most: int, beside: B
     return View(
         name=run,
         panels=[panel for own in found for panel in _panels(own)],
-        tracks={track_name(own.series): _track(own, most) for own in found},
+        tracks={track_name(own.series.sensor): _track(own, most) for own in found},
         rows=rows,
         program=beside.program,
         lines=_lines(found),
@@ -109,7 +109,7 @@ def _panels(own: Residuals) -> Iterator[Panel]:
     marked = "points" if rows else "line"
     command = [Trace("command", "command", style="command")] if _command(series) is not None else []
     yield Panel(
-        f"{name}: measured and simulated", track_name(series), Scale.of(series.unit),
+        f"{name}: measured and simulated", track_name(series.sensor), Scale.of(series.unit),
         [
             *command,
             Trace("measured", "measured", _MEASURED, "bars" if rows else "line"),
@@ -118,7 +118,7 @@ def _panels(own: Residuals) -> Iterator[Panel]:
         ],
     )  # fmt: skip
     yield Panel(
-        f"{name}: residual", track_name(series), Scale.of(residual_unit(series.unit)),
+        f"{name}: residual", track_name(series.sensor), Scale.of(residual_unit(series.unit)),
         [
             Trace(f"residual {model}", model if several else "residual", color,
                   "bars" if rows and color == _BEFORE else marked)
@@ -135,7 +135,7 @@ def _signatures(own: Residuals) -> Panel:
     series = own.series
     rows, first = series.time_s is None, next(iter(own.by_model))
     return Panel(
-        f"{series.sensor}: signatures of the effects", track_name(series),
+        f"{series.sensor}: signatures of the effects", track_name(series.sensor),
         Scale.of(residual_unit(series.unit)),
         [
             Trace(f"residual {first}", f"residual {first}", _BEFORE, "bars" if rows else "command"),

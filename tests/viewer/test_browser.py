@@ -1,5 +1,6 @@
 """Pages in a real browser, from disk: what a person sees and does, and what a page never does."""
 
+import json
 import re
 
 import numpy as np
@@ -362,6 +363,40 @@ def test_before_and_after_are_on_one_axis_with_the_noise_band(why_page):
     assert scale[0] < low < high < scale[1]
     assert why_page.value("document.querySelector('aside').hidden")
     assert "Effects found" in why_page.value("document.body.textContent")
+
+
+ODD_NAME = "<script>window.hit=1</script>'$\\frac{$\u202e\x1b"
+
+
+@pytest.fixture(scope="module")
+def odd_page(chromium, tmp_path_factory):
+    """The page of a comparison in which all names are odd: machine, sensor, program, comments."""
+    folder = tmp_path_factory.mktemp("odd")
+    name = json.dumps(ODD_NAME)
+    (folder / "machine.toml").write_text(f'name = {name}\nextends = "chow1992"\n')
+    (folder / "e.toml").write_text(
+        f'machine = "machine.toml"\n[[sensor]]\nkind = "laser"\nname = {name}\n'
+        'axis = 1\ncolumn = "position_1_mm"\nrate_hz = 100.0\n'
+        '[[run]]\nprogram = "P.CMD"\ndata = "d.csv"\n'
+    )
+    rows = (f"{i / 100},{i / 100}" for i in range(60))
+    (folder / "d.csv").write_text("\n".join(["time_s,position_1_mm", *rows, ""]))
+    program = f"; {ODD_NAME[:-2]}\nUU112500/1\nVEL1 8\nACC1 .2\nMRI1 2\nWX1\n"
+    done = run_here(folder, "compare", "e.toml", "--report", "c.html", text=program)
+    assert done.returncode == 1, done.stderr
+    page = chromium.open(f"file://{folder / 'c.html'}")
+    yield page
+    assert page.complaints() == []
+    assert page.requests() == []
+    page.close()
+
+
+def test_odd_names_are_text_in_a_page_and_do_not_keep_it_from_opening(odd_page):
+    assert odd_page.value("window.hit") is None
+    shown = ODD_NAME.replace("\u202e", "\\u202e").replace("\x1b", "\\x1b")
+    assert titles(odd_page)[0].startswith(f"{shown}: measured and simulated")
+    assert shown in odd_page.value("document.querySelector('h1').textContent")
+    assert "axis 1: " in odd_page.value("document.querySelector('.platen figcaption').textContent")
 
 
 def test_texts_from_outside_are_shown_and_do_nothing(chromium, tmp_path):
