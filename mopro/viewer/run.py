@@ -41,7 +41,7 @@ class Found(Protocol):
 
     @property
     def message(self) -> str:
-        """What was found."""
+        """Text of the finding."""
         ...
 
     @property
@@ -51,7 +51,7 @@ class Found(Protocol):
 
 
 def run_track(envelopes: Envelopes) -> Track:
-    """What was written, in the fewest buckets that hold it; DataError if nothing was."""
+    """All samples so far, in the fewest buckets that hold them; DataError if there are none."""
     if not envelopes.names:
         raise DataError("the run has no samples")
     head = envelopes.head()
@@ -101,7 +101,7 @@ def run_page(header: Header, view: View, run: Run, machine: Machine) -> str:
 
 
 def _stated(value: Any) -> str:
-    """What a header states, in words."""
+    """A value of a header in words."""
     if isinstance(value, Mapping):
         return ", ".join(f"{key} {_stated(own)}" for key, own in value.items()) or "none"
     if isinstance(value, Sequence) and not isinstance(value, str):

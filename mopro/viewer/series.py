@@ -38,7 +38,7 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Beside:
-    """What is shown beside the plots of one run: its program's lines, marks and the platen."""
+    """Surroundings of the plots of one run: its program's lines, marks and the platen."""
 
     program: Sequence[str] = ()
     marks: Sequence[Mark] = ()
@@ -131,7 +131,7 @@ def _panels(own: Residuals) -> Iterator[Panel]:
 
 
 def _signatures(own: Residuals) -> Panel:
-    """What each effect adds to the reading, over the residual that they explain together."""
+    """The panel of what each effect adds to the reading, over the residual that they explain."""
     series = own.series
     rows, first = series.time_s is None, next(iter(own.by_model))
     return Panel(

@@ -32,7 +32,7 @@
       return next === undefined || (own > 0 && next - end[index] > 3 * own) ? end[index] : next;
     }
 
-    // How many heights of the plot the trace goes up and down in each column.
+    // Path of the trace up and down, in heights of the plot for each column.
     ink() {
       const [one, other] = this.ends;
       let way = 0;
@@ -63,7 +63,7 @@
 
   function clamped(y, height) { return Math.min(height - 1, Math.max(0, Math.round(y))); }
 
-  // Whether a trace is drawn as an area: buckets always, samples where a line would be a stain.
+  // True if a trace is drawn as an area: buckets always, samples where a line would be a stain.
   function isArea(u, part, name, factor) {
     return part.size > 1 || new Pieces(u, part, name, factor).ink() > STAIN;
   }
