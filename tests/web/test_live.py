@@ -145,6 +145,7 @@ def test_an_emulated_run_is_shown_in_real_time_and_stopped(chromium, tmp_path):
     assert process.returncode == 130
     assert [file.name for file in tmp_path.iterdir()] == ["P.CMD"]
     page.until(f"{SAID}.includes('ended before it was complete')")
+    assert float(page.value("Mopro.player.speed.value")) >= 0.01, "to play all in half a minute"
     assert page.complaints() == []
     page.close()
 

@@ -181,6 +181,7 @@
     over() {
       this.ended = true;
       this.source.close();
+      if (Mopro.player) Mopro.player.reset();
       this.bar.querySelectorAll(".stop, .faults button").forEach((b) => { b.disabled = true; });
     }
 
