@@ -21,7 +21,8 @@ from mopro.emulator import Emulator  # noqa: E402
 from mopro.machine import load_machine  # noqa: E402
 from mopro.program.compile import compile_file  # noqa: E402
 from mopro.recording import MemorySink  # noqa: E402
-from mopro.viewer.run import RunSink, run_page, run_view  # noqa: E402
+from mopro.recording.envelope import Envelopes  # noqa: E402
+from mopro.viewer.run import run_page, run_view  # noqa: E402
 
 TIMES = 5
 ZOOMED = """(async () => {
@@ -80,7 +81,7 @@ DRAWN = """(async () => {
 def hour() -> tuple[str, float, float]:
     """The page, and what the recording of a page takes besides the run itself (s)."""
     program, machine = compile_file(ROOT / "programs" / "TEMP1.CMD"), load_machine("chow1992")
-    emulator, sink = Emulator(machine), RunSink()
+    emulator, sink = Emulator(machine), Envelopes()
     emulator.run(program, MemorySink(1000), 10.0)
     begun_s = time.perf_counter()
     emulator.run(program, MemorySink(1000), 3600.0)

@@ -12,7 +12,9 @@ from helpers.paths import ROOT, TESTS
 
 # Room -> modules outside of the room and of the standard library that it may import.
 ALLOWED = {
-    "mopro.diagnosis": {"cachetools", "mopro.play", "numpy", "scipy", "threadpoolctl"},
+    "mopro.diagnosis": {
+        "cachetools", "mopro.markup", "mopro.play", "numpy", "scipy", "threadpoolctl",
+    },
     "mopro.benchmark.reference": {"numpy", "scipy", "numba"},
     "mopro.benchmark": {
         "numpy", "scipy", "numba", "mopro.errors", "mopro.files", "mopro.units", "mopro.machine",

@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mopro.errors import Diagnostic, MoproError
+from mopro.markup import listing, table
 from mopro.source import Source, Span
 from mopro.text import plain, visible
 from mopro.viewer.document import document
-from mopro.viewer.markup import listing, table
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_errors_findings_pages_and_labels_use_it():
     finding = Diagnostic("rule", odd, Span(1, 1, 2), hint=odd)
     said = [
         finding.message, finding.hint, finding.render(Source(odd, f"VEL{odd}")),
-        MoproError(odd).render(), document(odd, [], [], [listing(odd), table(odd, [odd], [[odd]])]),
+        MoproError(odd).render(), document(odd, [], [], [listing(odd), table([odd], [[odd]], odd)]),
         plain(odd),
     ]  # fmt: skip
     for text in said:

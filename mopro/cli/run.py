@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from mopro.program import Program
     from mopro.recording import Header, Run, Sink
     from mopro.recording.record import Columns
-    from mopro.viewer.run import RunSink
 
 DEFAULT_OUT = "run.parquet"
 
@@ -300,15 +299,8 @@ class _Pictures:
         self._program = program
         self._grammar = grammar
         self._envelopes = Envelopes()
-        self._plotted = DrawingSink(self._envelopes)
+        self._drawing = DrawingSink(self._envelopes)
         self._live: Sink | None = None
-        self._drawing: DrawingSink | None = None
-        self._seen: RunSink | None = None
-        if report is not None:
-            from mopro.viewer.run import RunSink
-
-            self._seen = RunSink()
-            self._drawing = DrawingSink(self._seen)
 
     def show(self, page: Live) -> None:
         """Show the samples on `page` too, in real time."""
@@ -319,9 +311,7 @@ class _Pictures:
     def beside(self, sink: Sink) -> Sink:
         if self._live is not None:
             sink = _Tee(sink, self._live)
-        if self._plot:
-            sink = _Tee(sink, self._plotted)
-        return _Tee(sink, self._drawing) if self._drawing else sink
+        return _Tee(sink, self._drawing) if self._plot or self._report else sink
 
     def draw(self, header: Header, run: Run, plant: Machine, machine: str) -> bool:
         """Draw the outputs that were asked for; False if one of them fails."""
@@ -330,7 +320,7 @@ class _Pictures:
             from mopro.plot import figure_bytes
             from mopro.recording.figure import draw
 
-            self._plotted.check()
+            self._drawing.check()
             title = f"{header.program} on {header.machine}"
             return figure_bytes(draw(self._envelopes, title, run), form)
 
@@ -338,12 +328,10 @@ class _Pictures:
             from mopro.lint import Settings, lint
             from mopro.viewer.run import run_page, run_view
 
-            assert self._seen is not None, "a report has a sink"
-            assert self._drawing is not None, "a report has a sink"
             self._drawing.check()
             program = self._program
             findings = lint(program.source, Settings(machine, header.payload_kg, self._grammar))
-            view = run_view(self._seen, run, program, plant, findings)
+            view = run_view(self._envelopes, run, program, plant, findings)
             return page_bytes(run_page(header, view, run, plant))
 
         # A list, so that both are drawn even if the first fails.

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from mopro.diagnosis.fitting.residual import Residuals
-from mopro.diagnosis.html import paragraph, table
 from mopro.diagnosis.model import Floats, Series, Settings, Simulate
 from mopro.diagnosis.statistics.remainder import Remainder
+from mopro.markup import fragment, paragraph, table
 
 _EFFECTS_SHOWN = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes", "held out",
@@ -209,8 +209,7 @@ class Verdict:
         if self.remainder.significant:
             said.append(f"Unexplained: {self.remainder.description}.")
         said += [f"{note[:1].upper()}{note[1:]}." for note in self.notes]
-        heading = f"<strong>Verdict: {self.verdict}</strong>"
-        return f"<div>{heading}{''.join([*parts, *map(paragraph, said)])}</div>"
+        return fragment(f"Verdict: {self.verdict}", [*parts, *map(paragraph, said)])
 
     @property
     def fitted(self) -> tuple[Named, ...]:

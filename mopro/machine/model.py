@@ -230,7 +230,7 @@ class Machine:
 
     def _repr_html_(self) -> str:
         """Name, effects, and all numbers with their origins."""
-        from mopro import notebook
+        from mopro import markup
 
         keys = ("key", "value", "unit", "origin", "place")
         rows = [[row[key] for key in keys] for row in self.quantities()]
@@ -239,10 +239,12 @@ class Machine:
             for effect in self.effects
             for key, value in effect.values.items()
         ]
-        parts = [notebook.table(("effect", "parameter", "value", "unit"), effects)]
-        return notebook.fragment(
+        parts = [
+            markup.table(("effect", "parameter", "value", "unit"), effects, most=markup.MOST_ROWS)
+        ]
+        return markup.fragment(
             f"Machine {self.name}",
-            [*(parts if effects else []), notebook.table(keys, rows, most=None)],
+            [*(parts if effects else []), markup.table(keys, rows)],
         )
 
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:

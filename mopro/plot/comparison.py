@@ -8,7 +8,7 @@ import numpy as np
 
 from mopro.experiment.compare.comparison import Compared, Comparison, SeriesTest
 from mopro.recording.envelope import Band, Floats
-from mopro.recording.figure import BLACK, BLUE, VERMILLION, draw_band, mark_lines
+from mopro.recording.figure import BLACK, BLUE, VERMILLION, add_legend, draw_band, mark_lines
 from mopro.text import plain
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def plot_comparison(
         lower.set_xlabel("row" if compared.series.time_s is None else "time (s)")
         for panel in (upper, lower):
             panel.grid(alpha=0.3)
-            panel.legend(loc="upper right", fontsize=7, ncols=3)
+            add_legend(panel, 4)
         part.suptitle(plain(f"{test.run}: {_size(test)}"), fontsize=10)
     count = len(comparison.series)
     rest = f" (the {len(chosen)} of {count} series with the largest residuals)"

@@ -232,12 +232,12 @@ class Program:
         return tuple(met), index in met
 
     def _repr_html_(self) -> str:
-        from mopro.notebook import fragment, listing
+        from mopro.markup import MOST_LINES, fragment, listing
 
         ending = ", loops for ever" if self.loops_forever else ""
         warned = f", {len(self.warnings)} warnings" if self.warnings else ""
         title = f"Program {self.name}: {len(self.ops)} statements{ending}{warned}"
-        return fragment(title, [listing(self.source.text)])
+        return fragment(title, [listing(self.source.text, MOST_LINES)])
 
     @property
     def seeks_switch(self) -> bool:

@@ -1,8 +1,8 @@
-"""Envelopes: the least and the greatest value of each column in short intervals of time."""
+"""Envelopes: the least and the greatest value of each channel in short intervals of time."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,12 +10,110 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Columns = Mapping[str, NDArray[Any]]
 
-# Intervals kept at most, each of one sample in runs of up to ten seconds at 2 kHz.
-MOST_INTERVALS = 20_000
-# Changes of the source line that are kept; more of them cannot be marked legibly.
-_MOST_CHANGES = 200
+# A recording of up to this many samples is kept in full; of a longer one half as many buckets or
+# more, each with its least and greatest value.
+MOST_BUCKETS = 65_536
+# The beginning of a long recording that is kept in full.
+HEAD = 32_768
+MOST_LINE_CHANGES = 100_000
+LAG = "lag_{}_m"
+
+
+@dataclass(frozen=True)
+class Buckets:
+    """Least and greatest value of each channel in n buckets of `size` samples.
+
+    `first` and `second` (channels, n) are these two in the order in which they occur. `start`
+    and `end` (n,) are the times of a bucket's first and last sample. The last bucket may have
+    fewer samples. Where `size` is 1, `first` and `second` are the samples themselves.
+    """
+
+    size: int
+    start: Floats
+    end: Floats
+    first: Singles
+    second: Singles
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    @staticmethod
+    def of(time: Floats, channels: Singles) -> Buckets:
+        """One bucket for each sample of `channels` (channels, n)."""
+        return Buckets(1, time, time, channels, channels)
+
+    def between(self, begin: int, end: int | None, step: int = 1) -> Buckets:
+        """Every `step`-th bucket from `begin` to `end`."""
+        part = slice(begin, end, step)
+        return Buckets(
+            self.size, self.start[part], self.end[part], self.first[:, part], self.second[:, part]
+        )
+
+    def halved(self) -> Buckets:
+        """Buckets of twice the size; their number must be even."""
+        one, other = self.between(0, None, 2), self.between(1, None, 2)
+        if self.size == 1:
+            first, second = one.first, other.first
+        else:
+            first, second = _extremes(one, other)
+        return Buckets(2 * self.size, one.start, other.end, first, second)
+
+
+class Envelope:
+    """Buckets of a series that arrives in chunks; their size doubles as it grows.
+
+    At most `most` buckets and one that is not full, and at least half as many once they have
+    several samples. No sample is left out, so the extremes of the series are those of its
+    buckets. NaN counts as no sample.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._kept: list[Buckets] = []
+        self._count = 0
+        # An odd bucket of each smaller size, which waits for the next to be joined with.
+        self._waiting: list[Buckets | None] = []
+
+    def add(self, time: Floats, channels: Singles) -> None:
+        """Add a chunk: n ascending times, and the channels (channels, n) at them."""
+        part = Buckets.of(time, channels)
+        for level in range(len(self._waiting)):
+            part = self._joined(level, part)
+        self._keep(part)
+        while self._count > self._most:
+            self._halve()
+
+    @property
+    def size(self) -> int:
+        """Samples in a bucket."""
+        return 1 << len(self._waiting)
+
+    def buckets(self) -> Buckets:
+        """The buckets so far; ValueError before the first chunk."""
+        rest = [part for part in reversed(self._waiting) if part is not None]
+        return together([*self._kept, *([_one(rest)] if rest else [])])
+
+    def _keep(self, part: Buckets) -> None:
+        self._kept.append(part)
+        self._count += len(part)
+
+    def _halve(self) -> None:
+        whole = together(self._kept)
+        self._waiting.append(None)
+        self._kept, self._count = [], 0
+        self._keep(self._joined(len(self._waiting) - 1, whole))
+
+    def _joined(self, level: int, part: Buckets) -> Buckets:
+        """Buckets of twice the size; an odd one waits."""
+        waiting = self._waiting[level]
+        if waiting is not None:
+            part = together([waiting, part])
+        even = len(part) // 2 * 2
+        self._waiting[level] = part.between(even, None) if even < len(part) else None
+        return part.between(0, even).halved()
 
 
 @dataclass(frozen=True)
@@ -63,112 +161,142 @@ class Band:
 class Envelopes:
     """A sink that keeps the extremes of a recording of any length in constant memory.
 
-    All samples of an interval count, so no peak is lost. Up to `most` samples are kept as
-    they are; beyond, the intervals double. `lag_n_m` (command minus position of axis n) is
-    kept as a further column. `changes` are the times and numbers of the first source lines,
-    `beginning` the first `most` samples as they are.
+    At most `most` buckets, the first `head` samples in full, and the changes of the source
+    line. `lag_n_m` (command minus position of axis n) is a further channel.
     """
 
-    def __init__(self, most: int = MOST_INTERVALS) -> None:
-        self._most = most
-        self._samples = 0
-        self._low: dict[str, Floats] = {}
-        self._high: dict[str, Floats] = {}
-        self.samples_per_interval = 1
-        self.changes: list[tuple[float, int]] = []
-        self._beginning: list[Columns] = []
+    def __init__(self, most: int = MOST_BUCKETS, head: int = HEAD) -> None:
+        self._envelope = Envelope(most)
+        self._most_headed = head
+        self._head: list[Buckets] = []
+        self._headed = 0
+        self._lines: list[tuple[Floats, Floats]] = []
+        self._last_line: int | None = None
+        self._changes = 0
+        self._valued: set[str] = set()
+        self.names: list[str] = []
 
     @classmethod
-    def of(cls, columns: Columns, most: int = MOST_INTERVALS) -> Envelopes:
+    def of(cls, columns: Columns) -> Envelopes:
         """The envelopes of a recording in memory."""
-        envelopes = cls(most)
+        envelopes = cls()
         envelopes.write(columns)
         return envelopes
 
     def write(self, columns: Columns) -> None:
         """Add a chunk; each has the same columns."""
-        count = len(columns["time_s"])
-        if not count:
+        time_s = columns["time_s"]
+        channels = channels_of(columns)
+        if not len(time_s) or not channels:
             return
-        self._note_changes(columns)
-        if self._samples < self._most:
-            rest = slice(self._most - self._samples)
-            self._beginning.append({name: v[rest] for name, v in columns.items()})
-        while -(-(self._samples + count) // self.samples_per_interval) > self._most:
-            self._widen()
-        width = self.samples_per_interval
-        place = (self._samples + np.arange(count)) // width
-        starts = np.flatnonzero(np.diff(place, prepend=-1))
-        joins = self._samples % width != 0
-        for name, values in _with_lags(columns).items():
-            own = np.asarray(values, dtype=np.float64)
-            self._low[name] = _joined(self._low.get(name), own, starts, joins, np.fmin)
-            self._high[name] = _joined(self._high.get(name), own, starts, joins, np.fmax)
-        self._samples += count
+        self.names = list(channels)
+        self._valued |= {name for name, v in channels.items() if not np.isnan(v).all()}
+        values = np.vstack([v.astype(np.float32) for v in channels.values()])
+        self._envelope.add(time_s, values)
+        if self._headed < self._most_headed:
+            part = Buckets.of(time_s, values).between(0, self._most_headed - self._headed)
+            self._head.append(part)
+            self._headed += len(part)
+        if "line" in columns:
+            self._note_lines(time_s, columns["line"])
 
-    def __contains__(self, column: str) -> bool:
-        return column in self._low and not self.band(column).empty
+    def __contains__(self, channel: str) -> bool:
+        return channel in self._valued
 
-    def band(self, column: str, scale: float = 1.0) -> Band:
-        """The envelope of `column`, its values times `scale` (positive)."""
-        time_s = (self._low["time_s"] + self._high["time_s"]) / 2
-        return Band(time_s, self._low[column] * scale, self._high[column] * scale)
+    def overview(self) -> Buckets:
+        """All of the recording; ValueError if nothing was written."""
+        return self._envelope.buckets()
+
+    def head(self) -> Buckets | None:
+        """The first samples, each as it is, if the overview does not hold them so."""
+        return together(self._head) if self._head and self.samples_per_bucket > 1 else None
 
     def beginning(self) -> Envelopes:
         """The envelopes of the first samples, each as it is."""
-        first = Envelopes(self._most)
-        for chunk in self._beginning:
-            first.write(chunk)
+        first = Envelopes(max(self._headed, 1), 0)
+        first.names, first._valued = self.names, self._valued
+        first._lines, first._last_line = self._lines, self._last_line
+        for part in self._head:
+            first._envelope.add(part.start, part.first)
         return first
+
+    def band(self, channel: str, scale: float = 1.0) -> Band:
+        """The envelope of `channel`, its values times `scale` (positive)."""
+        found, row = self.overview(), self.names.index(channel)
+        first, second = (
+            scale * ends[row].astype(np.float64) for ends in (found.first, found.second)
+        )
+        return Band((found.start + found.end) / 2, np.fmin(first, second), np.fmax(first, second))
+
+    @property
+    def samples_per_bucket(self) -> int:
+        return self._envelope.size
 
     @property
     def axes(self) -> list[int]:
         """The axes with a command or a position, ascending."""
-        named = (c.split("_") for c in self._low if c.startswith(("command_", "position_")))
+        named = (c.split("_") for c in self.names if c.startswith(("command_", "position_")))
         return sorted({int(parts[1]) for parts in named})
 
     @property
     def end_s(self) -> float:
         """Time of the last sample."""
-        return float(self._high["time_s"][-1])
+        return float(self.overview().end[-1])
 
-    def _note_changes(self, columns: Columns) -> None:
-        if "line" not in columns or len(self.changes) > _MOST_CHANGES:
-            return
-        lines = np.asarray(columns["line"])
-        last = self.changes[-1][1] if self.changes else None
-        rows = np.flatnonzero(np.diff(lines, prepend=lines[0])).tolist()
-        rows = rows if lines[0] == last else [0, *rows]
-        time_s = columns["time_s"]
-        self.changes += [(float(time_s[i]), int(lines[i])) for i in rows[: _MOST_CHANGES + 1]]
+    def changes(self) -> tuple[Floats, NDArray[np.int32]]:
+        """Times at which the source line changes, and the line from then on."""
+        if not self._lines:
+            return np.zeros(0), np.zeros(0, dtype=np.int32)
+        time_s, line = (np.concatenate(part) for part in zip(*self._lines, strict=True))
+        return time_s, line.astype(np.int32)
 
-    def _widen(self) -> None:
-        """Join intervals in pairs."""
-        self.samples_per_interval *= 2
-        for kept, pick in ((self._low, np.fmin), (self._high, np.fmax)):
-            for name, values in kept.items():
-                kept[name] = pick.reduceat(values, np.arange(0, len(values), 2))
+    def _note_lines(self, time_s: Floats, line: Floats) -> None:
+        before = line[0] - 1 if self._last_line is None else self._last_line
+        self._last_line = int(line[-1])
+        if self._changes < MOST_LINE_CHANGES:
+            at = np.flatnonzero(np.diff(line, prepend=before))
+            self._lines.append((time_s[at], line[at]))
+            self._changes += len(at)
 
 
-def _with_lags(columns: Columns) -> Columns:
-    axes = [name.split("_")[1] for name in columns if name.startswith("position_")]
-    lags = {
-        f"lag_{n}_m": columns[f"command_{n}_m"] - columns[f"position_{n}_m"]
-        for n in axes
-        if f"command_{n}_m" in columns
-    }
-    return {**columns, **lags}
+def channels_of(columns: Columns) -> dict[str, NDArray[Any]]:
+    """The columns that are drawn, with the lags."""
+    channels = {name: v for name, v in columns.items() if name not in ("time_s", "line")}
+    for name, position in columns.items():
+        n = name.split("_")[1] if name.startswith("position_") else ""
+        if n and f"command_{n}_m" in columns:
+            channels[LAG.format(n)] = columns[f"command_{n}_m"] - position
+    return channels
 
 
-def _joined(
-    kept: Floats | None, values: Floats, starts: NDArray[np.intp], joins: bool, pick: np.ufunc
-) -> Floats:
-    """`kept` intervals and those of `values` that begin at `starts`; `joins`: the first one does
-    not begin there, but goes on with the last kept one."""
-    reduced: Floats = pick.reduceat(values, starts)
-    if kept is None:
-        return reduced
-    if joins:
-        kept[-1] = pick(kept[-1], reduced[0])
-        reduced = reduced[1:]
-    return np.concatenate([kept, reduced])
+def together(parts: Sequence[Buckets]) -> Buckets:
+    """One after the other; the size is that of the first."""
+    if len(parts) == 1:
+        return parts[0]
+    return Buckets(
+        parts[0].size,
+        np.concatenate([p.start for p in parts]),
+        np.concatenate([p.end for p in parts]),
+        np.concatenate([p.first for p in parts], axis=1),
+        np.concatenate([p.second for p in parts], axis=1),
+    )
+
+
+def _one(parts: Sequence[Buckets]) -> Buckets:
+    """All of single buckets in one."""
+    whole = parts[0]
+    for part in parts[1:]:
+        first, second = _extremes(whole, part)
+        whole = Buckets(whole.size, whole.start, part.end, first, second)
+    return whole
+
+
+def _extremes(one: Buckets, other: Buckets) -> tuple[Singles, Singles]:
+    """Least and greatest of both, `one` being before the `other`, in the order of time."""
+    low, low_after = np.fmin(one.first, one.second), np.fmin(other.first, other.second)
+    high, high_after = np.fmax(one.first, one.second), np.fmax(other.first, other.second)
+    low_is_after, high_is_after = low_after < low, high_after > high
+    rising = np.where(low_is_after, other.first <= other.second, one.first <= one.second)
+    low_first = np.where(low_is_after == high_is_after, rising, high_is_after)
+    low, high = np.fmin(low, low_after), np.fmax(high, high_after)
+    return np.where(low_first, low, high), np.where(low_first, high, low)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mopro.recording.envelope import Band, Envelopes, Floats
+from mopro.recording.envelope import LAG, Band, Envelopes, Floats
 from mopro.recording.moves import MoveReport, folded
 from mopro.recording.phases import ACCELERATE, CRUISE, DECELERATE, phases_of
 from mopro.recording.run import Run
@@ -43,6 +43,8 @@ _MOST_DRAWN = 1000
 _MOST_DETAILED = 4
 _SETTLING_S = 0.2
 _MARGIN = "stall margin (%)"
+# Height of a legend, in heights of the curves below it.
+_LEGEND_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def draw(
         panels.pop(_MARGIN)
     if not panels:
         raise ValueError("the recording holds no readings that could be drawn")
-    detailed = envelopes.samples_per_interval > 1 and not 0 < len(moves) <= _MOST_MARKS
+    detailed = envelopes.samples_per_bucket > 1 and not 0 < len(moves) <= _MOST_MARKS
     parts: list[tuple[Envelopes, Sequence[MoveReport], float]]
     parts = [(envelopes, moves, envelopes.end_s)]
     if detailed:
@@ -123,10 +125,16 @@ def _draw_column(
         for trace in traces:
             _draw_band(panel, envelopes.band(trace.column, trace.scale), trace)
         if len(traces) > 1:
-            panel.legend(loc="upper right", fontsize=7, ncols=len(traces))
+            add_legend(panel, len(traces))
     column[-1].set_xlabel("time (s)")
     column[0].set_xlim(0.0, max(end_s, 1e-9))
-    _mark(column, moves, [(t, line) for t, line in envelopes.changes if t < end_s], end_s)
+    _mark(column, moves, _changes_until(envelopes, end_s), end_s)
+
+
+def _changes_until(envelopes: Envelopes, end_s: float) -> list[tuple[float, int]]:
+    time_s, lines = envelopes.changes()
+    before = time_s < end_s
+    return list(zip(time_s[before].tolist(), lines[before].tolist(), strict=True))
 
 
 def _unit_of(run: Run | None) -> str:
@@ -155,7 +163,7 @@ def _panels(envelopes: Envelopes, per_m: float, unit: str) -> dict[str, list[_Tr
         position.append(_Trace(f"position_{n}_m", per_m, n, f"position{of}"))
         position.append(_Trace(f"command_{n}_m", per_m, n, f"command{of}", secondary=True))
         speed.append(_Trace(f"velocity_{n}_m_s", per_m, n, f"speed{of}"))
-        lag.append(_Trace(f"lag_{n}_m", per_m, n, f"lag{of}"))
+        lag.append(_Trace(LAG.format(n), per_m, n, f"lag{of}"))
         force.append(_Trace(f"force_{n}_N", 1.0, n, f"force{of}"))
         current.append(_Trace(f"phase_a_{n}_A", 1.0, n, f"phase A{of}"))
         current.append(_Trace(f"phase_b_{n}_A", 1.0, n, f"phase B{of}", secondary=True))
@@ -192,6 +200,13 @@ def draw_band(panel: Axes, band: Band, label: str, style: Mapping[str, Any]) -> 
     )
     panel.plot(area.time_s, area.high, label=label, **{**style, "linewidth": 0.8})
     panel.plot(area.time_s, area.low, **{**style, "linewidth": 0.8})
+
+
+def add_legend(panel: Axes, columns: int) -> None:
+    """A legend in a row above the curves of `panel`, which makes room for it."""
+    low, high = panel.get_ylim()
+    panel.set_ylim(low, high + _LEGEND_SHARE * (high - low))
+    panel.legend(loc="upper right", fontsize=7, ncols=columns)
 
 
 def _reversals(values: Floats) -> int:
@@ -232,7 +247,7 @@ def _mark_stalls(column: Sequence[Axes], times_s: Sequence[float]) -> None:
                 label="stall" if panel is column[-1] and not number else None,
             )  # fmt: skip
     if times_s:
-        column[-1].legend(loc="upper right", fontsize=7)
+        add_legend(column[-1], 2)
 
 
 def _mark(
@@ -258,17 +273,17 @@ def _mark(
 
 
 def _remarks(envelopes: Envelopes, moves: Sequence[MoveReport]) -> str:
-    """Second line of the title: how the figure leaves things out; empty if it does not."""
+    """Further lines of the title: how the figure leaves things out; empty if it does not."""
     remarks = []
     if len(moves) > _MOST_MARKS:
         lines = [f"line {own.worst.line} × {own.count}" for own in folded(moves)]
         more = ", ..." if len(lines) > _MOST_NAMED else ""
         named = f"{', '.join(lines[:_MOST_NAMED])}{more}"
         remarks.append(f"{len(moves)} moves, too many to mark ({named})")
-    if envelopes.samples_per_interval > 1:
-        each = envelopes.samples_per_interval
+    if envelopes.samples_per_bucket > 1:
+        each = envelopes.samples_per_bucket
         remarks.append(f"areas reach from the least to the greatest of each {each} samples")
-    return "\n" + "; ".join(remarks) if remarks else ""
+    return "".join(f"\n{remark}" for remark in remarks)
 
 
 def mark_lines(panel: Axes, time_s: Sequence[float], lines: Sequence[int]) -> None:

@@ -131,7 +131,7 @@ class Recording:
 
     def _repr_html_(self) -> str:
         """Outcome, moves and columns."""
-        from mopro import notebook
+        from mopro import markup
         from mopro.recording.moves import folded, folded_columns
         from mopro.recording.run import outcome
 
@@ -142,13 +142,13 @@ class Recording:
             f"{header.payload_kg:g} kg; effects switched on: {effects}.",
             f"Columns: {', '.join(self.columns)}. plot() draws them.",
         ]
-        shown = list(map(notebook.paragraph, parts))
+        shown = list(map(markup.paragraph, parts))
         if run is not None:
             unit = run.moves[0].unit if run.moves else ""
             rows = (repeated.cells for repeated in folded(run.moves))
-            moves = notebook.table(folded_columns(unit), rows)
-            shown[1:1] = [notebook.paragraph(outcome(run)), moves]
-        return notebook.fragment(f"{header.program} on {header.machine}", shown)
+            moves = markup.table(folded_columns(unit), rows, most=markup.MOST_ROWS)
+            shown[1:1] = [markup.paragraph(outcome(run)), moves]
+        return markup.fragment(f"{header.program} on {header.machine}", shown)
 
     def __len__(self) -> int:
         return len(self.columns["time_s"])

@@ -10,8 +10,8 @@ from pathlib import Path
 FOLDER = Path(__file__).parent / "static"
 PLOTTER = FOLDER / "uplot"
 SCRIPTS = (
-    "data.js", "units.js", "state.js", "plots.js", "program.js", "pictures.js", "player.js",
-    "tables.js", "live.js", "app.js",
+    "data.js", "units.js", "state.js", "density.js", "plots.js", "program.js", "pictures.js",
+    "player.js", "tables.js", "live.js", "app.js",
 )  # fmt: skip
 
 

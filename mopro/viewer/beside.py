@@ -10,7 +10,7 @@ from mopro.experiment.model import Experiment, Trial
 from mopro.experiment.predict.nominal import planned
 from mopro.viewer.model import Mark
 from mopro.viewer.platen import platen_json
-from mopro.viewer.series import Beside
+from mopro.viewer.series import Beside, track_name
 
 
 def beside_of(experiment: object, places: Sequence[Place]) -> dict[str, Beside]:
@@ -23,7 +23,7 @@ def beside_of(experiment: object, places: Sequence[Place]) -> dict[str, Beside]:
 def _beside(experiment: Experiment, trial: Trial, places: Sequence[Place]) -> Beside:
     machine = experiment.machine
     seen = {
-        reading.sensor.axis: (reading.sensor.name, "measured")
+        reading.sensor.axis: (track_name(reading.sensor.name), "measured")
         for reading in trial.readings
         if reading.sensor.quantity.sees_place
     }

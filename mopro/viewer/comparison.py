@@ -8,9 +8,10 @@ from pathlib import Path
 from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
 from mopro.experiment.conclude.conclusion import Examined
 from mopro.experiment.conclude.wording import place_words
+from mopro.markup import listing, paragraph, section, table
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
-from mopro.viewer.markup import listing, paragraph, section, table
+from mopro.viewer.model import residual_unit
 from mopro.viewer.series import Residuals, series_views
 
 _SERIES = ("run", "sensor", "samples", "RMS", "noise", "σ", "χ² p", "whiteness p", "only noise")
@@ -39,7 +40,7 @@ def comparison_page(
         series_views(_residuals(comparison, before), beside_of(experiment, comparison.where)),
         [
             *([_gaps(before, comparison)] if before else []),
-            section("Series", [table(_TESTS, _SERIES, map(_series, comparison.series))]),
+            section("Series", [table(_SERIES, map(_series, comparison.series), _TESTS)]),
             _places(comparison.where),
             section("The experiment's file", [listing(source.text)], opened=False),
         ],
@@ -61,7 +62,7 @@ def _gaps(before: Comparison, after: Comparison) -> str:
          _size(one.noise_rms, one.unit)]
         for one, two in zip(before.series, after.series, strict=True)
     )  # fmt: skip
-    return section("The gap", [table("RMS of the residual (measured − simulated)", _GAPS, rows)])
+    return section("The gap", [table(_GAPS, rows, "RMS of the residual (measured − simulated)")])
 
 
 def _series(test: SeriesTest) -> list[str]:
@@ -76,20 +77,21 @@ def _places(places: Sequence[Place]) -> str:
     shown = places[:_MOST_PLACES]
     more = len(places) - len(shown)
     rest = [paragraph(f"and {more} more")] if more else []
-    return section("Places", [table("The largest residual first", _PLACES, _rows(shown)), *rest])
+    return section("Places", [table(_PLACES, _rows(shown), "The largest residual first"), *rest])
 
 
 def _rows(places: Sequence[Place]) -> Iterator[list[str]]:
     for place in places:
         yield [
             place.run, place_words(place), place.sensor, str(place.count),
-            f"{place.mean:+.3g} {place.unit}", _size(place.rms, place.unit),
+            f"{place.mean:+.3g} {residual_unit(place.unit)}", _size(place.rms, place.unit),
             _number(place.sigma), "yes" if place.significant else "",
         ]  # fmt: skip
 
 
 def _size(value: float | None, unit: str) -> str:
-    return "unknown" if value is None else f"{value:.3g} {unit}"
+    """A residual or a noise in words."""
+    return "unknown" if value is None else f"{value:.3g} {residual_unit(unit)}"
 
 
 def _number(value: float | None) -> str:

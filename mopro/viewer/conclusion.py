@@ -24,9 +24,10 @@ from mopro.experiment.conclude.wording import (
     undecided_words,
     value_words,
 )
+from mopro.markup import heading, listing, paragraph, section, table
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
-from mopro.viewer.markup import heading, listing, paragraph, section, table
+from mopro.viewer.model import residual_unit
 from mopro.viewer.series import Residuals, series_views, source_lines
 
 _EFFECTS = (
@@ -79,7 +80,7 @@ def _effects(conclusion: Conclusion) -> Iterator[str]:
     if not conclusion.verdict.fitted:
         yield paragraph(_UNDECIDED)
         return
-    yield table("Effects supported by the data", _EFFECTS, _effect_rows(conclusion.verdict))
+    yield table(_EFFECTS, _effect_rows(conclusion.verdict), "Effects supported by the data")
     yield from map(paragraph, calibration_words(conclusion.verdict))
     yield from map(paragraph, undecided_words(conclusion.verdict))
     yield from map(paragraph, reservations(conclusion.verdict, conclusion.runs))
@@ -104,12 +105,12 @@ def _gap(conclusion: Conclusion) -> Iterator[str]:
     gaps = zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, conclusion.series, strict=True)
     for run, rerun, series in gaps:
         figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
-        sizes = ["unknown" if f is None else f"{f:.3g} {run.unit}" for f in figures]
+        sizes = ["unknown" if f is None else f"{f:.3g} {residual_unit(run.unit)}" for f in figures]
         if run.held_out_rms is None:
             sizes[2] = "nothing to hold out"
         lines = ", ".join(map(str, source_lines(series))) or "–"
         rows.append([run.run, run.sensor, *sizes, lines])
-    yield table("RMS of the residual (measured − simulated)", _GAPS, rows)
+    yield table(_GAPS, rows, "RMS of the residual (measured − simulated)")
 
 
 def _where(conclusion: Conclusion) -> Iterator[str]:
@@ -117,7 +118,6 @@ def _where(conclusion: Conclusion) -> Iterator[str]:
         yield paragraph("No single place differs by more than the noise explains.")
         return
     yield table(
-        "The largest first, before any effect was added",
         _PLACES,
         (
             [
@@ -125,12 +125,13 @@ def _where(conclusion: Conclusion) -> Iterator[str]:
                 place_words(place),
                 place.sensor,
                 str(place.count),
-                f"{place.mean:+.3g} {place.unit}",
-                f"{place.rms:.3g} {place.unit}",
+                f"{place.mean:+.3g} {residual_unit(place.unit)}",
+                f"{place.rms:.3g} {residual_unit(place.unit)}",
                 "unknown" if place.sigma is None else f"{place.sigma:.3g}",
             ]
             for place in conclusion.where
         ),
+        "The largest first, before any effect was added",
     )
 
 
@@ -145,7 +146,7 @@ def _remainder(verdict: Verdict) -> str:
 
 def _all_candidates(conclusion: Conclusion) -> Iterator[str]:
     yield from map(paragraph, left_out_words(conclusion.left_out, conclusion.tried))
-    yield table("All effects that were tried", _TRIED, _candidates(conclusion.verdict))
+    yield table(_TRIED, _candidates(conclusion.verdict), "All effects that were tried")
 
 
 def _candidates(verdict: Verdict) -> Iterator[list[str]]:
@@ -183,14 +184,13 @@ def _proposal(conclusion: Conclusion) -> Iterator[str]:
     yield paragraph(f"This program would distinguish the alternatives: {proposal.summary}.")
     yield listing(proposal.text)
     rows = [[" / ".join(pair), f"{sigmas:.3g}"] for pair, sigmas in proposal.pairs.items()]
-    yield table("Separation of the alternatives", ("alternatives", "σ"), rows)
+    yield table(("alternatives", "σ"), rows, "Separation of the alternatives")
 
 
 def _provenance(conclusion: Conclusion) -> Iterator[str]:
     experiment = conclusion.experiment
     versions = ", ".join(f"{name} {version(name)}" for name in ("mopro", "numpy", "scipy"))
     yield table(
-        "Origin",
         (),
         [
             ["experiment", _name(conclusion)],
@@ -198,6 +198,7 @@ def _provenance(conclusion: Conclusion) -> Iterator[str]:
             ["samples", str(sum(map(len, conclusion.series)))],
             ["made by", f"{versions}, Python {platform.python_version()}"],
         ],
+        "Origin",
     )
     for note in experiment.notes:
         yield paragraph(note)

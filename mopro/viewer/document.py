@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from mopro.markup import escaped
 from mopro.viewer.assets import policy, scripts, styles
-from mopro.viewer.markup import data_block, escaped
 from mopro.viewer.model import View
 from mopro.viewer.pack import Pack
 
@@ -61,3 +62,11 @@ def document(
         data=data_block("page-data", {**told, "block": pack.text()}),
         scripts="\n".join(f"<script>{script}</script>" for script in scripts()),
     )
+
+
+def data_block(name: str, value: Any) -> str:
+    """A script element that is data: JSON in which no character can end the element."""
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    for character in "<>&":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return f'<script type="application/json" id="{escaped(name)}">{text}</script>'

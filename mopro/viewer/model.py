@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.recording.envelope import Buckets, Envelope, Floats
 from mopro.text import visible
 from mopro.units import UNITS
-from mopro.viewer.envelope import Buckets, Envelope, Floats
 from mopro.viewer.pack import Pack
 
 # Dimensions of which a person chooses the unit by the switch; the rest keep their own.
@@ -36,6 +36,11 @@ class Scale:
         if dimension not in _SWITCHED:
             return Scale("°C" if unit == "C" else unit)
         return Scale(_SWITCHED[dimension], dimension, float(factor))
+
+
+def residual_unit(unit: str) -> str:
+    """The unit of a difference of two values in `unit`."""
+    return "K" if unit == "C" else unit
 
 
 @dataclass(frozen=True)

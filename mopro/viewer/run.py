@@ -1,4 +1,4 @@
-"""A run as a view: what a sink of the recording keeps of it, in bounded memory."""
+"""A run as a view, from the envelopes of its recording."""
 
 from __future__ import annotations
 
@@ -11,32 +11,24 @@ from mopro.effects import catalogue
 from mopro.effects.resolve import active_effects
 from mopro.errors import DataError
 from mopro.machine import DEFAULT_LOOP_S, Machine
+from mopro.markup import listing, paragraph, section, table
 from mopro.motion import Schedule
 from mopro.plant import plan_with_effects
 from mopro.program import AXES, Program
 from mopro.recording import Header, Run
+from mopro.recording.envelope import LAG, Envelopes
 from mopro.recording.moves import MoveReport, Stall
-from mopro.recording.record import Columns
 from mopro.recording.run import outcome
 from mopro.source import Span
 from mopro.units import UNITS
 from mopro.viewer.document import document
-from mopro.viewer.envelope import Buckets, Envelope, Floats, together
-from mopro.viewer.markup import listing, paragraph, section, table
 from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
 from mopro.viewer.platen import platen_json
 
-# A run of up to this many samples is in its page in full; a longer one has half as many
-# buckets or more, each with its least and greatest value.
-MOST_BUCKETS = 65_536
-# The beginning of a long run that is there in full.
-HEAD = 32_768
-MOST_LINE_CHANGES = 100_000
 MOST_MOVES = 20_000
 MOST_MARKS = 500
 
 TRACK = "run"
-_ERROR = "following_error_{}_m"
 
 
 class Found(Protocol):
@@ -58,85 +50,32 @@ class Found(Protocol):
         ...
 
 
-class RunSink:
-    """Receives a recording and keeps the channels of its view, and the changes of the line.
-
-    At most `most` buckets, and the first `head` samples in full.
-    """
-
-    def __init__(self, most: int = MOST_BUCKETS, head: int = HEAD) -> None:
-        self._envelope = Envelope(most)
-        self._most_headed = head
-        self._head: list[Buckets] = []
-        self._headed = 0
-        self._lines: list[tuple[Floats, Floats]] = []
-        self._last_line: int | None = None
-        self._changes = 0
-        self.names: list[str] = []
-        self._valued: set[str] = set()
-
-    def write(self, columns: Columns) -> None:
-        if not len(columns["time_s"]):
-            return
-        channels = channels_of(columns)
-        self.names = list(channels)
-        self._valued |= {name for name, v in channels.items() if not np.isnan(v).all()}
-        values = np.vstack([v.astype(np.float32) for v in channels.values()])
-        self._envelope.add(columns["time_s"], values)
-        if self._headed < self._most_headed:
-            rest = self._most_headed - self._headed
-            part = Buckets.of(columns["time_s"], values).between(0, rest)
-            self._head.append(part)
-            self._headed += len(part)
-        self._note_lines(columns["time_s"], columns["line"])
-
-    def track(self) -> Track:
-        """All samples so far, in the fewest buckets that hold them; DataError if there are none."""
-        if not self.names:
-            raise DataError("the run has no samples")
-        overview = self._envelope.buckets()
-        if overview.size == 1 or not self._head:
-            return Track(self.names, overview)
-        return Track(self.names, overview, [together(self._head)])
-
-    def seen(self, name: str) -> bool:
-        """True if the channel `name` has had a value."""
-        return name in self._valued
-
-    def lines(self) -> Lines:
-        """The source line that runs, at each of its changes."""
-        if not self._lines:
-            return Lines(np.zeros(0), np.zeros(0, dtype=np.int32))
-        time_s, line = (np.concatenate(part) for part in zip(*self._lines, strict=True))
-        return Lines(time_s, line.astype(np.int32))
-
-    def _note_lines(self, time_s: Floats, line: Floats) -> None:
-        before = line[0] - 1 if self._last_line is None else self._last_line
-        self._last_line = int(line[-1])
-        if self._changes < MOST_LINE_CHANGES:
-            at = np.flatnonzero(np.diff(line, prepend=before))
-            self._lines.append((time_s[at], line[at]))
-            self._changes += len(at)
+def run_track(envelopes: Envelopes) -> Track:
+    """All samples so far, in the fewest buckets that hold them; DataError if there are none."""
+    if not envelopes.names:
+        raise DataError("the run has no samples")
+    head = envelopes.head()
+    return Track(envelopes.names, envelopes.overview(), [] if head is None else [head])
 
 
 def run_view(
-    sink: RunSink,
+    envelopes: Envelopes,
     run: Run,
     program: Program,
     machine: Machine,
     findings: Iterable[Found] = (),
 ) -> View:
-    """The view of a `run` whose recording `sink` received.
+    """The view of a `run` whose recording `envelopes` received.
 
     `findings` about the program are marked where their lines run. Raises MotionError.
     """
-    track = sink.track()
+    track = run_track(envelopes)
     return View(
         name=f"{run.program} on {run.machine}",
         panels=run_panels(_alive(track)),
         tracks={TRACK: track},
         program=program.source.lines,
-        lines=sink.lines(),
+        lines=Lines(*envelopes.changes()),
         marks=list(_marks(run, findings))[:MOST_MARKS],
         moves=moves_json(run.moves),
         platen=platen_json(
@@ -151,14 +90,23 @@ def run_page(header: Header, view: View, run: Run, machine: Machine) -> str:
     source = machine.source
     file = [section("Machine", [listing(source.text)], opened=False)] if source else []
     stated = {k: v for k, v in header.after(run).as_json().items() if k != "stalls"}
-    rows = ([key, str(value)] for key, value in stated.items())
+    rows = ([key.replace("_", " "), _stated(value)] for key, value in stated.items())
     trouble = [paragraph(run.trouble)] if run.trouble else []
     return document(
         view.name,
-        [paragraph(outcome(run)), *trouble],
+        [paragraph(outcome(run).removeprefix(f"{view.name}: ")), *trouble],
         [view],
-        [section("Provenance", [table("The recording", (), rows)]), *file],
+        [section("Provenance", [table((), rows, "The recording")]), *file],
     )
+
+
+def _stated(value: Any) -> str:
+    """A value of a header in words."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_stated(own)}" for key, own in value.items()) or "none"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(map(_stated, value)) or "none"
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
 def run_panels(alive: Sequence[str]) -> list[Panel]:
@@ -168,7 +116,7 @@ def run_panels(alive: Sequence[str]) -> list[Panel]:
         _panel("Position", "m", _of(axes, alive, ("command_{}_m", "command"),
                                     ("position_{}_m", ""))),
         _panel("Velocity", "m/s", _of(axes, alive, ("velocity_{}_m_s", ""))),
-        _panel("Following error", "m", _of(axes, alive, (_ERROR, "")), "command − position"),
+        _panel("Following error", "m", _of(axes, alive, (LAG, "")), "command − position"),
         _panel("Force", "N", _of(axes, alive, ("force_{}_N", ""))),
         _panel("Phase currents", "A", _of(axes, alive, ("phase_a_{}_A", "phase A"),
                                           ("phase_b_{}_A", "phase B"))),
@@ -256,16 +204,6 @@ def _trip_words(trip: Mapping[str, Any]) -> str:
     if trip["kind"] == "limit-switch":
         return f"axis {trip['axis']} ran into its limit switch"
     return "the motor became too hot"
-
-
-def channels_of(columns: Columns) -> dict[str, Floats]:
-    """The columns that are drawn, with the following errors."""
-    channels = {name: v for name, v in columns.items() if name not in ("time_s", "line")}
-    for name, position in columns.items():
-        n = name.split("_")[1] if name.startswith("position_") else ""
-        if n and f"command_{n}_m" in columns:
-            channels[_ERROR.format(n)] = columns[f"command_{n}_m"] - position
-    return channels
 
 
 def _alive(track: Track) -> list[str]:

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 
 from mopro.diagnosis import Series
+from mopro.recording.envelope import Floats
 from mopro.text import visible
-from mopro.viewer.envelope import Floats
-from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
+from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View, residual_unit
 
 # Values in all tracks of a page together, and in one of them, at most.
 _MOST_VALUES = 2_400_000
 _MOST_BUCKETS = 65_536
 _FEWEST_BUCKETS = 256
 _NOTE = "measured − simulated, without the fitted offset"
-# Colours of the palette: measured, simulated, and from there on signatures.
-_MEASURED, _BEFORE, _AFTER, _SIGNATURE = 0, 2, 4, 1
+# Colours of the palette.
+_MEASURED, _BEFORE, _AFTER = 0, 2, 4
+_SIGNATURES = (0, 3, 5, 1)
 
 
 @dataclass(frozen=True)
@@ -56,9 +58,9 @@ def series_views(found: Sequence[Residuals], beside: Mapping[str, Beside]) -> li
     ]
 
 
-def track_name(series: Series) -> str:
-    """The name of the track of a series."""
-    return visible(series.sensor)
+def track_name(sensor: str) -> str:
+    """The name of the track of a sensor's readings."""
+    return visible(sensor)
 
 
 def source_lines(series: Series) -> list[int]:
@@ -74,7 +76,7 @@ def _view(run: str, found: Sequence[Residuals], rows: bool, most: int, beside: B
     return View(
         name=run,
         panels=[panel for own in found for panel in _panels(own)],
-        tracks={track_name(own.series): _track(own, most) for own in found},
+        tracks={track_name(own.series.sensor): _track(own, most) for own in found},
         rows=rows,
         program=beside.program,
         lines=_lines(found),
@@ -101,13 +103,13 @@ def _track(own: Residuals, most: int) -> Track:
 
 def _panels(own: Residuals) -> Iterator[Panel]:
     series = own.series
-    rows, scale, name = series.time_s is None, Scale.of(series.unit), series.sensor
+    rows, name = series.time_s is None, series.sensor
     several = len(own.by_model) > 1
     models = dict(zip(own.by_model, (_BEFORE, _AFTER), strict=False))
     marked = "points" if rows else "line"
     command = [Trace("command", "command", style="command")] if _command(series) is not None else []
     yield Panel(
-        f"{name}: measured and simulated", track_name(series), scale,
+        f"{name}: measured and simulated", track_name(series.sensor), Scale.of(series.unit),
         [
             *command,
             Trace("measured", "measured", _MEASURED, "bars" if rows else "line"),
@@ -116,16 +118,31 @@ def _panels(own: Residuals) -> Iterator[Panel]:
         ],
     )  # fmt: skip
     yield Panel(
-        f"{name}: residual", track_name(series), scale,
+        f"{name}: residual", track_name(series.sensor), Scale.of(residual_unit(series.unit)),
         [
-            *(Trace(f"residual {model}", model if several else "residual", color,
-                    "bars" if rows and color == _BEFORE else marked)
-              for model, color in models.items()),
-            *(Trace(f"signature {effect}", f"signature of {effect}", _SIGNATURE + 2 * place,
-                    "points" if rows else "dashed")
-              for place, effect in enumerate(own.signatures)),
+            Trace(f"residual {model}", model if several else "residual", color,
+                  "bars" if rows and color == _BEFORE else marked)
+            for model, color in models.items()
         ],
         series.sigma, "measured − simulated" if rows else _NOTE,
+    )  # fmt: skip
+    if own.signatures:
+        yield _signatures(own)
+
+
+def _signatures(own: Residuals) -> Panel:
+    """The panel of what each effect adds to the reading, over the residual that they explain."""
+    series = own.series
+    rows, first = series.time_s is None, next(iter(own.by_model))
+    return Panel(
+        f"{series.sensor}: signatures of the effects", track_name(series.sensor),
+        Scale.of(residual_unit(series.unit)),
+        [
+            Trace(f"residual {first}", f"residual {first}", _BEFORE, "bars" if rows else "command"),
+            *(Trace(f"signature {effect}", effect, color, "points" if rows else "line")
+              for effect, color in zip(own.signatures, cycle(_SIGNATURES))),
+        ],
+        note="what each adds to the reading",
     )  # fmt: skip
 
 

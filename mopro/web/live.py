@@ -14,12 +14,12 @@ from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.program import Program
 from mopro.recording import Sink
+from mopro.recording.envelope import Buckets, Envelope, Envelopes, Floats, channels_of
 from mopro.recording.record import Columns
-from mopro.viewer.envelope import Buckets, Envelope, Floats
-from mopro.viewer.model import View
+from mopro.viewer.model import Lines, View
 from mopro.viewer.pack import Pack
 from mopro.viewer.platen import platen_json
-from mopro.viewer.run import TRACK, RunSink, channels_of, phases_of, places_of, run_panels
+from mopro.viewer.run import TRACK, phases_of, places_of, run_panels, run_track
 from mopro.web.feed import Feed
 
 # Buckets that a page gets when it opens, and at most in one message.
@@ -39,7 +39,7 @@ class LiveRun:
         self._machine, self._schedule = machine, schedule
         self._moving = {str(axis) for move in schedule.moves for axis in move.axes} or {"1", "2"}
         self._name = f"{program.name} on {machine.name}"
-        self._sink = RunSink(_MOST_BUCKETS, 0)
+        self._sink = Envelopes(_MOST_BUCKETS, 0)
         self._line: int | None = None
         self.feed = Feed(self.snapshot)
 
@@ -67,8 +67,8 @@ class LiveRun:
         shown = [name for name in self._sink.names if self._shows(name)]
         platen = platen_json(self._machine, self._schedule, places_of(shown))
         view = View(
-            name=self._name, panels=run_panels(shown), tracks={TRACK: self._sink.track()},
-            program=self._program.source.lines, lines=self._sink.lines(), platen=platen,
+            name=self._name, panels=run_panels(shown), tracks={TRACK: run_track(self._sink)},
+            program=self._program.source.lines, lines=Lines(*self._sink.changes()), platen=platen,
             phases=phases_of(shown),
         )  # fmt: skip
         pack = Pack()
@@ -78,7 +78,7 @@ class LiveRun:
     def _shows(self, name: str) -> bool:
         """True for what can be seen of an axis that moves, and what is of no axis."""
         still = {"1", "2"} - self._moving
-        return self._sink.seen(name) and not any(f"_{n}_" in name for n in still)
+        return name in self._sink and not any(f"_{n}_" in name for n in still)
 
     def _samples(self, columns: Columns) -> dict[str, Any]:
         time_s, line = columns["time_s"], columns["line"]

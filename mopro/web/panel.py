@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import queue
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -14,11 +15,12 @@ from mopro.controller import Station
 from mopro.controller.faults import Fault, PlantFault
 from mopro.machine import Machine
 from mopro.program import AXES
+from mopro.recording.envelope import Envelopes, channels_of
 from mopro.recording.record import Columns
-from mopro.viewer.model import View
+from mopro.viewer.model import Lines, View
 from mopro.viewer.pack import Pack
 from mopro.viewer.platen import platen_of
-from mopro.viewer.run import TRACK, RunSink, channels_of, places_of, run_panels
+from mopro.viewer.run import TRACK, places_of, run_panels, run_track
 from mopro.web.feed import Feed
 from mopro.web.live import samples_json
 
@@ -55,10 +57,11 @@ class ControllerPanel:
         self._machine = machine
         self._clock = clock
         self._asked: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
-        self._sink = RunSink(_MOST_BUCKETS, 0)
+        self._sink = Envelopes(_MOST_BUCKETS, 0)
         self._due_s = -np.inf
         self._told: tuple[Any, ...] = ()
         self._program: tuple[str, ...] = ()
+        self._suffered: Counter[str] = Counter()
         self.feed = Feed(self.snapshot)
 
     # -- in the server's thread ------------------------------------------------
@@ -70,7 +73,7 @@ class ControllerPanel:
         except ValueError:
             return
         if name in _PLANT:
-            self._asked.put(lambda now_s: self._station.device.suffer(_PLANT[name], now_s))
+            self._asked.put(lambda now_s: self._suffer(name, now_s))
         elif name in _WIRE:
             self._asked.put(lambda now_s: self._station.suffer(_WIRE[name], now_s))
 
@@ -79,6 +82,10 @@ class ControllerPanel:
         self._asked.put(lambda now_s: _ignore(self._station.device.do("stop", {}, now_s)))
 
     # -- in the station's thread -----------------------------------------------
+
+    def _suffer(self, name: str, now_s: float) -> None:
+        self._suffered[name] += 1
+        self._station.device.suffer(_PLANT[name], now_s)
 
     def tick(self, now_s: float) -> None:
         """Do what was asked for, and tell the pages of the state at `now_s`."""
@@ -103,8 +110,8 @@ class ControllerPanel:
             line = [[now_s, seen.line]] if self._told[:1] != (seen.line,) else []
             told = samples_json(columns["time_s"], channels_of(columns), TRACK)
             self.feed.tell("samples", told | {"lines": line})
-        happened = dict(self._station.injector.happened)
-        told_now = (seen.line, seen.state, str(happened))
+        happened = self._suffered + Counter(self._station.injector.happened)
+        told_now = (seen.line, seen.state, happened)
         if told_now != self._told:
             words = ", ".join(f"{kind} × {count}" for kind, count in happened.items())
             self.feed.tell("status", f"{seen.state}{f' · faults: {words}' if words else ''}")
@@ -127,8 +134,8 @@ class ControllerPanel:
             return {"views": [], "block": ""}
         view = View(
             name=f"virtual controller, {self._machine.name}",
-            panels=run_panels(self._sink.names), tracks={TRACK: self._sink.track()},
-            program=self._program, lines=self._sink.lines(),
+            panels=run_panels(self._sink.names), tracks={TRACK: run_track(self._sink)},
+            program=self._program, lines=Lines(*self._sink.changes()),
             platen=platen_of(self._machine, self._machine.travel_u(), places_of(self._sink.names)),
         )  # fmt: skip
         pack = Pack()

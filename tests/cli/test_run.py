@@ -68,12 +68,12 @@ def test_plot_and_report_and_payload(mopro, files, tmp_path):
 
 
 def test_a_drawing_that_fails_during_the_run_costs_no_recording(mopro, files, monkeypatch):
-    from mopro.viewer.run import RunSink
+    from mopro.recording.envelope import Envelopes
 
     def full(self, columns):
         raise MemoryError("no room for a drawing")
 
-    monkeypatch.setattr(RunSink, "write", full)
+    monkeypatch.setattr(Envelopes, "write", full)
     done = mopro("run", LVDT3, "--emulate", "--rate", "200Hz", "--report", "r.html")
     assert done.returncode == 1
     assert "r.html: not drawn: no room for a drawing" in done.stderr

@@ -7,6 +7,7 @@ import pytest
 
 import mopro
 from mopro.recording import Recording, Stall
+from mopro.recording.envelope import HEAD, MOST_BUCKETS
 
 TEXT = "UU012500/1\nVEL1 40.0\nACC1 0.25\nMRI1 3.0\nWX1\nWT100\nMRI1 -1.0\nWX1\n"
 
@@ -74,6 +75,26 @@ def test_a_recording_of_nothing_is_refused_in_words(recording):
         Recording(recording.header, {"time_s": recording["time_s"]}).plot()
 
 
+def test_a_legend_is_above_the_curves(recording):
+    panel = panels_of(recording.plot())["position (in)"]
+    panel.figure.draw_without_rendering()
+    legend = panel.get_legend().get_window_extent().transformed(panel.transData.inverted())
+    assert legend.y0 > max(max(line.get_ydata()) for line in panel.get_lines())
+
+
+def test_the_title_of_a_long_run_of_many_moves_is_within_the_figure(recording):
+    columns = {name: np.tile(values, 100) for name, values in recording.columns.items()}
+    columns["time_s"] = np.arange(len(columns["time_s"])) / 2000.0
+    assert len(columns["time_s"]) > MOST_BUCKETS
+    moves = tuple(replace(recording.run.moves[0], line=n) for n in (16, 19, 21, 23) * 900)
+    many = Recording(recording.header, columns, replace(recording.run, moves=moves))
+    figure = many.plot()
+    figure.draw_without_rendering()
+    title = figure._suptitle.get_window_extent()
+    assert "areas reach" in figure._suptitle._text
+    assert 0 < title.x0 < title.x1 < figure.bbox.width
+
+
 def test_few_samples_are_dots(recording):
     few = {name: values[::100] for name, values in recording.columns.items()}
     assert Recording(recording.header, few).plot().axes[0].get_lines()[0].get_marker() == "."
@@ -93,8 +114,8 @@ def test_a_long_run_is_an_area_beside_its_beginning(recording):
     highest = max(line.get_ydata().max() for line in whole.get_lines())
     assert highest == pytest.approx(0.3)
     assert max(len(line.get_xdata()) for line in whole.get_lines()) <= 1000
-    assert len(beginning.get_lines()[0].get_xdata()) == 20_000
-    assert "areas reach from the least to the greatest of each 8 samples" in figure._suptitle._text
+    assert len(beginning.get_lines()[0].get_xdata()) == HEAD
+    assert "areas reach from the least to the greatest of each 2 samples" in figure._suptitle._text
 
 
 def test_many_moves_are_counted_in_place_of_being_marked(recording):

@@ -1,5 +1,6 @@
 """Pages in a real browser, from disk: what a person sees and does, and what a page never does."""
 
+import json
 import re
 
 import numpy as np
@@ -11,13 +12,14 @@ from helpers.paths import PROGRAMS
 from helpers.rigs import DRIVE, FRICTION_OF_PLACE, drive_folder
 from mopro.emulator import Emulator
 from mopro.machine import load_machine
+from mopro.markup import listing, table
 from mopro.program.compile import compile_file
 from mopro.recording import MemorySink
+from mopro.recording.envelope import Envelopes
 from mopro.recording.run import Run
 from mopro.viewer.document import document
-from mopro.viewer.markup import listing, table
 from mopro.viewer.model import Mark, Panel, Scale, Trace, Track, View
-from mopro.viewer.run import RunSink, run_page, run_view
+from mopro.viewer.run import run_page, run_view
 
 pytestmark = pytest.mark.browser
 
@@ -135,7 +137,7 @@ class TestTheRun:
         stopped_s = time_of(page)
         assert not page.value("Mopro.state.playing")
         after = [page.value(seen.format(name)) for name in ("platen", "vector")]
-        assert before[0] == "axis 1: 0 in · axis 2: 0 in"
+        assert before[0] == "axis 1: 0.000 in · axis 2: 0.000 in"
         assert after[0] != before[0]
         assert after[1] != before[1]
         assert stopped_s < 3.9
@@ -151,6 +153,27 @@ class TestTheRun:
         assert "in/s" not in page.value("document.querySelector('.moves').textContent")
         page.click(".units")
         assert page.value("document.querySelector('.moves').textContent").count("20 in/s") == 4
+
+    def test_values_at_the_cursor_have_the_decimals_of_their_largest(self, page):
+        told = page.value("[0, 1e-7, -3e-9, 12.345678].map(v => Mopro.range([v, v], 1, 15))")
+        assert told == ["0.000", "0.000", "0.000", "12.346"]
+        assert page.value("Mopro.range([1, 2], 1000, 0.5)") == "1000.00 … 2000.00"
+        assert page.value("Mopro.range([NaN, NaN], 1, 15)") == "–"
+
+    def test_all_lengths_of_a_column_have_one_unit(self, page):
+        page.value("Mopro.state.setSystem('SI')")
+        cells = page.value(
+            "[...document.querySelectorAll('.moves tbody td:nth-child(4)')].map(c => c.textContent)"
+        )
+        assert cells == ["0.2032 m", "0.127 m", "-0.2032 m", "-0.127 m"]
+
+    def test_every_panel_has_its_grid_and_room_for_its_numbers(self, page):
+        sizes = page.value("Mopro.plots.plots.map(p => p.plot.axes[0]._size)")
+        assert [size > 0 for size in sizes] == [True, *[False] * 4, True]
+        below = page.value(
+            "Mopro.plots.plots.map(p => p.plot.height - (p.plot.bbox.top + p.plot.bbox.height))"
+        )
+        assert min(below) >= 8
 
     def test_keys_play_step_zoom_and_switch(self, page):
         page.key("ArrowRight")
@@ -201,7 +224,7 @@ def hour():
     emulator = Emulator(machine)
     run = emulator.run(program, memory, 60.0)
     recording = memory.recording(emulator.header(program))
-    sink = RunSink()
+    sink = Envelopes()
     noise = np.random.default_rng(1)
     for minute in range(60):
         columns = {name: values[:-1].copy() for name, values in recording.columns.items()}
@@ -258,6 +281,52 @@ def test_an_hour_is_small_opens_at_once_and_keeps_its_peak(hour, hour_page):
     assert hour_page.value(size) == 1, "the beginning is there in full"
     hour_page.value("Mopro.state.show(2000, 2010)")
     assert hour_page.value(size) > 1
+    hour_page.value("Mopro.state.showAll()")
+
+
+# Opacity (0 to 255) of a panel at times and values (SI).
+OPACITY = """
+async (panel, places) => {
+    await new Promise(requestAnimationFrame);
+    const { plot, unit } = Mopro.plots.plots[panel], { canvas } = plot.ctx;
+    const copy = new OffscreenCanvas(canvas.width, canvas.height);
+    const pen = copy.getContext("2d", { willReadFrequently: true });
+    pen.drawImage(canvas, 0, 0);
+    return places.map(([time, value]) => {
+        const x = Math.round(plot.valToPos(time, "x", true));
+        const y = Math.round(plot.valToPos(value * unit.factor, "y", true));
+        return pen.getImageData(x, y, 1, 1).data[3];
+    });
+}"""
+
+
+def opacity(page, panel, places):
+    return page.value(f"({OPACITY})({panel}, {places})")
+
+
+def test_where_values_stay_an_hour_is_darker_than_where_they_pass(hour_page):
+    times = [1111.5 + 7 * i for i in range(20)]
+    stay = opacity(hour_page, 3, [[t, 0.8] for t in times])
+    passed = opacity(hour_page, 3, [[t, 15.0] for t in times])
+    assert 0 < np.median(passed) < 0.5 * np.median(stay), "the force stays about zero"
+    strokes = opacity(hour_page, 0, [[t, 0.21] for t in times])
+    assert 0 < np.median(strokes) < 0.6 * 255, "and the strokes are no solid block"
+
+
+def test_between_the_extremes_of_what_is_not_there_in_full_no_line_is_made_up(hour_page):
+    hour_page.value("Mopro.state.show(2000, 2001)")
+    places = hour_page.value("""(() => {
+        const { part } = Mopro.plots.plots[3];
+        const { first, second } = part.channels.force_2_N;
+        const from = Mopro.lastAt(part.start, 2000.1), to = Mopro.lastAt(part.start, 2000.9);
+        return Array.from({ length: to - from }, (_, i) => from + i).map((at) =>
+            [(part.start[at] + part.start[at + 1]) / 2, first[at], second[at]]);
+    })()""")
+    tall = [(time, *ends) for time, *ends in places if abs(ends[0] - ends[1]) > 6]
+    assert len(tall) > 1
+    near = opacity(hour_page, 3, [[t, 0.95 * max(a, b) + 0.05 * min(a, b)] for t, a, b in tall])
+    assert all(0 < alpha < 150 for alpha in near), "pale up to the extremes, without a line"
+    hour_page.value("Mopro.state.showAll()")
 
 
 @pytest.fixture(scope="module")
@@ -278,7 +347,10 @@ def why_page(chromium, tmp_path_factory):
 def test_before_and_after_are_on_one_axis_with_the_noise_band(why_page):
     assert titles(why_page)[1].startswith("scale: residual")
     labels = why_page.value("Mopro.state.view.panels[1].traces.map(t => t.label)")
-    assert labels[:2] == ["before", "after"]
+    assert labels == ["before", "after"]
+    assert titles(why_page)[2].startswith("scale: signatures of the effects")
+    labels = why_page.value("Mopro.state.view.panels[2].traces.map(t => t.label)")
+    assert labels == ["residual before", "friction of place"]
     scale, band = why_page.value(
         "(({plot, panel}) => [[plot.scales.y.min, plot.scales.y.max], panel.band])"
         "(Mopro.plots.plots[1])"
@@ -293,6 +365,40 @@ def test_before_and_after_are_on_one_axis_with_the_noise_band(why_page):
     assert "Effects found" in why_page.value("document.body.textContent")
 
 
+ODD_NAME = "<script>window.hit=1</script>'$\\frac{$\u202e\x1b"
+
+
+@pytest.fixture(scope="module")
+def odd_page(chromium, tmp_path_factory):
+    """The page of a comparison in which all names are odd: machine, sensor, program, comments."""
+    folder = tmp_path_factory.mktemp("odd")
+    name = json.dumps(ODD_NAME)
+    (folder / "machine.toml").write_text(f'name = {name}\nextends = "chow1992"\n')
+    (folder / "e.toml").write_text(
+        f'machine = "machine.toml"\n[[sensor]]\nkind = "laser"\nname = {name}\n'
+        'axis = 1\ncolumn = "position_1_mm"\nrate_hz = 100.0\n'
+        '[[run]]\nprogram = "P.CMD"\ndata = "d.csv"\n'
+    )
+    rows = (f"{i / 100},{i / 100}" for i in range(60))
+    (folder / "d.csv").write_text("\n".join(["time_s,position_1_mm", *rows, ""]))
+    program = f"; {ODD_NAME[:-2]}\nUU112500/1\nVEL1 8\nACC1 .2\nMRI1 2\nWX1\n"
+    done = run_here(folder, "compare", "e.toml", "--report", "c.html", text=program)
+    assert done.returncode == 1, done.stderr
+    page = chromium.open(f"file://{folder / 'c.html'}")
+    yield page
+    assert page.complaints() == []
+    assert page.requests() == []
+    page.close()
+
+
+def test_odd_names_are_text_in_a_page_and_do_not_keep_it_from_opening(odd_page):
+    assert odd_page.value("window.hit") is None
+    shown = ODD_NAME.replace("\u202e", "\\u202e").replace("\x1b", "\\x1b")
+    assert titles(odd_page)[0].startswith(f"{shown}: measured and simulated")
+    assert shown in odd_page.value("document.querySelector('h1').textContent")
+    assert "axis 1: " in odd_page.value("document.querySelector('.platen figcaption').textContent")
+
+
 def test_texts_from_outside_are_shown_and_do_nothing(chromium, tmp_path):
     times = np.linspace(0, 1, 5)
     views = [
@@ -303,7 +409,7 @@ def test_texts_from_outside_are_shown_and_do_nothing(chromium, tmp_path):
         )
         for odd in ODD
     ]  # fmt: skip
-    text = document(ODD[3], [listing(ODD[1])], views, [table(ODD[0], [ODD[2]], [[ODD[3]]])])
+    text = document(ODD[3], [listing(ODD[1])], views, [table([ODD[2]], [[ODD[3]]], ODD[0])])
     (tmp_path / "odd.html").write_text(text, encoding="utf-8")
     page = chromium.open(f"file://{tmp_path / 'odd.html'}")
     names = page.value("[...document.querySelector('select').options].map(o => o.textContent)")

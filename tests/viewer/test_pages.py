@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from helpers.commands import run_here
 from helpers.rigs import DRIVE, FRICTION_OF_PLACE, drive_folder
+from mopro.markup import table
 from mopro.recording.moves import MoveReport
 from mopro.viewer import assets
-from mopro.viewer.document import document
-from mopro.viewer.markup import data_block
+from mopro.viewer.document import data_block, document
 from mopro.viewer.model import Lines, Scale
 from mopro.viewer.pack import Pack
 from mopro.viewer.run import moves_json
@@ -59,6 +59,24 @@ def test_no_text_ends_the_element_that_holds_the_data(text):
     inside = inside.removesuffix("</script>")
     assert "<" not in inside
     assert json.loads(inside) == {"a": text}
+
+
+def test_columns_of_numbers_stand_to_the_right_and_words_to_the_left():
+    text = table(["run", "size", "held"], [["a", "-3.1 mm", ""], ["b", "unknown", "–"]])
+    rows = re.findall(r"<tr>(.*?)</tr>", text)
+    assert rows[1] == '<td>a</td><td class="number">-3.1 mm</td><td></td>'
+    assert rows[2] == '<td>b</td><td class="number">unknown</td><td>–</td>'
+    assert '<th scope="row">seed</th><td>7</td>' in table((), [["seed", "7"]])
+
+
+def test_a_page_tells_where_it_comes_from_in_words(tmp_path):
+    done = run_here(tmp_path, "run", "P.CMD", "--emulate", "--report", "r.html",
+                    text="UU012500/1\nVEL1 8\nACC1 .2\nMRI1 1\nWX1\n")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "r.html").read_text("utf-8")
+    assert '<th scope="row">effects</th><td>none</td>' in text
+    assert re.search(r'<th scope="row">versions</th><td>python [\d.]+, mopro [\d.]+, numpy', text)
+    assert "<h1>P.CMD on chow1992</h1>\n<p>1 move in" in text
 
 
 def unpacked(pack, reference):

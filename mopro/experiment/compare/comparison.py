@@ -154,14 +154,14 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         """Verdict, series, and the places that differ most."""
-        from mopro import notebook
+        from mopro.markup import MOST_ROWS, fragment, paragraph, table
 
         parts = [
-            notebook.table(_SERIES_SHOWN, (s.cells() for s in self.series)),
-            notebook.paragraph("Residuals are measured − simulated; a star: more than noise."),
-            notebook.table(_PLACES_SHOWN, (p.cells() for p in self.where)),
+            table(_SERIES_SHOWN, (s.cells() for s in self.series), most=MOST_ROWS),
+            paragraph("Residuals are measured − simulated; a star: more than noise."),
+            table(_PLACES_SHOWN, (p.cells() for p in self.where), most=MOST_ROWS),
         ]
-        return notebook.fragment(f"Comparison: {self.verdict}", parts)
+        return fragment(f"Comparison: {self.verdict}", parts)
 
     def as_json(self) -> dict[str, Any]:
         return {

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mopro import notebook
+from mopro import markup
 from mopro.diagnosis import Series, Verdict
 from mopro.diagnosis.verdict import rms
 from mopro.effects import catalogue_of
@@ -89,7 +89,9 @@ class Conclusion:
         if self.next_experiment is None:
             return shown
         title = f"The next experiment: {self.next_experiment.summary}"
-        return shown + notebook.fragment(title, [notebook.listing(self.next_experiment.text)])
+        return shown + markup.fragment(
+            title, [markup.listing(self.next_experiment.text, markup.MOST_LINES)]
+        )
 
     def as_json(self) -> dict[str, Any]:
         answer = self.verdict.as_json()

@@ -14,10 +14,11 @@
       for (const [name, ends] of Object.entries(part.channels)) {
         channels[name] = { first: Array.from(ends.first), second: Array.from(ends.second) };
       }
-      return new GrowingPart(2, Array.from(part.start), Array.from(part.end), channels);
+      return new GrowingPart(part.size, Array.from(part.start), Array.from(part.end), channels);
     }
 
     add(told) {
+      if (told.start.some((time, i) => time !== told.end[i])) this.size = 2;
       this.start.push(...told.start);
       this.end.push(...told.end);
       for (const [name, [first, second]] of Object.entries(told.channels)) {
@@ -30,6 +31,7 @@
     }
 
     halve() {
+      this.size = 2;
       const half = Math.floor(this.start.length / 2);
       for (const ends of Object.values(this.channels)) joinNeighbours(ends, half);
       for (let i = 0; i < half; i++) {
@@ -179,6 +181,7 @@
     over() {
       this.ended = true;
       this.source.close();
+      if (Mopro.player) Mopro.player.reset();
       this.bar.querySelectorAll(".stop, .faults button").forEach((b) => { b.disabled = true; });
     }
 

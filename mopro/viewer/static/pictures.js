@@ -38,7 +38,7 @@
   }
 
   class Platen extends Picture {
-    constructor(state, root) { super(state, root, "Platen from above", 0.72); this.draw(); }
+    constructor(state, root) { super(state, root, "Platen from above", 0.66); this.draw(); }
 
     wanted() { return Boolean(this.state.view.platen); }
 
@@ -53,7 +53,7 @@
     paint(pen, width, height) {
       const { platen } = this.state.view;
       const centre = [1, 2].map((n) => middle(platen.travel[n]));
-      const room = 26;
+      const room = 20;
       const scale = Math.min(
         (width - 2 * room) / platen.length, (height - 2 * room) / platen.width);
       const x = (metres) => width / 2 + (metres - centre[0]) * scale;
@@ -89,7 +89,7 @@
       const first = Math.max(0, Mopro.lastAt(start, from));
       const last = Math.max(first, Mopro.lastAt(start, to));
       const stride = Math.max(1, Math.ceil((last - first) / MOST_POINTS));
-      pen.strokeStyle = Mopro.PALETTE[1];
+      pen.strokeStyle = Mopro.colorAt(1);
       pen.beginPath();
       for (let i = first; i <= last; i += stride) {
         const [one, two] = [1, 2].map((n) => middle(this.place(n, start[i])));
@@ -103,23 +103,24 @@
       const { time, system } = this.state;
       const [one, two] = [1, 2].map((n) => this.place(n, time));
       const half = platen.side / 2;
-      pen.fillStyle = `${Mopro.PALETTE[0]}40`;
+      pen.fillStyle = `${Mopro.colorAt(0)}40`;
       pen.fillRect(...box(one[0] - half, one[1] + half, two[0] - half, two[1] + half));
       const [a, b] = [middle(one), middle(two)];
-      pen.strokeStyle = pen.fillStyle = Mopro.PALETTE[0];
+      pen.strokeStyle = pen.fillStyle = Mopro.colorAt(0);
       pen.lineWidth = 2;
       pen.strokeRect(...box(a - half, a + half, b - half, b + half));
       pen.beginPath();
       pen.arc(x(a), y(b), 3, 0, 2 * Math.PI);
       pen.fill();
       const unit = unitFor("length", "m", system, 0.1);
-      this.caption.textContent = [one, two].map((ends, i) =>
-        `axis ${i + 1}: ${Mopro.range(ends, unit.factor)} ${unit.name}`).join(" · ");
+      const told = (ends) => `${Mopro.range(ends, unit.factor, platen.length)} ${unit.name}`;
+      this.caption.textContent = [one, two].map((ends, i) => `axis ${i + 1}: ${told(ends)}`)
+        .join(" · ");
     }
   }
 
   class Vector extends Picture {
-    constructor(state, root) { super(state, root, "Phase currents", 0.5); this.draw(); }
+    constructor(state, root) { super(state, root, "Phase currents", 0.42); this.draw(); }
 
     axes() { return Object.entries(this.state.view.phases); }
 
@@ -130,7 +131,7 @@
       const said = axes.map(([axis, names], i) =>
         this.paintAxis(pen, axis, names, width * (i + 0.5) / axes.length, height / 2,
           Math.min(width / axes.length, height) / 2 - 22));
-      this.caption.textContent = said.join(" · ");
+      this.caption.textContent = said.join("\n");
     }
 
     // Phase A to the right, phase B upward: one turn is one pitch of the teeth.
@@ -151,7 +152,7 @@
       pen.fillStyle = theme("--text");
       pen.fillText("A", x + radius + 4, y + 4);
       pen.fillText("B", x - 4, y - radius - 4);
-      const color = Mopro.PALETTE[2 * (Number(axis) - 1)];
+      const color = Mopro.colorAt(2 * (Number(axis) - 1));
       if (a[0] === a[1] && b[0] === b[1]) {
         arrow(pen, x, y, x + a[0] * scale, y - b[0] * scale, color);
       } else {

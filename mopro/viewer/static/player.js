@@ -59,6 +59,7 @@
       this.speed.value = SPEEDS.find((speed) => speed >= Math.min(wanted, 1)) || 1;
       if (wanted > 1) this.speed.value = SPEEDS.find((speed) => speed >= wanted) || SPEEDS.at(-1);
       this.moving.hidden = state.view.rows;
+      this.units.hidden = !state.view.platen && !state.view.panels.some((p) => p.dimension);
       this.write();
     }
 

@@ -3,22 +3,28 @@
 
 (function () {
   const { element, range, unitFor } = Mopro;
-  // Okabe and Ito's colours, which differ also to colour-blind eyes.
-  const PALETTE = ["#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7"];
+  const COLORS = 6;
   const ROWS = { stall: 1, trip: 1, gap: 1, lint: 2 };
   const SIGNS = { stall: "✕", trip: "■", lint: "▲", gap: "≠" };
   // What was wanted is a broad pale line, and what was seen a thin one over it.
   const WIDTHS = { command: 5, dashed: 1.5 };
   const MOST_BOUNDARIES = 60;
   // All panels together take about this height (px), none less or more than the bounds.
-  const HEIGHT = 640, LEAST_HEIGHT = 150, MOST_HEIGHT = 300;
+  const HEIGHT = 640, LEAST_HEIGHT = 128, MOST_HEIGHT = 300;
+  // What a time axis takes of the height, with and without its label.
+  const AXIS_HEIGHT = 42, SHORT_AXIS_HEIGHT = 24;
+  // Digits of the values at the cursor: a length is known better than it can be drawn.
+  const DIGITS = { length: 6 };
 
   function theme(name) {
     return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   }
 
+  // A colour of the palette, in the present theme.
+  function colorAt(index) { return theme(`--trace-${index % COLORS}`); }
+
   function colorOf(trace) {
-    return trace.style === "command" ? theme("--command") : PALETTE[trace.color % PALETTE.length];
+    return trace.style === "command" ? theme("--command") : colorAt(trace.color);
   }
 
   class Plot {
@@ -36,7 +42,8 @@
     // To be called when the root is in the page, whose width it takes.
     draw() {
       const own = HEIGHT / this.state.view.panels.length;
-      const height = Math.min(Math.max(own, LEAST_HEIGHT), MOST_HEIGHT) + (this.last ? 34 : 0);
+      const axis = this.last ? AXIS_HEIGHT : this.first ? SHORT_AXIS_HEIGHT : 0;
+      const height = Math.min(Math.max(own, LEAST_HEIGHT), MOST_HEIGHT) + axis;
       const size = { width: this.width(), height };
       this.part = this.track.partFor(...this.state.shown);
       this.data = this.values();
@@ -64,7 +71,7 @@
       const { rows } = this.state.view;
       return {
         legend: { show: false },
-        padding: [8, 14, 0, 0],
+        padding: [8, 20, this.last ? 0 : 8, 0],
         cursor: {
           y: false, drag: { x: !rows, y: false, setScale: false },
           points: { size: 6 },
@@ -74,17 +81,28 @@
           y: { range: (_, low, high) => this.yRange(low, high) },
         },
         axes: [
-          { ...axis, show: this.last, size: 42, label: rows ? "row" : "time (s)", labelSize: 18,
-            values: (_, ticks) => ticks.map((t) => rows && t % 1 ? "" : Mopro.number(t, 9)) },
-          { ...axis, size: 64 },
+          this.timeAxis(axis, rows),
+          { ...axis, size: 64, space: 22 },
         ],
         series: [{}, ...this.panel.traces.map((trace) => this.series(trace))],
         hooks: {
           drawClear: [(u) => this.drawBand(u)],
+          drawSeries: [(u, index) => this.drawArea(u, index)],
           draw: [(u) => this.drawMarks(u)],
           setSelect: [(u) => this.zoomed(u)],
         },
       };
+    }
+
+    // Numbers are at the top of the first panel and below the last; the grid is in all.
+    timeAxis(axis, rows) {
+      const values = (_, ticks) => ticks.map((t) => rows && t % 1 ? "" : Mopro.number(t, 9));
+      if (this.last) {
+        return { ...axis, size: AXIS_HEIGHT, label: rows ? "row" : "time (s)", labelSize: 18,
+          values };
+      }
+      if (this.first) return { ...axis, side: 0, size: SHORT_AXIS_HEIGHT, values };
+      return { ...axis, size: 0, ticks: { show: false }, values: () => [] };
     }
 
     xRange() {
@@ -111,8 +129,21 @@
         return { ...common, fill: `${color}80`, paths: uPlot.paths.bars({ size: [0.6, 60] }),
           points: { show: false } };
       }
+      const line = uPlot.paths.linear();
       return { ...common, width: WIDTHS[trace.style] || 1.25, points: { show: false },
-        dash: trace.style === "dashed" ? [6, 4] : undefined };
+        dash: trace.style === "dashed" ? [6, 4] : undefined,
+        paths: (u, ...which) => this.isArea(u, trace) ? null : line(u, ...which) };
+    }
+
+    isArea(u, trace) {
+      return Mopro.isArea(u, this.part, trace.channel, this.unit.factor);
+    }
+
+    drawArea(u, index) {
+      const trace = this.panel.traces[index - 1];
+      if (!trace || !trace.shown || trace.style === "points" || trace.style === "bars") return;
+      if (!this.isArea(u, trace)) return;
+      Mopro.drawArea(u, this.part, trace.channel, this.unit.factor, colorOf(trace));
     }
 
     fillLegend() {
@@ -184,7 +215,8 @@
     writeValues() {
       for (const trace of this.panel.traces) {
         const at = this.track.at(trace.channel, this.state.time);
-        trace.value.textContent = range(at, this.unit.factor, this.size);
+        trace.value.textContent =
+          range(at, this.unit.factor, this.size, DIGITS[this.panel.dimension]);
       }
     }
 
@@ -222,10 +254,11 @@
       u.ctx.textBaseline = "alphabetic";
       u.ctx.lineWidth = scale;
       u.ctx.setLineDash([]);
+      const right = u.bbox.left + u.bbox.width - 12 * scale;
       let free = -Infinity;
       for (const [time, number] of boundaries(view.lines, shown)) {
         line(time, theme("--boundary"));
-        if (!this.first || number < 1 || x(time) < free) continue;
+        if (!this.first || number < 1 || x(time) < free || x(time) > right) continue;
         words(String(number), time, theme("--faint"), 0);
         free = x(time) + 22 * scale;
       }
@@ -233,7 +266,7 @@
         if (!(mark.time >= shown[0] && mark.time <= shown[1])) continue;
         const color = theme(`--${mark.kind}`);
         if (mark.kind === "stall" || mark.kind === "trip") line(mark.time, color);
-        words(SIGNS[mark.kind], mark.time, color, ROWS[mark.kind]);
+        if (this.first) words(SIGNS[mark.kind], mark.time, color, ROWS[mark.kind]);
       }
       u.ctx.restore();
     }
@@ -242,10 +275,13 @@
   // Changes of the source line in the stretch shown, unless there are too many to tell apart.
   function boundaries(lines, [from, to]) {
     if (!lines) return [];
-    const first = Mopro.lastAt(lines.time, from) + 1, last = Mopro.lastAt(lines.time, to);
+    const first = Math.max(0, Mopro.lastAt(lines.time, from));
+    const last = Mopro.lastAt(lines.time, to);
     if (last - first >= MOST_BOUNDARIES) return [];
     const found = [];
-    for (let i = first; i <= last; i++) found.push([lines.time[i], lines.line[i]]);
+    for (let i = first; i <= last; i++) {
+      found.push([Math.max(from, lines.time[i]), lines.line[i]]);
+    }
     return found;
   }
 
@@ -287,5 +323,5 @@
     }
   }
 
-  Object.assign(Mopro, { Plots, theme, timedMarks, SIGNS, PALETTE });
+  Object.assign(Mopro, { Plots, theme, timedMarks, colorAt, SIGNS });
 })();

@@ -6,6 +6,8 @@
   const MOST_SINGLE = 400;
   const HEADS = ["line", "axes", "profile", "distance", "peak / set velocity", "duration (s)",
     "largest lag", "worst margin", "lost pitches"];
+  // Columns of words; all others are of numbers, which stand to the right.
+  const WORDS = new Set(["line", "axes", "profile", "kind", ""]);
 
   class Tables {
     constructor(state, root) {
@@ -28,12 +30,15 @@
       return folded("Moves", "moves", HEADS, rows);
     }
 
-    // A length of the move in the units of the switch; user units stay what they are.
-    length(value, move, suffix = "") {
+    // A length of the move (its `kind`: distance, peak, set, lag) in the units of the switch, of
+    // one size for the whole column; user units stay what they are.
+    length(value, move, kind) {
+      const speed = kind === "peak" || kind === "set";
       if (value === null) return "–";
-      if (move.metres === null) return `${number(value)} ${move.unit}${suffix}`;
-      const size = Math.abs(value * move.metres);
-      const unit = unitFor(suffix ? "velocity" : "length", "m", this.state.system, size);
+      if (move.metres === null) return `${number(value)} ${move.unit}${speed ? "/s" : ""}`;
+      const { system, view } = this.state;
+      const size = Math.max(...view.moves.map((m) => Math.abs(m[kind] * m.metres)));
+      const unit = unitFor(speed ? "velocity" : "length", "m", system, size);
       return `${number(value * move.metres * unit.factor)} ${unit.name}`;
     }
 
@@ -44,12 +49,12 @@
         title: move.each.length > 1 ? "show each move" : "go there",
         onclick: () => this.clicked(move) }, `line ${move.line}${many}`);
       const cells = [move.axes.join("+"), move.profile + cutWords(move),
-        this.length(move.distance, move),
-        `${this.length(move.peak, move, "/s")} / ${this.length(move.set, move, "/s")}`,
-        move.duration.toFixed(6), this.length(move.lag, move), percent(move.margin),
+        this.length(move.distance, move, "distance"),
+        `${this.length(move.peak, move, "peak")} / ${this.length(move.set, move, "set")}`,
+        move.duration.toFixed(6), this.length(move.lag, move, "lag"), percent(move.margin),
         move.slipped ? signed(move.lost) : "0"];
       const row = element("tr", { class: move.slipped ? "stall" : null },
-        element("th", { scope: "row" }, fold), ...cells.map((cell) => element("td", {}, cell)));
+        element("th", { scope: "row" }, fold), ...valueCells(cells));
       row.addEventListener("click", (event) => {
         if (!event.target.closest("button")) state.goToLine(move.line);
       });
@@ -77,8 +82,8 @@
       const row = element("tr", { class: "single" },
         element("th", { scope: "row" }, element("button", { type: "button",
           onclick: () => this.state.goTo(start, start + duration) }, `at ${number(start, 8)} s`)),
-        ...["", "", this.length(distance, move), "", duration.toFixed(6), this.length(lag, move),
-          percent(margin), signed(lost)].map((cell) => element("td", {}, cell)));
+        ...valueCells(["", "", this.length(distance, move, "distance"), "", duration.toFixed(6),
+          this.length(lag, move, "lag"), percent(margin), signed(lost)]));
       return row;
     }
 
@@ -89,9 +94,12 @@
           ` ${mark.kind}`),
         element("td", {}, element("button", { type: "button", onclick: () => this.toMark(mark) },
           mark.line > 0 ? `line ${mark.line}` : "there")),
-        element("td", {}, Number.isNaN(mark.time) ? "did not run" : number(mark.time, 8)),
-        element("td", { class: "words" }, mark.text)));
-      return folded("Marks", "marks", ["kind", "line", "time (s)", ""], rows);
+        cellOf("from (s)", Number.isNaN(mark.time) ? "takes no time" : number(mark.time, 8)),
+        element("td", {}, mark.text)));
+      const found = folded("Marks", "marks", ["kind", "line", "from (s)", ""], rows);
+      // Places that disagree have a table of their own.
+      found.open = marks.some((mark) => mark.kind !== "gap");
+      return found;
     }
 
     toMark(mark) {
@@ -107,8 +115,16 @@
       element("summary", {}, element("h2", {}, title)),
       element("div", { class: "table" }, element("table", {},
         element("thead", {}, element("tr", {},
-          ...heads.map((head) => element("th", { scope: "col" }, head)))),
+          ...heads.map((head) => element("th",
+            { scope: "col", class: WORDS.has(head) ? null : "number" }, head)))),
         element("tbody", {}, ...rows))));
+  }
+
+  // What stands beside the line of a move.
+  function valueCells(cells) { return cells.map((cell, i) => cellOf(HEADS[i + 1], cell)); }
+
+  function cellOf(head, text) {
+    return element("td", { class: WORDS.has(head) ? null : "number" }, text);
   }
 
   function cutWords({ cut, count }) {

@@ -35,14 +35,19 @@
       : String(Number(value.toPrecision(digits)));
   }
 
-  // Share of the largest value below which a value is written as zero.
-  const NEGLIGIBLE = 1e-6;
-
-  // A low and a high value, or the one that both are; `most` is the largest of their kind.
-  function range(ends, factor, most = 0) {
-    const [one, other] = ends.map((value) =>
-      number(Math.abs(value) < NEGLIGIBLE * most ? 0 : value * factor));
+  // A low and a high value, or the one that both are, in as many decimals as the largest of their
+  // kind, `most`, has with these `digits`: so that a value does not jump as it changes.
+  function range(ends, factor, most = 0, digits = 5) {
+    const [one, other] = ends.map((value) => fixed(value * factor, most * factor, digits));
     return one === other ? one : `${one} … ${other}`;
+  }
+
+  function fixed(value, most, digits) {
+    if (!Number.isFinite(value)) return "–";
+    const decimals = digits - 1 - Math.floor(Math.log10(most));
+    if (!(decimals >= 0 && decimals <= 9)) return number(value, digits);
+    const text = value.toFixed(decimals);
+    return Number(text) === 0 ? (0).toFixed(decimals) : text;
   }
 
   Object.assign(Mopro, { unitFor, number, range });
