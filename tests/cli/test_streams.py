@@ -21,7 +21,7 @@ COMMANDS = [
     ["fmt", "--diff", "MESSY.CMD"],
     ["fmt", "-"],
     ["thesis", "3.2"],
-    ["thesis", "--json"],
+    ["thesis", "3.2", "--json"],
     ["machine", "show"],
     ["machine", "check", MACHINE],
     ["run", "P.CMD", "--emulate", "--out", "o.csv"],
@@ -77,7 +77,7 @@ def test_a_full_error_output_does_not_change_the_answer(folder):
 
 
 def test_a_reader_that_has_gone_ends_the_command_quietly(folder):
-    done = ended(folder, "thesis", "--json", shell="| true; exit ${PIPESTATUS[0]}")
+    done = ended(folder, "thesis", "3.2", "--json", shell="| true; exit ${PIPESTATUS[0]}")
     assert done.stderr == ""
 
 
@@ -92,7 +92,7 @@ def test_too_little_memory_is_told(mopro, monkeypatch):
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
-@pytest.mark.parametrize("args", [["thesis"], ["machine", "show"], ["--help"]], ids=" ".join)
+@pytest.mark.parametrize("args", [["thesis", "3.2"], ["machine", "show"], ["--help"]], ids=" ".join)
 def test_an_output_that_lacks_characters_does_without_them(folder, args, encoding):
     env = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
     done = ended(folder, *args, env=env)
