@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.commands import LIMIT_S, SETTINGS
+from helpers.commands import LIMIT_S, SETTINGS, run_here
 from helpers.paths import ROOT
 
 ESC, RTL = "\x1b[2J", "\u202e"
@@ -59,7 +59,8 @@ def test_a_full_output_is_told_in_one_line(folder, args):
 
 @pytest.mark.parametrize("args", COMMANDS[:-1], ids=" ".join)
 def test_a_closed_output_does_not_change_the_answer(folder, args):
-    done, closed = ended(folder, *args), ended(folder, *args, shell=">&-")
+    done = run_here(folder, *args, stdin=PROGRAM.encode())
+    closed = ended(folder, *args, shell=">&-")
     assert closed.returncode == done.returncode
     assert closed.stderr == done.stderr
 
