@@ -17,7 +17,7 @@ from mopro.benchmark.score import Score
 from mopro.benchmark.sizes import NoiselessRuns
 from mopro.benchmark.spec import ENCODER
 from mopro.benchmark.variables import EFFECT_VARIABLES, said
-from mopro.cli.blind import make as make_command
+from mopro.cli.experiments.blind import make as make_command
 
 MOVE = "UU012500/1\nVEL1 {}\nACC1 0.2\nMRI1 3.0\nWX1\nWT200\nMRI1 -2.0\nWX1\nWT200\n"
 VARIABLES = {"v", "sgn v", "x", "x mod", "a", "t", "T", "command", "sensor"}

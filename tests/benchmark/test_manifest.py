@@ -12,7 +12,7 @@ from helpers.paths import ROOT
 from mopro.benchmark.make import make
 from mopro.benchmark.manifest import MADE, Manifest
 from mopro.benchmark.run import CaseFolder, VerdictSource
-from mopro.cli.blind import command
+from mopro.cli.experiments.blind import command
 from mopro.errors import DataError
 
 

@@ -11,7 +11,7 @@ from mopro.benchmark.judge import judge
 from mopro.benchmark.make import make
 from mopro.benchmark.page import page
 from mopro.benchmark.score import FollowUp, Score, pair_key
-from mopro.cli.blind import command
+from mopro.cli.experiments.blind import command
 
 HIDDEN = {"name": "viscous_drag", "parameters": {"b": 5.0}, "total_sigma": 50.0}
 OTHER = {"name": "detent_force", "parameters": {"Fd": 4.0, "phi": 3.1}, "total_sigma": 30.0}
