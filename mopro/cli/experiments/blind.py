@@ -60,10 +60,10 @@ def make(
 
     Example: mopro blind make --seed 1 --grid small --out cases
     """
-    from mopro.benchmark.grid import TOLERANCES, case_specs
-    from mopro.benchmark.machine import read_machine
-    from mopro.benchmark.make import make as write_cases
-    from mopro.benchmark.manifest import ANSWERS
+    from mopro.benchmark.grids.named import TOLERANCES, case_specs
+    from mopro.benchmark.making.machine import read_machine
+    from mopro.benchmark.making.make import make as write_cases
+    from mopro.benchmark.making.manifest import ANSWERS
 
     only, stated = _case_numbers(cases), read_machine(machine, TOLERANCES.get(grid, 0.0), effects)
     if Path(machine).is_file() and out.resolve() in Path(machine).resolve().parents:
@@ -125,9 +125,9 @@ def score(
 
     Example: mopro blind score cases --report score.md
     """
-    from mopro.benchmark.page import page
-    from mopro.benchmark.run import CaseFolder, VerdictSource, follow_up_cases, judge_cases
-    from mopro.benchmark.score import Score
+    from mopro.benchmark.scoring.page import page
+    from mopro.benchmark.scoring.run import CaseFolder, VerdictSource, follow_up_cases, judge_cases
+    from mopro.benchmark.scoring.score import Score
 
     found = CaseFolder.read(folder, _case_numbers(cases), sample)
     keep_inputs([("--report", report)], [("FOLDER", file) for file in found.files])

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from mopro.benchmark.judge import Judgement
-from mopro.benchmark.outcome import NONE, UNEXPLAINED, WRONG
-from mopro.benchmark.rows import TableRow, share
-from mopro.benchmark.sizes import RESOLUTION_SIGMA
+from mopro.benchmark.making.sizes import RESOLUTION_SIGMA
+from mopro.benchmark.scoring.judge import Judgement
+from mopro.benchmark.scoring.outcome import NONE, UNEXPLAINED, WRONG
+from mopro.benchmark.scoring.rows import TableRow, share
 
 
 def short_rows(cases: Sequence[Judgement]) -> Iterator[TableRow]:

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.make import data_file, data_name, measured, run_text
-from mopro.benchmark.manifest import EXPERIMENT, Manifest
+from mopro.benchmark.hidden.stated import StatedEffects
+from mopro.benchmark.making.make import data_file, data_name, measured, run_text
+from mopro.benchmark.making.manifest import EXPERIMENT, Manifest
+from mopro.benchmark.making.sizes import Plant
 from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.nominal import Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
-from mopro.benchmark.sizes import Plant
-from mopro.benchmark.stated import StatedEffects
 
 FOLDER = "followed"
 # Recorded time of a proposed program that heats the motor in an endless loop.

@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.case import Case, Generator, draw_case
-from mopro.benchmark.grid import case_specs, spread
-from mopro.benchmark.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
+from mopro.benchmark.grids.named import case_specs, spread
+from mopro.benchmark.hidden.spec import CaseSpec
+from mopro.benchmark.hidden.stated import StatedEffects
+from mopro.benchmark.making.case import Case, Generator, draw_case
+from mopro.benchmark.making.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
+from mopro.benchmark.making.sizes import Plant
 from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
 from mopro.benchmark.reference.readings import ProgramRun
 from mopro.benchmark.reference.sensors import Instrument, stored
-from mopro.benchmark.sizes import Plant
-from mopro.benchmark.spec import CaseSpec
-from mopro.benchmark.stated import StatedEffects
 
 _MACHINE = "machine.toml"
 

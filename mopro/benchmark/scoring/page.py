@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from mopro.benchmark.judge import Judgement
-from mopro.benchmark.score import OUTCOMES, FollowUp, Score
+from mopro.benchmark.scoring.judge import Judgement
+from mopro.benchmark.scoring.score import OUTCOMES, FollowUp, Score
 
 
 def page(score: Score) -> str:

@@ -7,10 +7,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mopro.benchmark.outcome import FAILED, GOOD, NONE, UNEXPLAINED, family, outcome, variables_said
-from mopro.benchmark.outcome_deleted import outcome_deleted
-from mopro.benchmark.outcome_foreign import outcome_foreign, size_is_right
 from mopro.benchmark.reference.nominal import INCH_M
+from mopro.benchmark.scoring.outcome import (
+    FAILED,
+    GOOD,
+    NONE,
+    UNEXPLAINED,
+    family,
+    outcome,
+    variables_said,
+)
+from mopro.benchmark.scoring.outcome_deleted import outcome_deleted
+from mopro.benchmark.scoring.outcome_foreign import outcome_foreign, size_is_right
 
 _VERDICTS = ("named", "ambiguous", NONE, UNEXPLAINED)
 _ANGLES = ("phi", "phi2", "phi3")

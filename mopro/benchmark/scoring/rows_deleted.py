@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from mopro.benchmark.judge import Judgement
-from mopro.benchmark.outcome import FAMILY, GOOD, WRONG
-from mopro.benchmark.rows import CLEAR_SIGMA, TableRow, share
+from mopro.benchmark.scoring.judge import Judgement
+from mopro.benchmark.scoring.outcome import FAMILY, GOOD, WRONG
+from mopro.benchmark.scoring.rows import CLEAR_SIGMA, TableRow, share
 
 
 def deleted_rows(cases: Sequence[Judgement]) -> Iterator[TableRow]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mopro.benchmark.sizes import RESOLUTION_SIGMA
-from mopro.benchmark.variables import said
+from mopro.benchmark.hidden.variables import said
+from mopro.benchmark.making.sizes import RESOLUTION_SIGMA
 
 RIGHT, FAMILY, PARTLY, WRONG = "right", "family", "partly", "wrong"
 NONE, UNEXPLAINED, FAILED = "none", "unexplained", "failed"

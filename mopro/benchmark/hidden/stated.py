@@ -12,12 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from mopro.benchmark.hidden import Drawn, Generator, HiddenEffect, Parameters
+from mopro.benchmark.hidden.effects import Drawn, Generator, HiddenEffect, Parameters
+from mopro.benchmark.hidden.spec import ENCODER, LASER, CaseSpec
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import Nominal
 from mopro.benchmark.reference.readings import ProgramRun
 from mopro.benchmark.reference.sensors import Instrument
-from mopro.benchmark.spec import ENCODER, LASER, CaseSpec
 from mopro.effects import Active, catalogue_of
 from mopro.effects.resolve import with_values
 from mopro.errors import RunError

@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.equivalent import equivalents
-from mopro.benchmark.foreign_kinds import FOREIGN_KINDS, of_size
 from mopro.benchmark.grids.base import DEVIATION
-from mopro.benchmark.hidden import HIDDEN_EFFECTS, HiddenEffect, Parameters
-from mopro.benchmark.programs import PositionRange, ProgramWriter
+from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
+from mopro.benchmark.hidden.foreign_kinds import FOREIGN_KINDS, of_size
+from mopro.benchmark.hidden.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.hidden.stated import StatedEffects
+from mopro.benchmark.hidden.variables import EFFECT_VARIABLES
+from mopro.benchmark.making.equivalent import equivalents
+from mopro.benchmark.making.programs import PositionRange, ProgramWriter
+from mopro.benchmark.making.sizes import SIZE_CLASSES, NoiselessRuns, Plant, class_of, strength_for
 from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.listing import timeline
 from mopro.benchmark.reference.nominal import INCH_M, THESIS, Nominal
 from mopro.benchmark.reference.readings import Disturbance, ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
-from mopro.benchmark.sizes import SIZE_CLASSES, NoiselessRuns, Plant, class_of, strength_for
-from mopro.benchmark.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
-from mopro.benchmark.stated import StatedEffects
-from mopro.benchmark.variables import EFFECT_VARIABLES
 
 _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
 _TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}

@@ -17,13 +17,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mopro.benchmark.follow import FOLDER, add_proposed_run
-from mopro.benchmark.grid import spread
-from mopro.benchmark.judge import Judgement, judge
-from mopro.benchmark.make import hashes
-from mopro.benchmark.manifest import ANSWERS, EXPERIMENT, Manifest, is_case_number, is_file_name
-from mopro.benchmark.outcome import FAILED
-from mopro.benchmark.score import FollowUp, pair_key
+from mopro.benchmark.grids.named import spread
+from mopro.benchmark.making.make import hashes
+from mopro.benchmark.making.manifest import (
+    ANSWERS,
+    EXPERIMENT,
+    Manifest,
+    is_case_number,
+    is_file_name,
+)
+from mopro.benchmark.scoring.follow import FOLDER, add_proposed_run
+from mopro.benchmark.scoring.judge import Judgement, judge
+from mopro.benchmark.scoring.outcome import FAILED
+from mopro.benchmark.scoring.score import FollowUp, pair_key
 from mopro.errors import DataError
 from mopro.files import write
 

@@ -8,8 +8,10 @@ from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
-from mopro.benchmark.judge import Judgement
-from mopro.benchmark.outcome import (
+from mopro.benchmark.hidden.spec import LASER
+from mopro.benchmark.making.sizes import RESOLUTION_SIGMA
+from mopro.benchmark.scoring.judge import Judgement
+from mopro.benchmark.scoring.outcome import (
     FAILED,
     FAMILY,
     GOOD,
@@ -19,12 +21,10 @@ from mopro.benchmark.outcome import (
     UNEXPLAINED,
     WRONG,
 )
-from mopro.benchmark.rows import CLEAR_SIGMA, TableRow, percent, share
-from mopro.benchmark.rows_deleted import deleted_rows
-from mopro.benchmark.rows_foreign import foreign_rows
-from mopro.benchmark.rows_short import short_rows
-from mopro.benchmark.sizes import RESOLUTION_SIGMA
-from mopro.benchmark.spec import LASER
+from mopro.benchmark.scoring.rows import CLEAR_SIGMA, TableRow, percent, share
+from mopro.benchmark.scoring.rows_deleted import deleted_rows
+from mopro.benchmark.scoring.rows_foreign import foreign_rows
+from mopro.benchmark.scoring.rows_short import short_rows
 
 OUTCOMES = (RIGHT, FAMILY, PARTLY, WRONG, NONE, UNEXPLAINED, FAILED)
 _LARGEST_RESIDUAL = 1.1  # held-out rms over the noise, at most

@@ -11,9 +11,9 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import mopro.machine
-from mopro.benchmark.make import BenchmarkMachine
+from mopro.benchmark.hidden.stated import StatedEffects
+from mopro.benchmark.making.make import BenchmarkMachine
 from mopro.benchmark.reference.nominal import Nominal
-from mopro.benchmark.stated import StatedEffects
 from mopro.errors import DataError
 from mopro.machine import builtin_machines, load_machine
 from mopro.machine.model import FULL_STEPS_PER_PITCH, Axis, Machine

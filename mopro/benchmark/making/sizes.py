@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mopro.benchmark.hidden import Drawn
+from mopro.benchmark.hidden.effects import Drawn
 from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
 from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from mopro.benchmark.hidden import HIDDEN_EFFECTS, HiddenEffect, Parameters
+from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
+from mopro.benchmark.making.sizes import NoiselessRuns
 from mopro.benchmark.reference.motion import Floats
-from mopro.benchmark.sizes import NoiselessRuns
 
 # chi-squared by which evidence distinguishes two effects.
 MARGIN = 10.0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mopro.benchmark.outcome import (
+from mopro.benchmark.making.sizes import RESOLUTION_SIGMA
+from mopro.benchmark.scoring.outcome import (
     FAMILY,
     NONE,
     RIGHT,
@@ -14,7 +15,6 @@ from mopro.benchmark.outcome import (
     family,
     variables_said,
 )
-from mopro.benchmark.sizes import RESOLUTION_SIGMA
 
 
 def outcome_deleted(answer: Document, reply: Document, named: Sequence[Document]) -> str:

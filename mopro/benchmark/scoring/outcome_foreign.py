@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mopro.benchmark.outcome import (
+from mopro.benchmark.scoring.outcome import (
     FAMILY,
     NONE,
     PARTLY,

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mopro.benchmark.grids import base, deleted, foreign, noise, short, standard
-from mopro.benchmark.spec import CaseSpec
-from mopro.benchmark.stated import StatedEffects
+from mopro.benchmark.hidden.spec import CaseSpec
+from mopro.benchmark.hidden.stated import StatedEffects
 
 GRIDS: dict[str, Callable[[np.random.Generator], Iterator[CaseSpec]]] = {
     "smoke": standard.smoke,
