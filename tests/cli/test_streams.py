@@ -86,7 +86,7 @@ def test_too_little_memory_is_told(mopro, monkeypatch):
     def failing(*args):
         raise MemoryError
 
-    monkeypatch.setattr("mopro.cli.compile.compiled_program", failing)
+    monkeypatch.setattr("mopro.cli.language.compile.compiled_program", failing)
     done = mopro("compile", "P.CMD", text=PROGRAM)
     assert done.returncode == 2
     assert done.stderr == "mopro: there is not enough memory for this input [no-memory]\n"
@@ -167,6 +167,6 @@ def test_markup_in_a_name_is_not_markup(mopro, tmp_path):
 
 
 def test_only_one_module_writes_to_the_terminal():
-    for path in (ROOT / "mopro" / "cli").glob("*.py"):
+    for path in (ROOT / "mopro" / "cli").rglob("*.py"):
         if path.name != "say.py":
             assert "click.echo" not in path.read_text("utf-8"), path.name
