@@ -1,4 +1,4 @@
-"""What a person at a terminal sees: colours, width, progress, completion, hints."""
+"""Output as a person at a terminal sees it: colours, width, progress, completion, hints."""
 
 import io
 import json
@@ -36,7 +36,7 @@ class Terminal(io.StringIO):
 
     @property
     def shown(self):
-        """What stands in the line of progress, text by text."""
+        """The texts of the line of progress, one by one."""
         return [text for text in self.getvalue().split("\r\x1b[K") if text]
 
 

@@ -127,7 +127,7 @@ class Fit:
     start: tuple[Parameters, tuple[str, ...]]
 
     def left(self) -> float:
-        """Chi-squared that is left, or about that if the rival is hopeless."""
+        """The remaining chi-squared; an estimate of it where that is far too much."""
         if not self._free:
             return float(np.sum(self._residual(np.empty(0)) ** 2))
         ends = np.array([self._ends(name) for name in self._free]).T
