@@ -22,8 +22,8 @@ noise_rms = 2e-5
 """
 
 PROGRAMS = {
-    "fast.CMD": "UU012500/1\nVEL1 15.0\nACC1 0.2\nMRI1 2.0\nWX1\nWT250\nMRI1 -2.0\nWX1\nWT250\n",
-    "slow.CMD": "UU012500/1\nVEL1 4.0\nACC1 0.1\nMRI1 3.0\nWX1\nWT250\nMRI1 -1.0\nWX1\nWT250\n",
+    "fast.CMD": "UU012500/1\nVEL1 15.0\nACC1 0.2\nMRI1 2.0\nWX1\nWT400\nMRI1 -2.0\nWX1\nWT400\n",
+    "slow.CMD": "UU012500/1\nVEL1 4.0\nACC1 0.1\nMRI1 3.0\nWX1\nWT300\nMRI1 -1.0\nWX1\nWT400\n",
 }
 
 
