@@ -22,7 +22,7 @@ from mopro.source import Source
 MACHINE = load_machine("chow1992")
 HEAD = "UU012500/1\nVEL1 {}\nACC1 {}\nPARA1{}\nWT50\n"
 PROGRAMS = tuple(
-    mopro.compile(HEAD.format(v, a, p) + "".join(f"MRI1 {w}\nWX1\nWT150\n" for w in ways))
+    mopro.compile(HEAD.format(v, a, p) + "".join(f"MRI1 {w}\nWX1\nWT250\n" for w in ways))
     for v, a, p, ways in ((20, 0.2, "-", (4.0, -4.0)), (30, 0.4, "+", (5.0, -2.0, -3.0)))
 )
 # What a search found has no interval.
