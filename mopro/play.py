@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -10,14 +11,15 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-# Samples from which importing the compiler takes less time than it saves.
+# Samples from which importing the compiler, unless that is done, takes less time than it saves.
 _COMPILE_FROM = 20_000
 
 
 def follow(x: Floats, half: float) -> Floats:
     """Positions of a part that is dragged by `x` with play ± `half`, in its middle at first."""
     followed = np.empty_like(x)
-    fill = _compiled() if len(x) >= _COMPILE_FROM else _fill
+    worth_it = "numba" in sys.modules or len(x) >= _COMPILE_FROM
+    fill = _compiled() if worth_it else _fill
     fill(x, half, followed)
     return followed
 

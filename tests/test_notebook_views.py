@@ -1,4 +1,4 @@
-"""What a person in a notebook meets: dir(), objects that show themselves, words for slips."""
+"""Objects as a person in a notebook meets them: dir(), pages and pictures, words for slips."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""What docs/tutorial-log.md shows of files is in them; its commands: tests/docs."""
+"""Excerpts of files in docs/tutorial-log.md are of those files; its commands: tests/docs."""
 
 import re
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from mopro.cli.say import say
+from mopro.cli.terminal.say import say
 
 _SHELLS = ("bash", "zsh", "fish")
 _VARIABLE = "_MOPRO_COMPLETE"

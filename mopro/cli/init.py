@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from mopro.cli.say import say
+from mopro.cli.terminal.say import say
 
 
 @click.command()

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from mopro.cli.say import discard_output, prepare_streams, say, say_findings
+from mopro.cli.terminal.say import discard_output, prepare_streams, say, say_findings
 from mopro.errors import Interrupted, LinkError, MoproError, PortError, RunError
 
 if TYPE_CHECKING:
@@ -30,26 +30,26 @@ _AGAIN_S = 0.01
 
 # command -> the module that defines it as `command`; loaded when the command is used.
 COMMANDS = {
-    "blind": "mopro.cli.blind",
-    "compare": "mopro.cli.compare",
+    "blind": "mopro.cli.experiments.blind",
+    "compare": "mopro.cli.experiments.compare",
     "completion": "mopro.cli.completion",
-    "compile": "mopro.cli.compile",
-    "flash": "mopro.cli.flash",
-    "import": "mopro.cli.import_log",
+    "compile": "mopro.cli.language.compile",
+    "flash": "mopro.cli.motion.flash",
+    "import": "mopro.cli.experiments.import_log",
     "init": "mopro.cli.init",
-    "fmt": "mopro.cli.fmt",
-    "limits": "mopro.cli.limits",
-    "link-test": "mopro.cli.link_test",
-    "lint": "mopro.cli.lint",
-    "lsp": "mopro.cli.lsp",
-    "machine": "mopro.cli.machine",
-    "measure": "mopro.cli.measure",
-    "noise": "mopro.cli.noise",
-    "ports": "mopro.cli.ports",
-    "reconcile": "mopro.cli.reconcile",
-    "run": "mopro.cli.run",
-    "serve": "mopro.cli.serve",
-    "thesis": "mopro.cli.thesis",
+    "fmt": "mopro.cli.language.fmt",
+    "limits": "mopro.cli.machines.limits",
+    "link-test": "mopro.cli.motion.link_test",
+    "lint": "mopro.cli.language.lint",
+    "lsp": "mopro.cli.language.lsp",
+    "machine": "mopro.cli.machines.machine",
+    "measure": "mopro.cli.experiments.measure",
+    "noise": "mopro.cli.experiments.noise",
+    "ports": "mopro.cli.motion.ports",
+    "reconcile": "mopro.cli.experiments.reconcile",
+    "run": "mopro.cli.motion.run",
+    "serve": "mopro.cli.motion.serve",
+    "thesis": "mopro.cli.machines.thesis",
 }
 
 

@@ -10,6 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.play import follow
+
 Floats = NDArray[np.float64]
 # Untyped in numba. Compiled code is kept where numba keeps it.
 _compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True)
@@ -41,19 +43,9 @@ def delayed(time_s: Floats, signal: Floats, delay: float) -> Floats:
     return np.interp(time_s - delay, time_s, signal)
 
 
-@_compiled
-def _play(signal: Floats, width: float) -> Floats:
-    result = signal.copy()
-    for i in range(1, len(signal)):
-        low, high = signal[i] - width / 2, signal[i] + width / 2
-        result[i] = min(max(result[i - 1], low), high)
-    return result
-
-
 def play(time_s: Floats, signal: Floats, width: float) -> Floats:
     """The output of a play of full `width`, in its middle at the beginning."""
-    found: Floats = _play(signal, max(width, 0.0))
-    return found
+    return follow(signal, max(width, 0.0) / 2)
 
 
 @_compiled

@@ -171,7 +171,7 @@ class Watch:
         return Sample(self._moment_s(), line, command_u, seen_u, at_rest or not self._sensed)
 
     def _moment_s(self) -> float:
-        """When the last statement was done, in seconds from the start of the run."""
+        """The time (s from the start of the run) at which the last statement was done."""
         return self._session.moment_s - self._started_s
 
     def _status(self) -> dict[str, Any]:

@@ -225,7 +225,7 @@ class Simulation:
         ]
 
     def _stalled_s(self, axis: int, move: PlannedMove) -> float:
-        """When `axis` slipped; the end of the move if that was not between two samples."""
+        """The time (s) at which `axis` slipped; the end of the move if between no two samples."""
         slip_s = self._axes[axis].outcomes.slip_s(move)
         return slip_s if math.isfinite(slip_s) else move.end_s
 

@@ -24,7 +24,7 @@ _PLACE = Span(1, 1, 2)
 
 
 def try_out(machine: Machine) -> None:
-    """Emulate a move of one pitch and an hour's warmth; ModelError if a value is not finite."""
+    """Emulate a move of one pitch and an hour of heating; ModelError if a value is not finite."""
     active = active_effects(machine, catalogue_of(machine))
     schedule = plan_with_effects(_one_pitch(machine), machine, active)
     warm = replace(schedule, duration_s=_WARM_S)

@@ -231,7 +231,7 @@ def _draw_margins(panel: Axes, moves: Sequence[MoveReport]) -> None:
 
 
 def _stalls_s(run: Run | None) -> list[float]:
-    """When axes slipped (s); the end of the move where nobody saw the moment."""
+    """Times (s) at which axes slipped; the end of the move where nobody saw the moment."""
     if run is None:
         return []
     seen = [stall.time_s for stall in run.stalls if stall.time_s is not None]

@@ -5,19 +5,19 @@ import json
 import numpy as np
 import pytest
 
-from mopro.benchmark.case import case_instruments
-from mopro.benchmark.equivalent import MARGIN, equivalents, least_left
-from mopro.benchmark.grid import GRIDS, case_specs, spread
-from mopro.benchmark.hidden import HIDDEN_EFFECTS
-from mopro.benchmark.judge import judge
-from mopro.benchmark.make import make
+from mopro.benchmark.grids.named import GRIDS, case_specs, spread
+from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS
+from mopro.benchmark.hidden.spec import ENCODER
+from mopro.benchmark.hidden.variables import EFFECT_VARIABLES, said
+from mopro.benchmark.making.case import case_instruments
+from mopro.benchmark.making.equivalent import MARGIN, equivalents, least_left
+from mopro.benchmark.making.make import make
+from mopro.benchmark.making.sizes import NoiselessRuns
 from mopro.benchmark.reference.readings import ProgramRun
-from mopro.benchmark.run import VerdictSource, without_of
-from mopro.benchmark.score import Score
-from mopro.benchmark.sizes import NoiselessRuns
-from mopro.benchmark.spec import ENCODER
-from mopro.benchmark.variables import EFFECT_VARIABLES, said
-from mopro.cli.blind import make as make_command
+from mopro.benchmark.scoring.judge import judge
+from mopro.benchmark.scoring.run import VerdictSource, without_of
+from mopro.benchmark.scoring.score import Score
+from mopro.cli.experiments.blind import make as make_command
 
 MOVE = "UU012500/1\nVEL1 {}\nACC1 0.2\nMRI1 3.0\nWX1\nWT200\nMRI1 -2.0\nWX1\nWT200\n"
 VARIABLES = {"v", "sgn v", "x", "x mod", "a", "t", "T", "command", "sensor"}
@@ -52,7 +52,7 @@ def test_a_rival_is_fitted_within_its_range_only(runs):
 def test_equivalents_are_listed_and_others_are_not(runs, monkeypatch):
     few = ("sensor_gain", "pitch_scale", "viscous_drag", "radiation")
     rivals = {name: HIDDEN_EFFECTS[name] for name in few}
-    monkeypatch.setattr("mopro.benchmark.equivalent.HIDDEN_EFFECTS", rivals)
+    monkeypatch.setattr("mopro.benchmark.making.equivalent.HIDDEN_EFFECTS", rivals)
     found = equivalents(runs, {"sensor_gain": {"g": 2e-4}}, np.random.default_rng(1))
     assert found == ["pitch_scale"]
 
@@ -87,7 +87,7 @@ def case(tmp_path_factory):
     at = next(i for i, s in enumerate(specs, 1) if s.effects[0][0] == "ambient_drift")
     folder = tmp_path_factory.mktemp("deleted")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mopro.benchmark.case.equivalents", lambda *_: ["radiation"])
+        patch.setattr("mopro.benchmark.making.case.equivalents", lambda *_: ["radiation"])
         number, seal = make(1, "deleted", folder, frozenset([f"{at:03d}"]), sample=1)
     assert len(seal) == 64
     document = json.loads((folder / "answers.json").read_text())
@@ -112,7 +112,7 @@ def test_the_question_leaves_it_out_and_a_verdict_is_kept_for_the_same_question(
         return type("Done", (), {"stdout": json.dumps({"verdict": "none", "effects": []}),
                                  "stderr": "", "returncode": 0})  # fmt: skip
 
-    monkeypatch.setattr("mopro.benchmark.run.subprocess.run", reconcile)
+    monkeypatch.setattr("mopro.benchmark.scoring.run.subprocess.run", reconcile)
     source, file = VerdictSource(), folder / "experiment.toml"
     for without in (without_of(answer), without_of(answer), [], []):
         source.ask(folder.name, file, without)

@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from mopro.benchmark.case import case_instruments
-from mopro.benchmark.follow import hidden_plant
-from mopro.benchmark.foreign_kinds import FOREIGN_KINDS, of_size
-from mopro.benchmark.grid import case_specs
-from mopro.benchmark.judge import judge
-from mopro.benchmark.make import make
+from mopro.benchmark.grids.named import case_specs
+from mopro.benchmark.hidden.foreign_kinds import FOREIGN_KINDS, of_size
+from mopro.benchmark.hidden.spec import LASER
+from mopro.benchmark.hidden.variables import EFFECT_VARIABLES
+from mopro.benchmark.making.case import case_instruments
+from mopro.benchmark.making.make import make
 from mopro.benchmark.reference import motion, plant
 from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.foreign.instrument import clock, noise, signal, stored_badly
@@ -19,9 +19,9 @@ from mopro.benchmark.reference.foreign.mechanics import with_lost_microsteps
 from mopro.benchmark.reference.listing import timeline
 from mopro.benchmark.reference.nominal import THESIS
 from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
-from mopro.benchmark.score import Score
-from mopro.benchmark.spec import LASER
-from mopro.benchmark.variables import EFFECT_VARIABLES
+from mopro.benchmark.scoring.follow import hidden_plant
+from mopro.benchmark.scoring.judge import judge
+from mopro.benchmark.scoring.score import Score
 
 MOVE = "UU012500/1\nVEL1 20.0\nACC1 0.25\nMRI1 4.0\nWX1\nWT300\nMRI1 -4.0\nWX1\nWT300\n"
 SPEED = 0.05

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mopro.benchmark import hidden
-from mopro.benchmark.case import case_instruments, draw_case
-from mopro.benchmark.grid import case_specs
-from mopro.benchmark.make import make, write
+from mopro.benchmark.grids.named import case_specs
+from mopro.benchmark.hidden import effects as hidden
+from mopro.benchmark.hidden.spec import LASER, CaseSpec
+from mopro.benchmark.making.case import case_instruments, draw_case
+from mopro.benchmark.making.make import make, write
+from mopro.benchmark.making.sizes import NoiselessRuns, class_of
 from mopro.benchmark.reference.listing import timeline
 from mopro.benchmark.reference.nominal import THESIS
-from mopro.benchmark.sizes import NoiselessRuns, class_of
-from mopro.benchmark.spec import LASER, CaseSpec
 from mopro.instruments import read_thermocouple
 
 ONE = CaseSpec("single", LASER, (("viscous_drag", "clear"),), runs=1, run_s=1.0)

@@ -9,10 +9,10 @@ import pytest
 from click.testing import CliRunner
 
 from helpers.paths import ROOT
-from mopro.benchmark.make import make
-from mopro.benchmark.manifest import MADE, Manifest
-from mopro.benchmark.run import CaseFolder, VerdictSource
-from mopro.cli.blind import command
+from mopro.benchmark.making.make import make
+from mopro.benchmark.making.manifest import MADE, Manifest
+from mopro.benchmark.scoring.run import CaseFolder, VerdictSource
+from mopro.cli.experiments.blind import command
 from mopro.errors import DataError
 
 
@@ -79,7 +79,7 @@ def test_a_kill_at_any_step_can_be_made_good(ground, moment):
     """Killed at the n-th rename or removal, the next make finds nothing foreign."""
     code = (
         "import os, signal, sys\nfrom pathlib import Path\n"
-        "from mopro.benchmark.manifest import Manifest\n"
+        "from mopro.benchmark.making.manifest import Manifest\n"
         f"real, left = Path.{moment}, [int(sys.argv[2])]\n"
         "def counted(self, *a, **k):\n"
         "    left[0] -= 1\n"
@@ -183,7 +183,9 @@ def test_answers_that_lack_something_are_refused(made, answers, missing):
 def test_a_verdict_that_cannot_be_read_is_asked_again(made, monkeypatch, content):
     said = {"verdict": "none", "effects": [], "seconds": 1.0, "exit_code": 0, "stderr": ""}
     asked = []
-    monkeypatch.setattr("mopro.benchmark.run._reconcile", lambda *a: asked.append(a) or dict(said))
+    monkeypatch.setattr(
+        "mopro.benchmark.scoring.run._reconcile", lambda *a: asked.append(a) or dict(said)
+    )
     kept = made / "003" / "verdict.json"
     kept.write_bytes(content)
     experiment = made / "003" / "experiment.toml"

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.benchmark import hidden
-from mopro.benchmark.case import draw_case
-from mopro.benchmark.follow import hidden_plant
-from mopro.benchmark.machine import read_machine
-from mopro.benchmark.make import BenchmarkMachine, write
+from mopro.benchmark.hidden import effects as hidden
+from mopro.benchmark.hidden.spec import LASER, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.making.case import draw_case
+from mopro.benchmark.making.machine import read_machine
+from mopro.benchmark.making.make import BenchmarkMachine, write
 from mopro.benchmark.reference.nominal import THESIS
 from mopro.benchmark.reference.readings import ReferencePlant
-from mopro.benchmark.spec import LASER, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.scoring.follow import hidden_plant
 from mopro.experiment.check.load import load_experiment
 from mopro.experiment.diagnose.diagnosis import Model
 from mopro.machine import load_machine

@@ -6,12 +6,12 @@ import math
 import pytest
 from click.testing import CliRunner
 
-from mopro.benchmark.follow import add_proposed_run
-from mopro.benchmark.judge import judge
-from mopro.benchmark.make import make
-from mopro.benchmark.page import page
-from mopro.benchmark.score import FollowUp, Score, pair_key
-from mopro.cli.blind import command
+from mopro.benchmark.making.make import make
+from mopro.benchmark.scoring.follow import add_proposed_run
+from mopro.benchmark.scoring.judge import judge
+from mopro.benchmark.scoring.page import page
+from mopro.benchmark.scoring.score import FollowUp, Score, pair_key
+from mopro.cli.experiments.blind import command
 
 HIDDEN = {"name": "viscous_drag", "parameters": {"b": 5.0}, "total_sigma": 50.0}
 OTHER = {"name": "detent_force", "parameters": {"Fd": 4.0, "phi": 3.1}, "total_sigma": 30.0}

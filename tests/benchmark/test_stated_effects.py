@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mopro.benchmark.case import case_instruments, draw_case
-from mopro.benchmark.follow import hidden_plant
-from mopro.benchmark.grid import case_specs
-from mopro.benchmark.machine import read_machine
-from mopro.benchmark.make import write
+from mopro.benchmark.grids.named import case_specs
+from mopro.benchmark.hidden.spec import LASER, CaseSpec
+from mopro.benchmark.making.case import case_instruments, draw_case
+from mopro.benchmark.making.machine import read_machine
+from mopro.benchmark.making.make import write
 from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
-from mopro.benchmark.spec import LASER, CaseSpec
+from mopro.benchmark.scoring.follow import hidden_plant
 from mopro.errors import ModelError
 from mopro.experiment import load_experiment
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mopro.benchmark.case import draw_case
-from mopro.benchmark.grid import TOLERANCES, case_specs
-from mopro.benchmark.judge import judge
-from mopro.benchmark.machine import read_machine
-from mopro.benchmark.make import make, write
+from mopro.benchmark.grids.named import TOLERANCES, case_specs
+from mopro.benchmark.hidden.spec import ENCODER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.making.case import draw_case
+from mopro.benchmark.making.machine import read_machine
+from mopro.benchmark.making.make import make, write
 from mopro.benchmark.reference.nominal import THESIS
-from mopro.benchmark.score import Score
-from mopro.benchmark.spec import ENCODER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.scoring.judge import judge
+from mopro.benchmark.scoring.score import Score
 from mopro.errors import DataError
 from mopro.experiment.check.load import load_experiment
 from mopro.machine import load_machine

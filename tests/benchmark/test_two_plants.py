@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.benchmark import hidden
-from mopro.benchmark.case import case_instruments
-from mopro.benchmark.programs import ProgramWriter
+from mopro.benchmark.hidden import effects as hidden
+from mopro.benchmark.hidden.spec import THERMOCOUPLE
+from mopro.benchmark.making.case import case_instruments
+from mopro.benchmark.making.programs import ProgramWriter
 from mopro.benchmark.reference.nominal import THESIS
 from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
-from mopro.benchmark.spec import THERMOCOUPLE
 from mopro.experiment.model import Experiment, Reading
 from mopro.experiment.model import Trial as Measured
 from mopro.experiment.predict.forward_model import ForwardModel

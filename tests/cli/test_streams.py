@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.commands import LIMIT_S, SETTINGS
+from helpers.commands import LIMIT_S, SETTINGS, run_here
 from helpers.paths import ROOT
 
 ESC, RTL = "\x1b[2J", "\u202e"
@@ -21,7 +21,7 @@ COMMANDS = [
     ["fmt", "--diff", "MESSY.CMD"],
     ["fmt", "-"],
     ["thesis", "3.2"],
-    ["thesis", "--json"],
+    ["thesis", "3.2", "--json"],
     ["machine", "show"],
     ["machine", "check", MACHINE],
     ["run", "P.CMD", "--emulate", "--out", "o.csv"],
@@ -59,7 +59,8 @@ def test_a_full_output_is_told_in_one_line(folder, args):
 
 @pytest.mark.parametrize("args", COMMANDS[:-1], ids=" ".join)
 def test_a_closed_output_does_not_change_the_answer(folder, args):
-    done, closed = ended(folder, *args), ended(folder, *args, shell=">&-")
+    done = run_here(folder, *args, stdin=PROGRAM.encode())
+    closed = ended(folder, *args, shell=">&-")
     assert closed.returncode == done.returncode
     assert closed.stderr == done.stderr
 
@@ -77,7 +78,7 @@ def test_a_full_error_output_does_not_change_the_answer(folder):
 
 
 def test_a_reader_that_has_gone_ends_the_command_quietly(folder):
-    done = ended(folder, "thesis", "--json", shell="| true; exit ${PIPESTATUS[0]}")
+    done = ended(folder, "thesis", "3.2", "--json", shell="| true; exit ${PIPESTATUS[0]}")
     assert done.stderr == ""
 
 
@@ -85,14 +86,14 @@ def test_too_little_memory_is_told(mopro, monkeypatch):
     def failing(*args):
         raise MemoryError
 
-    monkeypatch.setattr("mopro.cli.compile.compiled_program", failing)
+    monkeypatch.setattr("mopro.cli.language.compile.compiled_program", failing)
     done = mopro("compile", "P.CMD", text=PROGRAM)
     assert done.returncode == 2
     assert done.stderr == "mopro: there is not enough memory for this input [no-memory]\n"
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
-@pytest.mark.parametrize("args", [["thesis"], ["machine", "show"], ["--help"]], ids=" ".join)
+@pytest.mark.parametrize("args", [["thesis", "3.2"], ["machine", "show"], ["--help"]], ids=" ".join)
 def test_an_output_that_lacks_characters_does_without_them(folder, args, encoding):
     env = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
     done = ended(folder, *args, env=env)
@@ -166,6 +167,6 @@ def test_markup_in_a_name_is_not_markup(mopro, tmp_path):
 
 
 def test_only_one_module_writes_to_the_terminal():
-    for path in (ROOT / "mopro" / "cli").glob("*.py"):
+    for path in (ROOT / "mopro" / "cli").rglob("*.py"):
         if path.name != "say.py":
             assert "click.echo" not in path.read_text("utf-8"), path.name

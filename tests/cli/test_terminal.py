@@ -1,4 +1,4 @@
-"""What a person at a terminal sees: colours, width, progress, completion, hints."""
+"""Output as a person at a terminal sees it: colours, width, progress, completion, hints."""
 
 import io
 import json
@@ -17,8 +17,8 @@ import pytest
 from helpers.bench_of_link import SHORT, bench
 from helpers.commands import LIMIT_S
 from helpers.paths import PROGRAMS
-from mopro.cli import progress, say
-from mopro.cli.table import print_markdown, print_table
+from mopro.cli.terminal import progress, say
+from mopro.cli.terminal.table import print_markdown, print_table
 from mopro.emulator import Emulator
 from mopro.link import SerialBackend
 from mopro.machine import load_machine
@@ -36,7 +36,7 @@ class Terminal(io.StringIO):
 
     @property
     def shown(self):
-        """What stands in the line of progress, text by text."""
+        """The texts of the line of progress, one by one."""
         return [text for text in self.getvalue().split("\r\x1b[K") if text]
 
 
@@ -134,7 +134,7 @@ def test_markdown_is_laid_out_on_a_terminal_only(monkeypatch, capsys):
     text = "# Score\n\n| a | b |\n|---|---|\n| 1 | 2 |\n"
     print_markdown(text)
     assert capsys.readouterr().out == text
-    monkeypatch.setattr("mopro.cli.table.is_terminal", lambda stream: True)
+    monkeypatch.setattr("mopro.cli.terminal.table.is_terminal", lambda stream: True)
     print_markdown(text)
     assert "|---|" not in capsys.readouterr().out
 

@@ -49,7 +49,7 @@ def built(folder):
 
 
 def broken_links(pages):
-    """What pages link to or load, and is neither there nor elsewhere on the network."""
+    """Targets that pages link to or load, and that are neither there nor on the network."""
     for path, page in pages.items():
         for target in page.links + page.loaded:
             parts = urlsplit(target)

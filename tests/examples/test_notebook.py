@@ -22,7 +22,7 @@ def run_cell(text, names):
 
 @pytest.fixture(scope="module")
 def shown():
-    """What each cell shows: the object, after all cells have run."""
+    """The object that each cell shows, after all cells have run."""
     names = {}
     return [run_cell(text, names) for text in CODE], names
 

@@ -8,6 +8,7 @@ from mopro.formula.bytecode import MOST_STACKED, Assembler, value_of
 from mopro.formula.dimension import dimension_in
 from mopro.formula.evaluate import evaluate
 from mopro.formula.language import MOST_CHARACTERS, check_names, substituted
+from mopro.play import follow
 
 VALUES = {"x": -0.7, "y": 2.5, "z": 0.0}
 FORMULAS = [
@@ -190,6 +191,21 @@ def test_a_lag_of_a_ramp_at_irregular_times_is_exact():
 def test_a_play_follows_at_half_its_width():
     x = np.array([0.0, 1.0, 2.0, 1.5, 1.0, 0.0, -1.0])
     assert evaluate(parse("play(x, 1)"), {"x": x}, T).tolist() == [0, 0.5, 1.5, 1.5, 1.5, 0.5, -0.5]
+
+
+@pytest.mark.parametrize("width", [-1.0, 0.0, 0.3, 50.0])
+def test_a_play_is_the_same_in_a_formula_and_in_an_effect(width):
+    x = np.cumsum(np.random.default_rng(3).standard_normal(25_000))
+    at, expected = x[0], []
+    for place in x:
+        at = min(max(at, place - max(width, 0.0) / 2), place + max(width, 0.0) / 2)
+        expected.append(at)
+    time_s = np.arange(len(x)) * 1e-3
+    for size in (0, 1, 300, len(x)):
+        named = {"x": x[:size], "w": np.float64(width)}
+        played = evaluate(parse("play(x, w)"), named, time_s[:size])
+        assert played.tolist() == expected[:size]
+        assert follow(x[:size], max(width, 0.0) / 2).tolist() == expected[:size]
 
 
 def test_signals_of_a_log():

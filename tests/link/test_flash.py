@@ -1,5 +1,7 @@
 """Flashing, with both ends in memory and the wire damaged."""
 
+from dataclasses import replace
+
 import pytest
 
 import mopro
@@ -101,11 +103,11 @@ def test_a_refusal_names_the_line():
 
 
 def test_a_program_too_long_for_the_controller_is_refused():
-    lines = "WT1\n" * 10_001
+    wait = mopro.compile("WT1\n", "long.CMD")
     joined = bench()
     joined.session.give(3000.0)
     with pytest.raises(LinkError, match="more than 10000 statements"):
-        flash(joined.session, mopro.compile(lines, "long.CMD"), "MAIN")
+        flash(joined.session, replace(wait, ops=wait.ops * 10_001), "MAIN")
     assert joined.stored is None
 
 

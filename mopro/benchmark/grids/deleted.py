@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mopro.benchmark.hidden import HIDDEN_EFFECTS
-from mopro.benchmark.spec import LASER, CaseSpec, single
+from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS
+from mopro.benchmark.hidden.spec import LASER, CaseSpec, single
 
 # Fewer and shorter runs than in other grids, as each rival is fitted when a case is made.
 _RUNS, _RUN_S = 3, 4.0

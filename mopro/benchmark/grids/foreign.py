@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mopro.benchmark.foreign_kinds import FOREIGN_KINDS
-from mopro.benchmark.spec import ENCODER, LASER, CaseSpec
+from mopro.benchmark.hidden.foreign_kinds import FOREIGN_KINDS
+from mopro.benchmark.hidden.spec import ENCODER, LASER, CaseSpec
 
 # Effects with a response of their own, so that their size can be asked for.
 _BESIDE = (

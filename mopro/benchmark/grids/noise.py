@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.benchmark.hidden import POSITION, THERMAL
-from mopro.benchmark.spec import ENCODER, LASER, LVDT, CaseSpec, single, warm
+from mopro.benchmark.hidden.effects import POSITION, THERMAL
+from mopro.benchmark.hidden.spec import ENCODER, LASER, LVDT, CaseSpec, single, warm
 
 FACTORS = (0.3, 3.0)
 

@@ -7,8 +7,8 @@ from itertools import cycle
 
 import numpy as np
 
-from mopro.benchmark.hidden import POSITION, THERMAL
-from mopro.benchmark.spec import COARSE, ENCODER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.hidden.effects import POSITION, THERMAL
+from mopro.benchmark.hidden.spec import COARSE, ENCODER, LVDT, THERMOCOUPLE, CaseSpec
 
 _SIZES = ("faint", "clear", "strong")
 # Of each sensor: cases with an effect, and cases with none.

@@ -7,9 +7,8 @@ from itertools import cycle
 
 import numpy as np
 
-from mopro.benchmark.hidden import HIDDEN_EFFECTS, POSITION, THERMAL
-from mopro.benchmark.reference import disturbances
-from mopro.benchmark.spec import (
+from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, POSITION, THERMAL
+from mopro.benchmark.hidden.spec import (
     COARSE,
     ENCODER,
     LASER,
@@ -20,6 +19,7 @@ from mopro.benchmark.spec import (
     single,
     warm,
 )
+from mopro.benchmark.reference import disturbances
 
 # Effects that look alike if all strokes have one direction and one speed.
 _ALIKE = (

@@ -1,0 +1,1 @@
+"""Effects that can be hidden, and the specification of a case."""

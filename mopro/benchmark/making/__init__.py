@@ -1,0 +1,1 @@
+"""Cases made from their specifications: programs, sizes, data, answers."""

@@ -1,0 +1,194 @@
+"""Effects that can stand in for hidden ones: decided when a case is made, without noise.
+
+A rival is equivalent if its best fit to the hidden response leaves less than the margin of
+evidence: chi-squared below 10, with an offset free in each series. Both are simulated by the
+reference plant. The rival is at most 1.5 times as strong as the far end of its range, as in a
+diagnosis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
+from mopro.benchmark.making.sizes import NoiselessRuns
+from mopro.benchmark.reference.motion import Floats
+
+# chi-squared by which evidence distinguishes two effects.
+MARGIN = 10.0
+_STARTS = 2
+_DRAWS = 6
+# Strengths of the probe and of no effect; the probe is then scaled to the hidden size.
+_PROBE = 0.2
+# A rival's start may be weaker than the near end of its range.
+_WEAKEST = 0.05
+# Below this update interval (s) simulations take long, and the response is in proportion to it.
+_FLOORS = {"T": 1e-4}
+# A rival that leaves more than this share of chi-squared in the linear approximation is dropped.
+_HOPELESS = 0.3
+_EVALUATIONS = 8
+_STEP = 1e-3
+_STALLED = 1e6
+_ANY = (-np.inf, np.inf)
+# Parameters to fit that do not depend on the strength, with their ends (SI) but for angles.
+_SHAPES = {
+    "coulomb_friction": {"delta": (1e-6, 2e-5)},
+    "stribeck_friction": {"delta": (1e-6, 2e-5), "vs": (2.5e-3, 0.45)},
+    "load_dependent_friction": {"delta": (1e-6, 2e-5)},
+    "umbilical_spring": {"x_h": (-0.3, 0.3)},
+    "detent_force": {"phi": _ANY},
+    "hold_current_reduction": {"t_h": (0.025, 0.75)},
+    "periodic_error": {"lambda": (1.5e-4, 0.075), "phi": _ANY},
+    "sensor_nonlinearity": {"mid": (-0.1, 0.1)},
+    "hum": {"phi": _ANY, "phi2": _ANY, "phi3": _ANY},
+    "platen_conduction": {"g": (0.0, 60.0)},
+    "resistance_tempco": {"alpha": (0.0, 6e-3)},
+}
+# Physical ends of parameters that depend on the strength.
+_PHYSICAL = {"h": (0.0, 1.0), "zeta": (0.0, 0.15)}
+# A rival may be this much stronger than the far end of its range; draws that show both signs.
+_WIDER, _FAINT, _SIGNS = 1.5, 1e-6, 8
+# Fractions of a pitch in which forces and currents repeat, for a rival with a wavelength.
+_WAVELENGTH, _PITCH_SHARES = "lambda", (1.0, 0.5, 0.25)
+
+
+def equivalents(
+    noiseless: NoiselessRuns, truth: dict[str, Parameters], generator: np.random.Generator
+) -> list[str]:
+    """The effects that are equivalent to `truth` on these runs, by name.
+
+    What cannot be fitted in the first run is not tried in all of them.
+    """
+    domains = {HIDDEN_EFFECTS[name].thermal for name in truth}
+    rivals = [e for e in HIDDEN_EFFECTS.values() if e.thermal in domains and e.name not in truth]
+    first = NoiselessRuns(noiseless.runs[:1], noiseless.instruments, noiseless.nominal)
+    for runs in (first, noiseless):
+        target = runs.change(truth)
+        if target is None:
+            return []
+        rivals = [r for r in rivals if least_left(runs, target, r, generator) < MARGIN]
+    return [rival.name for rival in rivals]
+
+
+def least_left(
+    noiseless: NoiselessRuns, target: Floats, rival: HiddenEffect, generator: np.random.Generator
+) -> float:
+    """Chi-squared that the best fit of `rival` leaves of `target`, the changes in σ."""
+    total = float(target @ target)
+    best = total
+    for start in _starts(noiseless, rival, np.sqrt(total), generator):
+        if best >= MARGIN:
+            best = min(best, Fit(noiseless, target, rival.name, start).left())
+    return best
+
+
+def _starts(
+    noiseless: NoiselessRuns, rival: HiddenEffect, size: float, generator: np.random.Generator
+) -> Iterable[tuple[Parameters, tuple[str, ...]]]:
+    """Parameters of about the hidden size, and the names of those to fit.
+
+    One for each form that is drawn (other parameters are not fitted), or other values of them;
+    two at least where a shape is fitted.
+    """
+    seen: list[Parameters] = []
+    for _ in range(_DRAWS):
+        drawn = rival.draw(generator, noiseless.nominal)
+        fixed = {n: v for n, v in drawn(1.0).items() if drawn(0.5)[n] == v}
+        fixed = {n: v for n, v in fixed.items() if n not in _SHAPES.get(rival.name, ())}
+        if fixed in seen and (rival.name not in _SHAPES or len(seen) >= _STARTS):
+            continue
+        seen.append(fixed)
+        own = noiseless.change({rival.name: drawn(max(_PROBE, rival.least))})
+        probed = float(np.linalg.norm(own)) if own is not None else 0.0
+        if probed == 0.0:
+            continue
+        strength = float(np.clip(_PROBE * size / probed, _WEAKEST * rival.least, 1.0))
+        start, other = drawn(strength), drawn(0.7 * strength)
+        free = [name for name in start if start[name] != other[name]]
+        free += [name for name in _SHAPES.get(rival.name, ()) if name not in free]
+        yield start, tuple(free)
+        if _WAVELENGTH in start:
+            for share in _PITCH_SHARES:
+                yield {**start, _WAVELENGTH: share * noiseless.nominal.pitch_m}, tuple(free)
+
+
+@dataclass
+class Fit:
+    """Fit of one rival to the hidden response, from `start`: parameters and names of the free."""
+
+    noiseless: NoiselessRuns
+    target: Floats
+    name: str
+    start: tuple[Parameters, tuple[str, ...]]
+
+    def left(self) -> float:
+        """The remaining chi-squared; an estimate of it where that is far too much."""
+        if not self._free:
+            return float(np.sum(self._residual(np.empty(0)) ** 2))
+        ends = np.array([self._ends(name) for name in self._free]).T
+        scale = np.array([self._scale(name) for name in self._free])
+        first = np.clip([self.start[0][name] for name in self._free], ends[0], ends[1])
+        linear, step = self._linear(first, ends, scale)
+        if linear > _HOPELESS * float(self.target @ self.target):
+            return linear
+        begin = np.clip(first + step * scale, ends[0], ends[1])
+        inside = np.clip(begin, ends[0] + 1e-9 * scale, ends[1] - 1e-9 * scale)
+        found = least_squares(
+            self._residual, inside, bounds=(ends[0], ends[1]), x_scale=scale,
+            diff_step=_STEP, max_nfev=_EVALUATIONS, callback=_enough,
+        )  # fmt: skip
+        return 2.0 * float(found.cost)
+
+    @property
+    def _free(self) -> tuple[str, ...]:
+        return self.start[1]
+
+    def _ends(self, name: str) -> tuple[float, float]:
+        if name in (shapes := _SHAPES.get(self.name, {})):
+            return shapes[name]
+        if name in _PHYSICAL:
+            return _PHYSICAL[name]
+        rival, nominal = HIDDEN_EFFECTS[self.name], self.noiseless.nominal
+        draws = [rival.draw(np.random.default_rng(i), nominal) for i in range(_SIGNS)]
+        ends = [drawn(strength)[name] for drawn in draws for strength in (_FAINT, _WIDER)]
+        return min(ends), max(ends)
+
+    def _scale(self, name: str) -> float:
+        ends = self._ends(name)
+        return 1.0 if ends == _ANY else abs(self.start[0][name]) or 1e-3 * max(map(abs, ends))
+
+    def _residual(self, values: Floats) -> Floats:
+        settings = dict(self.start[0]) | dict(zip(self._free, values.tolist(), strict=True))
+        share = 1.0
+        for name, floor in _FLOORS.items():
+            if name in settings and settings[name] < floor:
+                share, settings[name] = settings[name] / floor, floor
+        change = self.noiseless.change({self.name: settings})
+        if change is None:
+            return np.full(len(self.target), _STALLED)
+        return share * change - self.target
+
+    def _linear(self, at: Floats, ends: Floats, scale: Floats) -> tuple[float, Floats]:
+        """Chi-squared left in the linear approximation at `at`, and the step, over `scale`."""
+        here = self._residual(at)
+        columns = []
+        for i in range(len(at)):
+            step = _STEP * scale[i] * (-1.0 if at[i] + _STEP * scale[i] > ends[1][i] else 1.0)
+            moved = at.copy()
+            moved[i] += step
+            columns.append((self._residual(moved) - here) * scale[i] / step)
+        basis = np.column_stack(columns)
+        step = np.linalg.lstsq(basis, -here, rcond=1e-10)[0]
+        left = here + basis @ step
+        return float(left @ left), step
+
+
+def _enough(intermediate_result: Any) -> None:
+    """Stop a fit that leaves less than the margin already."""
+    if 2.0 * intermediate_result.cost < MARGIN:
+        raise StopIteration

@@ -1,0 +1,1 @@
+"""Verdicts asked for and judged, and the statistics of all judgements."""

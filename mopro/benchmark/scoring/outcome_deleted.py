@@ -1,0 +1,33 @@
+"""Outcome of a verdict from which the true effect was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mopro.benchmark.making.sizes import RESOLUTION_SIGMA
+from mopro.benchmark.scoring.outcome import (
+    FAMILY,
+    NONE,
+    RIGHT,
+    UNEXPLAINED,
+    WRONG,
+    Document,
+    family,
+    variables_said,
+)
+
+
+def outcome_deleted(answer: Document, reply: Document, named: Sequence[Document]) -> str:
+    """Family if each name is equivalent to the deleted effect, wrong if one is not.
+
+    Without a name: right if what remains is said to depend on the right variable, or if nothing
+    is visible and none is said; else unexplained or none, as the verdict is.
+    """
+    equivalent = set(answer["equivalent"])
+    if any(not equivalent & {effect["name"], *family(effect)} for effect in named):
+        return WRONG
+    if named:
+        return FAMILY
+    if reply["verdict"] == NONE:
+        return RIGHT if answer["visible_sigma"] < RESOLUTION_SIGMA else NONE
+    return RIGHT if set(answer["variables"]) & set(variables_said(reply)) else UNEXPLAINED

@@ -1,0 +1,1 @@
+"""Commands on measured data: compare, reconcile, measure, noise, import, blind."""

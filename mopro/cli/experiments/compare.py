@@ -1,0 +1,218 @@
+"""`mopro compare`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mopro.cli.main import EXIT_FAILED
+from mopro.cli.terminal.options import OutputFile, allow_python_option
+from mopro.cli.terminal.outputs import Named, claimed, drawn, keep_inputs, machine_file, page_bytes
+from mopro.cli.terminal.say import say
+
+if TYPE_CHECKING:
+    from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
+    from mopro.experiment.opened import Opened
+
+_MOST_ROWS = 40
+_PLACES = (
+    "run",
+    "line",
+    "phase",
+    "axis",
+    "direction",
+    "sensor",
+    "samples",
+    "mean",
+    "rms",
+    "sigma",
+    "",
+)
+_APPLIED = ("run", "sensor", "before", "after", "noise")
+_SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "whiteness p", "only noise")
+
+
+@click.command()
+@click.argument("experiment", type=click.Path())
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Of the random values for a coarse ADC's rounding.",
+)
+@click.option(
+    "--apply",
+    "applied",
+    metavar="MACHINE",
+    help="Compare with this machine instead, and show the gap of each run before and after.",
+)
+@click.option(
+    "--plot",
+    type=OutputFile(".png", ".svg", ".pdf"),
+    help="A picture: measured over simulated, and the residual.",
+)
+@click.option("--report", type=OutputFile(".html"), help="A page with the series and residuals.")
+@allow_python_option()
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(
+    experiment: str,
+    seed: int,
+    applied: str | None,
+    plot: Path | None,
+    report: Path | None,
+    allow_python: bool,
+    as_json: bool,
+) -> int:
+    """Show where simulation and data disagree: by run, line, phase, direction and axis.
+
+    A residual is measured minus simulated, without each sensor's offset. Exits with 1 if the
+    residuals exceed the sensors' noise. With --apply a machine that `mopro reconcile --out`
+    repaired is tried on runs that it has not seen.
+
+    Example: mopro compare unseen.toml --apply repaired.toml
+    """
+    from mopro.experiment.compare.comparison import DISAGREEMENT
+    from mopro.experiment.opened import files_of, open_before, open_experiment
+
+    inputs: list[Named] = [("EXPERIMENT", experiment)]
+    inputs += [("EXPERIMENT", file) for file in files_of(experiment)]
+    keep_inputs(
+        [("--plot", plot), ("--report", report)], [*inputs, ("--apply", machine_file(applied))]
+    )
+    loaded = (
+        open_experiment(experiment, allow_python=allow_python)
+        if applied is None
+        else open_before(experiment, applied, allow_python)
+    )
+    for note in loaded.notes:
+        say(note, err=True)
+    with claimed(plot, report):
+        comparison, before = loaded.compare(seed), None
+        if applied is not None:
+            loaded, before = open_experiment(experiment, applied, allow_python), comparison
+            comparison = loaded.compare(seed)
+    gaps = [] if before is None else list(_gaps(before, comparison))
+    if as_json:
+        answer = {"experiment": experiment, "machine": loaded.machine_name, **comparison.as_json()}
+        if applied is not None:
+            answer["applied"] = gaps
+        say(json.dumps(answer, indent=1))
+    else:
+        _print(comparison)
+        _print_gaps(gaps)
+    title = f"{experiment} on {loaded.machine_name}"
+    # A list, so that both are drawn even if the first fails.
+    all_drawn = all(
+        [
+            drawn(plot, lambda form: _figure_of(comparison, before, title, form)),
+            drawn(report, lambda _: _page(loaded, comparison, before)),
+        ]
+    )
+    return EXIT_FAILED if comparison.verdict == DISAGREEMENT or not all_drawn else 0
+
+
+def _figure_of(comparison: Comparison, before: Comparison | None, title: str, form: str) -> bytes:
+    from mopro.plot import figure_bytes
+    from mopro.plot.comparison import plot_comparison
+
+    return figure_bytes(plot_comparison(comparison, title, before), form)
+
+
+def _page(loaded: Opened, comparison: Comparison, before: Comparison | None) -> bytes:
+    from mopro.viewer.comparison import comparison_page
+
+    page = comparison_page(loaded.examined, loaded.notes, comparison, before)
+    return page_bytes(page)
+
+
+def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, object]]:
+    """The gap of each series with the experiment's machine, and with the applied one."""
+    for first, second in zip(before.series, after.series, strict=True):
+        yield {
+            "run": first.run,
+            "sensor": first.sensor,
+            "unit": first.unit,
+            "before_rms": first.rms,
+            "after_rms": second.rms,
+            "noise_rms": first.noise_rms,
+        }
+
+
+def _print_gaps(gaps: Sequence[dict[str, object]]) -> None:
+    from mopro.cli.terminal.table import print_table
+
+    if gaps:
+        keys = ("before_rms", "after_rms", "noise_rms")
+        rows = [
+            [str(gap["run"]), str(gap["sensor"]), *(_size(gap[key], gap["unit"]) for key in keys)]
+            for gap in gaps
+        ]
+        print_table(_APPLIED, rows, _MOST_ROWS)
+
+
+def _size(value: object, unit: object) -> str:
+    return "-" if value is None else f"{value:.3g} {unit}"
+
+
+def _print(comparison: Comparison) -> None:
+    from mopro.cli.terminal.table import print_table
+
+    print_table(_SERIES, map(_series_cells, comparison.series), _MOST_ROWS)
+    print_table(_PLACES, map(_place_cells, comparison.where), _MOST_ROWS)
+    say(f"{comparison.verdict}{_reason(comparison)}")
+
+
+def _reason(comparison: Comparison) -> str:
+    """Reason for the verdict, to be appended to it."""
+    places = sum(place.significant for place in comparison.where)
+    if places:
+        return f" in {places} of {len(comparison.where)} places"
+    if any(series.white is False for series in comparison.series):
+        return ": the residual of a whole run is too large, or not white"
+    if any(series.white is None for series in comparison.series):
+        return f": the noise of {_quiet(comparison)} is unknown; state it in the [[sensor]]"
+    return ""
+
+
+def _quiet(comparison: Comparison) -> str:
+    """The first series whose noise is unknown."""
+    return next(s.sensor for s in comparison.series if s.white is None)
+
+
+def _place_cells(place: Place) -> list[str]:
+    return [
+        place.run,
+        str(place.line),
+        place.phase,
+        "-" if place.axis is None else str(place.axis),
+        "-" if not place.direction else f"{place.direction:+d}",
+        place.sensor,
+        str(place.count),
+        f"{place.mean:+.3g} {place.unit}",
+        f"{place.rms:.3g} {place.unit}",
+        _figure(place.sigma),
+        "*" if place.significant else "",
+    ]
+
+
+def _series_cells(series: SeriesTest) -> list[str]:
+    return [
+        series.run,
+        series.sensor,
+        str(series.count),
+        f"{series.rms:.3g} {series.unit}",
+        "-" if series.noise_rms is None else f"{series.noise_rms:.3g} {series.unit}",
+        _figure(series.sigma),
+        _figure(series.size_p),
+        _figure(series.memory_p),
+        {True: "yes", False: "no", None: "unknown"}[series.white],
+    ]
+
+
+def _figure(number: float | None) -> str:
+    return "-" if number is None else f"{number:.3g}"

@@ -1,0 +1,258 @@
+"""`mopro noise`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mopro.cli.experiments.logs import asked_of, log_options
+from mopro.cli.main import EXIT_FAILED
+from mopro.cli.terminal.say import say
+
+if TYPE_CHECKING:
+    from mopro.logs import Column, Log
+    from mopro.noise import NoiseReport
+
+_MOST_SHOWN = 5
+
+
+@click.command()
+@click.argument("data", type=click.Path(path_type=Path))
+@click.option("--column", "wanted", multiple=True, metavar="C", help="Only this column.")
+@click.option("--from", "start_s", type=float, metavar="S", help="Standstill from this time ...")
+@click.option("--to", "end_s", type=float, metavar="S", help="... to this one, in s.")
+@log_options()
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(
+    data: Path,
+    wanted: tuple[str, ...],
+    start_s: float | None,
+    end_s: float | None,
+    time: str | None,
+    time_unit: str | None,
+    rate: float | None,
+    missing: tuple[str, ...],
+    as_json: bool,
+) -> int:
+    """Tell the noise of a log's columns at standstill, and what to state of it.
+
+    Finds where a column stands still, and measures there: the level with its 95 % interval,
+    memory, hum, the converter's step, outliers and stuck stretches. Exits with 1 if no column
+    stands still.
+
+    Example: mopro noise standstill.csv --column position_1_in
+    """
+    from mopro.logs import read_log
+    from mopro.logs.names import is_command
+    from mopro.noise import TooShort
+
+    log = read_log(data, asked_of(time, time_unit, rate, missing))
+    told: list[dict[str, Any]] = []
+    found = 0
+    for column in _chosen(log, wanted):
+        if is_command(column.name) and not wanted:
+            told.append({"column": column.raw, "reason": "it is a command by its name"})
+            continue
+        try:
+            rows, noise = _noise_of(log, column, start_s, end_s)
+        except TooShort as error:
+            told.append({"column": column.raw, "reason": str(error)})
+        else:
+            told.append(as_data(column, log, rows, noise))
+            found += 1
+    if as_json:
+        answer = {"file": str(data), "columns": told, "decisions": list(map(str, log.decisions))}
+        say(json.dumps(answer, indent=1))
+    else:
+        _print(log, told)
+    return 0 if found else EXIT_FAILED
+
+
+def _chosen(log: Log, wanted: tuple[str, ...]) -> list[Column]:
+    by_name = {column.raw: column for column in log.columns}
+    for name in wanted:
+        if name not in by_name:
+            known = ", ".join(by_name) or "none"
+            raise click.UsageError(f"there is no column {name} of numbers; there are {known}")
+    return [by_name[name] for name in wanted] or list(log.columns)
+
+
+def _noise_of(
+    log: Log, column: Column, start_s: float | None, end_s: float | None
+) -> tuple[Any, NoiseReport]:
+    """The rows of the column's readings, and the report on them."""
+    from mopro.noise import report
+
+    times = log.time_of(column)
+    rows = column.present
+    stated = start_s is not None or end_s is not None
+    if stated:
+        absolute = times[rows] + log.origins[column.clock]
+        low = -float("inf") if start_s is None else start_s
+        high = float("inf") if end_s is None else end_s
+        rows = rows[(absolute >= low) & (absolute <= high)]
+    return rows, report(times[rows], column.values[rows], whole=stated)
+
+
+def as_data(column: Column, log: Log, rows: Any, noise: NoiseReport) -> dict[str, Any]:
+    """The report as JSON has it: times from the beginning of the log's clock, lines of the file."""
+    times = log.time_of(column)[rows] + log.origins[column.clock]
+
+    def stretch(limits: tuple[int, int]) -> dict[str, float]:
+        first, last = limits[0], limits[1] - 1
+        return {
+            "from_s": float(times[first]),
+            "to_s": float(times[last]),
+            "line": log.line_of(int(rows[first])),
+        }
+
+    memory = noise.memory
+    return {
+        "column": column.raw,
+        "unit": column.unit,
+        "readings": noise.readings,
+        "rate_hz": noise.rate_hz,
+        "regular": noise.regular,
+        "standstill": [stretch(limits) for limits in noise.stretches],
+        "noise_rms": {
+            "value": noise.rms.value,
+            "ci95": [noise.rms.low, noise.rms.high],
+            "hidden_by_step": noise.hidden,
+        },
+        "adc_step": noise.step,
+        "memory": None
+        if memory is None
+        else {
+            "kind": memory.kind,
+            "white_rms": memory.white_rms,
+            "correlation": memory.correlation,
+            "correlation_ci": memory.correlation_ci,
+            "time_constant_s": memory.time_constant_s,
+            "corner_hz": memory.corner_hz,
+            "corner_ci_hz": list(memory.corner_ci_hz),
+            "slope": memory.slope,
+            "slope_ci": memory.slope_ci,
+        },
+        "hum": [
+            {
+                "frequency_hz": line.frequency_hz,
+                "frequency_ci_hz": line.frequency_ci_hz,
+                "amplitude": line.amplitude,
+                "amplitude_ci": line.amplitude_ci,
+                "mains_hz": line.mains_hz,
+            }
+            for line in noise.lines
+        ],
+        "outliers": [
+            {"time_s": float(times[i]), "line": log.line_of(int(rows[i]))} for i in noise.outliers
+        ],
+        "stuck": [stretch(limits) for limits in noise.stuck],
+        "held_for": noise.held,
+        "wanders": noise.wanders,
+        "state": _state(noise),
+    }
+
+
+def _state(noise: NoiseReport) -> dict[str, float]:
+    """The keys of a sensor to write, in four digits."""
+    stated = {}
+    if not noise.hidden:
+        stated["noise_rms"] = float(f"{noise.noise_rms:.4g}")
+    if noise.adc_step:
+        stated["adc_step"] = float(f"{noise.adc_step:.6g}")
+    return stated
+
+
+def _print(log: Log, told: list[dict[str, Any]]) -> None:
+    for decision in log.decisions:
+        say(f"{'CHECK: ' if decision.check else ''}{decision}")
+    for entry in told:
+        say()
+        if "reason" in entry:
+            say(f"{entry['column']}: no noise told: {entry['reason']}")
+        else:
+            say("\n".join(_lines(entry)))
+
+
+def _lines(entry: dict[str, Any]) -> list[str]:
+    unit = f" {entry['unit']}" if entry["unit"] else ""
+    stretches = entry["standstill"]
+    first = stretches[0]
+    where = f"{len(stretches)} stretches" if len(stretches) > 1 else "one stretch"
+    wanders = "CHECK: it wanders as long as it was watched: does it stand still?"
+    return [
+        f"{entry['column']}: {entry['readings']} readings at standstill, {where} from "
+        f"{first['from_s']:.6g} s (line {first['line']})",
+        f"  noise      {_level(entry, unit)}",
+        f"  memory     {_memory(entry)}",
+        f"  hum        {_hum(entry, unit)}",
+        f"  step       {_step(entry, unit)}",
+        f"  outliers   {_places(entry['outliers'])}",
+        f"  stuck      {_stuck(entry['stuck'])}",
+        *([f"  {wanders}"] if entry["wanders"] else []),
+        "  write into the experiment:",
+        *[f"    {key} = {value!r}" for key, value in entry["state"].items()],
+    ]
+
+
+def _level(entry: dict[str, Any], unit: str) -> str:
+    level = entry["noise_rms"]
+    if level["hidden_by_step"]:
+        return f"less than the step of {entry['adc_step']:.4g}{unit}: no reading left its code"
+    low, high = level["ci95"]
+    return f"{level['value']:.4g}{unit} rms (95 %: {low:.4g} to {high:.4g})"
+
+
+def _memory(entry: dict[str, Any]) -> str:
+    memory = entry["memory"]
+    if memory is None:
+        return "not judged: the sampling is irregular or the stretches are short"
+    if memory["kind"] == "white":
+        return "none: white noise"
+    if memory["kind"] == "ar1":
+        share, half = memory["correlation"], memory["correlation_ci"]
+        decay = memory["time_constant_s"]
+        lasting = f", decays in {decay:.3g} s" if decay else ""
+        return f"neighbours correlate by {share:.3f} ± {half:.3f}{lasting}"
+    low, high = memory["corner_ci_hz"]
+    return (
+        f"grows below {memory['corner_hz']:.3g} Hz (95 %: {low:.3g} to {high:.3g}) as "
+        f"f^{memory['slope']:.2f} ± {memory['slope_ci']:.2f}, over white noise of "
+        f"{memory['white_rms']:.4g} rms"
+    )
+
+
+def _hum(entry: dict[str, Any], unit: str) -> str:
+    if not entry["hum"]:
+        return "none"
+    words = []
+    for line in entry["hum"]:
+        alias = f", {line['mains_hz']:g} Hz sampled too slowly" if line["mains_hz"] else ""
+        words.append(
+            f"{line['frequency_hz']:.5g} ± {line['frequency_ci_hz']:.1g} Hz, amplitude "
+            f"{line['amplitude']:.3g} ± {line['amplitude_ci']:.1g}{unit}{alias}"
+        )
+    return "; ".join(words)
+
+
+def _step(entry: dict[str, Any], unit: str) -> str:
+    held = entry["held_for"]
+    repeats = f"; each value is repeated {held} times" if held > 1 else ""
+    return (f"{entry['adc_step']:.6g}{unit}" if entry["adc_step"] else "none seen") + repeats
+
+
+def _places(entries: list[dict[str, Any]]) -> str:
+    shown = ", ".join(f"line {entry['line']}" for entry in entries[:_MOST_SHOWN])
+    more = f" and {len(entries) - _MOST_SHOWN} more" if len(entries) > _MOST_SHOWN else ""
+    return f"{len(entries)}: {shown}{more}; left out" if entries else "none"
+
+
+def _stuck(entries: list[dict[str, Any]]) -> str:
+    shown = [
+        f"{e['from_s']:.6g} to {e['to_s']:.6g} s (line {e['line']})" for e in entries[:_MOST_SHOWN]
+    ]
+    more = f" and {len(entries) - _MOST_SHOWN} more" if len(entries) > _MOST_SHOWN else ""
+    return ", ".join(shown) + more if entries else "none"

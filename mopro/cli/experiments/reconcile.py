@@ -1,0 +1,212 @@
+"""`mopro reconcile`."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
+from mopro.cli.terminal.complete import effect_names
+from mopro.cli.terminal.options import OutputFile, allow_python_option
+from mopro.cli.terminal.outputs import claimed, drawn, keep_inputs, page_bytes
+from mopro.cli.terminal.say import say
+from mopro.errors import DataError
+from mopro.files import write
+
+if TYPE_CHECKING:
+    from mopro.diagnosis import Named, Verdict
+    from mopro.experiment.conclude.conclusion import Conclusion
+
+_MOST_ROWS = 40
+_EFFECTS = ("effect", "parameter", "95 % interval", "σ in all", "log10 Bayes", "held out")
+_GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise")
+
+
+@click.command()
+@click.argument("experiment", type=click.Path())
+@click.option("--out", type=OutputFile(".toml"), help="The machine file with the effects added.")
+@click.option("--report", type=OutputFile(".html"), help="An HTML page with the evidence.")
+@click.option("--jobs", type=click.IntRange(1, 64), help="Simulations at once (as many as cores).")
+@click.option(
+    "--without",
+    metavar="EFFECT",
+    multiple=True,
+    help="Leave this effect out.",
+    shell_complete=effect_names,
+)
+@click.option(
+    "--only",
+    metavar="EFFECT",
+    multiple=True,
+    help="Try this effect, no others.",
+    shell_complete=effect_names,
+)
+@allow_python_option()
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(
+    experiment: str,
+    out: Path | None,
+    report: Path | None,
+    jobs: int | None,
+    without: tuple[str, ...],
+    only: tuple[str, ...],
+    allow_python: bool,
+    as_json: bool,
+) -> int:
+    """Find the effects that the machine's model lacks, add them, and show the gap shrink.
+
+    --without and --only may be given several times, and together.
+    Exits with 1 if a significant residual remains that no effect of the catalogue explains.
+
+    Example: mopro reconcile experiment.toml --out machine.toml --report why.html
+    """
+    from mopro.experiment.opened import files_of, open_experiment
+
+    outputs = [("--out", out), ("--report", report)]
+    keep_inputs(outputs, [("EXPERIMENT", experiment)])
+    keep_inputs(outputs, [("EXPERIMENT", file) for file in files_of(experiment)])
+    loaded = open_experiment(experiment, allow_python=allow_python)
+    left_out = _left_out(without, only, loaded.effects)
+    for note in loaded.notes:
+        say(note, err=True)
+    with claimed(out, report), _progress() as progress:
+        conclusion = loaded.conclude(jobs or os.cpu_count() or 1, progress, left_out)
+    code = _written(conclusion, out, report)
+    if as_json:
+        answer = {"experiment": experiment, "machine": loaded.machine_name, **conclusion.as_json()}
+        say(json.dumps(answer, indent=1, default=float, allow_nan=False))
+    else:
+        _tell(conclusion)
+    return max(code, EXIT_FAILED if conclusion.verdict.verdict == "unexplained" else 0)
+
+
+def _left_out(
+    without: tuple[str, ...], only: tuple[str, ...], effects: frozenset[str]
+) -> frozenset[str]:
+    """Those of `effects` that are no candidates; UsageError if that leaves none, or for a name."""
+    from mopro.effects.resolve import suggestion
+
+    for option, name in [("--without", n) for n in without] + [("--only", n) for n in only]:
+        if name not in effects:
+            near = suggestion(name, effects)
+            raise click.BadParameter(f"there is no effect called '{name}'; {near}",
+                                     param_hint=f"'{option}'")  # fmt: skip
+    candidates = frozenset(only or effects) - frozenset(without)
+    if not candidates:
+        raise click.UsageError("--without leaves no effect to try: it names each of --only")
+    return effects - candidates
+
+
+def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> int:
+    """Write the machine file, then draw the page; the exit code if one of them fails.
+
+    The verdict is printed afterwards even if the disk is full.
+    """
+    code = 0
+    if out:
+        try:
+            write(out, conclusion.machine_text.encode("utf-8"))
+        except DataError as error:
+            say(error.render(), err=True)
+            code = EXIT_BAD_INPUT
+
+    def page(form: str) -> bytes:
+        from mopro.viewer.conclusion import conclusion_page
+
+        return page_bytes(conclusion_page(conclusion))
+
+    return code if drawn(report, page) else max(code, EXIT_FAILED)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str], None]]:
+    """Show the current step on a terminal; yields the function that sets it."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda _: None
+        return
+    with console.status("simulating") as status:
+        yield status.update
+
+
+def _tell(conclusion: Conclusion) -> None:
+    from mopro.cli.terminal.table import print_table
+    from mopro.experiment.conclude.wording import (
+        calibration_words,
+        draft_words,
+        faint_words,
+        left_out_words,
+        place_words,
+        reservations,
+        sentence,
+        undecided_words,
+    )
+
+    verdict = conclusion.verdict
+    if verdict.fitted:
+        rows = [row for effect in verdict.fitted for row in _effect_rows(effect, verdict)]
+        print_table(_EFFECTS, rows, _MOST_ROWS)
+    print_table(_GAPS, _gap_rows(conclusion), _MOST_ROWS)
+    say(sentence(verdict))
+    if conclusion.where:
+        worst = conclusion.where[0]
+        size = f"{worst.rms:.3g} {worst.unit}" + (f", {worst.sigma:.3g} σ" if worst.sigma else "")
+        say(f"Largest disagreement: {worst.run}, {place_words(worst)}: {size}.")
+    for note in (
+        *draft_words(verdict),
+        *calibration_words(verdict),
+        *undecided_words(verdict),
+        *reservations(verdict, conclusion.runs),
+        *left_out_words(conclusion.left_out, conclusion.tried),
+    ):
+        say(note)
+    if verdict.below_resolution:
+        say("Below the resolution of these data, so neither confirmed nor excluded:")
+        for faint in faint_words(verdict):
+            say(f"  {faint}")
+    if conclusion.next_experiment:
+        say(f"This program would distinguish them ({conclusion.next_experiment.summary}):\n")
+        say(conclusion.next_experiment.text)
+    elif verdict.verdict == "ambiguous":
+        say(conclusion.advice)
+
+
+def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:
+    """A row for each parameter; the form is below the name, as terminals are narrow."""
+    from mopro.experiment.conclude.wording import (
+        form_words,
+        held_out_words,
+        interval_words,
+        parameters_shown,
+        value_words,
+    )
+
+    form = form_words(effect, verdict)
+    names = [effect.name, f"({form})"] if form else [effect.name]
+    numbers = [
+        [f"{parameter} = {value_words(e)}", interval_words(e)]
+        for parameter, e in parameters_shown(effect).items()
+    ]
+    evidence = [
+        f"{effect.sigmas:.3g}",
+        f"{effect.log10_bayes_factor:.3g}",
+        held_out_words(effect, verdict),
+    ]
+    for name, number in zip_longest(names, numbers):
+        yield [name or "", *(number or ("", "")), *evidence]
+        evidence = ["", "", ""]
+
+
+def _gap_rows(conclusion: Conclusion) -> Iterator[list[str]]:
+    for run, rerun in zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, strict=True):
+        figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
+        yield [run.run, run.sensor, *("-" if f is None else f"{f:.3g} {run.unit}" for f in figures)]

@@ -1,0 +1,1 @@
+"""Commands on program files: compile, fmt, lint, lsp."""

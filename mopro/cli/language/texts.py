@@ -1,0 +1,39 @@
+"""Program texts that a command changes: read and written byte for byte."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from mopro.cli.terminal.say import say, say_bytes
+from mopro.language.load import load_bytes, source_from_bytes, split_at_end_of_file
+from mopro.source import Source
+
+
+def read_text(file: str) -> tuple[Source, bytes]:
+    """The text in `file` (`-`: standard input), and the bytes from its Ctrl-Z on."""
+    if file == "-":
+        data, name = sys.stdin.buffer.read(), "<stdin>"
+    else:
+        data, name = load_bytes(file), file
+    return source_from_bytes(data, name), split_at_end_of_file(data)[1]
+
+
+def write_text(file: str, source: Source, tail: bytes) -> None:
+    """Write `source` in its own encoding with `tail` behind it; `-` is standard output."""
+    data = source.text.encode(source.encoding) + tail
+    if file == "-":
+        say_bytes(data)
+        return
+    from mopro.files import write
+
+    write(Path(file), data)
+
+
+def show_difference(before: Source, after: Source) -> None:
+    from difflib import unified_diff
+
+    ends = (before.lines_with_ends, after.lines_with_ends)
+    old, new = ([line.rstrip("\r\n") for line in lines] for lines in ends)
+    for line in unified_diff(old, new, before.name, f"{before.name} (fixed)", lineterm=""):
+        say(line)

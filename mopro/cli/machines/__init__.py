@@ -1,0 +1,1 @@
+"""Commands on machine files and the source's tables: machine, limits, thesis."""

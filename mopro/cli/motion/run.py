@@ -1,0 +1,355 @@
+"""`mopro run`."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mopro.cli.language.programs import compiled_program, refuse_unrunnable
+from mopro.cli.main import EXIT_FAILED
+from mopro.cli.motion.link import baud_option, connected_session, dialect_option, trace_option
+from mopro.cli.motion.live import live_run
+from mopro.cli.motion.recordings import recording_sink, replaces_recording
+from mopro.cli.motion.summary import Written, tell
+from mopro.cli.terminal.options import (
+    STANDARD,
+    OutputFile,
+    Quantity,
+    duration_type,
+    grammar_option,
+    machine_option,
+    payload_type,
+    program_argument,
+)
+from mopro.cli.terminal.outputs import (
+    DrawingSink,
+    claimed,
+    drawn,
+    keep_inputs,
+    machine_file,
+    page_bytes,
+)
+from mopro.cli.terminal.progress import in_motion, length_unit, simulated
+from mopro.cli.terminal.say import say
+
+if TYPE_CHECKING:
+    from mopro.cli.motion.live import Live
+    from mopro.emulator import Emulator
+    from mopro.link import SerialBackend
+    from mopro.machine import Machine
+    from mopro.machine.backend import Told
+    from mopro.program import Program
+    from mopro.recording import Header, Run, Sink
+    from mopro.recording.record import Columns
+
+DEFAULT_OUT = "run.parquet"
+
+
+@click.command()
+@program_argument()
+@click.option("--emulate", is_flag=True, help="Run on the emulated machine.")
+@click.option(
+    "--port", metavar="URL", help="Run on the controller there (/dev/ttyUSB0, socket://)."
+)
+@machine_option()
+@click.option(
+    "--for",
+    "for_s",
+    type=duration_type(),
+    metavar="DURATION",
+    help="Stop after this much time (10s, 2min); 60 s for a program that loops for ever.",
+)
+@click.option(
+    "--payload",
+    type=payload_type(),
+    default=0.0,
+    metavar="MASS",
+    help="Mass carried by the motor (5lb, 2kg).",
+)
+@click.option(
+    "--rate",
+    type=Quantity("frequency", "Hz", positive=True, says_unit=False),
+    default=2000.0,
+    show_default=True,
+    metavar="HZ",
+    help="Samples per second of the recording.",
+)
+@click.option(
+    "--settle",
+    "settle_s",
+    type=Quantity("time", "s"),
+    default="0.5s",
+    show_default=True,
+    metavar="DURATION",
+    help="Record for so long after the last move of a program that ends.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
+@click.option(
+    "--out",
+    type=OutputFile(".parquet", ".csv", ".npz", standard=True),
+    default=DEFAULT_OUT,
+    show_default=True,
+    help="The recording: .parquet, .csv, .npz, or - for CSV on standard output.",
+)
+@click.option("--force", is_flag=True, help="Let --out replace a file that is no recording.")
+@click.option("--plot", type=OutputFile(".png", ".svg", ".pdf"), help="A picture of the run.")
+@click.option("--report", type=OutputFile(".html"), help="A page about the run.")
+@click.option("--live", is_flag=True, help="Show the run in a browser as it goes, in real time.")
+@dialect_option()
+@baud_option()
+@trace_option()
+@click.option("--from-line", type=click.IntRange(1), help="With --port: begin at this line.")
+@click.option("--yes", is_flag=True, help="Do not ask before a run that begins at a line.")
+@click.option(
+    "--deadline",
+    type=Quantity("time", "s", positive=True),
+    help="With --port: stop the machine after this much time by this computer's clock.",
+)
+@grammar_option()
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(
+    file: str,
+    emulate: bool,
+    port: str | None,
+    machine: str,
+    for_s: float | None,
+    payload: float,
+    rate: float,
+    settle_s: float,
+    seed: int,
+    out: Path,
+    force: bool,
+    plot: Path | None,
+    report: Path | None,
+    live: bool,
+    dialect: str,
+    baud: int | None,
+    trace: Path | None,
+    from_line: int | None,
+    yes: bool,
+    deadline: float | None,
+    grammar: str,
+    as_json: bool,
+) -> int:
+    """Run a program and record the motion of the machine.
+
+    FILE may be - for standard input. --out replaces a recording, and no other file. Exits
+    with 1 if the motor stalls, runs into a limit switch or becomes too hot, or if a run on a
+    controller fails.
+
+    Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
+    """
+    keep_inputs(
+        [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)],
+        [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)],
+    )
+    _refuse_contradictions(emulate, port, out, as_json)
+    from mopro.machine import load_machine
+
+    replaces = replaces_recording(out, force)
+    program = compiled_program(file, grammar)
+    pictures = _Pictures(plot, report, program, grammar)
+    backend: Emulator | SerialBackend
+    with ExitStack() as outer, ExitStack() as files:
+        files.enter_context(claimed(plot, report))
+        plant = load_machine(machine)
+        if port is not None:
+            program = _from_line(program, from_line, yes)
+            refuse_unrunnable(program, machine, for_s)
+        page = files.enter_context(live_run(program, plant, for_s)) if live else None
+        if port is None:
+            backend = _emulated(files, (plant, payload, rate, seed), page, pictures)
+        else:
+            backend = _on_controller(
+                outer, files, (port, dialect, baud, trace), plant, deadline, page
+            )
+        with simulated() if port is None else in_motion(length_unit(program, plant)) as told:
+            run = _recorded(backend, program, (for_s, settle_s), out, pictures, told)
+        if page is not None:
+            page.end(run)
+        files.close()
+        all_drawn = pictures.draw(backend.header(program), run, plant, machine)
+        tell(run, program, Written(out, replaces), for_s, as_json)
+    return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
+
+
+def _refuse_contradictions(emulate: bool, port: str | None, out: Path, as_json: bool) -> None:
+    """UsageError for two back ends or none, options of the other one, and two standard outputs."""
+    if emulate == (port is not None):
+        raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
+    if out == STANDARD and as_json:
+        raise click.UsageError("--json and --out - would both write to standard output")
+    if emulate:
+        _only_with("--port", "baud", "trace", "from_line", "deadline")
+    else:
+        _only_with("--emulate", "payload", "rate", "seed")
+
+
+def _emulated(
+    files: ExitStack,
+    setup: tuple[Machine, float, float, int],
+    page: Live | None,
+    pictures: _Pictures,
+) -> Emulator:
+    """The emulator of `setup`: its machine, payload (kg), rate (Hz) and seed.
+
+    `files` holds the signals of a live `page`, which shows what the pictures take.
+    """
+    from mopro.emulator import Emulator
+
+    if page is not None:
+        pictures.show(page)
+        files.enter_context(page.signals)
+        files.enter_context(page.signals.raised())
+    return Emulator(*setup)
+
+
+def _on_controller(
+    outer: ExitStack,
+    files: ExitStack,
+    link: tuple[str, str, int | None, Path | None],
+    plant: Machine,
+    deadline_s: float | None,
+    page: Live | None,
+) -> SerialBackend:
+    """The controller at the end of `link`: its port, dialect, baud rate and trace file.
+
+    `outer` holds signals back until the run has been reported, `files` the open port. The
+    deadline counts from before the port is opened. `page` shows the samples.
+    """
+    from mopro.link import SerialBackend, Signals
+
+    begun_s = time.monotonic()
+    signals = outer.enter_context(page.signals if page else Signals())
+    session = files.enter_context(connected_session(*link))
+    return SerialBackend(
+        session,
+        plant,
+        deadline_s=deadline_s,
+        begun_s=begun_s,
+        signals=signals,
+        warn=lambda text: say(f"warning: {text} [no-heartbeat]", err=True),
+        seen=page.see if page else lambda row: None,
+    )
+
+
+def _recorded(
+    backend: Emulator | SerialBackend,
+    program: Program,
+    lasting_s: tuple[float | None, float],
+    out: Path,
+    pictures: _Pictures,
+    told: Told,
+) -> Run:
+    """The run of `program` on either back end, its recording in `out`.
+
+    `lasting_s` limits the run, and states how long its settling is recorded. A controller's
+    run is reported even if its recording cannot be written.
+    """
+    from dataclasses import replace
+
+    from mopro.errors import DataError
+
+    header = backend.header(program)
+    run = None
+    try:
+        with recording_sink(out, header) as sink:
+            run = backend.run(program, pictures.beside(sink), *lasting_s, told)
+            sink.header, sink.run = header.after(run), run
+    except DataError as error:
+        if run is None or header.clock != "host":
+            raise
+        lost = f"the run has ended, but its recording is lost: {error}"
+        return replace(run, trouble="\n".join(filter(None, (run.trouble, lost))))
+    return run
+
+
+def _only_with(other: str, *names: str) -> None:
+    """Refuse options that only apply with `other`."""
+    context = click.get_current_context()
+    for name in names:
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"--{name.replace('_', '-')} goes with {other} only")
+
+
+def _from_line(program: Program, line: int | None, yes: bool) -> Program:
+    """The program from `line` on, after its settings are shown and confirmed; all of it if None."""
+    if line is None:
+        return program
+    from mopro.program.resume import resume
+
+    resumed = resume(program, line)
+    say(f"Begin at line {resumed.line}; in force there, without any motion:", err=True)
+    for text in resumed.settings:
+        say(f"  {text}", err=True)
+    say("The motor is assumed to stand where the program expects it to.", err=True)
+    if not yes:
+        click.confirm("Start?", abort=True, err=True)
+    return resumed.program
+
+
+class _Pictures:
+    """The plot and the report of a run, drawn when its recording has been written."""
+
+    def __init__(
+        self, plot: Path | None, report: Path | None, program: Program, grammar: str
+    ) -> None:
+        from mopro.recording.envelope import Envelopes
+
+        self._plot = plot
+        self._report = report
+        self._program = program
+        self._grammar = grammar
+        self._envelopes = Envelopes()
+        self._drawing = DrawingSink(self._envelopes)
+        self._live: Sink | None = None
+
+    def show(self, page: Live) -> None:
+        """Show the samples on `page` too, in real time."""
+        from mopro.web import Paced
+
+        self._live = Paced(page)
+
+    def beside(self, sink: Sink) -> Sink:
+        if self._live is not None:
+            sink = _Tee(sink, self._live)
+        return _Tee(sink, self._drawing) if self._plot or self._report else sink
+
+    def draw(self, header: Header, run: Run, plant: Machine, machine: str) -> bool:
+        """Draw the outputs that were asked for; False if one of them fails."""
+
+        def figure(form: str) -> bytes:
+            from mopro.plot import figure_bytes
+            from mopro.recording.figure import draw
+
+            self._drawing.check()
+            title = f"{header.program} on {header.machine}"
+            return figure_bytes(draw(self._envelopes, title, run), form)
+
+        def page(form: str) -> bytes:
+            from mopro.lint import Settings, lint
+            from mopro.viewer.run import run_page, run_view
+
+            self._drawing.check()
+            program = self._program
+            findings = lint(program.source, Settings(machine, header.payload_kg, self._grammar))
+            view = run_view(self._envelopes, run, program, plant, findings)
+            return page_bytes(run_page(header, view, run, plant))
+
+        # A list, so that both are drawn even if the first fails.
+        return all([drawn(self._plot, figure), drawn(self._report, page)])
+
+
+@dataclass(frozen=True)
+class _Tee:
+    first: Sink
+    second: Sink
+
+    def write(self, columns: Columns) -> None:
+        self.first.write(columns)
+        self.second.write(columns)

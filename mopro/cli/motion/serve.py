@@ -1,0 +1,142 @@
+"""`mopro serve`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mopro.cli.motion.link import baud_option, dialect_option, token
+from mopro.cli.motion.live import controller_panel
+from mopro.cli.terminal.options import Quantity, grammar_option, machine_option, payload_type
+from mopro.cli.terminal.outputs import keep_inputs, machine_file
+from mopro.cli.terminal.say import say
+
+if TYPE_CHECKING:
+    from mopro.controller import FolderStore, MemoryStore
+    from mopro.emulator import Emulator
+
+# Largest factor of time at which the kernel is fast enough in plain Python, which starts sooner.
+_PLAIN_SPEED = 1.0
+
+
+@click.command()
+@click.option(
+    "--listen",
+    default="pty",
+    show_default=True,
+    help="pty, or socket://ADDRESS:PORT with port 0 for any free one.",
+)
+@click.option(
+    "--allow-remote",
+    is_flag=True,
+    help="Permit an address that other machines reach; clients state the token MOPRO_TOKEN.",
+)
+@click.option(
+    "--idle",
+    type=Quantity("time", "s", positive=True),
+    default="60s",
+    show_default=True,
+    help="How long a TCP client may be silent while another one waits.",
+)
+@dialect_option()
+@baud_option()
+@machine_option()
+@click.option(
+    "--payload", type=payload_type(), default=0.0, help="Mass carried by the motor (5lb)."
+)
+@click.option(
+    "--speed",
+    type=click.FloatRange(0, 1000, min_open=True),
+    default=1.0,
+    show_default=True,
+    help="Factor of time for controller, motor and serial line.",
+)
+@click.option(
+    "--store",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Keep stored programs in this folder; otherwise they are lost at the end.",
+)
+@click.option(
+    "--faults", type=click.Path(dir_okay=False), help="A scenario file with faults to simulate."
+)
+@click.option("--seed", type=int, help="Replaces the scenario's seed.")
+@click.option("--web", is_flag=True, help="Show platen and program in a browser; faults by click.")
+@grammar_option()
+def command(
+    listen: str,
+    allow_remote: bool,
+    idle: float,
+    dialect: str,
+    baud: int | None,
+    machine: str,
+    payload: float,
+    speed: float,
+    store: Path | None,
+    faults: str | None,
+    seed: int | None,
+    web: bool,
+    grammar: str,
+) -> None:
+    """Run a virtual controller on the emulated machine.
+
+    The first line printed is the address for --port of the other commands. Stop it with
+    Ctrl-C.
+
+    Example: mopro serve --listen socket://127.0.0.1:0 --store programs.d
+    """
+    from dataclasses import replace
+
+    from mopro.controller import Scenario, Station, load_scenario
+    from mopro.controller.serve import open_end, serve
+    from mopro.emulator import Emulator
+    from mopro.link import load_dialect
+    from mopro.machine import load_machine
+
+    stored = [("--store", file) for file in store.glob("*.CMD")] if store else []
+    keep_inputs(
+        stored, [("--faults", faults), ("--dialect", dialect), ("--machine", machine_file(machine))]
+    )
+    scenario = load_scenario(faults) if faults else Scenario()
+    if seed is not None:
+        scenario = replace(scenario, seed=seed)
+    language = load_dialect(dialect)
+    emulator = Emulator(load_machine(machine), payload, compiled=speed > _PLAIN_SPEED)
+    if emulator.compiled:
+        _warm(emulator)
+    station = Station(language, emulator, _programs(store), scenario, baud, grammar)
+    end = open_end(listen, baud or language.line.baud, allow_remote, token(), idle)
+    try:
+        say(end.address)
+        if not web:
+            serve(station, end, speed)
+            return
+        with controller_panel(station, emulator.machine) as panel:
+            serve(station, end, speed, tick=panel.tick)
+    except KeyboardInterrupt:
+        return
+    finally:
+        end.close()
+
+
+def _programs(folder: Path | None) -> FolderStore | MemoryStore:
+    """Store of programs, in `folder` or in memory; DataError if it cannot keep any."""
+    from mopro.controller import FolderStore, MemoryStore
+    from mopro.errors import DataError
+
+    try:
+        return FolderStore(folder) if folder else MemoryStore()
+    except OSError as error:
+        message = f"{folder}: cannot keep programs: {error.strerror}"
+        raise DataError(message, "unwritable-output") from error
+
+
+def _warm(emulator: Emulator) -> None:
+    """Load the compiled kernel by a first use, so that no client waits for it."""
+    from mopro.controller.motion import Motion
+    from mopro.program.compile import compile as compile_text
+
+    program = compile_text("UU012500/1\nVEL0 1.0\nACC0 1.0\nMRI1 0.001\nWX1\n")
+    motion = Motion(emulator, program, emulator.machine.travel_u())
+    motion.advance(motion.end_s)

@@ -1,0 +1,1 @@
+"""Shared parts of commands: streams, tables, progress, options, outputs, completion."""
