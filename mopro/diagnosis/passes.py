@@ -78,21 +78,20 @@ def restate_quiet_noise(state: State) -> State:
     mean = sets.evidence.noise.sums(state.fit.residual) / np.array(sets.evidence.noise.counts)
     samples = Noise.as_stated(sets.residuals).like(state.fit.residual).samples
     below = mean * (1 + _STANDARD_ERRORS * np.sqrt(2 / samples)) < (1 + TOLERANCE) ** -2
-    quiet = [
-        bool(b) and m > LEAST_SHARE**2 and series.sigma is not None
-        for b, m, series in zip(below, mean, state.problem.data, strict=True)
-    ]
-    if not any(quiet):
-        return state
-    data, notes = [], list(state.notes)
-    for series, is_quiet, m in zip(state.problem.data, quiet, mean, strict=True):
-        if is_quiet and series.sigma is not None:
-            series = replace(series, sigma=series.sigma * float(np.sqrt(m)))
+    data, notes, restated = [], list(state.notes), False
+    for series, is_below, m in zip(state.problem.data, below, mean, strict=True):
+        if series.sigma is not None and is_below:
+            sigma = series.sigma * float(np.sqrt(m))
             notes.append(
                 f"{series.sensor} in {series.run} is quieter than stated: its noise is "
-                f"{series.sigma:.3g} {series.unit}, {np.sqrt(m):.2g} times as much"
+                f"{sigma:.3g} {series.unit}, {np.sqrt(m):.2g} times as much"
             )
+            # A sensor at rest shows none of its noise, and is no measure of it.
+            if m > LEAST_SHARE**2:
+                series, restated = replace(series, sigma=sigma), True
         data.append(series)
+    if not restated:
+        return replace(state, notes=tuple(notes))
     again = State.of(replace(state.problem, data=tuple(data)))
     return replace(add_laws(search_catalogue(again)), notes=tuple(notes))
 
@@ -256,7 +255,8 @@ def _as_noise(state: State, remainder: Remainder) -> str | None:
     spread = 1 + _STANDARD_ERRORS * float(np.sqrt(2 / state.sets.evidence.noise.samples.sum()))
     if square > most * spread or 1 / most < white < most:
         return None
-    return f"the noise is of the stated size and not white: {alike}"
+    size = "of the stated size" if square > 1 / most else f"{square**0.5:.2g} times the stated"
+    return f"the noise is {size} and not white: {alike}"
 
 
 def find_alternatives(state: State) -> State:

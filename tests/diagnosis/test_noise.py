@@ -225,6 +225,20 @@ def test_noise_of_the_stated_size_with_a_memory_is_none_and_a_note():
     assert answers.count(("none", True)) >= 19
 
 
+def test_data_that_show_no_noise_are_said_to_be_quieter_than_stated():
+    servo, rng = Servo(runs=2, samples=300), np.random.default_rng(3)
+    data = [
+        replace(
+            s, values=servo_force(servo, s) + SIGMA / 100 * np.cumsum(rng.normal(size=len(s))) / 17
+        )
+        for s in servo.measure({}, SIGMA, 1)
+    ]
+    verdict = mopro.reconcile(servo.predict, CATALOGUE, data)
+    assert verdict.verdict == "none"
+    assert len(verdict.notes) == 2
+    assert all("is quieter than stated" in note for note in verdict.notes)
+
+
 def servo_force(servo, series):
     """The force without noise of the run that a series is of."""
     return servo.predict({})[int(series.run.split()[1])]
