@@ -166,7 +166,7 @@ class TestEnds:
         last = plan(program, 600.0).moves[9_999]
         platen = replace(MACHINE.platen, length_m=20.0)
         recording = mopro.emulate(
-            program, replace(MACHINE, platen=platen), for_s=last.end_s + 0.001, rate_hz=100.0
+            program, replace(MACHINE, platen=platen), for_s=last.end_s + 0.001, rate_hz=2000.0
         )
         assert len(recording.run.moves) == 10_000
         microsteps = recording["command_1_m"][-1] / MACHINE.microstep_m
