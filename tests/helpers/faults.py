@@ -16,6 +16,7 @@ from pathlib import Path
 
 from helpers.faulty_process import CALLS
 from helpers.paths import ROOT
+from helpers.power_loss import read_changes
 
 # The disk is full when the largest output has reached so many eighths of its size.
 FULL_DISK = "disk full"
@@ -216,6 +217,13 @@ class Workplace:
         code, said = answer["code"], answer["err"]
         return Trial(self.name, call, number, code, tuple(self._failures(call, code, said)), said)
 
+    def changes(self):
+        """The start and the changes of the folder in a run without a fault."""
+        record = self._cache.with_name("changes")
+        answer = self._run(CALLS[0], 0, record=str(record))
+        assert answer["code"] == 0, answer["err"]
+        return read_changes(record)
+
     def _limits(self, call, number):
         """The limits of the `number`-th trial of a kind, by their names; None if there is none."""
         if call == FULL_DISK:
@@ -224,7 +232,7 @@ class Workplace:
             return None if number >= _EIGHTHS or limit >= largest else {"limit": limit}
         if call == LITTLE_MEMORY:
             past = number >= _SIXTEENTHS
-            return None if past else {"memory": (number - 1) * self._peak // _SIXTEENTHS}
+            return None if past else {"memory": number * self._peak // _SIXTEENTHS}
         return {}
 
     def _failures(self, call, code, said):
@@ -269,9 +277,9 @@ def _is_whole(name, content):
 @contextmanager
 def workplace(name, folder):
     """The workplace of the command `name`; its process ends with the block."""
-    command = [sys.executable, "-B", str(Path(__file__).with_name("faulty_process.py"))]
+    command = [sys.executable, "-B", "-m", "helpers.faulty_process"]
     with subprocess.Popen(
-        command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        command, cwd=ROOT / "tests", stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
         try:
             yield Workplace(name, folder, process)

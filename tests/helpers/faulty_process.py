@@ -1,10 +1,11 @@
 """Runs commands of mopro, each in a fork of its own, in which the n-th call of a kind fails.
 
-    python tests/helpers/faulty_process.py
+    cd tests && python -m helpers.faulty_process
 
 Reads a trial a line as JSON: `args`, `folder` (the working folder), `call`, `number`, `errno`,
 `limit` (the most bytes that a file may have, if there is a limit), `memory` (the most bytes
-beyond those that the process has at its start).
+beyond those that the process has at its start), `record` (a file for the changes of the
+folder, in the place of a fault).
 Writes one line for each: `code` (negative: the signal), `called` (how many calls there were of
 this kind), `peak` (bytes of memory, beyond those at the start), `out`, `err`. Calls are counted where they name a
 file below the folder. Writing within libraries that are not Python meets only the limit.
@@ -32,6 +33,7 @@ import mopro.link
 import mopro.plot.comparison
 import mopro.viewer.comparison
 import mopro.viewer.conclusion
+from helpers.power_loss import Recorder
 from mopro.cli import main
 from mopro.cli.main import COMMANDS
 from mopro.controller import FolderStore, LoopbackPort, MemoryStore, Station
@@ -42,6 +44,8 @@ from mopro.machine import load_machine
 from mopro.program.compile import compile_file
 
 LIMIT_S = 120
+# That of this process, if changes are recorded.
+RECORDERS = []
 PROPOSED = "UU012500/1\nVEL1 8.0\nACC1 0.25\nMRI1 2.0\nWX1\n"
 CALLS = (
     "open to write", "open to read", "read", "write", "fsync", "rename", "mkdir", "unlink", "chmod",
@@ -147,10 +151,24 @@ def command(name):
     """Flash P.CMD to a virtual controller that stores programs in the folder `store`."""
     dialect = load_dialect("checked")
     station = Station(dialect, Emulator(load_machine("chow1992")), FolderStore(Path("store")))
+    if RECORDERS:
+        _note_replies(station.device, RECORDERS[0])
     session = Session(LoopbackPort(station), dialect, Random(1))
     session.give(60.0)
     session.open()
     flash(session, compile_file(Path("P.CMD")), name)
+
+
+def _note_replies(device, recorder):
+    """Have it noted that success is told whenever the controller has done a statement."""
+    do = device.do
+
+    def noted(statement, fields, now_s):
+        rows = do(statement, fields, now_s)
+        recorder.told()
+        return rows
+
+    device.do = noted
 
 
 def child(trial, told, streams):
@@ -162,7 +180,9 @@ def child(trial, told, streams):
     for number, stream in streams.items():
         os.dup2(stream.fileno(), number)
     faults = Faults(trial["folder"], trial["call"], trial["number"], trial["errno"])
-    install(faults)
+    if "record" in trial:
+        RECORDERS.append(Recorder(trial["folder"]))
+    install(RECORDERS[0] if RECORDERS else faults)
     if "limit" in trial:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (trial["limit"], resource.RLIM_INFINITY))
@@ -181,6 +201,8 @@ def child(trial, told, streams):
             traceback.print_exc()
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
+        if RECORDERS:
+            RECORDERS[0].save(trial["record"], code == 0)
         peak = memory("VmPeak") - start
         os.write(told, json.dumps({"called": faults.count, "peak": peak}).encode())
         os._exit(code)
