@@ -57,8 +57,7 @@ program = "P.CMD"
 data = "pass.csv"
 """
 _LOG = "time_s,command_in,position_in\n" + "".join(
-    f"{i / 100:.2f},{min(i, 100) / 50:.3f},{min(max(i - 3, 0), 100) / 50:.3f}\n"
-    for i in range(200)
+    f"{i / 100:.2f},{min(i, 100) / 50:.3f},{min(max(i - 3, 0), 100) / 50:.3f}\n" for i in range(200)
 )
 _MEASURED = ("measure P.CMD --machine m.toml --instrument encoder --out pass.csv",)
 _EXPERIMENT_FILES = {"P.CMD": MOVE, "m.toml": _DRAGGED, "experiment.toml": _EXPERIMENT}

@@ -7,8 +7,8 @@ Reads a trial a line as JSON: `args`, `folder` (the working folder), `call`, `nu
 beyond those that the process has at its start), `record` (a file for the changes of the
 folder, in the place of a fault).
 Writes one line for each: `code` (negative: the signal), `called` (how many calls there were of
-this kind), `peak` (bytes of memory, beyond those at the start), `out`, `err`. Calls are counted where they name a
-file below the folder. Writing within libraries that are not Python meets only the limit.
+this kind), `peak` (bytes of memory, beyond those at the start), `out`, `err`. Calls are counted
+where they name a file below the folder. Writing within libraries that are not Python meets only the limit.
 """
 
 import builtins

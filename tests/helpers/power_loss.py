@@ -217,7 +217,9 @@ def outcome(start, changes, growing=()):
     told = {}
     for length in range(len(changes) + 1):
         if length and changes[length - 1].kind == "told":
-            told = {n: c for n, c in Disk([*start, *changes[:length]]).files.items() if n in versions}
+            told = {
+                n: c for n, c in Disk([*start, *changes[:length]]).files.items() if n in versions
+            }
         for files in states(start, changes[:length]):
             seen += 1
             torn |= {n for n in versions if files.get(n) not in versions[n]}
