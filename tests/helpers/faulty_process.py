@@ -8,10 +8,12 @@ beyond those that the process has at its start), `record` (a file for the change
 folder, in the place of a fault).
 Writes one line for each: `code` (negative: the signal), `called` (how many calls there were of
 this kind), `peak` (bytes of memory, beyond those at the start), `out`, `err`. Calls are counted
-where they name a file below the folder. Writing within libraries that are not Python meets only the limit.
+where they name a file below the folder. Writing within libraries that are not Python meets only
+the limit.
 """
 
 import builtins
+import importlib
 import io
 import json
 import os
@@ -27,12 +29,7 @@ from random import Random
 import click
 
 import mopro.benchmark.run
-import mopro.experiment.opened
-import mopro.importing
 import mopro.link
-import mopro.plot.comparison
-import mopro.viewer.comparison
-import mopro.viewer.conclusion
 from helpers.power_loss import Recorder
 from mopro.cli import main
 from mopro.cli.main import COMMANDS
@@ -44,6 +41,12 @@ from mopro.machine import load_machine
 from mopro.program.compile import compile_file
 
 LIMIT_S = 120
+# What a command needs that takes long to load: loaded once, before the first fork.
+NEEDED = {
+    "import": ["mopro.importing"],
+    "compare": ["mopro.experiment.opened", "mopro.plot.comparison", "mopro.viewer.comparison"],
+    "reconcile": ["mopro.experiment.opened", "mopro.viewer.conclusion"],
+}
 # That of this process, if changes are recorded.
 RECORDERS = []
 PROPOSED = "UU012500/1\nVEL1 8.0\nACC1 0.25\nMRI1 2.0\nWX1\n"
@@ -255,7 +258,10 @@ def serve():
     mopro.link.Session = partial(Session, random=Random(1))
     mopro.benchmark.run._reconcile = reconciled
     for line in sys.stdin:
-        print(json.dumps(done(json.loads(line))), flush=True)
+        trial = json.loads(line)
+        for module in NEEDED.get(trial["args"][0], []):
+            importlib.import_module(module)
+        print(json.dumps(done(trial)), flush=True)
 
 
 if __name__ == "__main__":
