@@ -58,8 +58,8 @@ class Manifest:
         except (ValueError, RecursionError) as error:
             raise _bad_manifest(path) from error
         files = document.get(_FORM) if isinstance(document, dict) else None
-        digests = files.values() if isinstance(files, dict) else [None]
-        if not (all(isinstance(d, str) for d in digests) and all(map(_is_path, files))):
+        texts = isinstance(files, dict) and all(isinstance(d, str) for d in files.values())
+        if not isinstance(files, dict) or not texts or not all(map(_is_path, files)):
             raise _bad_manifest(path)
         return cls(folder, files)
 
