@@ -2,10 +2,11 @@
 
     python bench/faults.py [--most 40] [--command "run, csv"]
 
-The first, second, ... call of a kind fails: opening to write or to read, write, fsync, rename,
-mkdir, unlink, change of mode. Calls are those of Python on files below the working folder,
-the cache included. What libraries write that are not Python meets the last kind, a disk that is
-full at one to seven eighths of the largest output (but not below 4 KiB). Prints for each
+The first, second, ... call of a kind fails: opening to write or to read, read, write, fsync,
+rename, mkdir, unlink, change of mode. Calls are those of Python on files below the working
+folder, the cache included. What libraries write that are not Python meets a disk that is full at
+one to seven eighths of the largest output (but not below 4 KiB). The last kind is a limit of
+memory, at up to fifteen sixteenths of what the command takes beyond its start. Prints for each
 command and kind the tries and the failures, and exits with 1 if there is any:
 
 - an output that is neither what it was before nor complete, or an input that is gone,
@@ -26,9 +27,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from helpers.faults import CALLS, COMMANDS, FAILURES, FULL_DISK, Trial, workplace
-
-KINDS = (*CALLS, FULL_DISK)
+from helpers.faults import COMMANDS, FAILURES, KINDS, Trial, workplace
 
 
 def trials(name: str, most: int) -> Iterator[Trial]:

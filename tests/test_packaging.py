@@ -1,5 +1,6 @@
 """The package as others get it: an installed wheel, an import without numpy, the README."""
 
+import os
 import subprocess
 import sys
 import sysconfig
@@ -98,15 +99,56 @@ def test_the_wheel_has_the_viewer_and_the_licence_of_its_library(wheel):
     assert {"viewer.css", "app.js", "uplot/uPlot.iife.min.js", "uplot/LICENSE"} <= names
 
 
-def test_the_source_distribution_has_what_a_build_needs_and_no_tests(tmp_path):
-    run(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", tmp_path, cwd=ROOT)
-    with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
+@pytest.fixture(scope="module")
+def sdist(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sdist")
+    run(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder, cwd=ROOT)
+    return next(folder.glob("*.tar.gz"))
+
+
+def test_the_wheel_is_the_same_wherever_and_whenever_it_is_built(wheel, sdist, tmp_path):
+    """Of the source distribution, with other dates, modes and order of files."""
+    with tarfile.open(sdist) as archive:
+        archive.extractall(tmp_path, filter="data")
+    source = next(tmp_path.iterdir())
+    for path in sorted(source.rglob("*"), reverse=True):
+        os.utime(path, (1e9, 1e9))
+        path.chmod(0o750 if path.is_dir() else 0o640)
+    run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path, cwd=source)
+    assert next(tmp_path.glob("*.whl")).read_bytes() == wheel.read_bytes()
+
+
+def test_the_wheel_has_its_licences(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        names = {n.partition(".dist-info/")[2]: n for n in archive.namelist()}
+        metadata = archive.read(names["METADATA"]).decode()
+        licence = archive.read(names["licenses/LICENSE"]).decode()
+    assert "License-Expression: MIT\n" in metadata
+    assert "Copyright (c) 2026 the mopro authors" in licence
+    assert {"licenses/THIRD_PARTY.md", "licenses/mopro/viewer/static/uplot/LICENSE"} <= names.keys()
+
+
+def test_material_of_others_is_listed_where_its_licence_lies():
+    """Each licence file of the repository but its own is a link in THIRD_PARTY.md."""
+    tops = [ROOT / name for name in ("docs", "examples", "mopro", "programs", "tests")]
+    found = [path for top in tops for path in top.rglob("*LICEN[CS]E*")]
+    listed = [path.relative_to(ROOT).as_posix() for path in found]
+    page = (ROOT / "THIRD_PARTY.md").read_text("utf-8")
+    assert [path for path in listed if f"({path})" not in page] == []
+    assert "mopro/viewer/static/uplot/LICENSE" in listed
+    version = (ROOT / "mopro/viewer/static/uplot/VERSION").read_text("utf-8").split(",")[0]
+    assert version in page
+
+
+def test_the_source_distribution_has_what_a_build_needs_and_no_tests(sdist):
+    with tarfile.open(sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     tops = {name.partition("/")[0] for name in names}
     assert tops >= {"mopro", "grammars", "programs", "docs", "pyproject.toml", "README.md"}
     assert tops.isdisjoint({"tests", "bench", "editors", ".ci"})
     assert "grammars/mopro.lark" in names
     assert {"CHANGELOG.md", "CONTRIBUTING.md", "mopro/py.typed"} <= names
+    assert {"LICENSE", "SECURITY.md", "THIRD_PARTY.md"} <= names
 
 
 def test_the_oldest_versions_are_those_that_are_tried():
@@ -121,6 +163,13 @@ def test_the_oldest_versions_are_those_that_are_tried():
     assert pins.keys() == bounds.keys()
     for name, bound in bounds.items():
         assert f"{pins[name]}.".startswith(f"{bound}."), name
+
+
+def test_what_ci_runs_with_the_oldest_versions_is_there():
+    lines = (ROOT / ".ci" / "lowest-tests.txt").read_text().splitlines()
+    files = [line for line in lines if not line.startswith("#")]
+    assert files
+    assert [file for file in files if not (ROOT / file).exists()] == []
 
 
 def test_the_version_of_the_package_is_in_the_changes():

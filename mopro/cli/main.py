@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import re
 import signal
 import sys
 import threading
@@ -27,6 +28,13 @@ EXIT_BAD_INPUT = 2
 EXIT_SIGNAL = 128
 # Time in which a library's callback that swallowed a signal returns; half or double is no matter.
 _AGAIN_S = 0.01
+
+# What libraries, the loader and the interpreter say where memory is lacking.
+_NO_MEMORY = re.compile(
+    "cannot allocate memory|failed to map segment|can't start new thread|launch worker thread"
+    "|without setting an exception|without exception set",
+    re.IGNORECASE,
+)
 
 # command -> the module that defines it as `command`; loaded when the command is used.
 COMMANDS = {
@@ -89,7 +97,8 @@ def main() -> NoReturn:
     _heed_signals()
     prepare_streams()
     try:
-        code = group(standalone_mode=False)
+        with _LackOfMemory():
+            code = group(standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.ClickException as error:
         shown = io.StringIO()
@@ -117,6 +126,21 @@ def main() -> NoReturn:
         reason = error.strerror or str(error)
         say(f"mopro: the output cannot be written: {reason} [unwritable-output]", err=True)
         sys.exit(EXIT_BAD_INPUT)
+
+
+class _LackOfMemory:
+    """Context in which a library's error that stands for a MemoryError becomes one."""
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> None:
+        if isinstance(error, MoproError | click.ClickException):
+            return
+        if error is not None and _NO_MEMORY.search(str(error)):
+            raise MemoryError from error
 
 
 def _heed_signals() -> None:

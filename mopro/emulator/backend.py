@@ -109,7 +109,7 @@ class Emulator:
         if for_s is None and program.loops_forever:
             for_s = DEFAULT_LOOP_S
         planned = self.plan(program, for_s)
-        self._check_length(planned.duration_s)
+        self._check_length(planned.duration_s, settle_s)
         simulation = self._simulation(_lengthened(planned, settle_s), trips=True)
         lasting_s = simulation.schedule.duration_s
         ended_s = lasting_s if simulation.trip else planned.duration_s
@@ -137,14 +137,15 @@ class Emulator:
                 yield simulation.advance(times, end_s)
             samples += more
 
-    def _check_length(self, duration_s: float) -> None:
+    def _check_length(self, duration_s: float, settle_s: float) -> None:
         """MoproError for more than can be simulated or recorded."""
         if duration_s > LONGEST_RUN_S:
             message = f"the run takes {duration_s:.4g} s: expected at most {LONGEST_RUN_S:g}"
             raise MoproError(f"{message}; end it earlier with --for", "too-long")
-        samples = duration_s * self.rate_hz
+        lasting_s = duration_s + settle_s
+        samples = lasting_s * self.rate_hz
         if samples > MOST_SAMPLES:
-            message = f"{duration_s:g} s at {self.rate_hz:g} Hz are {samples:.4g} samples:"
+            message = f"{lasting_s:g} s at {self.rate_hz:g} Hz are {samples:.4g} samples:"
             raise MoproError(f"{message} expected at most {MOST_SAMPLES}", "too-long")
 
     def _chunks(self, first: int, samples: int, end_s: float) -> Iterator[tuple[Floats, float]]:

@@ -168,6 +168,11 @@ def _table(
 ) -> Table:
     if not columns:
         raise DataError(f"{path}: has no columns of numbers", "bad-data")
+    for key, values in columns.items():
+        if getattr(values, "dtype", None) == np.float64 and np.isinf(values).any():
+            row = int(np.flatnonzero(np.isinf(values))[0]) + 1
+            message = f"{path}: column {key}, row {row}: an infinite number"
+            raise DataError(f"{message}; NaN stands for a missing reading", "not-a-number")
     return Table(LogSource(name, "", path=path, is_text=False), columns, units or {}, decisions)
 
 

@@ -1,9 +1,11 @@
 """`mopro blind` removes and replaces only what it has made, and believes no path."""
 
+import contextlib
 import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -72,6 +74,38 @@ def test_a_link_in_place_of_a_file_is_refused(ground, tmp_path_factory):
     with pytest.raises(DataError, match=r"run1.CMD: not as"):
         Manifest.read(ground).replace("003", {"run1.CMD": b"WT3\n"})
     assert precious.read_bytes() == b"WT1\n"
+
+
+@pytest.mark.parametrize("count", range(5))
+def test_a_disk_that_fails_at_any_rename_leaves_each_file_old_or_new(ground, monkeypatch, count):
+    real, left = Path.replace, [count]
+
+    def replace(self, target):
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(5, "Input/output error")
+        return real(self, target)
+
+    old, new = tree(ground), {"run1.CMD": b"WT3\n", "run2.CMD": b"WT4\n"}
+    made = Manifest.read(ground)
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", replace)
+        with contextlib.suppress(DataError):
+            made.replace("003", new)
+    for name, data in new.items():
+        assert (ground / "003" / name).read_bytes() in (data, old[f"003/{name}"])
+    Manifest.read(ground).replace("003", new)
+    assert {name: (ground / "003" / name).read_bytes() for name in new} == new
+
+
+@pytest.mark.parametrize("digest", [None, 5, ["0" * 64]])
+def test_a_digest_that_is_no_text_is_not_believed(ground, digest):
+    document = json.loads((ground / MADE).read_text())
+    (files,) = document.values()
+    files["003/run1.CMD"] = digest
+    (ground / MADE).write_text(json.dumps(document))
+    with pytest.raises(DataError, match="not the list that `mopro blind` writes"):
+        Manifest.read(ground)
 
 
 @pytest.mark.parametrize("moment", ["unlink", "replace"])

@@ -1,11 +1,13 @@
 """Standard output and error: full, closed, in another encoding, and with text from outside."""
 
+import errno
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from pyarrow.lib import ArrowException
 
 from helpers.commands import LIMIT_S, SETTINGS, run_here
 from helpers.paths import ROOT
@@ -80,6 +82,35 @@ def test_a_full_error_output_does_not_change_the_answer(folder):
 def test_a_reader_that_has_gone_ends_the_command_quietly(folder):
     done = ended(folder, "thesis", "3.2", "--json", shell="| true; exit ${PIPESTATUS[0]}")
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ImportError("libarrow.so.2600: failed to map segment from shared object"),
+        RuntimeError("can't start new thread"),
+        SystemError("<function f> returned NULL without setting an exception"),
+        ArrowException("Unknown error: Failed to launch worker thread: Resource unavailable"),
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
+    ],
+)
+def test_what_libraries_make_of_too_little_memory_is_told_as_such(monkeypatch, tmp_path, error):
+    def group(**_):
+        raise error
+
+    monkeypatch.setattr(sys.modules["mopro.cli.main"], "group", group)
+    done = run_here(tmp_path, "ports")
+    assert done.returncode == 2
+    assert done.stderr == "mopro: there is not enough memory for this input [no-memory]\n"
+
+
+def test_other_errors_of_libraries_are_not_taken_for_it(monkeypatch, tmp_path):
+    def group(**_):
+        raise RuntimeError("a fault of the program")
+
+    monkeypatch.setattr(sys.modules["mopro.cli.main"], "group", group)
+    with pytest.raises(RuntimeError, match="a fault of the program"):
+        run_here(tmp_path, "ports")
 
 
 def test_too_little_memory_is_told(mopro, monkeypatch):

@@ -186,6 +186,11 @@ class TestEnds:
         with pytest.raises(MoproError, match="expected at most"):
             emulate("WT999999999\n")
 
+    def test_its_settling_counts(self):
+        emulator = Emulator(MACHINE, rate_hz=1e9)
+        with pytest.raises(MoproError, match=r"0\.501 s at 1e\+09 Hz are 5\.01e\+08 samples"):
+            emulator.run(mopro.compile("WT1\n"), MemorySink(), settle_s=0.5)
+
 
 def test_user_units_of_a_millimetre_are_named():
     program = mopro.compile("UU062500/127\nVEL1 100.0\nACC1 1.0\nMRI1 10.0\nWX1\n")

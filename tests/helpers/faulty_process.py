@@ -1,15 +1,19 @@
 """Runs commands of mopro, each in a fork of its own, in which the n-th call of a kind fails.
 
-    python tests/helpers/faulty_process.py
+    cd tests && python -m helpers.faulty_process
 
 Reads a trial a line as JSON: `args`, `folder` (the working folder), `call`, `number`, `errno`,
-`limit` (the most bytes that a file may have; 0 for no limit).
+`limit` (the most bytes that a file may have, if there is a limit), `memory` (the most bytes
+beyond those that the process has at its start), `record` (a file for the changes of the
+folder, in the place of a fault).
 Writes one line for each: `code` (negative: the signal), `called` (how many calls there were of
-this kind, and whether the fault came about), `out`, `err`. Calls are counted where they name a
-file below the folder. Writing within libraries that are not Python meets only the limit.
+this kind), `peak` (bytes of memory, beyond those at the start), `out`, `err`. Calls are counted
+where they name a file below the folder. Writing within libraries that are not Python meets only
+the limit.
 """
 
 import builtins
+import importlib
 import io
 import json
 import os
@@ -18,14 +22,18 @@ import signal
 import sys
 import tempfile
 import traceback
+from functools import partial
 from pathlib import Path
 from random import Random
 
 import click
 
+import mopro.benchmark.run
+import mopro.link
+from helpers.power_loss import Recorder
 from mopro.cli import main
 from mopro.cli.main import COMMANDS
-from mopro.controller import FolderStore, LoopbackPort, Station
+from mopro.controller import FolderStore, LoopbackPort, MemoryStore, Station
 from mopro.emulator import Emulator
 from mopro.link import Session, load_dialect
 from mopro.link.flash import flash
@@ -33,7 +41,18 @@ from mopro.machine import load_machine
 from mopro.program.compile import compile_file
 
 LIMIT_S = 120
-CALLS = ("open to write", "open to read", "write", "fsync", "rename", "mkdir", "unlink", "chmod")
+# What a command needs that takes long to load: loaded once, before the first fork.
+NEEDED = {
+    "import": ["mopro.importing"],
+    "compare": ["mopro.experiment.opened", "mopro.plot.comparison", "mopro.viewer.comparison"],
+    "reconcile": ["mopro.experiment.opened", "mopro.viewer.conclusion"],
+}
+# That of this process, if changes are recorded.
+RECORDERS = []
+PROPOSED = "UU012500/1\nVEL1 8.0\nACC1 0.25\nMRI1 2.0\nWX1\n"
+CALLS = (
+    "open to write", "open to read", "read", "write", "fsync", "rename", "mkdir", "unlink", "chmod",
+)  # fmt: skip
 
 
 class Faults:
@@ -60,7 +79,7 @@ class Faults:
 
 
 class FaultyRaw(io.FileIO):
-    """A file opened to be written, each of whose writes may fail."""
+    """A file each of whose reads and writes may fail."""
 
     def __init__(self, faults, path, mode, closefd, opener):
         super().__init__(path, mode, closefd, opener)
@@ -69,6 +88,18 @@ class FaultyRaw(io.FileIO):
     def write(self, data):
         self._faults.meet("write", self._place)
         return super().write(data)
+
+    def readinto(self, buffer):
+        self._faults.meet("read", self._place)
+        return super().readinto(buffer)
+
+    def readall(self):
+        self._faults.meet("read", self._place)
+        return super().readall()
+
+    def read(self, size=-1):
+        self._faults.meet("read", self._place)
+        return super().read(size)
 
 
 def install(faults):
@@ -87,10 +118,12 @@ def install(faults):
         writes = any(letter in mode for letter in "wxa+")
         if not isinstance(file, int):
             faults.meet("open to write" if writes else "open to read", file)
-        if not writes:
+        if isinstance(file, int) and not writes:
             return real_open(file, mode, buffering, encoding, errors, newline, closefd, opener)
-        raw = FaultyRaw(faults, file, mode.replace("b", "").replace("t", ""), closefd, opener)
-        buffer = io.BufferedRandom(raw) if "+" in mode else io.BufferedWriter(raw)
+        path = file if isinstance(file, int) else os.fspath(file)
+        raw = FaultyRaw(faults, path, mode.replace("b", "").replace("t", ""), closefd, opener)
+        kind = io.BufferedWriter if writes else io.BufferedReader
+        buffer = io.BufferedRandom(raw) if "+" in mode else kind(raw)
         if "b" in mode:
             return raw if buffering == 0 else buffer
         return io.TextIOWrapper(buffer, encoding or "utf-8", errors, newline)
@@ -121,10 +154,24 @@ def command(name):
     """Flash P.CMD to a virtual controller that stores programs in the folder `store`."""
     dialect = load_dialect("checked")
     station = Station(dialect, Emulator(load_machine("chow1992")), FolderStore(Path("store")))
+    if RECORDERS:
+        _note_replies(station.device, RECORDERS[0])
     session = Session(LoopbackPort(station), dialect, Random(1))
     session.give(60.0)
     session.open()
     flash(session, compile_file(Path("P.CMD")), name)
+
+
+def _note_replies(device, recorder):
+    """Have it noted that success is told whenever the controller has done a statement."""
+    do = device.do
+
+    def noted(statement, fields, now_s):
+        rows = do(statement, fields, now_s)
+        recorder.told()
+        return rows
+
+    device.do = noted
 
 
 def child(trial, told, streams):
@@ -132,13 +179,19 @@ def child(trial, told, streams):
     signal.alarm(LIMIT_S)
     os.chdir(trial["folder"])
     os.environ["XDG_CACHE_HOME"] = str(Path(trial["folder"]) / "cache")
+    os.environ["XDG_DATA_HOME"] = str(Path(trial["folder"]) / "data")
     for number, stream in streams.items():
         os.dup2(stream.fileno(), number)
     faults = Faults(trial["folder"], trial["call"], trial["number"], trial["errno"])
-    install(faults)
-    if trial["limit"]:
+    if "record" in trial:
+        RECORDERS.append(Recorder(trial["folder"]))
+    install(RECORDERS[0] if RECORDERS else faults)
+    if "limit" in trial:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (trial["limit"], resource.RLIM_INFINITY))
+    start = memory("VmSize")
+    if "memory" in trial:
+        resource.setrlimit(resource.RLIMIT_AS, (start + trial["memory"], resource.RLIM_INFINITY))
     code = 1
     try:
         sys.argv = ["mopro", *trial["args"]]
@@ -146,12 +199,23 @@ def child(trial, told, streams):
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
     finally:
+        resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
         if sys.exc_info()[0] is not None:
             traceback.print_exc()
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
-        os.write(told, json.dumps(faults.count).encode())
+        if RECORDERS:
+            RECORDERS[0].save(trial["record"], code == 0)
+        peak = memory("VmPeak") - start
+        os.write(told, json.dumps({"called": faults.count, "peak": peak}).encode())
         os._exit(code)
+
+
+def memory(name):
+    """The memory of this process in bytes, of the kind that /proc calls `name`."""
+    with open("/proc/self/status", encoding="ascii") as file:
+        line = next(line for line in file if line.startswith(f"{name}:"))
+    return int(line.split()[1]) * 1024
 
 
 def done(trial):
@@ -165,21 +229,39 @@ def done(trial):
         os.close(told)
         _, status = os.waitpid(process, 0)
         with os.fdopen(heard) as pipe:
-            count = int(pipe.read() or "0")
+            counts = json.loads(pipe.read() or '{"called": 0, "peak": 0}')
         texts = []
         for stream in (out, err):
             stream.seek(0)
             texts.append(stream.read().decode("utf-8", "replace"))
+    code = os.waitstatus_to_exitcode(status)
+    return {"code": code, **counts, "out": texts[0], "err": texts[1]}
+
+
+def loopback(url, line, baud, token):
+    """A port with a virtual controller behind it, in simulated time."""
+    station = Station(load_dialect("checked"), Emulator(load_machine("chow1992")), MemoryStore())
+    return LoopbackPort(station)
+
+
+def reconciled(experiment, patience_s, without):
+    """The answer that `mopro reconcile` gives to every case; it proposes an experiment."""
     return {
-        "code": os.waitstatus_to_exitcode(status), "called": count, "out": texts[0],
-        "err": texts[1],
+        "verdict": "ambiguous", "effects": [], "next_experiment": PROPOSED, "seconds": 1.0,
+        "exit_code": 0, "stderr": "",
     }  # fmt: skip
 
 
 def serve():
     COMMANDS["flash-to-store"] = "__main__"
+    mopro.link.SerialPort = loopback
+    mopro.link.Session = partial(Session, random=Random(1))
+    mopro.benchmark.run._reconcile = reconciled
     for line in sys.stdin:
-        print(json.dumps(done(json.loads(line))), flush=True)
+        trial = json.loads(line)
+        for module in NEEDED.get(trial["args"][0], []):
+            importlib.import_module(module)
+        print(json.dumps(done(trial)), flush=True)
 
 
 if __name__ == "__main__":

@@ -213,6 +213,19 @@ def test_a_container_that_is_none_is_refused(tmp_path, suffix):
         read_log(path)
 
 
+@pytest.mark.parametrize("suffix", ["parquet", "npz"])
+def test_an_infinite_number_in_a_container_is_refused_with_its_row(tmp_path, suffix):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    times, values = np.arange(5) / 10, np.array([1.0, np.nan, -np.inf, 4.0, 5.0])
+    pq.write_table(pa.table({"time_s": times, "x_mm": values}), tmp_path / "a.parquet")
+    np.savez(tmp_path / "a.npz", time_s=times, x_mm=values)
+    with pytest.raises(DataError, match="column x_mm, row 3: an infinite number") as error:
+        read_log(tmp_path / f"a.{suffix}")
+    assert error.value.rule == "not-a-number"
+
+
 def test_pickled_objects_are_not_loaded(tmp_path):
     np.savez(tmp_path / "a.npz", time_s=np.array([{}, {}], dtype=object))
     with pytest.raises(DataError, match="cannot be read as"):

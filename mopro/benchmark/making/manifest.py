@@ -38,7 +38,8 @@ class Manifest:
     """SHA-256 of each file made in `folder`, by its path there.
 
     made.json is written before the files that it lists, so that a process that is killed in
-    between leaves no file unlisted.
+    between leaves no file unlisted. While files are replaced it lists the digests of the old
+    and of the new ones, separated by a space.
     """
 
     folder: Path
@@ -57,7 +58,8 @@ class Manifest:
         except (ValueError, RecursionError) as error:
             raise _bad_manifest(path) from error
         files = document.get(_FORM) if isinstance(document, dict) else None
-        if not isinstance(files, dict) or not all(map(_is_path, files)):
+        texts = isinstance(files, dict) and all(isinstance(d, str) for d in files.values())
+        if not isinstance(files, dict) or not texts or not all(map(_is_path, files)):
             raise _bad_manifest(path)
         return cls(folder, files)
 
@@ -82,19 +84,23 @@ class Manifest:
         }
         for path in {*old, *new}:
             self._check(path)
+        self.files |= {path: f"{self.files.get(path, '')} {new[path]}".lstrip() for path in new}
+        self._save(self.folder / number)
         for path in old:
-            (self.folder / path).unlink(missing_ok=True)
-            del self.files[path]
+            if path not in new:
+                (self.folder / path).unlink(missing_ok=True)
+                del self.files[path]
+        for name, data in contents.items():
+            write(self.folder / number / name, data)  # flushes the folder of what was removed, too
         self.files |= new
         self._save(self.folder / number)
-        for name, data in contents.items():
-            write(self.folder / number / name, data)
 
     def _check(self, path: str) -> None:
         """Raise DataError if the file at `path` is not the one that was made."""
         file = self.folder / path
         try:
-            as_made = not file.is_symlink() and _sha256(file.read_bytes()) == self.files.get(path)
+            digests = self.files.get(path, "").split()
+            as_made = not file.is_symlink() and _sha256(file.read_bytes()) in digests
         except FileNotFoundError:
             return
         except OSError as error:

@@ -41,9 +41,9 @@ class Noise:
     def as_stated(residuals: Residuals) -> Noise:
         """White noise of the stated sizes; of unknown size where a series states none."""
         lengths = [len(series) for series in residuals.data]
-        nuisances = [np.linalg.matrix_rank(series.nuisance_shapes()) for series in residuals.data]
+        nuisances = [_rank(series.nuisance_shapes()) for series in residuals.data]
         return Noise(
-            tuple(max(n - int(k), 1) for n, k in zip(lengths, nuisances, strict=True)),
+            tuple(max(n - k, 1) for n, k in zip(lengths, nuisances, strict=True)),
             tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
             tuple(series.sigma is not None for series in residuals.data),
         )
@@ -166,3 +166,8 @@ def effective_samples(values: Floats) -> float:
     if not concentration:
         return float(len(values))
     return float(min(len(values), 3 * powers.sum() ** 2 / concentration))
+
+
+def _rank(shapes: Floats) -> int:
+    """The rank of a matrix, 0 for one without columns (which older numpy refuses)."""
+    return int(np.linalg.matrix_rank(shapes)) if shapes.size else 0
