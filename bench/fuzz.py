@@ -142,13 +142,10 @@ def _fuzz(chosen: argparse.Namespace) -> None:
     sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     words = chosen.corpus.parent / "words"
     words.write_text("".join(f'"{_escaped(word)}"\n' for word in parser.words if word))
-    atheris.Setup(
-        [
-            sys.argv[0], str(chosen.corpus), f"-dict={words}", f"-max_len={parser.longest}",
-            f"-seed={chosen.seed}", f"-timeout={_HANG_S}", "-rss_limit_mb=0", "-print_pcs=0",
-        ],
-        watched,
-    )  # fmt: skip
+    settings = [f"-dict={words}"] if parser.words else []
+    settings += [f"-max_len={parser.longest}", f"-seed={chosen.seed}", f"-timeout={_HANG_S}"]
+    settings += ["-rss_limit_mb=0", "-print_pcs=0"]
+    atheris.Setup([sys.argv[0], str(chosen.corpus), *settings], watched)
     atheris.Fuzz()
 
 
@@ -232,7 +229,8 @@ def _shares(names: list[str], inputs: int) -> dict[str, int]:
     rest = inputs - least * len(names)
     weights = {name: PARSERS[name].share - 1 for name in names}
     total = sum(weights.values()) or 1
-    return {name: least + rest * weight // total for name, weight in weights.items()}
+    shares = {name: least + rest * weight // total for name, weight in weights.items()}
+    return {name: min(share, PARSERS[name].most or share) for name, share in shares.items()}
 
 
 def _campaign_of(name: str, inputs: int, seconds: float, chosen: argparse.Namespace) -> dict:
@@ -263,7 +261,7 @@ def _campaign_of(name: str, inputs: int, seconds: float, chosen: argparse.Namesp
             found["broken"] = f"ended with {code}: " + log.read_text(errors="replace")[-600:]
             for path in folder.glob("*-*"):
                 (chosen.found / path.name).write_bytes(path.read_bytes())
-        _process(["--only", name, "--reached", *own[:2], "--seconds", 60, *own[4:]], log)
+        _process(["--only", name, "--reached", *own[:2], "--seconds", 15, *own[4:]], log)
         return found | (json.loads(told.read_text()) if told.exists() else {"lines": 0.0})
 
 

@@ -220,7 +220,7 @@ def _frames(_: Path) -> Take:
 
 
 def _controller(name: str) -> object:
-    """The virtual controller, whose clock goes on by 4 ms at each gap."""
+    """The virtual controller, whose clock goes on by 1 ms at each gap."""
 
     def make(_: Path) -> Take:
         from mopro.controller import MemoryStore, Station
@@ -233,13 +233,13 @@ def _controller(name: str) -> object:
 
         def take(data: bytes) -> None:
             station = Station(dialect, emulator, MemoryStore(), baud=4_000_000)
-            pieces = data[1:].split(_GAP)[:20]
+            pieces = data[1:].split(_GAP)[:12]
             if check is not None and data[:1] < b"\x80":
                 pieces = [check.hello.encode(), *pieces]
                 pieces = [_numbered(check, dialect, n, piece) for n, piece in enumerate(pieces)]
             for n, piece in enumerate(pieces):
-                station.hear(piece, n * 0.004)
-                station.say((n + 1) * 0.004)
+                station.hear(piece, n * 0.001)
+                station.say((n + 1) * 0.001)
 
         return take
 
@@ -290,7 +290,11 @@ class _Faults(logging.Handler):
         self.last: BaseException | None = None
 
     def emit(self, record: logging.LogRecord) -> None:
+        from pygls.exceptions import JsonRpcException
+
         error = record.exc_info[1] if record.exc_info else None
+        if isinstance(error, JsonRpcException):  # an answer of the server's own
+            return
         trace = error.__traceback__ if error else None
         while trace is not None:
             if "/mopro/lsp/" in trace.tb_frame.f_code.co_filename:
@@ -515,7 +519,7 @@ LINES = (
     ),
     *(
         Parser(
-            f"controller, dialect {name}", _CONTROL, _controller(name), _told, _STATEMENTS, 1, 512
+            f"controller, dialect {name}", _CONTROL, _controller(name), _told, _STATEMENTS, 1, 300
         )
         for name in ("checked", "plain")
     ),

@@ -17,7 +17,8 @@ class Parser:
     """`make` gives, for a folder of its own, the function that takes an input.
 
     That function returns or raises what `allowed` has; anything else is a finding. `modules`
-    are those whose lines count as its coverage. `share` is its part of a campaign's inputs.
+    are those whose lines count as its coverage. `share` is its part of a campaign's inputs;
+    `most` bounds those of a parser that has to start a process for each.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Parser:
     words: tuple[str, ...] = ()
     share: int = 1
     longest: int = 2048
+    most: int | None = None
 
     def starts(self) -> list[bytes]:
         """The seeds, cut to the longest input."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from helpers.fuzzing.parser import Parser, Take, files, in_file
@@ -284,20 +285,21 @@ def _catalogue(_: Path) -> Take:
     from mopro.errors import ModelError
     from mopro.formula.entry import read_effect
     from mopro.rig.file import HOSTS
-    from mopro.tomlfile import Document
+    from mopro.tomlfile import Document, Value
 
     units = dict.fromkeys(("x", "force", "power", "foreign", "time"), "m")
+
+    def effects(host: object, root: Value) -> list[object]:
+        return [
+            entry.need("name", lambda _, e=entry: read_effect(e, host, units, own=False), "no name")
+            for entry in root.sections("effect")
+        ]
 
     def take(data: bytes) -> None:
         document = Document(_source(data))
         for host in HOSTS.values():
             with suppress(ModelError):
-                document.read(
-                    lambda root: [
-                        e.need("name", lambda _, e=e: read_effect(e, host, units, own=False), "no name")
-                        for e in root.sections("effect")
-                    ]
-                )
+                document.read(partial(effects, host))
 
     return take
 
@@ -619,7 +621,7 @@ TEXTS = (
         _quantity,
         lambda: [b"\x101.5 kg", b"\x202 min", b"\x30.5", b"\x40-3e5 in"],
         _UNITS,
-        60,
+        100,
         60,
     ),
     Parser(
