@@ -523,7 +523,7 @@ LINES = (
         )
         for name in ("checked", "plain")
     ),
-    Parser("token", ("mopro.link.token",), _token, lambda: [b"correct-horse-battery"], (), 40, 150),
+    Parser("token", ("mopro.link.token",), _token, lambda: [b"correct-horse-battery"], (), 80, 150),
     Parser(
         "editor, framing",
         ("mopro.lsp.messages",),
