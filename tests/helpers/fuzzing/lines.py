@@ -318,7 +318,7 @@ def _editor(_: Path) -> Take:
     logger = logging.getLogger("pygls")
     logger.handlers, logger.propagate = [faults], False
     protocol.set_writer(_Nowhere())
-    for message in _MESSAGES[:2]:
+    for message in MESSAGES[:2]:
         _handle(protocol, message)
 
     def take(data: bytes) -> None:
@@ -350,7 +350,7 @@ def _message(method: str, params: object, number: int | None = None) -> bytes:
 _URI = {"uri": "file:///nowhere/a.CMD"}
 _AT = {"textDocument": _URI, "position": {"line": 1, "character": 5}}
 _RANGE = {"start": {"line": 0, "character": 0}, "end": {"line": 3, "character": 1}}
-_MESSAGES = [
+MESSAGES = [
     _message("initialize", {"processId": None, "rootUri": None, "capabilities": {}}, 1),
     _message("initialized", {}),
     _message(
@@ -391,7 +391,7 @@ _MESSAGES = [
     _message("textDocument/didClose", {"textDocument": _URI}),
     _message("shutdown", None, 11),
 ]
-_LSP_WORDS = (
+LSP_WORDS = (
     '"textDocument/hover"',
     '"textDocument/didOpen"',
     '"textDocument/didChange"',
@@ -537,8 +537,8 @@ LINES = (
         "editor, bodies",
         ("mopro.lsp",),
         _editor,
-        lambda: [*_MESSAGES[2:], b"\n".join(_MESSAGES[2:6])],
-        _LSP_WORDS,
+        lambda: [*MESSAGES[2:], b"\n".join(MESSAGES[2:6])],
+        LSP_WORDS,
         1,
         1024,
     ),
