@@ -433,10 +433,9 @@ def _request(_: Path) -> Take:
     panel.feed.ended.set()
     acts = {"fault": panel.fault, "stop": panel.stop}
     app = _application(Page("title", panel.feed, acts), "token", 80)
-    loop = asyncio.new_event_loop()
 
     def take(data: bytes) -> None:
-        loop.run_until_complete(_answered(app, data))
+        asyncio.run(_answered(app, data))
         panel.tick(0.0)
 
     assert isinstance(app, Starlette)
