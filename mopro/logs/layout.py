@@ -141,7 +141,9 @@ def is_stamp(cell: str) -> bool:
 
 
 def _width(rows: list[list[str]]) -> int:
-    return Counter(len(row) for row in rows if any(row)).most_common(1)[0][0]
+    """The most frequent number of cells in a row that is not blank; 0 if all are."""
+    often = Counter(len(row) for row in rows if any(row)).most_common(1)
+    return often[0][0] if often else 0
 
 
 def _first_row(rows: list[list[str]], width: int) -> int | None:

@@ -18,6 +18,7 @@ from mopro.logs import hdf5, read_log
     ("name", "data", "words"),
     [
         ("a.txt", b"time\0x\n\xff\xff\xff\r\xff\xff`1\n0:00:01  \n", None),
+        ("a.txt", b",", "no row of numbers"),
         ("a.txt", b"time x\n#3\n59:5\x81 1\n00:0time :20801 \xd84\n", "0x81 is no character of"),
         ("a.txt", b"# 3\nTC\x02),0,\xcb0\n0.1,2,21\n0.2,3,223\n0,2\r1,7;2\n", "cells, expected 3"),
         ("a.txt", b"t,x_mm,T_C\n0,1,\xb9\n.3,.4,2 \n", "is no number"),
