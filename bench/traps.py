@@ -70,7 +70,7 @@ def changed(source: Path, column: str, trap: Trap, target: Path) -> None:
 
 
 def said(folder: Path, verb: str) -> str:
-    """What a command says of the experiment in a folder, as far as it is about a trap."""
+    """Lines of a command's output on the experiment in a folder that are about a trap."""
     command = [str(Path(sys.executable).parent / "mopro"), verb, "experiment.toml"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     lines = (done.stdout + done.stderr).splitlines()

@@ -138,15 +138,11 @@ def command(
 
     Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
     """
-    if emulate == (port is not None):
-        raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
-    if out == STANDARD and as_json:
-        raise click.UsageError("--json and --out - would both write to standard output")
     keep_inputs(
         [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)],
         [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)],
     )
-    from mopro.emulator import Emulator
+    _refuse_contradictions(emulate, port, out, as_json)
     from mopro.machine import load_machine
 
     replaces = replaces_recording(out, force)
@@ -156,25 +152,17 @@ def command(
     with ExitStack() as outer, ExitStack() as files:
         files.enter_context(claimed(plot, report))
         plant = load_machine(machine)
-        if port is None:
-            _only_with("--port", "baud", "trace", "from_line", "deadline")
-            backend = Emulator(plant, payload, rate, seed)
-            watched = simulated()
-            page = files.enter_context(live_run(program, plant, for_s)) if live else None
-            if page is not None:
-                pictures.show(page)
-                files.enter_context(page.signals)
-                files.enter_context(page.signals.raised())
-        else:
-            _only_with("--emulate", "payload", "rate", "seed")
-            if from_line is not None:
-                program = _from_line(program, from_line, yes)
+        if port is not None:
+            program = _from_line(program, from_line, yes)
             refuse_unrunnable(program, machine, for_s)
-            page = files.enter_context(live_run(program, plant, for_s)) if live else None
-            link = (port, dialect, baud, trace)
-            backend = _on_controller(outer, files, link, plant, deadline, page)
-            watched = in_motion(length_unit(program, plant))
-        with watched as told:
+        page = files.enter_context(live_run(program, plant, for_s)) if live else None
+        if port is None:
+            backend = _emulated(files, (plant, payload, rate, seed), page, pictures)
+        else:
+            backend = _on_controller(
+                outer, files, (port, dialect, baud, trace), plant, deadline, page
+            )
+        with simulated() if port is None else in_motion(length_unit(program, plant)) as told:
             run = _recorded(backend, program, (for_s, settle_s), out, pictures, told)
         if page is not None:
             page.end(run)
@@ -182,6 +170,37 @@ def command(
         all_drawn = pictures.draw(backend.header(program), run, plant, machine)
         tell(run, program, Written(out, replaces), for_s, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
+
+
+def _refuse_contradictions(emulate: bool, port: str | None, out: Path, as_json: bool) -> None:
+    """UsageError for two back ends or none, options of the other one, and two standard outputs."""
+    if emulate == (port is not None):
+        raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
+    if out == STANDARD and as_json:
+        raise click.UsageError("--json and --out - would both write to standard output")
+    if emulate:
+        _only_with("--port", "baud", "trace", "from_line", "deadline")
+    else:
+        _only_with("--emulate", "payload", "rate", "seed")
+
+
+def _emulated(
+    files: ExitStack,
+    setup: tuple[Machine, float, float, int],
+    page: Live | None,
+    pictures: _Pictures,
+) -> Emulator:
+    """The emulator of `setup`: its machine, payload (kg), rate (Hz) and seed.
+
+    `files` holds the signals of a live `page`, which shows what the pictures take.
+    """
+    from mopro.emulator import Emulator
+
+    if page is not None:
+        pictures.show(page)
+        files.enter_context(page.signals)
+        files.enter_context(page.signals.raised())
+    return Emulator(*setup)
 
 
 def _on_controller(
@@ -252,8 +271,10 @@ def _only_with(other: str, *names: str) -> None:
             raise click.UsageError(f"--{name.replace('_', '-')} goes with {other} only")
 
 
-def _from_line(program: Program, line: int, yes: bool) -> Program:
-    """The program from `line` on, after its settings are shown and confirmed."""
+def _from_line(program: Program, line: int | None, yes: bool) -> Program:
+    """The program from `line` on, after its settings are shown and confirmed; all of it if None."""
+    if line is None:
+        return program
     from mopro.program.resume import resume
 
     resumed = resume(program, line)

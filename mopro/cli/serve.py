@@ -14,6 +14,7 @@ from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
+    from mopro.controller import FolderStore, MemoryStore
     from mopro.emulator import Emulator
 
 # Largest factor of time at which the kernel is fast enough in plain Python, which starts sooner.
@@ -87,10 +88,9 @@ def command(
     """
     from dataclasses import replace
 
-    from mopro.controller import FolderStore, MemoryStore, Scenario, Station, load_scenario
+    from mopro.controller import Scenario, Station, load_scenario
     from mopro.controller.serve import open_end, serve
     from mopro.emulator import Emulator
-    from mopro.errors import DataError
     from mopro.link import load_dialect
     from mopro.machine import load_machine
 
@@ -105,13 +105,7 @@ def command(
     emulator = Emulator(load_machine(machine), payload, compiled=speed > _PLAIN_SPEED)
     if emulator.compiled:
         _warm(emulator)
-    try:
-        programs = FolderStore(store) if store else MemoryStore()
-    except OSError as error:
-        raise DataError(
-            f"{store}: cannot keep programs: {error.strerror}", "unwritable-output"
-        ) from error
-    station = Station(language, emulator, programs, scenario, baud, grammar)
+    station = Station(language, emulator, _programs(store), scenario, baud, grammar)
     end = open_end(listen, baud or language.line.baud, allow_remote, token(), idle)
     try:
         say(end.address)
@@ -124,6 +118,18 @@ def command(
         return
     finally:
         end.close()
+
+
+def _programs(folder: Path | None) -> FolderStore | MemoryStore:
+    """Store of programs, in `folder` or in memory; DataError if it cannot keep any."""
+    from mopro.controller import FolderStore, MemoryStore
+    from mopro.errors import DataError
+
+    try:
+        return FolderStore(folder) if folder else MemoryStore()
+    except OSError as error:
+        message = f"{folder}: cannot keep programs: {error.strerror}"
+        raise DataError(message, "unwritable-output") from error
 
 
 def _warm(emulator: Emulator) -> None:

@@ -153,7 +153,7 @@ class _Motion:
 
 
 def _motion(series: Series, predicted: Floats) -> _Motion:
-    """What is predicted, where that is a place at ascending times; else the labels."""
+    """Motion that is predicted, of places at ascending times; else that of the labels."""
     time_s = series.time_s
     told = series.of_place and time_s is not None and bool((np.diff(time_s) > 0).all())
     return _Motion(series, predicted if told and len(series) > 1 else None)

@@ -7,7 +7,7 @@ metres by the sensors of a `View`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ Values = Mapping[str, float]
 
 # Least contrast of a step, in standard deviations.
 _STEP_SIGMAS = 6.0
+# Periods in the longest travel below which a line is a bend.
+FEWEST_PERIODS = 2.0
 _FEWEST_FOR_SPEED = _FEWEST_FOR_A_STEP = 2
 
 
@@ -50,6 +52,29 @@ def lines_over_position(
     from mopro.diagnosis.spectrum import position_spectrum
 
     return position_spectrum(places_m, residuals, finest_m)
+
+
+def strongest_lines(
+    view: View, fit: ResidualView, finest_m: float, most: int
+) -> Iterator[tuple[float, float, float]]:
+    """Sine and cosine (m) and period (m) of the `most` strongest lines of the residual over place.
+
+    A line has two periods at least in the longest travel, and a period above `finest_m`.
+    """
+    from mopro.diagnosis.spectrum import sinusoid
+
+    targets = targets_m(view, fit)
+    rows = [row for row, place in targets.items() if np.ptp(place) > 0]
+    if not rows:
+        return
+    places = [targets[row] for row in rows]
+    cycles, power = lines_over_position(places, [fit.residuals[row] for row in rows], finest_m)
+    power[cycles * max(float(np.ptp(place)) for place in places) < FEWEST_PERIODS] = 0.0
+    x = np.concatenate(places)
+    residual = np.concatenate([residual_m(view, fit, row) for row in rows])
+    for peak in peaks(power)[:most]:
+        q = 2 * math.pi * float(cycles[peak])
+        yield (*sinusoid(q * x, residual), 2 * math.pi / q)
 
 
 def delay_s(view: View, fit: ResidualView) -> tuple[float, float]:

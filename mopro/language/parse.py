@@ -303,7 +303,7 @@ def _slip(
 
 
 def _other_words(word: str, rest: str) -> str | None:
-    """What to write in place of a word of another language, or of quotes around a statement."""
+    """Statement to write in place of another language's word, or of quotes around a statement."""
     if word.startswith(_COMMENT_MARKS) or word.upper() == "REM":
         return "a comment begins with `;`"
     if word.upper() in _JUMPS:

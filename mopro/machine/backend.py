@@ -16,7 +16,7 @@ DEFAULT_LOOP_S = 60.0
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run has got: `time_s` of `total_s` seconds, in source line `line`.
+    """Progress of a run: `time_s` of `total_s` seconds, in source line `line`.
 
     `position_m` are the positions of the axes as last seen, or else as commanded.
     """

@@ -1,4 +1,4 @@
-"""What stands beside the plots of an experiment: programs, marks where it disagrees, the platen."""
+"""Surroundings of an experiment's plots: programs, marks of disagreements, the platen."""
 
 from __future__ import annotations
 

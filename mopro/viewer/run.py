@@ -49,7 +49,7 @@ class Found(Protocol):
 
     @property
     def message(self) -> str:
-        """What was found."""
+        """Text of the finding."""
         ...
 
     @property
@@ -91,7 +91,7 @@ class RunSink:
         self._note_lines(columns["time_s"], columns["line"])
 
     def track(self) -> Track:
-        """What was written, in the fewest buckets that hold it; DataError if nothing was."""
+        """All samples so far, in the fewest buckets that hold them; DataError if there are none."""
         if not self.names:
             raise DataError("the run has no samples")
         overview = self._envelope.buckets()

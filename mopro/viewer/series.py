@@ -36,7 +36,7 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Beside:
-    """What is shown beside the plots of one run: its program's lines, marks and the platen."""
+    """Surroundings of the plots of one run: its program's lines, marks and the platen."""
 
     program: Sequence[str] = ()
     marks: Sequence[Mark] = ()

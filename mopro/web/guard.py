@@ -1,4 +1,4 @@
-"""What a page's server answers: its own page alone, by its own address and with its token."""
+"""Guard of a page's server: it answers its own page alone, at its own address, with its token."""
 
 from __future__ import annotations
 

@@ -9,19 +9,11 @@ import numpy as np
 
 from mopro.diagnosis.model import Candidate, ResidualView, Role
 from mopro.diagnosis.model import Parameter as Fitted
-from mopro.diagnosis.spectrum import sinusoid
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View, phase
-from mopro.effects.search import (
-    Values,
-    lines_over_position,
-    peaks,
-    residual_m,
-    targets_m,
-)
+from mopro.effects.search import Values, strongest_lines
 
 _PERIODS_TRIED = 3
 _FINEST_PERIOD_M = 1e-4
-_FEWEST_PERIODS = 2.0
 _PERIOD = Fitted(
     "lambda", "m", 8e-5, 0.15, role=Role.SHAPE, inverse=True, difference=1e-6, plausible=(1e-4, 0.1)
 )
@@ -62,22 +54,9 @@ class PeriodicError(Effect):
 
 def _lines(view: View, fit: ResidualView) -> Iterator[Values]:
     """Starting values from the strongest spectral lines over position."""
-    targets = targets_m(view, fit)
-    rows = [row for row, place in targets.items() if np.ptp(place) > 0]
-    if not rows:
-        return
-    places = [targets[row] for row in rows]
-    residuals = [fit.residuals[row] for row in rows]
-    cycles, power = lines_over_position(places, residuals, _FINEST_PERIOD_M)
-    reach = max(float(np.ptp(place)) for place in places)
-    power[cycles * reach < _FEWEST_PERIODS] = 0.0
-    for peak in peaks(power)[:_PERIODS_TRIED]:
-        q = 2 * math.pi * float(cycles[peak])
-        x = np.concatenate(places)
-        r = np.concatenate([residual_m(view, fit, row) for row in rows])
-        sine, cosine = sinusoid(q * x, r)
+    for sine, cosine, period in strongest_lines(view, fit, _FINEST_PERIOD_M, _PERIODS_TRIED):
         yield {
             "A": math.hypot(sine, cosine),
-            "lambda": 2 * math.pi / q,
+            "lambda": period,
             "phi": math.atan2(cosine, sine),
         }

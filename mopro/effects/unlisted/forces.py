@@ -11,16 +11,14 @@ import numpy as np
 
 from mopro.diagnosis.model import Candidate, ResidualView, Role
 from mopro.diagnosis.model import Parameter as Fitted
-from mopro.diagnosis.spectrum import sinusoid
 from mopro.effects.base import Domain, Floats, Parameter, View, phase
 from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_M, DahlFriction
-from mopro.effects.search import Values, lines_over_position, peaks, residual_m, targets_m
+from mopro.effects.search import FEWEST_PERIODS, Values, strongest_lines
 from mopro.effects.unlisted.term import FreeFormTerm, size
 from mopro.machine.constants import PlantConstants
 
 # Shortest period (m) of a force that repeats with the place, as the catalogue's cyclic error has.
 _FINEST_PERIOD_M = 1e-4
-_FEWEST_PERIODS = 2.0
 # Starts of a force of a period: the strongest lines of the residual over the place. The strongest
 # is not always one of force; each costs two simulations.
 _PERIODS_TRIED = 2
@@ -29,7 +27,10 @@ _LARGEST_SHARE = 0.5
 
 
 class _Force(FreeFormTerm):
-    """Base of forces in proportion to one function of the motion, within the pull-out force."""
+    """Base of forces on the forcer; unless overridden, c times a function of place and speed.
+
+    That is fitted up to the pull-out force.
+    """
 
     domain = Domain.DYNAMICS
     enters = "force"
@@ -38,35 +39,27 @@ class _Force(FreeFormTerm):
     # True if it grows with the speed: along the motion, the damping must exceed it.
     of_speed: ClassVar[bool] = False
 
-    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
-        """The term for c = 1, along a motion (m, m/s, m/s²)."""
-        raise NotImplementedError
-
     def forms(self, view: View) -> Iterator[Candidate]:
+        assert self.force is not None, "a force of the motion states it"
         motions, axis = list(_motions(view)), view.machine.axis
-        reach = max((float(np.abs(self.shape(*m)).max()) for m in motions), default=0.0)
+        reach = max((float(np.abs(self.force(x, v, 1.0)).max()) for x, v in motions), default=0.0)
         if not reach:
             return
         size = self.size(axis.pull_out_force_N / reach)
         if self.of_speed:
-            fastest = max(float(np.abs(v).max()) for _, v, _ in motions)
+            fastest = max(float(np.abs(v).max()) for _, v in motions)
             along = min(size.high, axis.drive_damping_N_s_m * fastest / reach)
             size = replace(size, high=along, starts=tuple(-start for start in size.starts))
-        yield self.form(size, fixed=self.assumed(), law=self.law)
-
-    def assumed(self) -> Mapping[str, float]:
-        """Parameters that are not fitted."""
-        return {}
+        yield self.form(size, law=self.law)
 
 
-def _motions(view: View) -> Iterator[tuple[Floats, Floats, Floats]]:
-    """Place, speed and acceleration (SI) that the model predicts at each position sensor."""
+def _motions(view: View) -> Iterator[tuple[Floats, Floats]]:
+    """Place (m) and speed (m/s) that the model predicts at each position sensor."""
     places = view.targets({})
     for row, (_, reading) in view.positions().items():
         if len(reading.time_s) > 1:
             x = places[row] * reading.sensor.unit_si
-            v = np.gradient(x, reading.time_s)
-            yield x, v, np.gradient(v, reading.time_s)
+            yield x, np.gradient(x, reading.time_s)
 
 
 class _OfSpeed(_Force):
@@ -78,9 +71,6 @@ class _OfSpeed(_Force):
     def force(x: float, v: float, c: float) -> float:
         return c * v
 
-    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
-        return v
-
 
 class _OfSpeedSquared(_Force):
     name, of, text = "force of v|v|", "v", "v * abs(v)"
@@ -90,9 +80,6 @@ class _OfSpeedSquared(_Force):
     @staticmethod
     def force(x: float, v: float, c: float) -> float:
         return c * v * abs(v)
-
-    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
-        return v * np.abs(v)
 
 
 class _OfDirection(_Force):
@@ -106,20 +93,15 @@ class _OfDirection(_Force):
     def force(x: float, v: float, z: float, c: float, delta: float) -> float:
         return c * z
 
-    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
-        return np.ones_like(x)
-
-    def assumed(self) -> Mapping[str, float]:
-        return {"delta": PRESLIDING_M}
+    def forms(self, view: View) -> Iterator[Candidate]:
+        largest = self.size(view.machine.axis.pull_out_force_N)
+        yield self.form(largest, fixed={"delta": PRESLIDING_M}, law=self.law)
 
 
-class _MotorOfDirection(FreeFormTerm):
+class _MotorOfDirection(_Force):
     """A motor that is stronger in one direction: a force in proportion to its own."""
 
     name, of, text = "motor's force of sgn v", "sgn v", "force * sign(v)"
-    domain = Domain.DYNAMICS
-    enters, unit = "force", "N"
-    kernel_group = "unlisted"
     parameters = (size("1"), PRESLIDING)
     slide = staticmethod(DahlFriction.slide)
 
@@ -139,9 +121,6 @@ class _OfPlace(_Force):
     def force(x: float, v: float, c: float) -> float:
         return c * x
 
-    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
-        return x
-
 
 class _OfPlaceSquared(_Force):
     name, of, text = "force of x²", "x", "x**2"
@@ -151,9 +130,6 @@ class _OfPlaceSquared(_Force):
     def force(x: float, v: float, c: float) -> float:
         return c * x * x
 
-    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
-        return x**2
-
 
 class _OfPlaceCubed(_Force):
     name, of, text = "force of x³", "x", "x**3"
@@ -162,9 +138,6 @@ class _OfPlaceCubed(_Force):
     @staticmethod
     def force(x: float, v: float, c: float) -> float:
         return c * x * x * x
-
-    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
-        return x**3
 
 
 class _OfAcceleration(_Force):
@@ -177,22 +150,16 @@ class _OfAcceleration(_Force):
     def plant(self, plant: PlantConstants, *p: float) -> PlantConstants:
         return replace(plant, mass_kg=plant.mass_kg - p[0])
 
-    def shape(self, x: Floats, v: Floats, a: Floats) -> Floats:
-        return a
-
     def forms(self, view: View) -> Iterator[Candidate]:
         # A mass of nearly nothing rings faster than the steps of integration.
         half = view.machine.axis.moving_mass_kg / 2
         yield self.form(self.size(half), law=self.law)
 
 
-class _OfPlaceModuloPeriod(FreeFormTerm):
+class _OfPlaceModuloPeriod(_Force):
     """A force that repeats with the place: c sin(2πx/p + phi)."""
 
     name, of, text = "force of x mod", "x mod", "sin(2 * pi * x / p + phi)"
-    domain = Domain.DYNAMICS
-    enters, unit = "force", "N"
-    kernel_group = "unlisted"
     parameters = (
         size("N"),
         Parameter("p", "m", "length", 1e-3, (1e-4, 0.1), 1e-6, 10.0, "period", null=1e-3),
@@ -207,12 +174,12 @@ class _OfPlaceModuloPeriod(FreeFormTerm):
         return f"{values['c']:.4g} * sin(2 * pi * x / {values['p']:.5g} + {values['phi']:.3g})"
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        reach = max((float(np.ptp(x)) for x, _, _ in _motions(view)), default=0.0)
-        if reach < _FEWEST_PERIODS * _FINEST_PERIOD_M:
+        reach = max((float(np.ptp(x)) for x, _ in _motions(view)), default=0.0)
+        if reach < FEWEST_PERIODS * _FINEST_PERIOD_M:
             return
         largest = view.machine.axis.pull_out_force_N
         period = Fitted(
-            "p", "m", _FINEST_PERIOD_M, reach / _FEWEST_PERIODS, role=Role.SHAPE, inverse=True,
+            "p", "m", _FINEST_PERIOD_M, reach / FEWEST_PERIODS, role=Role.SHAPE, inverse=True,
             difference=1e-6,
         )  # fmt: skip
         yield self.form(
@@ -223,18 +190,7 @@ class _OfPlaceModuloPeriod(FreeFormTerm):
 
 def _lines(view: View, fit: ResidualView) -> Iterator[Values]:
     """Starts from the strongest lines of the residual over the place, as a spring would show."""
-    places = targets_m(view, fit)
-    rows = [row for row, x in places.items() if np.ptp(x) > 0]
-    if not rows:
-        return
-    x = [places[row] for row in rows]
-    reach = max(float(np.ptp(own)) for own in x)
-    cycles, power = lines_over_position(x, [fit.residuals[row] for row in rows], _FINEST_PERIOD_M)
-    power[cycles * reach < _FEWEST_PERIODS] = 0.0
-    shifted = np.concatenate([residual_m(view, fit, row) for row in rows])
-    for peak in peaks(power)[:_PERIODS_TRIED]:
-        period = 1 / float(cycles[peak])
-        sine, cosine = sinusoid(2 * math.pi * np.concatenate(x) / period, shifted)
+    for sine, cosine, period in strongest_lines(view, fit, _FINEST_PERIOD_M, _PERIODS_TRIED):
         force = view.machine.axis.stiffness_N_m * math.hypot(sine, cosine)
         yield {"c": force, "p": period, "phi": math.atan2(cosine, sine)}
 

@@ -17,18 +17,14 @@ _RISE_K, _SPEED_M_S, _TIME_S = 10.0, 0.1, 600.0
 
 
 class _HeatFlow(FreeFormTerm):
-    """Base of heat flows in proportion to one variable."""
+    """Base of heat flows in proportion to one variable.
+
+    `reference`: a common value of the variable, in SI.
+    """
 
     domain = Domain.HEAT
     enters, unit = "heat", "W"
     reference: ClassVar[float]
-
-    def variable(self, here: Surroundings) -> float:
-        """The term for c = 1 (W)."""
-        raise NotImplementedError
-
-    def heat(self, here: Surroundings, *p: float) -> None:
-        here.extra_W += p[0] * self.variable(here)
 
     def forms(self, view: View) -> Iterator[Candidate]:
         yield self.form(self.size(_LARGEST_W / self.reference), law=self.law)
@@ -39,8 +35,8 @@ class _OfRise(_HeatFlow):
     parameters = (size("W/K"),)
     reference = _RISE_K
 
-    def variable(self, here: Surroundings) -> float:
-        return here.temperature_C - here.air_C
+    def heat(self, here: Surroundings, *p: float) -> None:
+        here.extra_W += p[0] * (here.temperature_C - here.air_C)
 
 
 class _OfRiseSquared(_HeatFlow):
@@ -48,9 +44,9 @@ class _OfRiseSquared(_HeatFlow):
     parameters = (size("W/K2"),)
     reference = _RISE_K**2
 
-    def variable(self, here: Surroundings) -> float:
+    def heat(self, here: Surroundings, *p: float) -> None:
         rise = here.temperature_C - here.air_C
-        return rise * abs(rise)
+        here.extra_W += p[0] * rise * abs(rise)
 
 
 class _OfSpeed(_HeatFlow):
@@ -58,8 +54,8 @@ class _OfSpeed(_HeatFlow):
     parameters = (size("J/m"),)
     reference = _SPEED_M_S
 
-    def variable(self, here: Surroundings) -> float:
-        return sum(here.speeds_m_s)
+    def heat(self, here: Surroundings, *p: float) -> None:
+        here.extra_W += p[0] * sum(here.speeds_m_s)
 
 
 class _OfSpeedSquared(_HeatFlow):
@@ -67,8 +63,8 @@ class _OfSpeedSquared(_HeatFlow):
     parameters = (size("J s/m2"),)
     reference = _SPEED_M_S**2
 
-    def variable(self, here: Surroundings) -> float:
-        return sum(speed**2 for speed in here.speeds_m_s)
+    def heat(self, here: Surroundings, *p: float) -> None:
+        here.extra_W += p[0] * sum(speed**2 for speed in here.speeds_m_s)
 
 
 class _OfTime(_HeatFlow):
@@ -76,8 +72,8 @@ class _OfTime(_HeatFlow):
     parameters = (size("W/s"),)
     reference = _TIME_S
 
-    def variable(self, here: Surroundings) -> float:
-        return here.time_s
+    def heat(self, here: Surroundings, *p: float) -> None:
+        here.extra_W += p[0] * here.time_s
 
 
 class _AirOfTime(FreeFormTerm):
