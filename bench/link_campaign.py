@@ -1,6 +1,6 @@
 """Flashes and runs under random faults against the virtual controller, in simulated time.
 
-    python bench/link_campaign.py --flashes 1000 --runs 300
+    python bench/link_campaign.py --flashes 1000 --runs 300 --hostile 400
 
 Each trial has a seed of its own, from which its program, its faults and its line come. The
 truth is looked up in the controller's own memory, which no fault can reach. Prints a table
@@ -11,6 +11,10 @@ for each dialect and exits with 1 if anything is broken that must not break:
 - a trial that goes on past its deadline, or ends in anything but a report,
 - a stored program that is neither the old nor the new one,
 - motion after the host has reported a stop.
+
+Then the controller itself turns hostile at a random moment of a run: replies of any kind, lines
+without an end, another dialect, silence, echo, NUL bytes, noise. A run must end in time, in a
+report, and with a stop sent.
 """
 
 from __future__ import annotations
@@ -23,8 +27,13 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import cycle, islice, product
+from pathlib import Path
 from random import Random
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from helpers import hostile
 from mopro.controller import Device, LoopbackPort, MemoryStore, Scenario, Station
 from mopro.controller.faults import Fault, PlantFault
 from mopro.emulator import Emulator
@@ -219,13 +228,33 @@ def show(kind: str, dialect: str, trials: int, tally: Tally, wall_s: float) -> N
         print(f"  see: {', '.join(tally.seeds[:12])}")
 
 
+def hostile_campaign(trials: int, jobs: int) -> bool:
+    """Print a row for each kind of hostile controller; True if any trial has failed."""
+    chosen = islice(cycle(product(hostile.KINDS, builtin_dialects())), trials)
+    arguments = [(kind, dialect, n) for n, (kind, dialect) in enumerate(chosen)]
+    with ProcessPoolExecutor(jobs) as pool:
+        done = list(pool.map(hostile.trial, *zip(*arguments, strict=True), chunksize=4))
+    print(f"\nhostile controllers: {trials} trials")
+    for kind in hostile.KINDS:
+        own = [t for t in done if t.kind == kind]
+        endings = Counter(t.ending for t in own)
+        words = ", ".join(f"{ending} {count}" for ending, count in endings.most_common())
+        failed = Counter(f for t in own for f in t.failures)
+        shown = ", ".join(f"{name} {failed[name]}" for name in hostile.FAILURES)
+        print(f"  {len(own):5d}  {kind:16} {words}; failures: {shown}")
+    for t in [t for t in done if t.failures][:12]:
+        print(f"  see: {t}")
+    return any(t.failures for t in done)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--flashes", type=int, default=1000, help="for each dialect")
     parser.add_argument("--runs", type=int, default=300, help="for each dialect")
+    parser.add_argument("--hostile", type=int, default=400, help="over both dialects")
     parser.add_argument("--jobs", type=int, default=2)
     chosen = parser.parse_args()
-    failed = False
+    failed = bool(chosen.hostile) and hostile_campaign(chosen.hostile, chosen.jobs)
     for kind, trials in (("flash", chosen.flashes), ("run", chosen.runs)):
         for dialect in builtin_dialects():
             started_s = time.perf_counter()

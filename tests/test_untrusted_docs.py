@@ -11,6 +11,7 @@ from mopro.emulator.backend import MOST_SAMPLES
 from mopro.experiment.read import data
 from mopro.formula import entry as entries
 from mopro.formula import language as formulas
+from mopro.formula.dimension import MOST_FACTORS
 from mopro.instruments import daq
 from mopro.language.load import MOST_BYTES as MOST_PROGRAM_BYTES
 from mopro.language.load import MOST_COLUMNS
@@ -18,6 +19,7 @@ from mopro.language.parse import MOST_DIGITS as MOST_DIGITS_OF_PROGRAM
 from mopro.link.template import MOST_DIGITS
 from mopro.lint.stall_margins import MOST_EMULATED_S
 from mopro.logs import containers, layout, place, table
+from mopro.logs.hdf5 import PATIENCE_S
 from mopro.lsp.messages import MOST_BYTES as MOST_MESSAGE_BYTES
 from mopro.lsp.server import MOST_CHARACTERS
 from mopro.machine.model import FASTEST_1_S
@@ -27,6 +29,7 @@ from mopro.recording import reading
 from mopro.rig import file as rigs
 from mopro.tomlfile import MOST_BYTES as MOST_TOML_BYTES
 from mopro.tomlfile.scan import MOST_LEVELS
+from mopro.web import server
 
 MIB = 1 << 20
 BOUNDS = [
@@ -36,6 +39,9 @@ BOUNDS = [
     ),
     ("a machine beside the motor", [f"effects of {entries.MOST_PARAMETERS} parameters"]),
     ("a formula", [f"{formulas.MOST_CHARACTERS} characters", f"{formulas.MOST_LEVELS} levels"]),
+    ("a unit", [f"exponents of {MOST_FACTORS}"]),
+    ("a log (HDF5)", [f"within {PATIENCE_S:g} s"]),
+    ("a live page", [f"{server.MOST_CONNECTIONS} connections, {server.PATIENCE_S:g} s"]),
     ("program", [f"{MOST_PROGRAM_BYTES // MIB} MiB", f"{MOST_COLUMNS} characters a line"]),
     ("program", [f"{MOST_DIGITS_OF_PROGRAM} characters a number"]),
     ("a wait", [f"{MOST_DWELL_MS} ms"]),
@@ -71,7 +77,7 @@ BOUNDS = [
 @pytest.fixture(scope="module")
 def rows():
     text = (ROOT / "docs" / "untrusted.md").read_text("utf-8")
-    bounds = text.partition("\n## Bounds\n")[2]
+    bounds = text.partition("\n## Bounds\n")[2].partition("\n## ")[0]
     cells = [line.split("|")[1:3] for line in bounds.splitlines() if line.startswith("| ")]
     return {name.strip(): bound for name, bound in cells}
 

@@ -112,7 +112,7 @@ class TcpEnd:
         accepted.setblocking(False)
         guest = _Guest(accepted, self._clock())
         self._guests.append(guest)
-        self._drop_guests(self._guests[:-_MOST_GUESTS])
+        self._turn_away(self._guests[:-_MOST_GUESTS])
         if self._token is None:
             self._admit(guest)
 
@@ -167,6 +167,15 @@ class TcpEnd:
             with suppress(OSError):
                 guest.socket.send(NOTICE + guest.why + b"\r\n")
                 guest.socket.shutdown(socket.SHUT_WR)
+
+    def _turn_away(self, guests: list[_Guest]) -> None:
+        """Drop guests at once, told why; what they have sent and nobody reads would be a reset."""
+        for guest in guests:
+            with suppress(OSError):
+                guest.socket.recv(_CHUNK)
+            guest.why = guest.why or b"busy: too many wait"
+            self._tell(guest)
+        self._drop_guests(guests)
 
     def _look_after_guests(self) -> None:
         now_s = self._clock()

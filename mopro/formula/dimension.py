@@ -21,8 +21,9 @@ _DIMENSIONS = {
     "energy": (2, 1, -2), "power": (2, 1, -3), "voltage": (2, 1, -3, -1),
     "resistance": (2, 1, -3, -2), "inductance": (2, 1, -2, -2),
 }  # fmt: skip
-_SYMBOL = re.compile(r"([A-Za-z%]+|1)(?:\^?(-?\d+(?:\.\d+)?))?")
+_SYMBOL = re.compile(r"([A-Za-z%]+|1)(?:\^?(-?\d+(?:\.\d+)?))?", re.ASCII)
 _LONGEST = 60
+MOST_FACTORS = 24
 
 
 class UnitError(ValueError):
@@ -48,6 +49,8 @@ def _parsed(unit: str) -> list[tuple[str, Fraction]]:
             if match is None or symbol not in UNITS or UNITS[symbol][0] not in _DIMENSIONS:
                 raise UnitError(f"'{word[:20]}' in '{unit}' is no unit")
             found.append((symbol, way * Fraction(match[2] or 1)))
+    if sum(abs(exponent) for _, exponent in found) > MOST_FACTORS:
+        raise UnitError(f"'{unit}' has exponents of more than {MOST_FACTORS} in all")
     return found
 
 

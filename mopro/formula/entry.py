@@ -16,6 +16,7 @@ from mopro.tomlfile.schema import flag, number_in, one_of, text
 MOST_EFFECTS, MOST_PARAMETERS = 60, 8
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
 _EFFECT_NAME = re.compile(r"[^\W][^\n\"]{0,59}")
+_PLACE = re.compile(r"\{([a-z]+)\}")
 _EFFECT_KEYS = {"name", "enters", "formula", "form", "extends", "driven"}
 _PARAMETER_KEYS = {"unit", "range", "start", "role", "positive"}
 
@@ -157,11 +158,22 @@ def _parameter(units: Mapping[str, str], host: Host) -> Callable[[Value], Effect
 
 
 def _template(value: Value, units: Mapping[str, str]) -> str:
-    """The unit, or the product of a list of units with `{x}` and the like in them."""
-    if not isinstance(value.data, list):
-        filled = value.data.format(**units) if units and isinstance(value.data, str) else None
-        return filled or read_unit(value)
-    return product(*(part.format(**units) for part in value.data))
+    """The unit, or the product of a list of units; `{x}` and the like in them are of `units`."""
+    if not isinstance(value.data, list) and not units:
+        return read_unit(value)
+    try:
+        if isinstance(value.data, list):
+            return product(*(_filled(part, units) for part in value.data))
+        filled = _filled(value.data, units)
+        dimension_of_unit(filled)
+    except (KeyError, TypeError, UnitError) as error:
+        message = f"{value.key}: expected a unit or a list of units"
+        raise value.refused(message, "wrong-unit") from error
+    return filled
+
+
+def _filled(unit: str, units: Mapping[str, str]) -> str:
+    return _PLACE.sub(lambda found: units[found[1]], unit)
 
 
 def read_range(value: Value) -> tuple[float, float]:

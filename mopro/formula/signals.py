@@ -24,6 +24,9 @@ def _lag(time_s: Floats, signal: Floats, tau: float) -> Floats:
     result = signal.copy()
     for i in range(1, len(signal)):
         step = (time_s[i] - time_s[i - 1]) / tau
+        if step == 0.0:  # beside a huge constant the time stands still
+            result[i] = result[i - 1]
+            continue
         # The exact answer to a signal that is linear between two samples.
         share = -math.expm1(-step)
         slope = (signal[i] - signal[i - 1]) / step

@@ -395,7 +395,8 @@ class Session:
                 del self._held[: end + len(self._reply_end)]
                 self._taken += end + len(self._reply_end)
                 return line
-            data = self.port.read(until_s)
+            # Bytes that go on and on are no line: they do not extend the time.
+            data = self.port.read(until_s) if self.port.now_s() < until_s else b""
             if not data:
                 self._wait_until_s(0)
                 raise Damaged("the controller does not answer")

@@ -21,6 +21,8 @@ _LOOK_S = 0.02
 _WRITE_TIMEOUT_S = 2.0
 _WHY = re.compile(re.escape(NOTICE) + rb"([ -~]{1,80})")
 _REMEMBERED = 256
+# pyserial tells an odd option of a URL by KeyError, an odd pattern of hwgrep:// by re.error.
+_BAD_URL = (serial.SerialException, OSError, ValueError, KeyError, TypeError, re.error)
 _PARITY = {"none": "N", "even": "E", "odd": "O"}
 
 
@@ -59,7 +61,7 @@ class SerialPort:
         self.url = url
         try:
             self._serial = serial.serial_for_url(url, **options)
-        except (serial.SerialException, OSError, ValueError) as error:
+        except _BAD_URL as error:
             raise _port_error(url, error) from error
         self._heard = b""
         if token is not None and url.startswith("socket://"):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import struct
+import zlib
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from mopro.logs.table import MOST_ROWS, Table
 
 MOST_COLUMNS = 500
 MOST_MESSAGE_BYTES = 1 << 20
+_LATEST_NS = (1 << 63) - 1
 # What the libraries raise for a file that is not what its name says.
 _FAULTS = (
     EOFError, KeyError, OverflowError, RuntimeError, TypeError, ValueError, struct.error,
@@ -28,7 +31,6 @@ def read_parquet(path: Path, name: str) -> Table:
     """Columns of a Parquet file: numbers, words and time stamps."""
     import pyarrow as pa
     import pyarrow.parquet as pq
-    from pyarrow import types
 
     try:
         with pq.ParquetFile(path) as file:
@@ -37,31 +39,49 @@ def read_parquet(path: Path, name: str) -> Table:
             if len(set(schema.names)) < len(schema.names):
                 raise ValueError("two columns have the same name")
             table = file.read()
+        columns = {
+            field.name: column
+            for field in schema
+            if (column := _arrow_column(table[field.name].combine_chunks(), field.type)) is not None
+        }
     except (*_FAULTS, pa.ArrowException) as error:
         raise _refusal(path, error) from error
-    columns: dict[str, Any] = {}
-    for field in schema:
-        column = table[field.name].combine_chunks()
-        if types.is_timestamp(field.type):
-            columns[field.name] = column.cast(pa.timestamp("ns", field.type.tz)).cast(pa.int64())
-            columns[field.name] = columns[field.name].to_numpy(zero_copy_only=False)
-        elif types.is_integer(field.type) or types.is_floating(field.type):
-            columns[field.name] = _floats(column.to_numpy(zero_copy_only=False))
-        elif types.is_string(field.type) or types.is_large_string(field.type):
-            columns[field.name] = column.cast(pa.string())
     return _table(path, name, columns)
 
 
+def _arrow_column(column: Any, kind: Any) -> Any:
+    """Numbers, stamps in ns or words; None for anything else."""
+    import pyarrow as pa
+    from pyarrow import types
+
+    if types.is_timestamp(kind):
+        stamps = column.cast(pa.timestamp("ns", kind.tz)).cast(pa.int64())
+        return stamps.to_numpy(zero_copy_only=False)
+    if types.is_integer(kind) or types.is_floating(kind):
+        return _floats(column.to_numpy(zero_copy_only=False))
+    if types.is_string(kind) or types.is_large_string(kind):
+        column.validate(full=True)  # the words are UTF-8
+        return column.cast(pa.string())
+    return None
+
+
 def read_npz(path: Path, name: str) -> Table:
-    """Arrays of one length in an NPZ archive; pickled objects are refused."""
+    """Arrays of one length in an NPZ archive; what is no column of numbers is left out."""
     import zipfile
 
-    if not zipfile.is_zipfile(path):
-        raise _refusal(path, ValueError("it is no archive of arrays"))
+    from mopro.recording import npz
+
+    arrays: dict[str, NDArray[Any]] = {}
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {key: archive[key] for key in archive.files[:MOST_COLUMNS]}
-    except (*_FAULTS, zipfile.BadZipFile) as error:
+        with zipfile.ZipFile(path) as archive:
+            for key, info in npz.members(archive).items():
+                try:
+                    rows = npz.rows_of(archive, info)
+                except npz.NoColumn:
+                    continue
+                _check(path, rows, len(arrays) + 1)
+                arrays[key] = npz.column_of(archive, info)
+    except (*_FAULTS, zipfile.BadZipFile, zlib.error) as error:
         raise _refusal(path, error) from error
     return _table(path, name, _longest(arrays))
 
@@ -71,25 +91,17 @@ def read_hdf5(path: Path, name: str) -> Table:
 
     The attribute `unit` or `units` of a data set is its unit.
     """
-    try:
-        import h5py
-    except ImportError as error:
-        raise _lacking(path, "HDF5", "h5py", "hdf5") from error
-    arrays: dict[str, NDArray[Any]] = {}
-    units: dict[str, str] = {}
+    import importlib.util
 
-    def take(key: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.ndim == 1 and item.dtype.kind in "iuf":
-            _check(path, item.shape[0], len(arrays) + 1)
-            arrays[key] = item[:]
-            stated = item.attrs.get("unit", item.attrs.get("units"))
-            if stated is not None:
-                units[key] = stated.decode() if isinstance(stated, bytes) else str(stated)
+    from mopro.logs.hdf5 import arrays_of
 
+    if importlib.util.find_spec("h5py") is None:
+        raise _lacking(path, "HDF5", "h5py", "hdf5")
+    with open(path, "rb"):
+        pass  # what the system says of the file is told as for any other
     try:
-        with h5py.File(path, "r") as file:
-            file.visititems(take)
-    except (OSError, *_FAULTS) as error:
+        arrays, units = arrays_of(path, partial(_check, path))
+    except _FAULTS as error:
         raise _refusal(path, error) from error
     return _table(path, name, _longest(arrays), units)
 
@@ -113,6 +125,8 @@ def read_mcap(path: Path, name: str) -> Table:
                     foreign.add(f"{channel.topic} ({channel.message_encoding})")
                     continue
                 numbers = dict(_numbers(channel.topic.strip("/"), json.loads(message.data)))
+                if message.log_time > _LATEST_NS:
+                    raise ValueError(f"a message of {message.log_time} ns")
                 rows.setdefault(message.log_time, {}).update(numbers)
                 _check(path, len(rows), 1)
     except (McapError, OSError, RecursionError, *_FAULTS) as error:

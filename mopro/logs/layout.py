@@ -18,6 +18,8 @@ _SAMPLE_BYTES = 1 << 18
 _SAMPLE_ROWS = 200
 MOST_COLUMNS = 500
 _DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blank"}
+# Python's splitlines() knows more of them than Arrow and editors do.
+_LINE_END = re.compile(r"\r\n|\n|\r")
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+|\d+)([eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d+|[+-]?\d{1,3}(,\d{3})+\.\d+")
@@ -100,7 +102,9 @@ def _encoding(data: bytes) -> tuple[str, list[Decision]]:
 
 
 def _lines(data: bytes, encoding: str, whole: bool) -> list[str]:
-    lines = data.decode(encoding, "replace").splitlines()
+    lines = _LINE_END.split(data.decode(encoding, "replace"))
+    if not lines[-1]:
+        lines.pop()
     return lines if whole or len(lines) < 2 else lines[:-1]
 
 
@@ -137,7 +141,9 @@ def is_stamp(cell: str) -> bool:
 
 
 def _width(rows: list[list[str]]) -> int:
-    return Counter(len(row) for row in rows if any(row)).most_common(1)[0][0]
+    """The most frequent number of cells in a row that is not blank; 0 if all are."""
+    often = Counter(len(row) for row in rows if any(row)).most_common(1)
+    return often[0][0] if often else 0
 
 
 def _first_row(rows: list[list[str]], width: int) -> int | None:

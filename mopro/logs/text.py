@@ -17,12 +17,13 @@ from mopro.logs.table import MOST_ROWS, Table
 from mopro.source import Span
 
 _MOST_FAULTS = 50
+_BLANKS = " \t\r\n\v\f"
 _BAD_COLUMN = re.compile(r"In CSV column #(\d+)")
 _BLOCK_BYTES = 1 << 22
 # Of a column's readings: below this share of numbers it is a column of words.
 _NUMBERS_SHARE = 0.5
-# From this on a float does not hold all digits of an integer.
-_LONG_STAMP = 10**15
+# Digits of an integer of which a float does not hold all.
+_LONG_STAMP = 16
 
 
 def read_text(path: Path, name: str, missing: tuple[str, ...] = ()) -> Table:
@@ -81,6 +82,10 @@ class _Reader:
             self._ragged.clear()
             try:
                 table = self._read()
+            except UnicodeDecodeError as error:
+                reason = f"byte 0x{error.object[error.start]:02x} is no character of "
+                message = f"{reason}{self._layout.encoding}"
+                raise self._fault("bad-data", message, self._layout.first_line) from error
             except pa.ArrowInvalid as error:
                 match = _BAD_COLUMN.search(str(error))
                 if match is None or int(match[1]) in self._words:
@@ -123,7 +128,7 @@ class _Reader:
         import pyarrow as pa
 
         cells = [row[nth] for row in self._layout.sample if row[nth]]
-        long = cells and all(c.isdigit() and int(c) >= _LONG_STAMP for c in cells)
+        long = cells and all(c.isascii() and c.isdigit() and len(c) >= _LONG_STAMP for c in cells)
         return pa.int64() if long else pa.float64()
 
     def _input(self) -> Any:
@@ -153,7 +158,7 @@ class _Reader:
         findings = []
         numbers = _rows_of(self._path, self._layout)
         for row in self._ragged[:_MOST_FAULTS]:
-            line = int(numbers[self._nth(row)])
+            line = int(numbers[min(self._nth(row), len(numbers) - 1)])
             message = f"{row.actual_columns} cells, expected {expected} as in the headings"
             findings.append(Diagnostic("wrong-cells", message, Span(line, 1, len(row.text) + 1)))
         raise DataFileError(self._source, findings)
@@ -211,9 +216,10 @@ class _Reader:
         if rows > MOST_ROWS:
             raise self._fault("too-long", f"more than {MOST_ROWS} rows", self._layout.first_line)
         numbers = _rows_of(self._path, self._layout)
-        if numbers[-1] - numbers[0] + 1 == rows and len(numbers) == rows:
+        if len(numbers) == rows and numbers[-1] - numbers[0] + 1 == rows:
             return None
-        kept = np.delete(numbers, [self._nth(row) for row in self._ragged])
+        refused = [nth for row in self._ragged if (nth := self._nth(row)) < len(numbers)]
+        kept = np.delete(numbers, refused)
         return kept if len(kept) == rows else None
 
     def _nth(self, row: Any) -> int:
@@ -227,12 +233,10 @@ class _Reader:
 
 def _rows_of(path: Path, layout: Layout) -> NDArray[np.int64]:
     """Numbers of the lines of data that are not blank."""
-    if layout.encoding == "utf-16":
-        with open(path, encoding=layout.encoding) as text:
-            full = [bool(line.strip()) for line in text]
-    else:
-        with open(path, "rb") as file:
-            full = [not line.isspace() for line in file]
+    # Of the other encodings each character that ends a line, or is blank, is one byte.
+    encoding = layout.encoding if layout.encoding == "utf-16" else "latin-1"
+    with open(path, encoding=encoding, errors="replace", newline=None) as file:
+        full = [bool(line.strip(_BLANKS)) for line in file]
     numbers = np.flatnonzero(full).astype(np.int64) + 1
     return numbers[numbers >= layout.first_line]
 

@@ -6,14 +6,17 @@ an absurd one, nothing says where the next message begins: the input ends there,
 
 from __future__ import annotations
 
+import logging
 import re
 from collections import deque
+from collections.abc import Callable
 from io import BufferedIOBase
 from typing import BinaryIO
 
 MOST_BYTES = 32 << 20
 _MOST_LINES = 32
 _MOST_LINE = 1024
+_MOST_TOLD = 300
 _LENGTH = re.compile(rb"content-length[ \t]*:[ \t]*([0-9]{1,10})[ \t]*", re.IGNORECASE)
 
 
@@ -59,3 +62,17 @@ class Messages(BufferedIOBase):
     def _refused(self, fault: str) -> list[bytes]:
         self.fault = fault
         return []
+
+
+class Told(logging.Handler):
+    """Hands warnings of the protocol's library to `tell`, a line each and without tracebacks."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        super().__init__(logging.WARNING)
+        self._tell = tell
+
+    def emit(self, record: logging.LogRecord) -> None:
+        words = record.getMessage().partition("\n")[0]
+        error = record.exc_info[1] if record.exc_info else None
+        reason = f": {type(error).__name__}: {error}".partition("\n")[0] if error else ""
+        self._tell(f"mopro: {words[:_MOST_TOLD]}{reason[:_MOST_TOLD]}")

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcException, JsonRpcInvalidParams
 from pygls.lsp.server import LanguageServer
 from pygls.uris import to_fs_path
 from pygls.workspace import PositionCodec, TextDocument
@@ -22,6 +23,7 @@ from mopro.lint.settings import Settings
 from mopro.lsp.document import Document
 from mopro.lsp.meaning import hover
 from mopro.source import Source, Span
+from mopro.text import visible
 
 _SEVERITIES = {
     Severity.ERROR: lsp.DiagnosticSeverity.Error,
@@ -37,6 +39,7 @@ _SYMBOLS: dict[type[ast.Statement], lsp.SymbolKind] = {
 
 # A longer text would keep the editor waiting at every key; `mopro lint` takes it.
 MOST_CHARACTERS = 256 * 1024
+_SHOWN = 200
 _TOO_LONG = lsp.Diagnostic(
     range=lsp.Range(lsp.Position(0, 0), lsp.Position(0, 1)),
     message=f"the text has more than {MOST_CHARACTERS} characters and is not checked while it "
@@ -58,10 +61,16 @@ def _document(uri: str, name: str, text: str) -> Document:
 
 
 class _Text:
-    """One open text, and its places in the protocol's counting."""
+    """One open text, and its places in the protocol's counting.
+
+    JsonRpcInvalidParams for a text that is not open: the workspace would read it from the disk,
+    of any size.
+    """
 
     def __init__(self, ls: LanguageServer, uri: str) -> None:
         text: TextDocument = ls.workspace.get_text_document(uri)
+        if not any(text is known for known in ls.workspace.text_documents.values()):
+            raise JsonRpcInvalidParams(f"no text is open under {visible(uri[:_SHOWN])}")
         self._codec: PositionCodec = ls.workspace.position_codec
         # The protocol's lines end where mopro's do, but for those that only Python knows.
         self.uri = uri
@@ -93,6 +102,14 @@ class _Text:
 
     def name_at(self, position: lsp.Position) -> tuple[str, Span] | None:
         return self.document.name_at(*self.place(position))
+
+
+def _asked(ls: LanguageServer, uri: str) -> _Text:
+    """The text that a request is about; JsonRpcException, which is the answer, if there is none."""
+    try:
+        return _Text(ls, uri)
+    except MoproError as error:
+        raise JsonRpcException(error.render(), lsp.LSPErrorCodes.RequestFailed) from error
 
 
 @server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
@@ -141,7 +158,7 @@ def _diagnostic(text: _Text, finding: Finding) -> lsp.Diagnostic:
     lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix]),
 )
 def code_action(ls: LanguageServer, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
-    text = _Text(ls, params.text_document.uri)
+    text = _asked(ls, params.text_document.uri)
     first, last = (text.place(p)[0] for p in (params.range.start, params.range.end))
     return [
         _quick_fix(text, finding)
@@ -164,7 +181,7 @@ def _quick_fix(text: _Text, finding: Finding) -> lsp.CodeAction:
 
 @server.feature(lsp.TEXT_DOCUMENT_HOVER)
 def on_hover(ls: LanguageServer, params: lsp.HoverParams) -> lsp.Hover | None:
-    text = _Text(ls, params.text_document.uri)
+    text = _asked(ls, params.text_document.uri)
     line, column = text.place(params.position)
     statement = text.document.statement_at(line)
     if statement is None or not statement.span.column <= column <= statement.span.end_column:
@@ -175,7 +192,7 @@ def on_hover(ls: LanguageServer, params: lsp.HoverParams) -> lsp.Hover | None:
 
 @server.feature(lsp.TEXT_DOCUMENT_DEFINITION)
 def definition(ls: LanguageServer, params: lsp.DefinitionParams) -> lsp.Location | None:
-    text = _Text(ls, params.text_document.uri)
+    text = _asked(ls, params.text_document.uri)
     name = text.name_at(params.position)
     span = text.document.definition_of(name[0]) if name else None
     return lsp.Location(text.uri, text.span(span)) if span else None
@@ -183,7 +200,7 @@ def definition(ls: LanguageServer, params: lsp.DefinitionParams) -> lsp.Location
 
 @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
 def references(ls: LanguageServer, params: lsp.ReferenceParams) -> list[lsp.Location]:
-    text = _Text(ls, params.text_document.uri)
+    text = _asked(ls, params.text_document.uri)
     name = text.name_at(params.position)
     spans: Iterable[Span] = ()
     if name is not None:
@@ -193,14 +210,14 @@ def references(ls: LanguageServer, params: lsp.ReferenceParams) -> list[lsp.Loca
 
 @server.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
 def prepare_rename(ls: LanguageServer, params: lsp.PrepareRenameParams) -> lsp.Range | None:
-    text = _Text(ls, params.text_document.uri)
+    text = _asked(ls, params.text_document.uri)
     name = text.name_at(params.position)
     return text.span(name[1]) if name else None
 
 
 @server.feature(lsp.TEXT_DOCUMENT_RENAME, lsp.RenameOptions(prepare_provider=True))
 def rename(ls: LanguageServer, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
-    text = _Text(ls, params.text_document.uri)
+    text = _asked(ls, params.text_document.uri)
     name = text.name_at(params.position)
     if name is None:
         return None
@@ -217,7 +234,7 @@ def rename(ls: LanguageServer, params: lsp.RenameParams) -> lsp.WorkspaceEdit | 
 @server.feature(lsp.TEXT_DOCUMENT_COMPLETION, lsp.CompletionOptions(trigger_characters=[" "]))
 def completion(ls: LanguageServer, params: lsp.CompletionParams) -> list[lsp.CompletionItem]:
     """Labels behind JUMP, else the statements."""
-    text = _Text(ls, params.text_document.uri)
+    text = _asked(ls, params.text_document.uri)
     line, column = text.place(params.position)
     before = text.document.source.line(line)[: column - 1].lstrip().upper()
     if before.startswith("JUMP "):
@@ -240,7 +257,7 @@ def formatting(
     ls: LanguageServer, params: lsp.DocumentFormattingParams
 ) -> list[lsp.TextEdit] | None:
     """The canonical layout; nothing while a line cannot be read."""
-    text = _Text(ls, params.text_document.uri)
+    text = _asked(ls, params.text_document.uri)
     document = text.document
     try:
         tidy = format_source(document.source, document.settings.grammar)
@@ -252,7 +269,7 @@ def formatting(
 @server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
 def outline(ls: LanguageServer, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
     """Labels and what moves."""
-    text = _Text(ls, params.text_document.uri)
+    text = _asked(ls, params.text_document.uri)
     return [
         lsp.DocumentSymbol(
             name=text.document.text_of(statement),

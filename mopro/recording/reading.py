@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import csv
 import json
-import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import MISSING, fields
 from itertools import islice
 from pathlib import Path
-from typing import IO, Any, TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataError
+from mopro.recording import npz
 from mopro.recording.record import CSV_MARK, INTEGER_COLUMNS, KEY, Columns, Header, Recording
 from mopro.recording.story import run_of
 
@@ -29,7 +29,6 @@ MOST_COLUMNS = 200
 MOST_VALUES = 200_000_000
 MOST_HEADER_BYTES = 1 << 20
 _MOST_LINE = 1 << 16
-_NUMBERS = "iuf"
 # Before numpy 2, mopro 0.1.0 stored an option of the writer beside the columns.
 _NO_COLUMNS = {KEY, "allow_pickle"}
 
@@ -210,49 +209,17 @@ def _numbers(name: str, cells: tuple[str, ...]) -> NDArray[Any]:
 
 def _read_npz(path: Path, wanted: Wanted) -> tuple[str, Columns]:
     with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
-        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        names = [name for name in members if name not in _NO_COLUMNS]
+        held = npz.members(archive)
+        names = [name for name in held if name not in _NO_COLUMNS]
         chosen = _chosen(names, wanted)
-        if KEY not in members:
+        if KEY not in held:
             raise ValueError("it has no header of mopro")
-        shapes = [_rows_of(archive, members[name], name) for name in chosen]
-        _check_size(max(shapes, default=0), len(names), len(chosen))
-        if _rows_of(archive, members[KEY], KEY) > MOST_HEADER_BYTES:
+        rows = [npz.rows_of(archive, held[name]) for name in chosen]
+        _check_size(max(rows, default=0), len(names), len(chosen))
+        if npz.rows_of(archive, held[KEY]) > MOST_HEADER_BYTES:
             raise ValueError(f"its header has more than {MOST_HEADER_BYTES} bytes")
-        header = _header_in(_array(archive, members[KEY]).tobytes())
-        return header, {name: _array(archive, members[name]) for name in chosen}
-
-
-def _rows_of(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> int:
-    """The length that an array states, before it is read."""
-    if info.flag_bits & 1:
-        raise ValueError("it is encrypted")
-    with archive.open(info) as file:
-        shape, _, dtype = _array_header(file)
-    if len(shape) != 1 or dtype.kind not in _NUMBERS or dtype.itemsize > 8:
-        raise ValueError(f"{name[:60]!r} is no column of numbers: {dtype} of shape {shape}")
-    return int(shape[0])
-
-
-def _array_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    version = np.lib.format.read_magic(file)
-    read_header = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }.get(version)
-    if read_header is None:
-        raise ValueError(f"an array of format {version}")
-    try:
-        header: tuple[tuple[int, ...], bool, np.dtype[Any]] = read_header(file)
-    except (MemoryError, SyntaxError, tokenize.TokenError) as error:  # of its parser
-        raise ValueError("an array whose header is no header") from error
-    return header
-
-
-def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
-    with archive.open(info) as file:
-        array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-    return array
+        header = _header_in(npz.column_of(archive, held[KEY]).tobytes())
+        return header, {name: npz.column_of(archive, held[name]) for name in chosen}
 
 
 _READERS: dict[str, Callable[[Path, Wanted], tuple[str, Columns]]] = {

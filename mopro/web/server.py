@@ -17,6 +17,7 @@ from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response, StreamingResponse
 from starlette.routing import Route
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from mopro.errors import MoproError
 from mopro.viewer.document import document
@@ -29,6 +30,9 @@ _TOLD_S = 0.05
 _FAREWELL_S = 2.0
 _STARTED_S = 10.0
 _MOST_BODY = 4096
+# Connections at once, and how long one may take for a request.
+MOST_CONNECTIONS = 32
+PATIENCE_S = 10.0
 
 Act = Callable[[str], None]
 
@@ -84,10 +88,41 @@ class _Server(uvicorn.Server):
         self.began.set()
 
 
+class _Bounded(H11Protocol):
+    """A connection that has to make room for another one, or is closed if it asks for nothing."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._since_s = self.loop.time()
+        self.loop.call_later(PATIENCE_S, self._give_up)
+        if len(self.connections) > MOST_CONNECTIONS:
+            known = [other for other in self.connections if isinstance(other, _Bounded)]
+            idle = [other for other in known if other is not self and not other._is_answering]
+            min(idle, key=lambda other: other._since_s, default=self)._turn_away()
+
+    @property
+    def _is_answering(self) -> bool:
+        """True while a request that has come as a whole is answered, such as for the feed."""
+        cycle = self.cycle
+        return cycle is not None and not cycle.more_body and not cycle.response_complete
+
+    def _turn_away(self) -> None:
+        self.connections.discard(self)
+        self.transport.write(_BUSY)
+        self.transport.close()
+
+    def _give_up(self) -> None:
+        if not self._is_answering:
+            self.transport.close()
+
+
+_BUSY = b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 5\r\n\r\nbusy\n"
+
+
 def _config(app: Starlette) -> uvicorn.Config:
     return uvicorn.Config(
         app, log_config=None, access_log=False, lifespan="off", ws="none", loop="asyncio",
-        http="h11", server_header=False, timeout_graceful_shutdown=int(_FAREWELL_S),
+        http=_Bounded, server_header=False, timeout_graceful_shutdown=int(_FAREWELL_S),
     )  # fmt: skip
 
 

@@ -199,7 +199,8 @@ def test_a_client_that_floods_for_too_long_loses_its_place():
 def test_guests_that_say_nothing_are_dropped():
     with end_of(token=TOKEN) as end, contextlib.ExitStack() as open_ones:
         guests = [open_ones.enter_context(connected(end)) for _ in range(12)]
-        assert [g.recv(100) for g in guests[:4]] == [b""] * 4  # no more than eight at once
+        # No more than eight at once; the others are told so.
+        assert [g.recv(100) for g in guests[:4]] == [b"mopro serve: busy: too many wait\r\n"] * 4
         end.clock.now_s += 6.0
         end.wait(0.0, ROOM)
         assert [g.recv(100) for g in guests[4:]] == [b""] * 8

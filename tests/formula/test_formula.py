@@ -118,7 +118,9 @@ def test_units_have_dimensions_and_factors(unit, same, factor):
     assert factor_of(unit) == pytest.approx(factor * factor_of(same))
 
 
-@pytest.mark.parametrize("unit", ["furlong", "N**2", "", "m//s", "s" * 100])
+@pytest.mark.parametrize(
+    "unit", ["furlong", "N**2", "", "m//s", "s" * 100, "%9999", "m^25", "h24 s", "m٣"]
+)
 def test_what_is_no_unit_is_refused(unit):
     with pytest.raises(UnitError):
         dimension_of_unit(unit)
@@ -218,3 +220,11 @@ def test_signals_of_a_log():
     assert evaluate(parse("presliding(x, 5)"), named, T)[1:4] == pytest.approx([1, 1, 0.02])
     assert evaluate(parse("delayed(t, 0.1)"), {"t": T}, T)[2:4] == pytest.approx([0.2, 0.3])
     assert evaluate(parse("first(t) + rate(t)"), {"t": T}, T) == pytest.approx(np.ones(7))
+
+
+@pytest.mark.parametrize("constant", ["1e30 ** 10", "10.0 ** 308", "9 ** 400"])
+def test_a_lag_of_any_constant_is_finite(constant):
+    """Of 1e308 s it was a division by zero."""
+    time_s = np.linspace(0.0, 1e-20, 5)
+    found = evaluate(parse(f"lag(x, {constant})"), {"x": time_s + 1.0}, time_s)
+    assert found.tolist() == [1.0] * 5

@@ -1,11 +1,14 @@
 """`fmt` changes the layout and nothing else."""
 
 import functools
+import sys
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 
 import mopro
+from mopro.cli.texts import read_text
 from mopro.errors import SourceError
 from mopro.language import parse, source_from_bytes
 from mopro.language.format import format_source
@@ -67,6 +70,20 @@ def test_files_of_dos_keep_their_bytes(fmt, tmp_path):
 
 def test_standard_input_to_standard_output(fmt):
     assert fmt("-", stdin=b"go\x1a").stdout == b"GO\n\x1a"
+
+
+class Endless:
+    """A standard input that never ends."""
+
+    def read(self, size=-1):
+        assert size >= 0, "it would take all memory"
+        return b";" * size
+
+
+def test_standard_input_is_bounded_as_a_file_is(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=Endless()))
+    with pytest.raises(SourceError, match="larger than 16 MiB"):
+        read_text("-")
 
 
 def test_what_does_not_parse_is_left_and_told(fmt, tmp_path):

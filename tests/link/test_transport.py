@@ -30,6 +30,15 @@ def test_bytes_come_back_over_a_loop_and_nothing_is_waited_for_long(loop):
     assert 0.05 <= loop.now_s() - before_s < 2.0
 
 
+@pytest.mark.parametrize(
+    "url",
+    ["loop://?x=y", "loop://?logging=loud", "hwgrep://(", "socket://", "socket://a:b", "x://"],
+)
+def test_an_odd_url_is_no_port(url):
+    with pytest.raises(PortError, match="cannot be opened"):
+        SerialPort(url, LINE)
+
+
 def test_a_trace_shows_every_byte_with_its_time_and_way(loop):
     log = io.StringIO()
     traced = TracedPort(loop, log)

@@ -82,6 +82,7 @@ def test_a_body_that_is_no_message_is_survived(body):
     odd = b"Content-Length: %d\r\n\r\n" % len(body) + body
     done = served(framed(HELLO) + odd + b"".join(map(framed, QUIT)))
     assert b'"id":2' in done.stdout.replace(b" ", b"")
+    assert b"Traceback" not in done.stderr
     assert done.returncode == 0
 
 

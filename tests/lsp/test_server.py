@@ -5,6 +5,7 @@ import sys
 import pytest
 import pytest_lsp
 from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcException
 from pytest_lsp import ClientServerConfig, LanguageClient, client_capabilities
 
 import mopro
@@ -102,6 +103,14 @@ async def test_hover_tells_what_a_statement_means(client, line, said):
     place = lsp.Position(line, 1)
     shown = await client.text_document_hover_async(lsp.HoverParams(text.id, place))
     assert all(words in shown.contents.value for words in said), shown.contents.value
+
+
+@pytest.mark.parametrize("uri", ["file:///dev/zero", "file:///nowhere/closed.CMD", "file://[", ""])
+async def test_a_text_that_is_not_open_is_not_read_from_the_disk(client, uri):
+    """Of /dev/zero there was no end."""
+    params = lsp.HoverParams(lsp.TextDocumentIdentifier(uri), lsp.Position(0, 0))
+    with pytest.raises(JsonRpcException, match="no text is open under"):
+        await client.text_document_hover_async(params)
 
 
 async def test_hover_over_a_comment_says_nothing(client):

@@ -1,7 +1,9 @@
 """The server of live pages: whom it answers, what it tells, and faults that it passes on."""
 
+import contextlib
 import http.client
 import json
+import socket
 import sys
 from urllib.parse import urlsplit
 
@@ -16,7 +18,9 @@ from mopro.link import load_dialect
 from mopro.machine import load_machine
 from mopro.viewer.run import schedule_of
 from mopro.web import ControllerPanel, LiveRun, Paced, Page, serving
+from mopro.web import server as web_server
 from mopro.web.feed import Feed
+from mopro.web.server import MOST_CONNECTIONS
 
 TEXT = "UU012500/1\nVEL1 8.0\nACC1 0.25\nMRI1 4.0\nWX1\n"
 
@@ -91,6 +95,40 @@ def test_the_page_itself_can(address, heard):
     status, _, _ = answer(address, "POST", f"/stop?{address.query}", "x" * 5000, Origin=origin)
     assert (status, heard) == (413, [])
     assert answer(address, "POST", f"/other?{address.query}", Origin=origin)[0] == 404
+
+
+def test_connections_that_ask_for_nothing_make_room(address):
+    """200 half requests were kept for ever."""
+    place = address.hostname, address.port
+    with contextlib.ExitStack() as opened:
+        idle = [
+            opened.enter_context(socket.create_connection(place, timeout=10))
+            for _ in range(MOST_CONNECTIONS + 5)
+        ]
+        for client in idle:
+            client.sendall(b"GET / HTTP/1.1\r\n")
+        assert answer(address)[0] == 200
+        told = [client.recv(1000) for client in idle[:5]]
+    assert all(text.startswith(b"HTTP/1.1 503") and text.endswith(b"busy\n") for text in told)
+
+
+def test_a_connection_that_asks_for_nothing_is_closed(monkeypatch):
+    monkeypatch.setattr(web_server, "PATIENCE_S", 0.05)
+    with serving(Page("title", Feed(dict), {})) as found:
+        place = urlsplit(found)
+        with socket.create_connection((place.hostname, place.port), timeout=10) as client:
+            client.sendall(b"GET / HTTP/1.1\r\n")
+            assert client.recv(100) == b""
+
+
+@pytest.mark.parametrize("body", ["[" * 4096, "nothing", '"no such fault"', "\ufffd", "9" * 4096])
+def test_what_is_no_fault_is_ignored(body):
+    machine = load_machine("chow1992")
+    station = Station(load_dialect("checked"), Emulator(machine))
+    panel = ControllerPanel(station, machine)
+    panel.fault(body)
+    panel.tick(0.0)
+    assert not station.injector.happened
 
 
 def test_a_page_that_is_behind_gets_a_snapshot():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 
 import click
 
@@ -24,8 +25,11 @@ def command() -> int:
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
         raise click.UsageError("this needs more: pip install 'mopro[lsp]'") from error
-    from mopro.lsp.messages import Messages
+    import logging
 
+    from mopro.lsp.messages import Messages, Told
+
+    logging.getLogger().addHandler(Told(partial(say, err=True)))
     messages = Messages(sys.stdin.buffer)
     server.start_io(messages)  # type: ignore[arg-type]
     if messages.fault is not None:

@@ -6,14 +6,14 @@ import sys
 from pathlib import Path
 
 from mopro.cli.terminal.say import say, say_bytes
-from mopro.language.load import load_bytes, source_from_bytes, split_at_end_of_file
+from mopro.language.load import MOST_BYTES, load_bytes, source_from_bytes, split_at_end_of_file
 from mopro.source import Source
 
 
 def read_text(file: str) -> tuple[Source, bytes]:
     """The text in `file` (`-`: standard input), and the bytes from its Ctrl-Z on."""
     if file == "-":
-        data, name = sys.stdin.buffer.read(), "<stdin>"
+        data, name = sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>"
     else:
         data, name = load_bytes(file), file
     return source_from_bytes(data, name), split_at_end_of_file(data)[1]

@@ -1,0 +1,84 @@
+"""Logs that were tracebacks, hung or could take any memory: each is refused in words."""
+
+import io
+import zipfile
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from mcap.writer import Writer
+
+from helpers.paths import DATA
+from mopro.errors import DataError, DataFileError
+from mopro.logs import hdf5, read_log
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("a.txt", b"time\0x\n\xff\xff\xff\r\xff\xff`1\n0:00:01  \n", None),
+        ("a.txt", b",", "no row of numbers"),
+        ("a.txt", b"time x\n#3\n59:5\x81 1\n00:0time :20801 \xd84\n", "0x81 is no character of"),
+        ("a.txt", b"# 3\nTC\x02),0,\xcb0\n0.1,2,21\n0.2,3,223\n0,2\r1,7;2\n", "cells, expected 3"),
+        ("a.txt", b"t,x_mm,T_C\n0,1,\xb9\n.3,.4,2 \n", "is no number"),
+    ],
+)
+def test_odd_texts_that_were_tracebacks(tmp_path, name, data, words):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(DataError, match=words):
+        read_log(tmp_path / name)
+
+
+def test_a_row_ends_at_carriage_returns_too_and_at_nothing_else(tmp_path):
+    (tmp_path / "a.csv").write_bytes(b"time_s,x\x0c_mm\r0,1\r\n1,2\r2,bad\r3,4\n")
+    with pytest.raises(DataFileError) as caught:
+        read_log(tmp_path / "a.csv")
+    assert [d.span.line for d in caught.value.diagnostics] == [4]
+
+
+def parquet(path, column):
+    pq.write_table(pa.table({"time_s": [0.0, 1.0], "x": column}), path)
+    return path
+
+
+def test_a_parquet_file_with_what_cannot_be_told(tmp_path):
+    words = pa.Array.from_buffers(
+        pa.string(),
+        2,
+        [None, pa.py_buffer(np.array([0, 1, 2], np.int32)), pa.py_buffer(b"\xa9\xa9")],
+    )
+    stamps = pa.array([1 << 60, 1 << 61], pa.timestamp("us"))
+    for column in (words, stamps):
+        with pytest.raises(DataError, match="cannot be read as"):
+            read_log(parquet(tmp_path / "a.parquet", column))
+
+
+def test_an_array_of_an_npz_that_claims_what_it_has_not(tmp_path):
+    """An archive of a few kB could need any memory."""
+    head = io.BytesIO()
+    claim = {"descr": "<f8", "fortran_order": False, "shape": (2**50,)}
+    np.lib.format.write_array_header_1_0(head, claim)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("time_s.npy", head.getvalue())
+    with pytest.raises(DataError, match="rows of 1 columns") as caught:
+        read_log(tmp_path / "a.npz")
+    assert caught.value.rule == "too-long"
+
+
+def test_an_mcap_message_beyond_all_times(tmp_path):
+    with open(tmp_path / "a.mcap", "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("s", "jsonschema", b"{}")
+        channel = writer.register_channel("/x", "json", schema)
+        writer.add_message(channel, 2**63, b'{"a": 1}', 0)
+        writer.finish()
+    with pytest.raises(DataError, match="a message of 9223372036854775808 ns"):
+        read_log(tmp_path / "a.mcap")
+
+
+def test_an_hdf5_file_that_its_library_never_finishes(monkeypatch):
+    monkeypatch.setattr(hdf5, "PATIENCE_S", 2.0)
+    with pytest.raises(DataError, match="it was not read in 2 s: is it damaged"):
+        read_log(DATA / "fuzz" / "hangs.h5")
