@@ -27,8 +27,8 @@ from pathlib import Path
 from random import Random
 
 import click
-
 import mopro.benchmark.run
+
 import mopro.link
 from helpers.power_loss import Recorder
 from mopro.cli import main

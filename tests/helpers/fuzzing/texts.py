@@ -475,7 +475,7 @@ def _option_words() -> tuple[str, ...]:
 
 
 def _shown(_: Path) -> Take:
-    from mopro.cli.say import _painted
+    from mopro.cli.terminal.say import _painted
     from mopro.text import plain, visible
 
     def take(data: bytes) -> None:
@@ -626,7 +626,7 @@ TEXTS = (
     ),
     Parser(
         "options of every command",
-        ("mopro.cli.options",),
+        ("mopro.cli.terminal.options",),
         _options,
         lambda: _OPTIONS,
         _option_words(),
@@ -635,7 +635,7 @@ TEXTS = (
     ),
     Parser(
         "text for the terminal",
-        ("mopro.text", "mopro.cli.say"),
+        ("mopro.text", "mopro.cli.terminal.say"),
         _shown,
         lambda: [b"a.CMD:1:2: warning: odd [stall]\n  WT\n  ^~", b"\x1b[31m\xe2\x80\xae$x$"],
         (":1:1: ", " [a]", "\x1b]0;", "\u202e"),
