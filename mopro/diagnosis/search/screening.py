@@ -8,13 +8,13 @@ import numpy as np
 
 from mopro.diagnosis.constants import FITTED, STRONG, VERY_STRONG
 from mopro.diagnosis.fitting.fit import Fit, Identity
-from mopro.diagnosis.model import Candidate, Role, Settings
+from mopro.diagnosis.model import Candidate, Role
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.signature import (
     Group,
     ScoreTest,
     alike,
-    nearer,
+    far_from_probes,
     probed_at,
     score_test,
     searched,
@@ -28,7 +28,6 @@ class Screening:
     def __init__(self, sets: Hypotheses) -> None:
         self._sets = sets
         self._groups: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
-        self._nearer: dict[tuple[Identity, tuple[str, str], tuple[float, ...]], Group] = {}
         self._searched: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
 
     def beside(self, base: Fit, at: Fit, unabsorbed: Fit | None = None) -> list[ScoreTest]:
@@ -72,9 +71,10 @@ class Screening:
         def scored(candidate: Candidate) -> ScoreTest:
             groups = [*self._signatures(at, candidate), *self._found(base, candidate)]
             first = score_test(base, base.tangent, candidate, groups)
-            if first.predicted_reduction < STRONG or (size := nearer(first)) is None:
+            if first.predicted_reduction < STRONG or not far_from_probes(first):
                 return first
-            return score_test(base, base.tangent, candidate, [*groups, self._at(at, first, size)])
+            closer = probed_at(self._sets.residuals, at, candidate, first.starts[0])
+            return score_test(base, base.tangent, candidate, [*groups, closer])
 
         return self._sorted(base, self._sets.each(scored, candidates))
 
@@ -133,13 +133,6 @@ class Screening:
             self._sets.progress(f"simulating the signature of {candidate.name}")
             self._groups[key] = signatures(self._sets.residuals, at, candidate)
         return self._groups[key]
-
-    def _at(self, at: Fit, score: ScoreTest, start: Settings) -> Group:
-        """The signature at the size and shape of `start`."""
-        key = (at.identity, score.candidate.key, tuple(start[score.candidate.name].values()))
-        if key not in self._nearer:
-            self._nearer[key] = probed_at(self._sets.residuals, at, score.candidate, start)
-        return self._nearer[key]
 
     def _found(self, base: Fit, candidate: Candidate) -> list[Group]:
         """Starts from the candidate's own search in the residual of `base`."""

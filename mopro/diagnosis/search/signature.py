@@ -197,27 +197,17 @@ def alike(one: Floats, other: Floats) -> bool:
     return product > (1 - LINEARITY_ERROR**2) * float(one @ one) * float(other @ other)
 
 
-def nearer(score: ScoreTest) -> Settings | None:
-    """The best start at the size to simulate it at, where that of the probe is too far from it.
-
-    Sizes to simulate are those of the probe times powers of the factor within which a response
-    is proportional, so that they are few, and the same whatever is asked. None for a candidate
-    with another number of amplitudes than one.
-    """
+def far_from_probes(score: ScoreTest) -> bool:
+    """True if the amplitude of the best start is no more in proportion to the probed one."""
     amplitudes = [p for p in score.candidate.parameters if p.role is Role.AMPLITUDE]
     if len(amplitudes) != 1 or not score.starts:
-        return None
+        return False
     (own,) = amplitudes
-    start = score.starts[0][score.candidate.name]
-    value, probed = start[own.name], score.group[0].values[own.name]
+    value = score.starts[0][score.candidate.name][own.name]
+    probed = score.group[0].values[own.name]
     if own.null in (value, probed):
-        return None if value == own.null else score.starts[0]
-    ratio = own.factor(value, of=probed)
-    if 1 / PROPORTIONAL < abs(ratio) < PROPORTIONAL:
-        return None
-    power = round(math.log(abs(ratio), PROPORTIONAL))
-    size = own.within(own.multiplied(probed, math.copysign(PROPORTIONAL**power, ratio)))
-    return {score.candidate.name: {**start, own.name: size}}
+        return value != own.null
+    return not 1 / PROPORTIONAL < abs(own.factor(value, of=probed)) < PROPORTIONAL
 
 
 def probed_at(residuals: Residuals, base: Fit, candidate: Candidate, start: Settings) -> Group:
