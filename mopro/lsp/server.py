@@ -68,8 +68,8 @@ class _Text:
     """
 
     def __init__(self, ls: LanguageServer, uri: str) -> None:
-        text: TextDocument = ls.workspace.get_text_document(uri)
-        if not any(text is known for known in ls.workspace.text_documents.values()):
+        text: TextDocument | None = ls.workspace.text_documents.get(uri)
+        if text is None:
             raise JsonRpcInvalidParams(f"no text is open under {visible(uri[:_SHOWN])}")
         self._codec: PositionCodec = ls.workspace.position_codec
         # The protocol's lines end where mopro's do, but for those that only Python knows.

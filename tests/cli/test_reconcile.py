@@ -247,10 +247,11 @@ class TestADrag:
         views = page.data["views"]
         assert [view["name"] for view in views] == ["fast.csv", "slow.csv"]
         for view in views:
-            _, residual = view["panels"]
+            _, residual, signatures = view["panels"]
             assert residual["title"] == "laser: residual"
-            labels = [trace["label"] for trace in residual["traces"]]
-            assert labels == ["before", "after", "signature of viscous_drag"]
+            assert [trace["label"] for trace in residual["traces"]] == ["before", "after"]
+            labels = [trace["label"] for trace in signatures["traces"]]
+            assert labels == ["residual before", "viscous_drag"]
             assert "MRI1 2.0" in view["program"]
             assert {mark["line"] for mark in view["marks"]} == {4, 7}
         # The two MRI1 of the program: their lines go all the way to the page.
@@ -366,9 +367,9 @@ class TestTheSourcesTable:
         page = Page((folder / "why.html").read_text())
         (view,) = page.data["views"]
         assert view["rows"]
-        labels = [trace["label"] for trace in view["panels"][1]["traces"]]
+        labels = [[trace["label"] for trace in panel["traces"]] for panel in view["panels"][1:]]
         effects = ("platen_conduction", "speed_dependent_heat")
-        assert labels == ["before", "after", *(f"signature of {name}" for name in effects)]
+        assert labels == [["before", "after"], ["residual before", *effects]]
 
     def test_prints_what_the_docs_show(self):
         docs = (ROOT / "docs" / "reconcile.md").read_text()

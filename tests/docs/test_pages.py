@@ -20,7 +20,8 @@ ELSEWHERE = {"docs/lint.md"}
 OF_CI = {"README.md": 2}
 # Blocks that are shown only, each with its reason in the fence.
 MARKS = {
-    "CONTRIBUTING.md": 1, "docs/blind.md": 1, "docs/cookbook.md": 2, "docs/index.md": 1,
+    "CONTRIBUTING.md": 1, "docs/blind.md": 1, "docs/cookbook.md": 2, "docs/diagnosis.md": 1,
+    "docs/index.md": 1,
     "docs/link.md": 2, "docs/viewer.md": 2, "editors/vscode/README.md": 1, "examples/README.md": 1,
 }  # fmt: skip
 

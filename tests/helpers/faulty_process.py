@@ -27,8 +27,8 @@ from pathlib import Path
 from random import Random
 
 import click
-import mopro.benchmark.run
 
+import mopro.benchmark.scoring.run
 import mopro.link
 from helpers.power_loss import Recorder
 from mopro.cli import main
@@ -256,7 +256,7 @@ def serve():
     COMMANDS["flash-to-store"] = "__main__"
     mopro.link.SerialPort = loopback
     mopro.link.Session = partial(Session, random=Random(1))
-    mopro.benchmark.run._reconcile = reconciled
+    mopro.benchmark.scoring.run._reconcile = reconciled
     for line in sys.stdin:
         trial = json.loads(line)
         for module in NEEDED.get(trial["args"][0], []):

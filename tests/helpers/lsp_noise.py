@@ -11,7 +11,7 @@ import time
 from collections import Counter
 from dataclasses import dataclass
 from random import Random
-from tempfile import TemporaryFile
+from tempfile import NamedTemporaryFile, TemporaryFile
 
 from helpers.commands import LIMIT_S, SETTINGS
 from helpers.fuzzing.lines import LSP_WORDS, MESSAGES
@@ -58,6 +58,16 @@ def _body(random: Random) -> bytes:
     return body
 
 
+# A process begins with the memory of the one that it was forked from: a small one starts it.
+_MEASURED = """
+import resource, subprocess, sys
+code = subprocess.call([sys.executable, "-m", "mopro", "lsp"])
+with open(sys.argv[1], "w") as size:
+    size.write(str(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss))
+sys.exit(code)
+"""
+
+
 def noise(seed: int, most: int) -> tuple[int, bytes]:
     """The number of messages and the bytes of a session; it ends in one of five ways."""
     random = Random(f"editor {seed}")
@@ -80,19 +90,22 @@ def session(seed: int, most: int = 40) -> Session:
     """Run the session of this seed, the same each time."""
     messages, data = noise(seed, most)
     began_s = time.monotonic()
-    with TemporaryFile() as sent, TemporaryFile() as out, TemporaryFile() as errors:
+    with (
+        TemporaryFile() as sent,
+        TemporaryFile() as out,
+        TemporaryFile() as errors,
+        NamedTemporaryFile("r") as size,
+    ):
         sent.write(data)
         sent.seek(0)
-        process = subprocess.Popen(
-            [sys.executable, "-m", "mopro", "lsp"], stdin=sent, stdout=out, stderr=errors,
-            env=os.environ | SETTINGS,
+        process = subprocess.run(
+            [sys.executable, "-c", _MEASURED, size.name], stdin=sent, stdout=out, stderr=errors,
+            env=os.environ | SETTINGS, check=False,
         )  # fmt: skip
-        _, status, used = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
         out.seek(0)
         errors.seek(0)
-        said, told = out.read(), errors.read()
-    seconds, mb = time.monotonic() - began_s, used.ru_maxrss / 1024
+        said, told, kilobytes = out.read(), errors.read(), int(size.read())
+    seconds, mb = time.monotonic() - began_s, kilobytes / 1024
     failures = ["a traceback"] if b"Traceback" in told else []
     failures += [] if process.returncode in CODES else [f"exit code {process.returncode}"]
     failures += ["too much memory"] if mb > MOST_MB else []

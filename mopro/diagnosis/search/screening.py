@@ -83,7 +83,9 @@ class Screening:
 
     def at_its_start(self, base: Fit, score: ScoreTest) -> ScoreTest:
         """The score test by a signature at the best start itself, where that predicts more."""
-        if not any(p.role is Role.AMPLITUDE for p in score.candidate.parameters):
+        amplitudes = [p for p in score.candidate.parameters if p.role is Role.AMPLITUDE]
+        own = score.starts[0][score.candidate.name]
+        if not amplitudes or own[amplitudes[0].name] == amplitudes[0].null:
             return score
         group = probed_at(self._sets.residuals, base, score.candidate, score.starts[0])
         closer = score_test(base, base.tangent, score.candidate, [group])

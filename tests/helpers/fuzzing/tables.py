@@ -341,7 +341,7 @@ def _cache(folder: Path) -> Take:
 
 
 def _manifest(folder: Path) -> Take:
-    from mopro.benchmark.manifest import Manifest
+    from mopro.benchmark.making.manifest import Manifest
 
     return in_file(
         folder, "made.json", lambda path: Manifest.read(path.parent).refuse_foreign(["1"])
@@ -349,13 +349,13 @@ def _manifest(folder: Path) -> Take:
 
 
 def _answers(folder: Path) -> Take:
-    from mopro.benchmark.run import CaseFolder
+    from mopro.benchmark.scoring.run import CaseFolder
 
     return in_file(folder, "answers.json", lambda path: CaseFolder.read(path.parent).files)
 
 
 def _verdict(folder: Path) -> Take:
-    from mopro.benchmark.run import _read_kept
+    from mopro.benchmark.scoring.run import _read_kept
 
     return in_file(folder, "verdict.json", _read_kept)
 
@@ -444,7 +444,7 @@ TABLES = (
     ),
     Parser(
         "manifest",
-        ("mopro.benchmark.manifest",),
+        ("mopro.benchmark.making.manifest",),
         _manifest,
         lambda: [_MANIFEST.encode()],
         (*_JSON, _FORM, "../", "001/a.csv"),
@@ -453,7 +453,7 @@ TABLES = (
     ),
     Parser(
         "answers of a benchmark",
-        ("mopro.benchmark.run",),
+        ("mopro.benchmark.scoring.run",),
         _answers,
         lambda: [_ANSWERS.encode()],
         (*_JSON, '"seed"', '"001"', "../"),
@@ -462,7 +462,7 @@ TABLES = (
     ),
     Parser(
         "kept verdict",
-        ("mopro.benchmark.run",),
+        ("mopro.benchmark.scoring.run",),
         _verdict,
         lambda: [json.dumps(_VERDICT).encode()],
         _JSON,
