@@ -1,4 +1,4 @@
-"""How far verdicts depend on the constants of the diagnosis: each halved and doubled.
+"""Sensitivity of verdicts to the constants of the diagnosis, each halved and doubled.
 
     mopro blind make --seed 1 --grid small --out cases
     python bench/constants.py cases [--sample 12] [--only STRONG --only FITTED]

@@ -234,7 +234,7 @@ def _shares(names: list[str], inputs: int) -> dict[str, int]:
 
 
 def _campaign_of(name: str, inputs: int, seconds: float, chosen: argparse.Namespace) -> dict:
-    """What a process tells of one parser."""
+    """Result of one parser, as its process reports it."""
     home = "/dev/shm" if os.path.isdir("/dev/shm") else None
     with tempfile.TemporaryDirectory(dir=home) as made:
         folder = Path(made)

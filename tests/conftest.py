@@ -24,9 +24,8 @@ for _number, _action in (
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _action)
 
-# Seeded, so that a run can be repeated; noisy machines make deadlines meaningless. Generated
-# programs and files are long, so that half of the usual number of them shows as much.
-settings.register_profile("mopro", derandomize=True, deadline=None, max_examples=50)
+# Seeded, so that a run can be repeated; noisy machines make deadlines meaningless.
+settings.register_profile("mopro", derandomize=True, deadline=None)
 settings.load_profile("mopro")
 
 

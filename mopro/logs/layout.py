@@ -141,7 +141,7 @@ def is_stamp(cell: str) -> bool:
 
 
 def _width(rows: list[list[str]]) -> int:
-    """The most frequent number of cells in a row that is not blank; 0 if all are."""
+    """Mode of the number of cells in rows that are not blank; 0 if all rows are blank."""
     often = Counter(len(row) for row in rows if any(row)).most_common(1)
     return often[0][0] if often else 0
 

@@ -152,7 +152,7 @@ class Page:
         return self.browser.events.get(self.session, [])
 
     def place(self, selector, across=0.5, down=0.5):
-        """Where an element is on the screen, after scrolling to it."""
+        """Place of an element on the screen, after scrolling to it."""
         return self.value(
             f"""(() => {{ const e = document.querySelector({json.dumps(selector)});
             e.scrollIntoView({{block: "center"}}); const r = e.getBoundingClientRect();

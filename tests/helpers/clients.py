@@ -95,7 +95,7 @@ class Client:
 
     @property
     def fate(self) -> str:
-        """What the server did with it, in a word or two."""
+        """Answer of the server, in a word or two."""
         if self.refused:
             return "refused"
         if _BUSY in self.heard or b"HTTP/1.1 4" in self.heard or b"HTTP/1.1 503" in self.heard:
@@ -201,7 +201,7 @@ class Legitimate:
 
 @dataclass
 class Outcome:
-    """What a trial of one kind came to."""
+    """Result of a trial of one kind of client."""
 
     kind: str
     clients: int

@@ -26,7 +26,7 @@ _FILES = ("file:///dev/zero", "file:///", "file:///dev/stdin", "untitled:1", "ht
 
 @dataclass(frozen=True)
 class Session:
-    """What a session came to; `failures` are in words."""
+    """Result of a session; `failures` are in words."""
 
     seed: int
     messages: int

@@ -119,7 +119,7 @@ class Recorder:
 
 
 def read_changes(path):
-    """What `Recorder.save` wrote."""
+    """Operations that `Recorder.save` wrote."""
     with open(path, "rb") as file:
         return pickle.load(file)
 

@@ -1,4 +1,4 @@
-"""What pages are made of: the plotting library as it was published, scripts, data, tables."""
+"""Parts of pages: the plotting library as it was published, scripts, data, tables."""
 
 import base64
 import hashlib

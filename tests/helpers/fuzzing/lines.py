@@ -147,7 +147,7 @@ def _replies(name: str) -> object:
 
 
 def _talks() -> list[bytes]:
-    """What the virtual controller answers in such a conversation, in pieces."""
+    """Answers of the virtual controller in such a conversation, in pieces."""
     made = [b"\x00OK\xfeOK\xfeST IDLE\r\nOK", b"\x02OK", b"\x83", b"\x04>\xfe>"]
     for dialect in ("checked", "plain"):
         made += [bytes([0x80 | way]) + _heard(dialect, way) for way in range(5)]

@@ -36,7 +36,7 @@ class Parser:
 
 
 def allowed() -> tuple[type[BaseException], ...]:
-    """What a parser may raise: the project's errors, and those of the command line."""
+    """Errors that a parser may raise: the project's, and those of the command line."""
     import click
 
     from mopro.errors import MoproError
