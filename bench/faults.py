@@ -1,12 +1,12 @@
 """A fault of the system at each call of each command that writes files.
 
-    python bench/faults.py [--most 40] [--command "run, csv"]
+    python bench/faults.py [--most 40] [--command "run, csv"] [--call memory]
 
 The first, second, ... call of a kind fails: opening to write or to read, read, write, fsync,
 rename, mkdir, unlink, change of mode. Calls are those of Python on files below the working
 folder, the cache included. What libraries write that are not Python meets a disk that is full at
 one to seven eighths of the largest output (but not below 4 KiB). The last kind is a limit of
-memory, at up to fifteen sixteenths of what the command takes beyond its start. Prints for each
+memory, at one to 63 sixty-fourths of what the command takes beyond its start. Prints for each
 command and kind the tries and the failures, and exits with 1 if there is any:
 
 - an output that is neither what it was before nor complete, or an input that is gone,
@@ -22,7 +22,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
@@ -30,10 +30,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from helpers.faults import COMMANDS, FAILURES, KINDS, Trial, workplace
 
 
-def trials(name: str, most: int) -> Iterator[Trial]:
-    """The trials of one command: up to `most` calls of each kind."""
+def trials(name: str, most: int, kinds: Sequence[str]) -> Iterator[Trial]:
+    """The trials of one command: up to `most` calls of each of `kinds`."""
     with tempfile.TemporaryDirectory() as folder, workplace(name, folder) as place:
-        for call in KINDS:
+        for call in kinds:
             for number in range(1, most + 1):
                 done = place.trial(call, number)
                 if done is None:
@@ -45,6 +45,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--most", type=int, default=40, help="calls of each kind")
     parser.add_argument("--command", choices=COMMANDS, action="append")
+    parser.add_argument("--call", choices=KINDS, action="append")
     chosen = parser.parse_args()
     started_s = time.perf_counter()
     head = "".join(f"{title:>24}" for title in FAILURES)
@@ -52,7 +53,7 @@ def main() -> int:
     failed = []
     total = 0
     for name in chosen.command or COMMANDS:
-        done = list(trials(name, chosen.most))
+        done = list(trials(name, chosen.most, chosen.call or KINDS))
         for call in KINDS:
             some = [t for t in done if t.call == call]
             if some:

@@ -33,7 +33,7 @@ def _fill(x: Floats, half: float, followed: Floats) -> None:
 
 @functools.cache
 def _compiled() -> Callable[[Floats, float, Floats], None]:
-    import numba
+    from mopro.jit import njit
 
-    compiled: Callable[[Floats, float, Floats], None] = numba.njit(cache=True, nogil=True)(_fill)
+    compiled: Callable[[Floats, float, Floats], None] = njit(cache=True, nogil=True)(_fill)
     return compiled

@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 from _thread import interrupt_main
+from collections.abc import Iterator
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
@@ -137,10 +138,21 @@ class _LackOfMemory:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: object
     ) -> None:
-        if isinstance(error, MoproError | click.ClickException):
+        if isinstance(error, MoproError | click.ClickException | click.Abort):
             return
-        if error is not None and _NO_MEMORY.search(str(error)):
+        if isinstance(error, Exception) and any(map(_tells_of_no_memory, _chain(error))):
             raise MemoryError from error
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    """An error, and those that it came from."""
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def _tells_of_no_memory(error: BaseException) -> bool:
+    return isinstance(error, MemoryError) or bool(_NO_MEMORY.search(str(error)))
 
 
 def _heed_signals() -> None:
@@ -157,12 +169,15 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def _unraisable(lost: UnraisableHookArgs) -> None:
-    """Raise a signal again that came within a library's callback, where nothing can be raised."""
+    """Raise a signal again that came within a library's callback, where nothing can be raised.
+
+    Of a lack of memory there nothing is said: what needs memory next says so.
+    """
     if isinstance(lost.exc_value, Interrupted):
         again = threading.Timer(_AGAIN_S, _signal_main, (lost.exc_value.args[0],))
         again.daemon = True
         again.start()
-    else:
+    elif not isinstance(lost.exc_value, MemoryError):
         sys.__unraisablehook__(lost)
 
 

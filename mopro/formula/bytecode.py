@@ -10,11 +10,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.formula.language import PI, ZERO_C_IN_K, Formula
+from mopro.jit import njit
 
 Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -22,7 +22,7 @@ Codes = NDArray[np.int64]
 _np: Any = np
 # Operands that a formula may stack: more than its levels can need.
 MOST_STACKED = 200
-_compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True, error_model="numpy")
+_compiled: Callable[..., Any] = njit(cache=True, nogil=True, error_model="numpy")
 
 (_VARIABLE, _ADD, _SUB, _MUL, _DIV, _POW, _NEG, _NOT, _AND, _OR, _LT, _LE, _GT, _GE, _EQ, _NE,
  _SELECT, _SIN, _COS, _TAN, _ASIN, _ACOS, _ATAN, _ATAN2, _SINH, _COSH, _TANH, _EXP, _LOG, _SQRT,

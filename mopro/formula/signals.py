@@ -6,15 +6,15 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.jit import njit
 from mopro.play import follow
 
 Floats = NDArray[np.float64]
-# Untyped in numba. Compiled code is kept where numba keeps it.
-_compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True)
+# Compiled code is kept where numba keeps it.
+_compiled: Callable[..., Any] = njit(cache=True, nogil=True)
 # Share of the largest value beyond which a signal tells its side.
 _SIDE = 0.1
 

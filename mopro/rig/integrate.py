@@ -10,14 +10,14 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.formula.bytecode import MOST_STACKED, value_of
+from mopro.jit import njit
 
 Floats = NDArray[np.float64]
-_compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True, error_model="numpy")
+_compiled: Callable[..., Any] = njit(cache=True, nogil=True, error_model="numpy")
 # Beyond it a state has run away, and the integration ends.
 _FARTHEST = 1e12
 # Reversals within one step, beyond which the axis rests for the remainder of it.

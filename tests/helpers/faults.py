@@ -23,9 +23,10 @@ FULL_DISK = "disk full"
 _EIGHTHS = 8
 # Messages must fit a file of such a size, too.
 _SMALLEST_LIMIT = 4096
-# Memory beyond that of the start is limited to so many sixteenths of what the command takes.
+# Memory beyond that of the start is limited to so many parts of what the command takes: first
+# the half, then quarters, eighths, ..., so that any number of trials spreads over the whole.
 LITTLE_MEMORY = "memory"
-_SIXTEENTHS = 16
+_PARTS = 64
 KINDS = (*CALLS, FULL_DISK, LITTLE_MEMORY)
 
 MOVE = "UU012500/1\nVEL0 40.0\nACC0 0.25\nMRI1 1.0\nWX1\n"
@@ -230,8 +231,7 @@ class Workplace:
             limit = max(_SMALLEST_LIMIT, number * largest // _EIGHTHS)
             return None if number >= _EIGHTHS or limit >= largest else {"limit": limit}
         if call == LITTLE_MEMORY:
-            past = number >= _SIXTEENTHS
-            return None if past else {"memory": number * self._peak // _SIXTEENTHS}
+            return None if number >= _PARTS else {"memory": int(_spread(number) * self._peak)}
         return {}
 
     def _failures(self, call, code, said):
@@ -259,6 +259,12 @@ class Workplace:
         if name in self.command.loose and content is not None:
             return abs(len(content) - len(expected)) < 100
         return content == expected
+
+
+def _spread(number):
+    """The `number`-th of 1/2, 1/4, 3/4, 1/8, 5/8, 3/8, ... (its binary digits mirrored)."""
+    digits = f"{number:b}"
+    return int(digits[::-1], 2) / 2 ** len(digits)
 
 
 def _is_whole(name, content):

@@ -13,6 +13,7 @@ the limit.
 """
 
 import builtins
+import faulthandler
 import importlib
 import io
 import json
@@ -40,7 +41,7 @@ from mopro.link.flash import flash
 from mopro.machine import load_machine
 from mopro.program.compile import compile_file
 
-LIMIT_S = 120
+LIMIT_S = 60
 # What a command needs that takes long to load: loaded once, before the first fork.
 NEEDED = {
     "import": ["mopro.importing"],
@@ -176,6 +177,7 @@ def _note_replies(device, recorder):
 
 def child(trial, told, streams):
     """Run one trial, write what was counted to the descriptor `told`, and leave."""
+    faulthandler.register(signal.SIGALRM, chain=True)  # where it hangs, then the end
     signal.alarm(LIMIT_S)
     os.chdir(trial["folder"])
     os.environ["XDG_CACHE_HOME"] = str(Path(trial["folder"]) / "cache")

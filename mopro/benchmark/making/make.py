@@ -6,7 +6,6 @@ import hashlib
 import io
 import json
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
 from mopro.benchmark.reference.readings import ProgramRun
 from mopro.benchmark.reference.sensors import Instrument, stored
+from mopro.jobs import in_processes
 
 _MACHINE = "machine.toml"
 
@@ -91,11 +91,7 @@ def _draw_all(
 ) -> Iterable[tuple[str, dict[str, Any], Contents]]:
     """Number, answer and files of each chosen case, from `jobs` processes."""
     tasks = [(seed, number, spec, machine) for number, spec in chosen]
-    if jobs == 1:
-        yield from map(_task, tasks)
-        return
-    with ProcessPoolExecutor(jobs) as pool:
-        yield from pool.map(_task, tasks)
+    return in_processes(_task, tasks, jobs)
 
 
 def _task(

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +31,7 @@ from mopro.benchmark.scoring.outcome import FAILED
 from mopro.benchmark.scoring.score import FollowUp, pair_key
 from mopro.errors import DataError
 from mopro.files import write
+from mopro.jobs import in_threads
 
 VERDICT = "verdict.json"
 _STDERR_KEPT = 2000  # characters of a process's messages that go into its verdict
@@ -196,8 +196,7 @@ def judge_cases(cases: CaseFolder, source: VerdictSource, jobs: int) -> Iterator
         folder = cases.folder / number
         return judge(number, answer, source.ask(number, folder / EXPERIMENT, without_of(answer)))
 
-    with ThreadPoolExecutor(jobs) as pool:
-        yield from pool.map(judge_one, sorted(cases.cases))
+    yield from in_threads(judge_one, sorted(cases.cases), jobs)
 
 
 def follow_up_cases(
@@ -219,10 +218,9 @@ def follow_up_cases(
         }
         return FollowUp(first, predicted, second)
 
-    with ThreadPoolExecutor(jobs) as pool:
-        ambiguous = [j for j in judgements if j.verdict == "ambiguous"]
-        asked = [j for j in ambiguous if not without_of(cases.cases[j.number])]
-        yield from pool.map(follow_up, asked)
+    ambiguous = [j for j in judgements if j.verdict == "ambiguous"]
+    asked = [j for j in ambiguous if not without_of(cases.cases[j.number])]
+    yield from in_threads(follow_up, asked, jobs)
 
 
 def without_of(document: Mapping[str, Any]) -> list[str]:

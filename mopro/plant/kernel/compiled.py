@@ -16,6 +16,7 @@ from numba.core.registry import cpu_target
 from numba.extending import is_jitted
 
 from mopro.cachefolder import cache_folder
+from mopro.jit import njit
 from mopro.plant.kernel.cache import KernelCache, UnknownCodeError, fingerprint
 from mopro.plant.kernel.integrate import Integrate, integrate_of
 from mopro.plant.kernel.motion import parts_of, start_of
@@ -29,7 +30,6 @@ _INDICES = numba.intp[::1]
 _OUTER = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _INNER = {**_OUTER, "forceinline": True, "no_cpython_wrapper": True}
 # Untyped in numba.
-_njit: Callable[..., Any] = numba.njit
 _type_of: Callable[[object], Any] = numba.typeof
 
 
@@ -60,9 +60,9 @@ def _compiled(terms: TermSet, nominal: bool, plain: Integrate, allocates: bool) 
         if function.__closure__ is None:
             return _shared(function, allocates)
         inner = tuple(CellType(prepare(cell.cell_contents)) for cell in function.__closure__)
-        return _njit(**_INNER, _nrt=allocates)(_renamed(function, name, inner))
+        return njit(**_INNER, _nrt=allocates)(_renamed(function, name, inner))
 
-    integrate = _njit(**_OUTER, _nrt=allocates)(
+    integrate = njit(**_OUTER, _nrt=allocates)(
         _renamed(integrate_of(parts_of(terms, nominal, prepare), prepare), name)
     )
     folder = cache_folder()
@@ -86,7 +86,7 @@ def _identity(function: Callable[..., Any], signature: str = "") -> tuple[str | 
 def _shared(function: FunctionType, allocates: bool) -> Any:
     """A function that is the same in every kernel, compiled once in a process."""
     name = _identity(function, str(allocates))[1]
-    return _njit(**_INNER, _nrt=allocates)(_renamed(function, name))
+    return njit(**_INNER, _nrt=allocates)(_renamed(function, name))
 
 
 def _renamed(function: Any, name: str, closure: tuple[CellType, ...] | None = None) -> FunctionType:
