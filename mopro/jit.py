@@ -1,28 +1,22 @@
 """numba, with memory made sure of: LLVM aborts the process where it gets none.
 
-Importing this costs what numba costs. Whoever compiles with numba imports this first: from then
-on each compilation in the process, and each use of a kept one, raises MemoryError beforehand.
+Importing this costs what numba costs. Whoever compiles with numba imports it: from then on each
+compilation in the process, and each use of a kept one, raises MemoryError beforehand.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
+import numba
+from numba.core import event
+from numba.core.compiler_lock import global_compiler_lock
+
 from mopro.memory import make_sure
 
-# Bytes of address space. numba and LLVM take 174 MB to load; the kernel of a machine without
-# effects 33 MB to compile.
-_TO_LOAD = 192 << 20
+# Bytes of address space: twice what LLVM takes for the kernel of a machine without effects.
 _TO_COMPILE = 64 << 20
-
-if "numba" not in sys.modules:
-    make_sure(_TO_LOAD)
-
-import numba  # noqa: E402
-from numba.core import event  # noqa: E402
-from numba.core.compiler_lock import global_compiler_lock  # noqa: E402
 
 # Untyped in numba.
 njit: Callable[..., Any] = numba.njit

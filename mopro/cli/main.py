@@ -20,6 +20,7 @@ import click
 
 from mopro.cli.terminal.say import discard_output, prepare_streams, say, say_findings
 from mopro.errors import Interrupted, LinkError, MoproError, PortError, RunError
+from mopro.memory import make_sure_on_import
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
@@ -96,6 +97,7 @@ def group() -> None:
 def main() -> NoReturn:
     """Run the command line and exit."""
     _heed_signals()
+    make_sure_on_import()
     prepare_streams()
     try:
         with _LackOfMemory():

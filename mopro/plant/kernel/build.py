@@ -46,7 +46,6 @@ def _plain(terms: TermSet, nominal: bool) -> Integrate:
 @functools.cache
 def _compiled(terms: TermSet, nominal: bool) -> Integrate:
     with _garbage_left():
-        import mopro.jit  # noqa: F401  before anything else of numba
         from mopro.plant.kernel.compiled import compiled
 
         return compiled(terms, nominal, _plain(terms, nominal))
