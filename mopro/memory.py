@@ -14,6 +14,7 @@ _TO_LOAD = {
     "numba": 192 << 20,
     "pyarrow": 256 << 20,
     "matplotlib": 64 << 20,
+    "pandas": 64 << 20,
 }
 _WITH_OPENBLAS = {"numpy", "scipy.linalg"}
 _A_PROCESSOR = 40 << 20

@@ -132,6 +132,22 @@ def test_a_damaged_or_planted_parser_is_made_anew(tmp_path):
     assert not (tmp_path / "was-run").exists()
 
 
+def test_processes_that_fill_the_cache_at_once_get_whole_parsers(tmp_path):
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+    command = [sys.executable, "-c", COMPILE]
+    started = [
+        subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        for _ in range(4)
+    ]
+    said = [process.communicate(timeout=LIMIT_S) for process in started]
+    assert len(set(said)) == 1
+    assert said[0][0].startswith(b"Move")
+    assert said[0][1] == b""
+    (kept,) = (path for path in tmp_path.rglob("*") if path.is_file())
+    assert kept.suffix == ".parser"
+    assert read_kept(kept) is not None
+
+
 def test_a_full_cache_is_no_hindrance(tmp_path):
     code = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64))\n" + COMPILE
     done = compiled(tmp_path, code, XDG_CACHE_HOME=str(tmp_path))

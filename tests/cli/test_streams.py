@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from pyarrow.lib import ArrowException
@@ -84,6 +85,11 @@ def test_a_reader_that_has_gone_ends_the_command_quietly(folder):
     assert done.stderr == ""
 
 
+def caused(error, cause):
+    error.__cause__ = cause
+    return error
+
+
 @pytest.mark.parametrize(
     "error",
     [
@@ -92,6 +98,7 @@ def test_a_reader_that_has_gone_ends_the_command_quietly(folder):
         SystemError("<function f> returned NULL without setting an exception"),
         ArrowException("Unknown error: Failed to launch worker thread: Resource unavailable"),
         OSError(errno.ENOMEM, "Cannot allocate memory"),
+        caused(AttributeError("partially initialized module"), MemoryError()),
     ],
 )
 def test_what_libraries_make_of_too_little_memory_is_told_as_such(monkeypatch, tmp_path, error):
@@ -111,6 +118,13 @@ def test_other_errors_of_libraries_are_not_taken_for_it(monkeypatch, tmp_path):
     monkeypatch.setattr(sys.modules["mopro.cli.main"], "group", group)
     with pytest.raises(RuntimeError, match="a fault of the program"):
         run_here(tmp_path, "ports")
+
+
+def test_a_lack_of_memory_where_nothing_can_be_raised_is_no_traceback(capfd):
+    hook = sys.modules["mopro.cli.main"]._unraisable
+    lost = {"exc_traceback": None, "err_msg": None, "object": None}
+    hook(SimpleNamespace(exc_type=MemoryError, exc_value=MemoryError(), **lost))
+    assert capfd.readouterr().err == ""
 
 
 def test_too_little_memory_is_told(mopro, monkeypatch):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.errors import ModelError
+from mopro.errors import ModelError, RunError
 from mopro.machine import model
 from mopro.machine.file import read_machine
 from mopro.plant import MAX_STEP_S
@@ -41,6 +41,25 @@ def test_what_is_read_can_be_run(key):
         recording = mopro.emulate(mopro.compile(PROGRAM), machine, rate_hz=200.0)
         for name, column in recording.columns.items():
             assert np.isfinite(column).all(), (value, name)
+
+
+@pytest.mark.parametrize("key", ["coil_resistance", "coil_inductance", "supply", "phase_current"])
+def test_a_full_drive_at_an_extreme_runs_or_is_said_to_be_unstable(key):
+    """Of the drive's own numbers both happen: the run is finite, or an error at its line."""
+    ends = set()
+    for value in ("1e-320", "1e-9", "1e-3", "1e3", "1e9", "1e308"):
+        text = stated(key, value).replace("[drive]\n", '[drive]\nmodel = "full"\n')
+        try:
+            machine = read_machine(Source("m.toml", text))
+            recording = mopro.emulate(mopro.compile(PROGRAM), machine, rate_hz=200.0)
+        except (ModelError, RunError) as error:
+            ends |= {d.rule for d in error.diagnostics}
+            continue
+        ends.add("finite")
+        for name, column in recording.columns.items():
+            assert np.isfinite(column).all(), (value, name)
+    assert "finite" in ends
+    assert ends <= {"finite", "not-finite", "bad-value"}
 
 
 @pytest.mark.parametrize(
