@@ -92,8 +92,8 @@ def forces(terms: TermSet, prepare: Prepare) -> Forces:
         slide = prepare(effect.slide) if effect.slide else None
         for term, of_motor in ((effect.force, False), (effect.reaction, True)):
             if term is not None:
-                part = _force(prepare(term), of_motor, i, states.get(i), slide)
-                parts.append(prepare(part))
+                part = prepare(_force(prepare(term), of_motor, i, states.get(i), slide))
+                parts.append(_unless_absent(part, effect, i, prepare))
     if not parts:
         return prepare(_no_force)
     total = parts[0]
@@ -139,6 +139,20 @@ def _stateless(term: Callable[..., float], of_motor: bool, i: int) -> Forces:
     return reaction if of_motor else force
 
 
+def _unless_absent(part: Forces, effect: Effect, i: int, prepare: Prepare) -> Forces:
+    """`part`, skipped where the effect `i` is there for the sake of its kernel group only."""
+    if effect.absent_at is None:
+        return part
+    (first, first_null), (last, last_null) = effect.absent_at
+
+    def force(motor_N: float, x: float, v: float, z: Path, dx: float, numbers: Numbers) -> float:
+        if numbers[i][first] == first_null and numbers[i][last] == last_null:
+            return 0.0
+        return part(motor_N, x, v, z, dx, numbers)
+
+    return prepare(force)
+
+
 def _sum(one: Forces, other: Forces) -> Forces:
     def total(motor_N: float, x: float, v: float, z: Path, dx: float, numbers: Numbers) -> float:
         return one(motor_N, x, v, z, dx, numbers) + other(motor_N, x, v, z, dx, numbers)
@@ -152,9 +166,29 @@ def slides(terms: TermSet, prepare: Prepare) -> Slides:
     for j, i in enumerate(terms.on_path):
         term = terms.effects[i].slide
         assert term is not None, "its place is one of those with such a state"
-        slide = prepare(term)
+        slide = _slide_unless_absent(prepare(term), terms.effects[i], prepare)
         advanced = prepare(_first_state(slide, i) if j == 0 else _next_state(advanced, slide, i, j))
     return advanced
+
+
+def _slide_unless_absent(
+    slide: Callable[..., float], effect: Effect, prepare: Prepare
+) -> Callable[..., float]:
+    """`slide`, with the effect's numbers in one tuple; an absent effect's state stays."""
+
+    def always(z: float, dx: float, numbers: tuple[float, ...]) -> float:
+        return slide(z, dx, *numbers)
+
+    if effect.absent_at is None:
+        return prepare(always)
+    (first, first_null), (last, last_null) = effect.absent_at
+
+    def unless_absent(z: float, dx: float, numbers: tuple[float, ...]) -> float:
+        if numbers[first] == first_null and numbers[last] == last_null:
+            return z
+        return slide(z, dx, *numbers)
+
+    return prepare(unless_absent)
 
 
 def _no_states(z: Path, dx: float, numbers: Numbers) -> Path:
@@ -163,14 +197,14 @@ def _no_states(z: Path, dx: float, numbers: Numbers) -> Path:
 
 def _first_state(slide: Callable[..., float], i: int) -> Slides:
     def advanced(z: Path, dx: float, numbers: Numbers) -> Path:
-        return (slide(z[0], dx, *numbers[i]),)
+        return (slide(z[0], dx, numbers[i]),)
 
     return advanced
 
 
 def _next_state(before: Slides, slide: Callable[..., float], i: int, j: int) -> Slides:
     def advanced(z: Path, dx: float, numbers: Numbers) -> Path:
-        return (*before(z, dx, numbers), slide(z[j], dx, *numbers[i]))
+        return (*before(z, dx, numbers), slide(z[j], dx, numbers[i]))
 
     return advanced
 
