@@ -242,8 +242,8 @@ class Effect:
     setpoint: ClassVar[Term | None] = None
     # Blocks that the drive itself knows: "lag" or "voltage".
     current_loop: ClassVar[str | None] = None
-    # Effects of one group take little time: a simulation of many sets of them gives each set
-    # the whole group, at neutral values, and compiles one kernel for all.
+    # A simulation of many sets gives each set that has an effect of a group the whole group, at
+    # neutral values, and compiles one kernel for all.
     kernel_group: ClassVar[str | None] = None
     # Acts after all others of its hook; else effects act in the catalogue's order.
     acts_last: ClassVar[bool] = False
@@ -266,6 +266,16 @@ class Effect:
     def equation(self) -> str:
         """The docstring: description, equation, units and source."""
         return inspect.getdoc(type(self)) or ""
+
+    @property
+    def absent_at(self) -> tuple[tuple[int, float], tuple[int, float]] | None:
+        """Places and nulls of its two sizes, at which one of a kernel group is absent.
+
+        Of a single size twice the same; None for other numbers of sizes, or without a group.
+        """
+        amplitudes = ((i, p) for i, p in enumerate(self.parameters) if p.response is Role.AMPLITUDE)
+        sizes = [(i, p.null) for i, p in amplitudes]
+        return (sizes[0], sizes[-1]) if self.kernel_group and 1 <= len(sizes) <= 2 else None
 
     def neutral(self, machine: Machine) -> dict[str, float]:
         """The values at which the effect vanishes on `machine`."""

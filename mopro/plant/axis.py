@@ -86,7 +86,7 @@ class EmulatedAxis:
         parts = []
         for part, stop_s in self._between_jumps(samples_s, end_s):
             knots = self._knots(part, stop_s)
-            trace = self._through(knots)
+            trace = self._through(knots, recorded=False)
             parts.append(trace.position[np.searchsorted(knots, part)])
         return np.concatenate(parts)
 
@@ -109,10 +109,14 @@ class EmulatedAxis:
         corners = self._command.corners_s(self._now_s, end_s)
         own = self._corners_s[(self._corners_s > self._now_s) & (self._corners_s < end_s)]
         ends = np.array([self._now_s, max(end_s, self._now_s)])
-        return np.union1d(np.concatenate((ends, corners, own)), samples_s)
+        others = np.unique(np.concatenate((ends, corners, own)))
+        at = np.searchsorted(samples_s, others)
+        new = at == len(samples_s)
+        new[~new] = samples_s[at[~new]] != others[~new]
+        return np.insert(samples_s, at[new], others[new])
 
-    def _through(self, knots: Floats) -> Trace:
-        trace = self._engine.through(knots)
+    def _through(self, knots: Floats, recorded: bool = True) -> Trace:
+        trace = self._engine.through(knots, recorded)
         self._now_s = float(knots[-1])
         return trace
 
@@ -161,7 +165,7 @@ class EmulatedAxis:
         deadline_s = self._now_s + MOST_SETTLING_S
         while not self.settled() and self._now_s < deadline_s:
             knots = np.array([self._now_s, self._now_s + _SETTLING_S])
-            self._check_finite(knots, self._through(knots))
+            self._check_finite(knots, self._through(knots, recorded=False))
         self.outcomes.finish(self._lag_m())
 
     def settled(self) -> bool:

@@ -28,8 +28,8 @@ _MOST_RELAXATIONS = 400
 class Trace:
     """Motion at the knots; `low` and `high` are the lag's extremes between them (m).
 
-    The electrical columns (currents over I, volts, newtons) are None for the nominal
-    drive, where they follow from the positions.
+    The electrical columns (currents over I, volts, newtons) are None where nobody wants
+    them, and for the nominal drive, where they follow from the positions.
     """
 
     position: Floats
@@ -96,11 +96,13 @@ class Engine:
         """Begin in the present state of `other`, an engine for the same effects."""
         self._state = other._state
 
-    def through(self, knots: Floats) -> Trace:
+    def through(self, knots: Floats, recorded: bool = True) -> Trace:
         """Integrate over `knots` from the present state, and keep the last one.
 
+        `recorded`: with the electrical columns, which take as long as a third of the motion.
         A motion that leaves the finite numbers is NaN from there on.
         """
+        recorded = recorded and not self._nominal
         arrays = [
             knots,
             self._command.rows_at(knots[:-1]),
@@ -109,7 +111,7 @@ class Engine:
             self._strengths,
         ]
         motion = np.full((len(knots), 4), math.nan)
-        electrical = np.full((0 if self._nominal else len(knots), 5), math.nan)
+        electrical = np.full((len(knots) if recorded else 0, 5), math.nan)
         limits = (self._stepping.max_s, self._stepping.max_m, REST_M)
         scalars = (_plant(self._plant), limits, self._resolved, self._numbers, self._state)
         if self._compiled:
@@ -125,7 +127,7 @@ class Engine:
             motion, electrical = np.array(lists[0]), np.array(lists[1])
         position, velocity, low, high = motion.T.copy()
         return Trace(
-            position, velocity, low[1:], high[1:], None if self._nominal else electrical.T.copy()
+            position, velocity, low[1:], high[1:], electrical.T.copy() if recorded else None
         )
 
     def _at_rest(self, terms: TermSet) -> State:

@@ -8,6 +8,7 @@ import pytest
 
 import mopro
 from mopro import plant
+from mopro.effects import Active, catalogue_of
 from mopro.machine import load_machine
 from mopro.motion import Stopping, plan
 from mopro.plant import simulate
@@ -30,13 +31,37 @@ def test_several_advances_give_what_one_gives():
         assert np.allclose(np.concatenate([p[name] for p in parts]), values, rtol=0, atol=1e-12)
 
 
-def test_positions_alone_are_those_of_the_columns():
-    columns = simulate(SCHEDULE, MACHINE).advance(grid(0.0, 0.3), 0.3)
-    simulation = simulate(SCHEDULE, MACHINE)
+def active(name, *values):
+    """One effect on both axes; at its nulls unless it has values."""
+    effect = catalogue_of(MACHINE)[name]
+    return Active(effect, values or tuple(p.null for p in effect.parameters), (1, 2))
+
+
+@pytest.mark.parametrize("effects", [(), (active("coulomb_friction", 5.0, 5e-6),)], ids=len)
+def test_positions_alone_are_those_of_the_columns(effects):
+    columns = simulate(SCHEDULE, MACHINE, effects).advance(grid(0.0, 0.3), 0.3)
+    simulation = simulate(SCHEDULE, MACHINE, effects)
     for axis in (1, 2):
         alone = simulation.positions_m(axis, grid(0.0, 0.3), 0.3)
         assert np.array_equal(alone, columns[f"position_{axis}_m"])
         assert simulation.position_m(axis) == pytest.approx(alone[-1], abs=2e-5)
+
+
+def test_an_effect_at_its_nulls_changes_no_bit_of_the_motion():
+    present = active("stribeck_friction", 2.0, 5e-6, 4.0, 0.05)
+    groups = {present.effect.kernel_group}
+    absent = [
+        active(name)
+        for name, effect in catalogue_of(MACHINE).items()
+        if effect.kernel_group in groups and name != present.name
+    ]
+    assert len(absent) > 5
+    times = grid(0.0, 0.3)
+    alone, among = (
+        simulate(SCHEDULE, MACHINE, effects, compiled=True).positions_m(1, times, 0.3)
+        for effects in ((present,), (*absent, present))
+    )
+    assert np.array_equal(alone, among)
 
 
 def test_a_changed_schedule_leaves_the_past_and_changes_what_comes():

@@ -187,11 +187,11 @@ def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
         segment in `rows` (see Segment; and 1 where the command rests), and of its factors in
         `factors` (see axis_and_drive); resolved: whether the drive's angle moves in whole
         microsteps; state: at the first knot. motion: a row for each knot of position (m),
-        velocity (m/s), least and greatest lag x_c - x (m) since the knot before; electrical,
-        unless nominal: see `record`.
+        velocity (m/s), least and greatest lag x_c - x (m) since the knot before; electrical:
+        see `record`, without rows if nobody wants them.
         """
         microstep, natural = plant[4], sqrt(plant[0] * plant[1] / plant[3])
-        steps = 0
+        steps, recorded = 0, len(electrical) > 0
         row = factor = -1
         here = motion[0]
         here[0], here[1] = state[0], state[1]
@@ -206,7 +206,7 @@ def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
                 segment = (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7])
                 holding = r[8] > 0.0
                 u, w = command(segment, t)
-            if i == 0 and not nominal:
+            if i == 0 and not nominal and recorded:
                 record(electrical, i, u, w, resolved, state, plant, axis, drive, numbers)
             here = motion[i + 1]
             if abs(state[1]) > RUNAWAY_M_S:
@@ -224,7 +224,8 @@ def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
             here[0], here[1] = state[0], state[1]
             if not nominal:
                 u, w = command(segment, knots[i + 1])
-                record(electrical, i + 1, u, w, resolved, state, plant, axis, drive, numbers)
+                if recorded:
+                    record(electrical, i + 1, u, w, resolved, state, plant, axis, drive, numbers)
         return steps, state
 
     return integrate

@@ -87,13 +87,12 @@ def has_term(effect: Effect) -> bool:
 def forces(terms: TermSet, prepare: Prepare) -> Forces:
     """The sum of all further forces, each state taken where the way dx has brought it."""
     states = {i: j for j, i in enumerate(terms.on_path)}
-    parts: list[Forces] = []
-    for i, effect in enumerate(terms.effects):
-        slide = prepare(effect.slide) if effect.slide else None
-        for term, of_motor in ((effect.force, False), (effect.reaction, True)):
-            if term is not None:
-                part = _force(prepare(term), of_motor, i, states.get(i), slide)
-                parts.append(prepare(part))
+    parts = [
+        _force(effect, i, states.get(i), prepare, term)
+        for i, effect in enumerate(terms.effects)
+        for term in (effect.force, effect.reaction)
+        if term is not None
+    ]
     if not parts:
         return prepare(_no_force)
     total = parts[0]
@@ -107,36 +106,36 @@ def _no_force(motor_N: float, x: float, v: float, z: Path, dx: float, numbers: N
 
 
 def _force(
-    term: Callable[..., float],
-    of_motor: bool,
-    i: int,
-    j: int | None,
-    slide: Callable[..., float] | None,
+    effect: Effect, i: int, j: int | None, prepare: Prepare, term: Callable[..., float]
 ) -> Forces:
-    """The term of effect `i`; with a state it is the state number `j`.
+    """The `term` of effect `i`, whose state, if it has one, is the state number `j`.
 
-    `of_motor` tells whether the term wants the motor's force.
+    It is skipped where the effect is there for the sake of its kernel group only.
     """
-    if j is None or slide is None:
-        return _stateless(term, of_motor, i)
+    of_motor, term = term is effect.reaction, prepare(term)
+    slide, has_state = prepare(effect.slide) if effect.slide else term, effect.slide is not None
+    skippable, first, first_null, last, last_null = _absence(effect)
+    state = 0 if j is None else j
 
     def force(motor_N: float, x: float, v: float, z: Path, dx: float, numbers: Numbers) -> float:
-        return term(x, v, slide(z[j], dx, *numbers[i]), *numbers[i])
+        own = numbers[i]
+        if skippable and own[first] == first_null and own[last] == last_null:
+            return 0.0
+        if has_state:
+            if of_motor:
+                return term(x, v, slide(z[state], dx, *own), motor_N, *own)
+            return term(x, v, slide(z[state], dx, *own), *own)
+        if of_motor:
+            return term(x, v, motor_N, *own)
+        return term(x, v, *own)
 
-    def reaction(motor_N: float, x: float, v: float, z: Path, dx: float, numbers: Numbers) -> float:
-        return term(x, v, slide(z[j], dx, *numbers[i]), motor_N, *numbers[i])
-
-    return reaction if of_motor else force
+    return prepare(force)
 
 
-def _stateless(term: Callable[..., float], of_motor: bool, i: int) -> Forces:
-    def force(motor_N: float, x: float, v: float, z: Path, dx: float, numbers: Numbers) -> float:
-        return term(x, v, *numbers[i])
-
-    def reaction(motor_N: float, x: float, v: float, z: Path, dx: float, numbers: Numbers) -> float:
-        return term(x, v, motor_N, *numbers[i])
-
-    return reaction if of_motor else force
+def _absence(effect: Effect) -> tuple[bool, int, float, int, float]:
+    """True if the effect can be absent, and places and nulls of its two sizes."""
+    absent_at = effect.absent_at
+    return (True, *absent_at[0], *absent_at[1]) if absent_at else (False, 0, 0.0, 0, 0.0)
 
 
 def _sum(one: Forces, other: Forces) -> Forces:
@@ -150,27 +149,25 @@ def slides(terms: TermSet, prepare: Prepare) -> Slides:
     """All states that follow the path after a further way of dx (m)."""
     advanced: Slides = prepare(_no_states)
     for j, i in enumerate(terms.on_path):
-        term = terms.effects[i].slide
-        assert term is not None, "its place is one of those with such a state"
-        slide = prepare(term)
-        advanced = prepare(_first_state(slide, i) if j == 0 else _next_state(advanced, slide, i, j))
+        advanced = prepare(_advanced(advanced, terms.effects[i], i, j, prepare))
     return advanced
 
 
 def _no_states(z: Path, dx: float, numbers: Numbers) -> Path:
-    return z
+    return ()
 
 
-def _first_state(slide: Callable[..., float], i: int) -> Slides:
+def _advanced(before: Slides, effect: Effect, i: int, j: int, prepare: Prepare) -> Slides:
+    """The states of `before` and that of effect `i`, number `j`, which an absent one keeps."""
+    assert effect.slide is not None, "its place is one of those with such a state"
+    slide = prepare(effect.slide)
+    skippable, first, first_null, last, last_null = _absence(effect)
+
     def advanced(z: Path, dx: float, numbers: Numbers) -> Path:
-        return (slide(z[0], dx, *numbers[i]),)
-
-    return advanced
-
-
-def _next_state(before: Slides, slide: Callable[..., float], i: int, j: int) -> Slides:
-    def advanced(z: Path, dx: float, numbers: Numbers) -> Path:
-        return (*before(z, dx, numbers), slide(z[j], dx, *numbers[i]))
+        own = numbers[i]
+        if skippable and own[first] == first_null and own[last] == last_null:
+            return (*before(z, dx, numbers), z[j])
+        return (*before(z, dx, numbers), slide(z[j], dx, *own))
 
     return advanced
 
