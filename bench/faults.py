@@ -23,6 +23,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
@@ -53,16 +54,15 @@ def main() -> int:
     failed = []
     total = 0
     for name in chosen.command or COMMANDS:
-        done = list(trials(name, chosen.most, chosen.call or KINDS))
-        for call in KINDS:
-            some = [t for t in done if t.call == call]
-            if some:
-                counts = Counter(f for t in some for f in t.failures)
-                told = "".join(f"{counts[f]:>24}" for f in FAILURES)
-                good = sum(t.code == 0 for t in some)
-                print(f"{name:24} {call:15} {len(some):5} {good:6}{told}", flush=True)
-        total += len(done)
-        failed += [t for t in done if t.failures]
+        tried = trials(name, chosen.most, chosen.call or KINDS)
+        for call, of_kind in groupby(tried, key=lambda t: t.call):
+            some = list(of_kind)
+            counts = Counter(f for t in some for f in t.failures)
+            told = "".join(f"{counts[f]:>24}" for f in FAILURES)
+            good = sum(t.code == 0 for t in some)
+            print(f"{name:24} {call:15} {len(some):5} {good:6}{told}", flush=True)
+            total += len(some)
+            failed += [t for t in some if t.failures]
     for t in failed[:12]:
         print(f"\nFAILED {t.command}, {t.call} {t.number}: {', '.join(t.failures)}")
         print(f"exit {t.code}:", *t.said.strip().splitlines()[-3:], sep="\n  ")
