@@ -43,10 +43,11 @@ from mopro.program.compile import compile_file
 
 LIMIT_S = 60
 # What a command needs that takes long to load: loaded once, before the first fork.
+_DRAWING = ["mopro.recording.shown", "matplotlib.backends.backend_agg"]
 NEEDED = {
     "import": ["mopro.importing"],
-    "compare": ["mopro.experiment.opened", "mopro.plot.comparison", "mopro.viewer.comparison"],
-    "reconcile": ["mopro.experiment.opened", "mopro.viewer.conclusion"],
+    "compare": ["mopro.experiment.opened", "mopro.viewer.comparison", *_DRAWING],
+    "reconcile": ["mopro.experiment.opened", "mopro.viewer.conclusion", *_DRAWING],
 }
 # That of this process, if changes are recorded.
 RECORDERS = []
