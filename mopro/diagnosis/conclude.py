@@ -40,7 +40,8 @@ def conclude(state: State) -> Verdict:
     believed = [(c, _named(sets, fit, held, c, others)) for c in fit.candidates]
     calibrated = sets.evidence.calibrated
     effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
-    unseen, rejected = _not_found(sets, state.screening, fit)
+    dropped = frozenset(r.name for r in state.rejected)
+    unseen, rejected = _not_found(sets, state.screening, fit, dropped)
     return Verdict(
         verdict=verdict_of(effects, state.remainder, others),
         effects=effects,
@@ -182,9 +183,11 @@ def _nuisances(sets: Hypotheses, fit: Fit, data: Sequence[Series]) -> list[Float
 
 
 def _not_found(
-    sets: Hypotheses, screening: Screening, fit: Fit
+    sets: Hypotheses, screening: Screening, fit: Fit, dropped: frozenset[str]
 ) -> tuple[tuple[BelowResolution, ...], list[Rejected]]:
     """The candidates that are not in `fit`: those that nobody could see, and the others.
+
+    Without those that a pass has `dropped`.
 
     An effect is below the resolution of the sensors if the largest plausible one would lower
     chi-squared by less than its penalty.
@@ -193,7 +196,7 @@ def _not_found(
     rejected: dict[str, Rejected] = {}
     for score in screening.beside(fit, sets.null):
         candidate = score.candidate
-        if candidate.law:
+        if candidate.law or candidate.name in dropped:
             continue
         expected = screening.expected_sigmas(sets.null, candidate)
         needed = math.sqrt(sets.evidence.added_penalty(fit, [candidate]))

@@ -38,6 +38,7 @@ _STANDARD_ERRORS = float(stats.norm.isf(FALSE_ALARMS / 2))
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
 _STANDS_IN = "its size differs from part to part by {:.0%}: it stands in for something else"
 _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 20 beside what remains"
+_OUTWEIGHED = "explains less than what stays unexplained beside it"
 
 Pass = Callable[[State], State]
 
@@ -191,6 +192,31 @@ def _held(sets: Hypotheses, fit: Fit) -> HeldOut | None:
     return held_out(sets.residuals, sets.evidence.noise, sets.null, fit, without)
 
 
+def drop_outweighed(state: State) -> State:
+    """The answer without effects that explain less than stays unexplained, the least dropped first.
+
+    What nobody listed is there and is the larger: by itself it looks like several listed effects
+    as well, in every part of the data.
+    """
+    while _is_unexplained(state):
+        sets, fit = state.sets, state.fit
+        left = fit.rss - sets.noise_rss(fit)
+        listed = sorted(c.name for c in fit.candidates if not c.law)
+        reduced = {name: sets.without(fit, name) for name in listed}
+        name = min(listed, key=lambda n: reduced[n].rss, default=None)
+        if name is None or reduced[name].rss - fit.rss >= left:
+            break
+        dropped = Rejected(name, reduced[name].rss - fit.rss, _OUTWEIGHED)
+        state = replace(state, fit=reduced[name], rejected=(*state.rejected, dropped))
+    return state
+
+
+def _is_unexplained(state: State) -> bool:
+    """True if the answer, with its free-form terms, leaves more than noise."""
+    remainder = examine(state.sets.residuals, state.fit.residual, len(state.fit.order))
+    return remainder.significant and _as_noise(state, remainder) is None
+
+
 def set_laws_apart(state: State) -> State:
     """The listed effects by themselves, with the free-form terms as drafts of what they leave.
 
@@ -282,6 +308,7 @@ PASSES: tuple[Pass, ...] = (
     settle,
     eliminate,
     expose_stand_ins,
+    drop_outweighed,
     hold_out,
     set_laws_apart,
     examine_remainder,

@@ -73,6 +73,6 @@ def test_a_true_effect_is_named_beside_what_nobody_listed():
         (steady,) = sizes(settings, "steady")
         return [wave + steady * np.cos(31 * T)]
 
-    truth = of_size(steady=1.0, varying=1.0)
+    truth = of_size(steady=2.0, varying=1.0)
     verdict = diagnosed(both, candidates("wave", "steady"), truth, 0.05, seed=1)
     assert (verdict.verdict, names(verdict)) == ("unexplained", {"steady"})

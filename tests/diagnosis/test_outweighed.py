@@ -1,0 +1,33 @@
+"""Effects beside something unexplained that is larger than what they explain."""
+
+import numpy as np
+import pytest
+
+from helpers.signals import candidates, diagnosed, names, of_size, sizes, times
+
+T = times(2000)
+# The response to something in no catalogue, and a listed one that has much in common with it.
+UNLISTED = np.sin(2 * T**2)
+LISTED = np.sin(2 * T**2 + 1.0)
+SHARED = float(UNLISTED @ LISTED) ** 2 / float(UNLISTED @ UNLISTED) / float(LISTED @ LISTED)
+
+
+def model(settings):
+    listed, unlisted = sizes(settings, "listed", "unlisted")
+    return [listed * LISTED + unlisted * UNLISTED]
+
+
+def test_what_resembles_a_larger_unlisted_cause_is_not_named_and_the_reason_is_given():
+    assert 0.1 < SHARED < 0.5
+    verdict = diagnosed(model, candidates("listed"), of_size(unlisted=1.0), 0.05, seed=1)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+    (rejected,) = [r for r in verdict.rejected if r.name == "listed"]
+    assert rejected.reason == "explains less than what stays unexplained beside it"
+    explained = 0.05**-2 * float(UNLISTED @ UNLISTED) * SHARED
+    assert rejected.gain == pytest.approx(explained, rel=0.1)
+
+
+def test_what_explains_more_than_stays_unexplained_is_named():
+    truth = of_size(listed=2.0, unlisted=0.5)
+    verdict = diagnosed(model, candidates("listed"), truth, 0.05, seed=1)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"listed"})
