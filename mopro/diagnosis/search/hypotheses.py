@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
 from typing import TypeVar
@@ -18,6 +17,7 @@ from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
 from mopro.diagnosis.statistics.evidence import Evidence
 from mopro.diagnosis.statistics.noise import Noise
 from mopro.diagnosis.statistics.remainder import examine
+from mopro.jobs import in_threads
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -269,10 +269,7 @@ class Hypotheses:
 
     def each(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         """`function` of all items, in several threads if there is more than one job."""
-        if self.jobs == 1:
-            return [function(item) for item in items]
-        with ThreadPoolExecutor(self.jobs) as pool:
-            return list(pool.map(function, items))
+        return list(in_threads(function, items, self.jobs))
 
 
 def _lower_subset(fit: Fit, fits: Mapping[Key, Fit]) -> Fit | None:
