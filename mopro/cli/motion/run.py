@@ -144,13 +144,12 @@ def command(
 
     Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
     """
-    keep_inputs(
-        [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)],
-        [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)],
-    )
-    _refuse_contradictions(emulate, port, out, as_json)
     from mopro.machine import load_machine
 
+    outputs = [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)]
+    inputs = [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)]
+    keep_inputs(outputs, inputs)
+    _refuse_contradictions(emulate, port, out, as_json)
     replaces = replaces_recording(out, force)
     program = compiled_program(file, grammar)
     pictures = _Pictures(plot, report, program, grammar)
@@ -159,15 +158,12 @@ def command(
         files.enter_context(claimed(plot, report))
         plant = load_machine(machine)
         if port is not None:
-            program = _from_line(program, from_line, yes)
-            refuse_unrunnable(program, machine, for_s)
+            program = _runnable_from(program, from_line, yes, machine, for_s)
         page = files.enter_context(live_run(program, plant, for_s)) if live else None
         if port is None:
             backend = _emulated(files, (plant, payload, rate, seed), page, pictures)
         else:
-            backend = _on_controller(
-                outer, files, (port, dialect, baud, trace), plant, deadline, page
-            )
+            backend = _linked(outer, files, (port, dialect, baud, trace), plant, deadline, page)
         with simulated() if port is None else in_motion(length_unit(program, plant)) as told:
             run = _recorded(backend, program, (for_s, settle_s), out, pictures, told)
         if page is not None:
@@ -209,7 +205,7 @@ def _emulated(
     return Emulator(*setup)
 
 
-def _on_controller(
+def _linked(
     outer: ExitStack,
     files: ExitStack,
     link: tuple[str, str, int | None, Path | None],
@@ -275,6 +271,15 @@ def _only_with(other: str, *names: str) -> None:
     for name in names:
         if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
             raise click.UsageError(f"--{name.replace('_', '-')} goes with {other} only")
+
+
+def _runnable_from(
+    program: Program, line: int | None, yes: bool, machine: str, for_s: float | None
+) -> Program:
+    """The program from `line` on, which the machine can run for `for_s` seconds."""
+    program = _from_line(program, line, yes)
+    refuse_unrunnable(program, machine, for_s)
+    return program
 
 
 def _from_line(program: Program, line: int | None, yes: bool) -> Program:

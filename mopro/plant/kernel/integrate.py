@@ -171,10 +171,9 @@ def pace_of(parts: Parts, command: Callable[..., Pair]) -> Callable[..., tuple[i
 def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
     """The way through time, composed of functions that `prepare` has made ready."""
     interval = prepare(interval_of(prepare(step_of(parts, prepare))))
-    rests = prepare(rests_of(parts, prepare(rates_of(parts))))
+    nominal, rests = parts.nominal, prepare(rests_of(parts, prepare(rates_of(parts))))
     command, strengths = prepare(command_at), prepare(axis_and_drive)
     record, pace = prepare(record_of(parts, prepare)), prepare(pace_of(parts, command))
-    nominal = parts.nominal
 
     def integrate(
         knots: Sequence[float], row_of: Sequence[int], rows: Table,
@@ -188,7 +187,7 @@ def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
         `factors` (see axis_and_drive); resolved: whether the drive's angle moves in whole
         microsteps; state: at the first knot. motion: a row for each knot of position (m),
         velocity (m/s), least and greatest lag x_c - x (m) since the knot before; electrical:
-        see `record`, without rows if nobody wants them.
+        see `record`; without rows unless wanted.
         """
         microstep, natural = plant[4], sqrt(plant[0] * plant[1] / plant[3])
         steps, recorded = 0, len(electrical) > 0
