@@ -76,6 +76,7 @@ class LinearSubsets:
         changes = [np.zeros((len(base.residual), 0))]
         changes += [probe.change[:, None] for s in self._scores for probe in s.group]
         apart = projected_out(base.tangent, np.hstack(changes))
+        self._penalty, self._findings = evidence.penalty(base), evidence.findings(base)
         self._sums = evidence.noise.sums(base.residual)
         # By series, as those of unknown noise are judged each by itself.
         parts = np.split(np.arange(len(base.residual)), evidence.noise.starts[1:])
@@ -126,8 +127,12 @@ class LinearSubsets:
             if len(own) > 1:
                 own = own[left[own]]
                 gain = float(product[own] @ np.linalg.pinv(gram[np.ix_(own, own)]) @ product[own])
-            gains[i] = gain - self._evidence.added_penalty(self._base, [score.candidate])
+            gains[i] = gain - self._added_penalty([score])
         return gains
+
+    def _added_penalty(self, members: Sequence[ScoreTest]) -> float:
+        joined = [member.candidate for member in members]
+        return self._evidence.of_joining(joined, self._base.count, self._findings)
 
     def _at(self, rows: Rows) -> Index:
         return np.concatenate([np.zeros(0, dtype=np.intp), *(self._columns[i] for i in rows)])
@@ -145,9 +150,7 @@ class LinearSubsets:
         own = np.einsum("i,sij,j->s", sizes, self._grams[:, at[:, None], at], sizes)
         change = own - 2 * self._products[:, at] @ sizes
         deviance = self._evidence.noise.of_sums(self._sums + change)
-        joined = [member.candidate for member in members]
-        penalty = self._evidence.penalty(self._base)
-        penalty += self._evidence.added_penalty(self._base, joined)
+        penalty = self._penalty + self._added_penalty(members)
         settings = {**self._base.settings, **start}
         reduction = -float(change.sum())
         return LinearSubset(self._base, members, settings, sizes, deviance + penalty, reduction)

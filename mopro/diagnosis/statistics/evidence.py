@@ -60,11 +60,14 @@ class Evidence:
 
     def added_penalty(self, base: Fit, joined: Sequence[Candidate]) -> float:
         """Fall of the deviance that candidates must bring beside `base` for EBIC to fall."""
-        own = sum(self.of_parameter(p, base.count) for c in joined for p in c.parameters)
+        return self.of_joining(joined, base.count, self.findings(base))
+
+    def of_joining(self, joined: Sequence[Candidate], count: int, findings: int) -> float:
+        """`added_penalty` beside a fit with `count` samples and so many findings."""
+        own = sum(self.of_parameter(p, count) for c in joined for p in c.parameters)
         laws = sum(STRONG for c in joined if c.law)
-        known = self.findings(base)
-        together = known + sum(not c.calibrates for c in joined)
-        return own + laws + self.of_choice(together) - self.of_choice(known)
+        together = findings + sum(not c.calibrates for c in joined)
+        return own + laws + self.of_choice(together) - self.of_choice(findings)
 
     def of_parameter(self, parameter: Parameter, count: int) -> float:
         """Penalty of one more parameter with `count` samples.
