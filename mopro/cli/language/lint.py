@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -81,13 +83,15 @@ def command(
 
         machine = machine_file(chosen["machine"])
         keep_inputs([("--fix", file) for file in files], [("--machine", machine)])
+    # Files of one folder have the same.
+    settings_in = cache(partial(_settings, chosen))
     reports: list[Report] = []
     code = 0
     with counted("lint", len(files), "files") as tell:
         for number, file in enumerate(files):
             tell(number)
             try:
-                report, changed = _lint_file(file, chosen, fix, diff)
+                report, changed = _lint_file(file, settings_in, fix, diff)
             except MoproError as error:
                 say_findings(error.render(), err=True)
                 code = EXIT_BAD_INPUT
@@ -116,12 +120,14 @@ def _tell(reports: list[Report], form: str, err: bool) -> None:
         say(summary(reports), err)
 
 
-def _lint_file(file: str, chosen: dict[str, Any], fix: bool, diff: bool) -> tuple[Report, bool]:
+def _lint_file(
+    file: str, settings_in: Callable[[Path], Settings], fix: bool, diff: bool
+) -> tuple[Report, bool]:
     """The report on one file, and whether --diff showed a change of it."""
     from mopro.lint.check import lint
 
     source, tail = read_text(file)
-    settings = _settings(Path.cwd() if file == "-" else Path(file).resolve().parent, chosen)
+    settings = settings_in(Path.cwd() if file == "-" else Path(file).resolve().parent)
     changed = False
     if fix or diff:
         from mopro.lint.fix import fixed
@@ -136,7 +142,7 @@ def _lint_file(file: str, chosen: dict[str, Any], fix: bool, diff: bool) -> tupl
     return Report(source, lint(source, settings)), changed
 
 
-def _settings(folder: Path, chosen: dict[str, Any]) -> Settings:
+def _settings(chosen: dict[str, Any], folder: Path) -> Settings:
     """The configuration of `folder`, and what the command line says otherwise."""
     fields: dict[str, Any] = {
         "machine": chosen["machine"],
