@@ -196,12 +196,14 @@ def drop_outweighed(state: State) -> State:
     """The answer without effects that explain less than stays unexplained, the least dropped first.
 
     What nobody listed is there and is the larger: by itself it looks like several listed effects
-    as well, in every part of the data.
+    as well, in every part of the data. Calibrations, which name nothing, stay.
     """
     while _is_unexplained(state):
         sets, fit = state.sets, state.fit
         left = fit.rss - sets.noise_rss(fit)
-        listed = sorted(c.name for c in fit.candidates if not c.law)
+        listed = sorted(
+            c.name for c in fit.candidates if not c.law and not sets.evidence.calibrated(fit, c)
+        )
         reduced = {name: sets.without(fit, name) for name in listed}
         name = min(listed, key=lambda n: reduced[n].rss, default=None)
         if name is None or reduced[name].rss - fit.rss >= left:

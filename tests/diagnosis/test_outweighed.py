@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, diagnosed, names, of_size, sizes, times
+from mopro.diagnosis import Parameter
 
 T = times(2000)
 # The response to something in no catalogue, and a listed one that has much in common with it.
@@ -31,3 +32,11 @@ def test_what_explains_more_than_stays_unexplained_is_named():
     truth = of_size(listed=2.0, unlisted=0.5)
     verdict = diagnosed(model, candidates("listed"), truth, 0.05, seed=1)
     assert (verdict.verdict, names(verdict)) == ("unexplained", {"listed"})
+
+
+def test_a_calibration_names_nothing_and_stays():
+    within = Parameter("size", "V", -10.0, 10.0, (1.0,), tolerated=(-1.0, 1.0))
+    unlisted = of_size(unlisted=1.0)
+    verdict = diagnosed(model, candidates("listed", size=within), unlisted, 0.05, seed=1)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+    assert [effect.name for effect in verdict.calibration] == ["listed"]
