@@ -131,3 +131,18 @@ def test_pairs_that_the_data_can_tell_apart_are_no_alternatives():
     verdict = of_pairs(0.3)
     assert (verdict.verdict, verdict.alternatives) == ("named", ())
     assert {effect.name for effect in verdict.effects} == {"A", "D"}
+
+
+def test_an_alternative_is_found_beside_an_effect_that_would_take_its_place():
+    """`bent` changes its shape with its size: without `late` it fits best where it is another."""
+    t = times()
+
+    def simulate(settings):
+        late, slow, bent = sizes(settings, "late", "slow", "bent")
+        curved = np.sin((1 + 0.6 * bent) * 3 * t) - np.sin(3 * t)
+        return [late * np.sin(3 * t) + slow * (np.sin(3 * t) + 2e-4 * np.cos(5 * t)) + curved]
+
+    truth = of_size(late=5.0, bent=0.8)
+    verdict = diagnosed(simulate, candidates("late", "slow", "bent"), truth, 0.05, seed=1)
+    assert verdict.verdict == "ambiguous"
+    assert {"bent", "slow"} in map(set, verdict.alternatives)

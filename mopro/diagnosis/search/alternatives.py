@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, islice
 
 import numpy as np
 from scipy import stats
@@ -109,9 +109,28 @@ def _fit_likely(
             close.append((subset.ebic + subset.reduction - reached, subset))
     close.sort(key=lambda pair: pair[0])
     limit = sets.limit(best)
-    for fit in sets.fit_all([(s.candidates, s.starts) for _, s in close[:FITTED]], limit):
+    likely = _first_of_each_size([subset for _, subset in close])
+    proposals = [(s.candidates, [*s.starts, _as_in(best, s)]) for s in likely]
+    for fit in sets.fit_all(proposals, limit):
         if not fit.abandoned:
             sets.fit_all(in_other_forms(sets, fit), limit)
+
+
+def _first_of_each_size(subsets: Sequence[LinearSubset]) -> list[LinearSubset]:
+    """The first few subsets of each number of members; larger ones are predicted to reach more."""
+    by_size = sorted(subsets, key=lambda s: len(s.members))
+    groups = groupby(by_size, key=lambda s: len(s.members))
+    return [subset for _, group in groups for subset in islice(group, FITTED)]
+
+
+def _as_in(best: Fit, subset: LinearSubset) -> Settings:
+    """The start of `subset` with the effects of `best` in it as they are in `best`.
+
+    Without the effect that is replaced they have adapted, to where no fit finds its way back.
+    """
+    shared = subset.base.key & best.key
+    kept = [c.name for c in subset.base.candidates if c.key in shared]
+    return {**subset.start, **{name: best.settings[name] for name in kept}}
 
 
 def _needed(sets: Hypotheses, screening: Screening, best: Fit, base: Fit) -> float:
