@@ -15,7 +15,8 @@ from numba.core.compiler_lock import global_compiler_lock
 
 from mopro.memory import make_sure
 
-# Bytes of address space: twice what LLVM takes for the kernel of a machine without effects.
+# Bytes of address space: twice what LLVM takes for the kernel of a machine without effects. Halved,
+# LLVM may abort; doubled, more compilations that had enough are refused.
 _TO_COMPILE = 64 << 20
 
 # Untyped in numba.

@@ -16,7 +16,8 @@ from mopro.memory import make_sure
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Bytes of address space of a thread: its stack, twice.
+# Bytes of address space of a thread: its stack, twice. Halved, a thread may not begin, and Python
+# waits for it; doubled, more commands that had enough are refused.
 _A_THREAD = 16 << 20
 
 

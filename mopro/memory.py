@@ -8,6 +8,7 @@ from importlib.machinery import ModuleSpec
 
 # Bytes of address space that libraries map while they load. Where those are not to be had, LLVM
 # aborts, and OpenBLAS tries again without end. It has a stack and a buffer for each processor.
+# Halved, some limits end a command by a signal; doubled, more commands that had enough are refused.
 _TO_LOAD = {
     "numpy": 128 << 20,
     "scipy.linalg": 160 << 20,

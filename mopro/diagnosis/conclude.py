@@ -185,9 +185,7 @@ def _nuisances(sets: Hypotheses, fit: Fit, data: Sequence[Series]) -> list[Float
 def _not_found(
     sets: Hypotheses, screening: Screening, fit: Fit, dropped: frozenset[str]
 ) -> tuple[tuple[BelowResolution, ...], list[Rejected]]:
-    """The candidates that are not in `fit`: those that nobody could see, and the others.
-
-    Without those that a pass has `dropped`.
+    """The candidates not in `fit`, nor `dropped` by a pass: those nobody could see, the others.
 
     An effect is below the resolution of the sensors if the largest plausible one would lower
     chi-squared by less than its penalty.

@@ -109,6 +109,7 @@ class EmulatedAxis:
         corners = self._command.corners_s(self._now_s, end_s)
         own = self._corners_s[(self._corners_s > self._now_s) & (self._corners_s < end_s)]
         ends = np.array([self._now_s, max(end_s, self._now_s)])
+        # The samples ascend: the few others are inserted, where a union would sort them all.
         others = np.unique(np.concatenate((ends, corners, own)))
         at = np.searchsorted(samples_s, others)
         new = at == len(samples_s)

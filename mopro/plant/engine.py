@@ -99,7 +99,7 @@ class Engine:
     def through(self, knots: Floats, recorded: bool = True) -> Trace:
         """Integrate over `knots` from the present state, and keep the last one.
 
-        `recorded`: with the electrical columns, which take as long as a third of the motion.
+        `recorded`: with the electrical columns, which take time of their own.
         A motion that leaves the finite numbers is NaN from there on.
         """
         recorded = recorded and not self._nominal

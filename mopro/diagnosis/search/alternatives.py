@@ -126,7 +126,7 @@ def _first_of_each_size(subsets: Sequence[LinearSubset]) -> list[LinearSubset]:
 def _as_in(best: Fit, subset: LinearSubset) -> Settings:
     """The start of `subset` with the effects of `best` in it as they are in `best`.
 
-    Without the effect that is replaced they have adapted, to where no fit finds its way back.
+    Without the effect that is replaced they have adapted, from where a fit may not come back.
     """
     shared = subset.base.key & best.key
     kept = [c.name for c in subset.base.candidates if c.key in shared]
