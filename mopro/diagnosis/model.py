@@ -1,7 +1,5 @@
 """Input of the engine: a callable model, candidate effects and measured series.
 
-from mopro.diagnosis.constants import TOLERANCE
-
 Nothing here knows a motor. A model is any function that predicts what each sensor would have
 shown in a run, for given parameters of given effects.
 """

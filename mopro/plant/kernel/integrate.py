@@ -35,6 +35,8 @@ Plant = tuple[float, float, float, float, float, float, float, float]
 Limits = tuple[float, float, float]
 # Rows of numbers: lists in plain Python, an array for compiled code.
 Table = Sequence[Sequence[float]]
+# Rows to fill in, one for each knot. Of the motion: position (m), velocity (m/s), least and
+# greatest lag x_c - x (m) since the knot before. Of the drive: see `record`.
 Results = Sequence[MutableSequence[float]]
 Rates = Callable[
     [float, float, State, AxisNumbers, DriveNumbers, Numbers], tuple[float, Pair, Pair]
@@ -182,35 +184,35 @@ def integrate_of(parts: Parts, prepare: Prepare) -> Integrate:
     ) -> tuple[int, State]:  # fmt: skip
         """Fill in the motion at each knot; gives the steps taken and the last state.
 
-        knots: n times (s); row_of, factor_of: for each of the n - 1 intervals the row of its
+        knots: n times (s); row_of, factor_of: for each interval between them the row of its
         segment in `rows` (see Segment; and 1 where the command rests), and of its factors in
         `factors` (see axis_and_drive); resolved: whether the drive's angle moves in whole
-        microsteps; state: at the first knot. motion: a row for each knot of position (m),
-        velocity (m/s), least and greatest lag x_c - x (m) since the knot before; electrical:
-        see `record`; without rows unless wanted.
+        microsteps; state: at the first knot; electrical: no rows unless wanted.
         """
         microstep, natural = plant[4], sqrt(plant[0] * plant[1] / plant[3])
-        steps, recorded = 0, len(electrical) > 0
-        row = factor = -1
-        here = motion[0]
+        recorded, resting = len(electrical) > 0, False
+        steps, row, factor, here = 0, -1, -1, motion[0]
         here[0], here[1] = state[0], state[1]
         for i in range(len(knots) - 1):
             t, length = knots[i], knots[i + 1] - knots[i]
             if factor_of[i] != factor:
-                factor = factor_of[i]
+                factor, resting = factor_of[i], False
                 axis, drive = strengths(plant, factors[factor])
             if row_of[i] != row:
-                row = row_of[i]
+                row, resting = row_of[i], False
                 r = rows[row]
-                segment = (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7])
-                holding = r[8] > 0.0
+                segment, holding = (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7]), r[8] > 0.0
                 u, w = command(segment, t)
             if i == 0 and not nominal and recorded:
                 record(electrical, i, u, w, resolved, state, plant, axis, drive, numbers)
-            here = motion[i + 1]
             if abs(state[1]) > RUNAWAY_M_S:
                 state = (nan, nan, state[2], state[3])
-            if holding and rests(u * microstep, state, limits[2], natural, axis, drive, numbers):
+            here = motion[i + 1]
+            if resting or (
+                holding and rests(u * microstep, state, limits[2], natural, axis, drive, numbers)
+            ):
+                # What rests without speed rests until command or forces change.
+                resting = state[1] == 0.0
                 state = (state[0], 0.0, state[2], state[3])
                 here[2] = here[3] = u * microstep - state[0]
             else:
