@@ -112,6 +112,11 @@ def is_bare_number(text: str) -> bool:
     return match is not None and match[2] is None and float(match[1]) != 0
 
 
+def residual_unit(unit: str) -> str:
+    """The unit of a difference of two values in `unit`."""
+    return "K" if unit == "C" else unit
+
+
 def length_unit_name(metres: Fraction) -> str:
     """The name of the unit that is exactly `metres` long, or `uu` (user unit)."""
     for unit in ("in", "mm", "cm", "m", "um"):

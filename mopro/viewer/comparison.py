@@ -9,9 +9,9 @@ from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
 from mopro.experiment.conclude.conclusion import Examined
 from mopro.experiment.conclude.wording import place_words
 from mopro.markup import listing, paragraph, section, table
+from mopro.units import residual_unit
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
-from mopro.viewer.model import residual_unit
 from mopro.viewer.series import Residuals, series_views
 
 _SERIES = ("run", "sensor", "samples", "RMS", "noise", "σ", "χ² p", "whiteness p", "only noise")

@@ -25,9 +25,9 @@ from mopro.experiment.conclude.wording import (
     value_words,
 )
 from mopro.markup import heading, listing, paragraph, section, table
+from mopro.units import residual_unit
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
-from mopro.viewer.model import residual_unit
 from mopro.viewer.series import Residuals, series_views, source_lines
 
 _EFFECTS = (

@@ -38,11 +38,6 @@ class Scale:
         return Scale(_SWITCHED[dimension], dimension, float(factor))
 
 
-def residual_unit(unit: str) -> str:
-    """The unit of a difference of two values in `unit`."""
-    return "K" if unit == "C" else unit
-
-
 @dataclass(frozen=True)
 class Trace:
     """One line of a panel: its channel, what it is called, and how it is drawn.

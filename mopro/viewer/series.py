@@ -12,7 +12,8 @@ import numpy as np
 from mopro.diagnosis import Series
 from mopro.recording.envelope import Floats
 from mopro.text import visible
-from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View, residual_unit
+from mopro.units import residual_unit
+from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
 
 # Values in all tracks of a page together, and in one of them, at most.
 _MOST_VALUES = 2_400_000

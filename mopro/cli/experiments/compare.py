@@ -13,6 +13,7 @@ from mopro.cli.main import EXIT_FAILED
 from mopro.cli.terminal.options import OutputFile, allow_python_option
 from mopro.cli.terminal.outputs import Named, claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.terminal.say import say
+from mopro.units import residual_unit
 
 if TYPE_CHECKING:
     from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
@@ -149,14 +150,19 @@ def _print_gaps(gaps: Sequence[dict[str, object]]) -> None:
     if gaps:
         keys = ("before_rms", "after_rms", "noise_rms")
         rows = [
-            [str(gap["run"]), str(gap["sensor"]), *(_size(gap[key], gap["unit"]) for key in keys)]
+            [
+                str(gap["run"]),
+                str(gap["sensor"]),
+                *(_size(gap[key], str(gap["unit"])) for key in keys),
+            ]
             for gap in gaps
         ]
         print_table(_APPLIED, rows, _MOST_ROWS)
 
 
-def _size(value: object, unit: object) -> str:
-    return "-" if value is None else f"{value:.3g} {unit}"
+def _size(value: object, unit: str, form: str = ".3g") -> str:
+    """A residual, or the noise in it, of a sensor that reads in `unit`."""
+    return "-" if value is None else f"{value:{form}} {residual_unit(unit)}"
 
 
 def _print(comparison: Comparison) -> None:
@@ -193,8 +199,8 @@ def _place_cells(place: Place) -> list[str]:
         "-" if not place.direction else f"{place.direction:+d}",
         place.sensor,
         str(place.count),
-        f"{place.mean:+.3g} {place.unit}",
-        f"{place.rms:.3g} {place.unit}",
+        _size(place.mean, place.unit, "+.3g"),
+        _size(place.rms, place.unit),
         _figure(place.sigma),
         "*" if place.significant else "",
     ]
@@ -205,8 +211,8 @@ def _series_cells(series: SeriesTest) -> list[str]:
         series.run,
         series.sensor,
         str(series.count),
-        f"{series.rms:.3g} {series.unit}",
-        "-" if series.noise_rms is None else f"{series.noise_rms:.3g} {series.unit}",
+        _size(series.rms, series.unit),
+        _size(series.noise_rms, series.unit),
         _figure(series.sigma),
         _figure(series.size_p),
         _figure(series.memory_p),

@@ -19,6 +19,7 @@ from mopro.cli.terminal.outputs import claimed, drawn, keep_inputs, page_bytes
 from mopro.cli.terminal.say import say
 from mopro.errors import DataError
 from mopro.files import write
+from mopro.units import residual_unit
 
 if TYPE_CHECKING:
     from mopro.diagnosis import Named, Verdict
@@ -159,7 +160,8 @@ def _tell(conclusion: Conclusion) -> None:
     say(sentence(verdict))
     if conclusion.where:
         worst = conclusion.where[0]
-        size = f"{worst.rms:.3g} {worst.unit}" + (f", {worst.sigma:.3g} σ" if worst.sigma else "")
+        size = f"{worst.rms:.3g} {residual_unit(worst.unit)}"
+        size += f", {worst.sigma:.3g} σ" if worst.sigma else ""
         say(f"Largest disagreement: {worst.run}, {place_words(worst)}: {size}.")
     for note in (
         *draft_words(verdict),
@@ -209,4 +211,5 @@ def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:
 def _gap_rows(conclusion: Conclusion) -> Iterator[list[str]]:
     for run, rerun in zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, strict=True):
         figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
-        yield [run.run, run.sensor, *("-" if f is None else f"{f:.3g} {run.unit}" for f in figures)]
+        unit = residual_unit(run.unit)
+        yield [run.run, run.sensor, *("-" if f is None else f"{f:.3g} {unit}" for f in figures)]

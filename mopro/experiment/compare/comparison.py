@@ -20,6 +20,7 @@ from mopro.experiment.compare.noise_tests import (
 from mopro.experiment.model import Experiment, Floats, Reading, SteadyTable
 from mopro.experiment.predict.alignment import aligned
 from mopro.experiment.predict.nominal import planned, predict, predict_table
+from mopro.units import residual_unit
 
 # Chance of any false alarm in one comparison, over all its tests together (Bonferroni).
 FALSE_ALARMS = 1e-3
@@ -60,7 +61,8 @@ class Place:
     def cells(self) -> list[str]:
         """One cell for each of _PLACES_SHOWN."""
         direction = f"{self.direction:+d}" if self.direction else "-"
-        mean, size = f"{self.mean:+.3g} {self.unit}", f"{self.rms:.3g} {self.unit}"
+        unit = residual_unit(self.unit)
+        mean, size = f"{self.mean:+.3g} {unit}", f"{self.rms:.3g} {unit}"
         star = "*" if self.significant else ""
         where = [self.run, str(self.line), self.phase, direction, self.sensor]
         return [*where, mean, size, _shown(self.sigma), star]
@@ -103,9 +105,10 @@ class SeriesTest:
 
     def cells(self) -> list[str]:
         """One cell for each of _SERIES_SHOWN."""
-        noise = "-" if self.noise_rms is None else f"{self.noise_rms:.3g} {self.unit}"
+        unit = residual_unit(self.unit)
+        noise = "-" if self.noise_rms is None else f"{self.noise_rms:.3g} {unit}"
         white = {True: "yes", False: "no", None: "unknown"}[self.white]
-        size = f"{self.rms:.3g} {self.unit}"
+        size = f"{self.rms:.3g} {unit}"
         return [self.run, self.sensor, str(self.count), size, noise, _shown(self.sigma), white]
 
     @staticmethod

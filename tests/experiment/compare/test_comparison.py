@@ -325,6 +325,14 @@ def test_a_table_without_known_noise_is_not_judged(lab):
     assert found.where[0].rms > 1
 
 
+def test_differences_of_temperatures_are_printed_in_kelvin(lab, mopro):
+    lab.write("table.csv", TABLE.format(80, 70, 60))
+    lab.experiment(['table = "table.csv"'], THERMOCOUPLE)
+    printed = mopro("compare", "e.toml").stdout
+    rows = [line for line in printed.splitlines() if line.startswith("table.csv")]
+    assert rows and all(" K " in row and " C " not in row for row in rows)
+
+
 def test_a_negative_rise_is_named(lab):
     lab.write("table.csv", TABLE.format(80, -70, 60))
     lab.experiment(['table = "table.csv"'])
