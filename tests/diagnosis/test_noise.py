@@ -75,6 +75,27 @@ def test_the_cusum_finds_the_place_of_a_step_and_its_size():
     assert contrast == pytest.approx(-math.sqrt(300 * 700 / 1000), abs=2.0)
 
 
+@pytest.mark.parametrize("wild", [slice(0, 1), slice(0, 2), slice(998, 1000), slice(500, 502)])
+def test_two_wild_samples_are_no_step(wild):
+    values = np.random.default_rng(1).standard_normal(1000)
+    values[wild] += 8.0
+    assert mopro.reconcile(*_constant(values)).verdict == "none"
+
+
+def test_a_step_of_many_samples_is_left_unexplained():
+    values = np.random.default_rng(1).standard_normal(1000)
+    values[:20] += 8.0
+    verdict = mopro.reconcile(*_constant(values))
+    assert verdict.verdict == "unexplained"
+    assert "a step of -8" in verdict.remainder.description
+
+
+def _constant(values):
+    """A model of 0, one effect that does nothing here, and the readings `values`."""
+    series = Series("run", "probe", "V", values, 1.0, np.arange(1000) / 100.0)
+    return lambda _: [np.zeros(1000)], CATALOGUE[:1], [series]
+
+
 def test_a_sensor_at_rest_that_shows_no_noise_is_no_disagreement():
     still = Series("run", "probe", "V", np.zeros(500), 0.1, np.arange(500) / 100.0)
     verdict = mopro.reconcile(lambda _: [np.zeros(500)], CATALOGUE[:1], [still])

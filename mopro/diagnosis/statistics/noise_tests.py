@@ -10,7 +10,7 @@ import math
 import numpy as np
 from scipy import fft, stats
 
-from mopro.diagnosis.constants import LEAST_SAMPLES, LEAST_SHARE
+from mopro.diagnosis.constants import FEWEST, LEAST_SAMPLES, LEAST_SHARE
 from mopro.diagnosis.model import Floats
 
 # Kolmogorov distance (times √n) beyond which the first term of its series is all of it: the
@@ -72,10 +72,10 @@ def cusum_step(z: Floats) -> tuple[int, float]:
 
     The contrast is standard normal at a given place if there is no step: the CUSUM of the
     centred samples over its standard deviation, √(m (n - m) / n) after m of n samples. Negative
-    for a step up. `z` has two samples at least.
+    for a step up. Either side has FEWEST samples: fewer are wild ones at the edge of a record.
     """
     n = len(z)
-    before = np.arange(1, n)
-    contrast = np.cumsum(z - z.mean())[:-1] / np.sqrt(before * (n - before) / n)
-    last = int(np.argmax(np.abs(contrast)))
-    return last, float(contrast[last])
+    before = np.arange(FEWEST, n - FEWEST + 1)
+    contrast = np.cumsum(z - z.mean())[before - 1] / np.sqrt(before * (n - before) / n)
+    place = int(np.argmax(np.abs(contrast)))
+    return int(before[place]) - 1, float(contrast[place])

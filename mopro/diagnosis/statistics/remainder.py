@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
-from scipy import fft
+from scipy import fft, special
 
 from mopro.diagnosis.constants import (
     BUMP_BINS,
@@ -31,6 +31,10 @@ from mopro.diagnosis.statistics.noise_tests import (
     normal_log_p,
 )
 from mopro.diagnosis.statistics.spectrum import position_spectrum
+
+# Standard deviations of the noise beyond which a sample is a wild one. Doubled, three wild samples
+# at the end of a record are a step.
+_WILD = -float(special.ndtri(FALSE_ALARMS / 2))
 
 
 @dataclass(frozen=True)
@@ -189,8 +193,14 @@ def _drift(part: _Standardised, time_s: Floats) -> _Finding:
 
 
 def _step(part: _Standardised, time_s: Floats) -> _Finding:
-    """The step in time between the two means that differ the most."""
+    """The step in time between the two means that differ the most.
+
+    There is none that a few wild samples alone make.
+    """
     series, n = part.series, len(part.z)
+    _, of_tame = cusum_step(np.clip(part.z, -_WILD, _WILD))
+    if normal_log_p(of_tame, n) > math.log(FALSE_ALARMS):
+        return _Finding(0.0, None)
     last, contrast = cusum_step(part.z)
     height = part.in_units(-contrast * math.sqrt(n / ((last + 1) * (n - last - 1))))
     words = f"a step of {height:.3g} {series.unit} at {time_s[last]:.3g} s in {series.run}"

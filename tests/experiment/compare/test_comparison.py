@@ -330,7 +330,8 @@ def test_differences_of_temperatures_are_printed_in_kelvin(lab, mopro):
     lab.experiment(['table = "table.csv"'], THERMOCOUPLE)
     printed = mopro("compare", "e.toml").stdout
     rows = [line for line in printed.splitlines() if line.startswith("table.csv")]
-    assert rows and all(" K " in row and " C " not in row for row in rows)
+    assert rows
+    assert all(" K " in row and " C " not in row for row in rows)
 
 
 def test_a_negative_rise_is_named(lab):
