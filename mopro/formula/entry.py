@@ -59,7 +59,10 @@ def _effect_at(entry: Value, host: Host) -> Callable[[Value], WrittenEffect]:
 
 
 def read_effect(entry: Value, host: Host, units: Mapping[str, str], own: bool) -> WrittenEffect:
-    """An effect; `units` are those that stand for `{x}` and the like in the catalogue."""
+    """An effect; `units` are those that stand for `{x}` and the like in the catalogue.
+
+    One that is not a user's `own` may state `of`, the variable of a free-form term.
+    """
     before = entry.faults
     name = text()(entry["name"])
     if not _EFFECT_NAME.fullmatch(name) or name == "base":
@@ -71,10 +74,11 @@ def read_effect(entry: Value, host: Host, units: Mapping[str, str], own: bool) -
             "", "",
         )  # fmt: skip
         term = entry.need("formula", read_formula, f"{shown(name)} has no formula") or term
+    keys = _EFFECT_KEYS if own else _EFFECT_KEYS | {"of"}
     parameters = tuple(
         made
         for key in entry.data
-        if key not in _EFFECT_KEYS and (made := entry.get(key, _parameter(units, host), None))
+        if key not in keys and (made := entry.get(key, _parameter(units, host), None))
     )
     if not any(p.role == "amplitude" for p in parameters) and entry.faults == before:
         entry.report(f"{shown(name)} has no parameter that is an amplitude", "missing-key")
@@ -84,8 +88,9 @@ def read_effect(entry: Value, host: Host, units: Mapping[str, str], own: bool) -
     if entry.faults > before:
         raise Refused
     driven = entry.get("driven", flag, False)
+    of = "" if own else entry.get("of", text(), "")
     return WrittenEffect(
-        name, enters, target, term, parameters, form or "", extends, own, driven, entry
+        name, enters, target, term, parameters, form or "", extends, own, driven, of, entry
     )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mopro.diagnosis import Candidate, Parameter, Role, Series, Settings
+from mopro.diagnosis.model import Law
 from mopro.formula import Dimension, Formula, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.written import AMPLITUDE, PERIOD, EffectParameter, WrittenEffect
@@ -16,11 +18,13 @@ from mopro.rig.base import DIFFERENCE
 from mopro.rig.data import Run
 from mopro.rig.model import (
     COMMAND,
+    FORCE,
     FRICTION,
     MEASUREMENT,
+    POWER,
     Number,
 )  # fmt: skip
-from mopro.rig.names import capacity_of, inertia_of, names_of
+from mopro.rig.names import capacity_of, inertia_of, names_of, units_of
 from mopro.rig.search import Search
 from mopro.rig.simulation import Known, Model, term_of
 
@@ -40,6 +44,7 @@ _TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-4, 0.3
 _START_DISTANCE = 0.1
 # Tolerances within which a number is looked for.
 _WIDER = 5.0
+_NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,25 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
         found += [made] if made is not None else []
     names = {(c.name, c.form) for c in found}
     return [c for c in found if c.extends is None or (c.name, c.extends) in names]
+
+
+def unlisted(model: Model, data: Sequence[Series], settings: Settings) -> list[Candidate]:
+    """The free-form terms in the model's equations as candidates, at `settings` as above."""
+    sized = _sizes(model, settings)
+    made = ((term, _candidate(model, term, data, settings, sized)) for term in model.unlisted)
+    return [replace(c, law=_law(model, term)) for term, c in made if c is not None]
+
+
+def _law(model: Model, term: WrittenEffect) -> Law:
+    units = {FORCE: "force", FRICTION: "force", POWER: "power"}
+    unit = units_of(model.experiment)[units.get(term.enters, "u")]
+
+    def written(values: Mapping[str, float]) -> str:
+        """The formula with its numbers (SI)."""
+        text = term.term.formula.text
+        return _NAME.sub(lambda m: f"{values[m[0]]:.4g}" if m[0] in values else m[0], text)
+
+    return Law(term.enters, term.of, unit, written)
 
 
 def _of_number(number: Number) -> Candidate:

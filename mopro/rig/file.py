@@ -228,10 +228,20 @@ def _values(section: Value) -> dict[str, float]:
 @cache
 def catalogue(kind: str, units: tuple[tuple[str, str], ...]) -> tuple[WrittenEffect, ...]:
     """The effects that are listed for a kind, in the units `{x}`, `{force}` or `{power}`."""
-    file = _FOLDER / f"{kind}.toml"
+    return _effects_in(_FOLDER / f"{kind}.toml", HOSTS[kind], units)
+
+
+@cache
+def unlisted_terms(kind: str, units: tuple[tuple[str, str], ...]) -> tuple[WrittenEffect, ...]:
+    """The free-form terms in the equations of a kind, beside the listed effects."""
+    return _effects_in(_FOLDER / f"{kind}_unlisted.toml", HOSTS[kind], units)
+
+
+def _effects_in(
+    file: Path, host: Host, units: tuple[tuple[str, str], ...]
+) -> tuple[WrittenEffect, ...]:
     if not file.exists():
         return ()
     root = Document(Source(file.name, file.read_text("utf-8"))).root
-    host = HOSTS[kind]
     entries = root.sections("effect")
     return tuple(read_effect(entry, host, dict(units), own=False) for entry in entries)

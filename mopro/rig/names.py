@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
 from mopro.formula.written import WrittenEffect
 from mopro.rig.data import RigExperiment, Sensor
-from mopro.rig.file import catalogue
+from mopro.rig.file import catalogue, unlisted_terms
 from mopro.rig.model import (
     COMMAND,
     IN_EQUATIONS,
@@ -87,20 +89,30 @@ def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
     """
     rig = experiment.machine
     own = {effect.name for effect in rig.effects} | rig.numbers.keys()
-    listed = catalogue(rig.kind, tuple(sorted(_units(experiment).items())))
+    listed = catalogue(rig.kind, tuple(sorted(units_of(experiment).items())))
+    return (*rig.effects, *(e for e in _usable(listed, experiment) if e.name not in own))
+
+
+def unlisted_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
+    """The free-form terms of the machine's kind whose names are in the experiment."""
+    rig = experiment.machine
+    terms = unlisted_terms(rig.kind, tuple(sorted(units_of(experiment).items())))
+    alike = len(set(experiment.units.values())) == 1
+    return tuple(e for e in _usable(terms, experiment) if alike or e.enters != INPUT)
+
+
+def _usable(effects: Iterable[WrittenEffect], experiment: RigExperiment) -> Iterator[WrittenEffect]:
+    """Those whose names are in the experiment, and which its inputs can show."""
     known = names_of(experiment).keys()
     fed_back = any(run.feedback for run in experiment.trials)
-    return (
-        *rig.effects,
-        *(
-            e
-            for e in listed
-            if e.name not in own
-            and _needs(e) <= known | _local(rig, e)
-            and (experiment.units or not (e.driven or e.enters == INPUT))
-            and not (fed_back and _follows(e))
-        ),
-    )
+    for effect in effects:
+        driven = effect.driven or effect.enters == INPUT
+        if (
+            _needs(effect) <= known | _local(experiment.machine, effect)
+            and (experiment.units or not driven)
+            and not (fed_back and _follows(effect))
+        ):
+            yield effect
 
 
 def _follows(effect: WrittenEffect) -> bool:
@@ -119,11 +131,11 @@ def _local(rig: Rig, effect: WrittenEffect) -> set[str]:
     return {MEASUREMENT: {"y"}, INPUT: {"u"}}.get(effect.enters, set())
 
 
-def _units(experiment: RigExperiment) -> dict[str, str]:
+def units_of(experiment: RigExperiment) -> dict[str, str]:
     """The units that stand for `{x}` and the like in the catalogue."""
     rig, inputs = experiment.machine, experiment.units
     first = next(iter(inputs.values()), "1")
-    units = {"load": inputs.get("load", "1"), "foreign": first}
+    units = {"load": inputs.get("load", "1"), "foreign": first, "u": first}
     if rig.kind == THERMAL:
         return {**units, "power": "W" if capacity_of(rig) else "K/s"}
     if rig.kind == KINEMATIC:

@@ -29,7 +29,7 @@ from mopro.rig.model import (
     POWER,
     THERMAL,
 )  # fmt: skip
-from mopro.rig.names import axis_law, capacity_of, effects_of, inertia_of, sensors_of
+from mopro.rig.names import axis_law, capacity_of, effects_of, inertia_of, sensors_of, unlisted_of
 
 BASE = "base"
 SCALE = "scale of {}"
@@ -68,7 +68,8 @@ class Model:
     """The model of an experiment: called with settings, it predicts each reading in its unit.
 
     `forms`: all effects that may be switched on; the settings' parameters tell the form.
-    `foreign`: the function of a model that is a program.
+    `unlisted`: free-form terms, which a diagnosis may switch on. `foreign`: the function of a
+    model that is a program.
     """
 
     def __init__(
@@ -79,10 +80,11 @@ class Model:
         self.experiment = experiment
         self.rig = experiment.machine
         self.forms = effects_of(experiment)
+        self.unlisted = unlisted_of(experiment)
         self._by_name: dict[str, list[WrittenEffect]] = {}
-        for effect in sorted(self.forms, key=lambda form: len(form.parameters)):
+        for effect in sorted(self._every, key=lambda form: len(form.parameters)):
             self._by_name.setdefault(effect.name, []).append(effect)
-        self._order = list(dict.fromkeys(effect.name for effect in self.forms))
+        self._order = list(dict.fromkeys(effect.name for effect in self._every))
         self.foreign = foreign
         self._programs: dict[tuple[tuple[str, str], ...], _Program] = {}
         self._steps: dict[str, float] = {}
@@ -100,6 +102,10 @@ class Model:
         return [(run, reading) for run in self.experiment.trials for reading in run.readings]
 
     # -- numbers and effects -----------------------------------------------------------
+
+    @property
+    def _every(self) -> tuple[WrittenEffect, ...]:
+        return (*self.forms, *self.unlisted)
 
     def values(self, settings: Settings) -> dict[str, float]:
         """The numbers of the model in SI."""
@@ -247,16 +253,15 @@ class Model:
         names = self.states
         states = np.zeros((len(names), len(run.time_s)))
         states[:, 0] = [self._start(run, name, settings) for name in names]
-        shift = sum(
-            float(term_of(effect, own, {"t": run.time_s}, run.time_s)[0])
-            for effect, own in self._entering(AMBIENT, active)
-        )
-        for name, first in zip(names, states[:, 0].tolist(), strict=True):
-            if self.rig.kind == THERMAL:
-                variables[program.slots[f"ambient {name}"]] = first + shift
+        shift = np.zeros(len(run.time_s))
+        for effect, own in self._entering(AMBIENT, active):
+            shift = shift + term_of(effect, own, {"t": run.time_s}, run.time_s)
         arrays = [inputs[n] + (shift if n == "ambient" else 0.0) for n in self.experiment.units]
+        if self.rig.kind == THERMAL:
+            arrays += [first + shift for first in states[:, 0].tolist()]
         packed = np.array(arrays) if arrays else np.zeros((0, len(run.time_s)))
-        held = np.array([float(n in run.held) for n in self.experiment.units])
+        held = np.zeros(len(packed))
+        held[: len(self.experiment.units)] = [n in run.held for n in self.experiment.units]
         advance = integrate.axis if self.rig.kind == AXIS else integrate.nodes
         advance(
             program.codes, program.segments, variables, run.time_s, packed, held, step_s, states
@@ -281,8 +286,9 @@ class Model:
         return self._programs[key]
 
     def _assembled(self, active: Sequence[WrittenEffect]) -> _Program:
-        every = ["t", *self.states, *self.experiment.units, *self.rig.numbers]
+        every = ["t", *self.states, *self.experiment.units]
         every += [f"ambient {node}" for node in self.rig.nodes]
+        every += self.rig.numbers
         every += [f"{effect.name}.{p.name}" for effect in active for p in effect.parameters]
         slots = {name: place for place, name in enumerate(every)}
         assembler = Assembler(len(slots))

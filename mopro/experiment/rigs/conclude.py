@@ -13,7 +13,7 @@ from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.rigs.compare import compare, worst
 from mopro.experiment.rigs.repaired import machine_text, machine_with
 from mopro.experiment.rigs.study import Study
-from mopro.rig.candidates import candidates
+from mopro.rig.candidates import candidates, unlisted
 from mopro.rig.simulation import BASE, Model
 
 _MOST_PLACES = 40
@@ -38,6 +38,7 @@ def conclude(
         verdict = reconcile(
             study.model, tried, study.series, base=study.base.parameters, jobs=jobs,
             progress=progress,
+            unlisted=unlisted(study.model, study.series, study.base.settings),
         )  # fmt: skip
     except ValueError as error:
         raise DataError(f"{study.experiment.source.name}: {error}", "not-finite") from error

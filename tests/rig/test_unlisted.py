@@ -1,0 +1,138 @@
+"""Free-form terms in the equations of other machines, and the listed effects next to them."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from helpers.commands import run_here
+from helpers.rigs import DRIVE, drive_folder, write
+from mopro.experiment.rigs.bare import completed
+from mopro.experiment.rigs.entries import read_rig_entries
+from mopro.experiment.rigs.read import read_rig_experiment
+from mopro.rig.names import check, unlisted_of
+
+RNG = np.random.default_rng
+
+
+def answered(folder):
+    done = run_here(folder, "reconcile", "experiment.toml", "--json")
+    assert done.returncode in (0, 1), done.stderr
+    return json.loads(done.stdout)
+
+
+def test_a_friction_that_nobody_listed_is_drafted_as_a_law(tmp_path):
+    drive_folder(tmp_path, DRIVE, of_place=12.0)
+    answer = answered(tmp_path)
+    assert answer["verdict"] == "unexplained"
+    (draft,) = answer["drafts"]
+    assert (draft["of"], draft["enters"], draft["unit"]) == ("x", "friction", "N")
+    size, _, law = draft["law"].partition(" * ")
+    assert law == "abs(x)"
+    assert float(size) == pytest.approx(12.0, rel=0.1)
+    assert answer["remainder"]["variable"] == "x"
+
+
+MOTOR = """\
+machine = "axis"
+[inputs]
+duty = { column = "duty", hold = true }
+[[sensor]]
+name = "encoder"
+quantity = "angle"
+column = "angle_rad"
+noise_rms = 0.003
+[[run]]
+data = "run.csv"
+start = { x = 0, v = 0 }
+"""
+
+
+def motor_folder(folder, by_direction=0.0, saturation=0.0):
+    """A motor whose drive is stronger one way by a share, or weaker by a share of the duty²."""
+    t, rng = np.arange(0, 16, 0.02), RNG(4)
+    duty = np.repeat(rng.uniform(-0.9, 0.9, 16), 50)
+    x = v = 0.0
+    angles, h = [], 1e-3
+    for share in duty.tolist():
+        angles.append(x)
+        pushed = 50.0 * (share + by_direction * abs(share) - saturation * share**3)
+        for _ in range(20):
+            a = pushed - 1.5 * (v + h / 2 * (pushed - 1.5 * v))
+            x += h * v + h * h / 2 * (pushed - 1.5 * v)
+            v += h * a
+    measured = np.array(angles) + 0.003 * rng.standard_normal(len(t))
+    (folder / "experiment.toml").write_text(MOTOR, encoding="utf-8")
+    write(folder / "run.csv", {"time_s": t, "duty": duty, "angle_rad": measured})
+
+
+def test_a_drive_that_is_stronger_one_way_is_named_by_its_input(tmp_path):
+    motor_folder(tmp_path, by_direction=0.1)
+    answer = answered(tmp_path)
+    (effect,) = answer["effects"]
+    assert effect["name"] == "direction_dependent_gain"
+    assert effect["parameters"]["k_u"]["value"] == pytest.approx(0.1, rel=0.02)
+
+
+def test_a_drive_that_saturates_is_drafted_as_a_law_of_the_command(tmp_path):
+    motor_folder(tmp_path, saturation=0.2)
+    answer = answered(tmp_path)
+    assert (answer["verdict"], answer["effects"]) == ("unexplained", [])
+    draft = answer["drafts"][0]
+    assert (draft["of"], draft["enters"]) == ("command", "input")
+    assert draft["law"].endswith(" * u**3")
+    assert draft["law"].startswith("-")
+
+
+OVEN = """\
+machine = "thermal"
+[inputs]
+duty = { column = "duty_percent", hold = true }
+[[sensor]]
+name = "oven"
+quantity = "temperature"
+column = "oven_C"
+noise_rms = 0.08
+[[run]]
+data = "run.csv"
+"""
+
+
+def oven_folder(folder, rate=1e-3):
+    """An oven whose surroundings warm up by `rate` (K/s)."""
+    t, rng = np.arange(0, 3000, 5.0), RNG(5)
+    duty = np.repeat(rng.uniform(0, 100, 8), 75)
+    inside, found = 22.0, []
+    for i, share in enumerate(duty.tolist()):
+        found.append(inside)
+        for k in range(20):
+            air = 22.0 + rate * (t[i] + k / 4)
+            inside += 0.25 * (0.008 * share - 0.006 * (inside - air))
+    measured = np.array(found) + 0.08 * rng.standard_normal(len(t))
+    (folder / "experiment.toml").write_text(OVEN, encoding="utf-8")
+    write(folder / "run.csv", {"time_s": t, "duty_percent": duty, "oven_C": measured})
+
+
+def test_surroundings_that_warm_up_are_named_with_their_rate(tmp_path):
+    oven_folder(tmp_path)
+    (effect,) = answered(tmp_path)["effects"]
+    assert effect["name"] == "surroundings_drift"
+    rate = effect["parameters"]["r"]
+    assert rate["ci95"][0] < 1e-3 < rate["ci95"][1]
+    assert math.isclose(rate["value"], 1e-3, rel_tol=0.1)
+
+
+AXIS = {"v", "sgn v", "x", "x mod", "t", "command"}
+
+
+@pytest.mark.parametrize(
+    ("make", "variables"),
+    [(drive_folder, AXIS), (motor_folder, AXIS), (oven_folder, {"T", "t", "command"})],
+)
+def test_the_units_of_free_form_terms_match(tmp_path, make, variables):
+    make(tmp_path)
+    experiment = completed(read_rig_experiment(read_rig_entries(tmp_path / "experiment.toml")))
+    terms = unlisted_of(experiment)
+    assert {term.of for term in terms} == variables
+    check(experiment, terms)
