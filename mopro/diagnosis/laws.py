@@ -57,8 +57,10 @@ class WithLaws:
     def __call__(self, settings: Settings) -> Sequence[Floats]:
         plain = {name: values for name, values in settings.items() if name not in self._terms}
         predicted = self._of_the_model(plain)
-        for name in settings.keys() & self._terms.keys():
-            term = self._terms[name]
+        # In one order, as sums depend on it.
+        for name, term in self._terms.items():
+            if name not in settings:
+                continue
             predicted = [
                 own + term(series, own, settings[name])
                 for own, series in zip(predicted, self._data, strict=True)
@@ -70,7 +72,7 @@ class WithLaws:
 
 
 def _key(settings: Settings) -> Hashable:
-    return tuple((name, tuple(values.items())) for name, values in settings.items())
+    return tuple(sorted((name, tuple(sorted(own.items()))) for name, own in settings.items()))
 
 
 def measurement_laws(data: Sequence[Series]) -> list[Candidate]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mopro.diagnosis.constants import (
     FALSE_ALARMS,
@@ -32,7 +32,7 @@ from mopro.diagnosis.verdict import Rejected
 
 # Standard errors by which a variance must be below the stated one to replace it, or may be above
 # it if the noise has a memory.
-_STANDARD_ERRORS = float(stats.norm.isf(FALSE_ALARMS / 2))
+_STANDARD_ERRORS = -float(special.ndtri(FALSE_ALARMS / 2))
 
 
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"

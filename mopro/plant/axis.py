@@ -85,9 +85,9 @@ class EmulatedAxis:
         """As `advance`, but positions only, and without recording the outcomes of moves."""
         parts = []
         for part, stop_s in self._between_jumps(samples_s, end_s):
-            knots = self._knots(part, stop_s)
+            knots, at = self._knots(part, stop_s)
             trace = self._through(knots, recorded=False)
-            parts.append(trace.position[np.searchsorted(knots, part)])
+            parts.append(trace.position[at])
         return np.concatenate(parts)
 
     def _between_jumps(self, samples_s: Floats, end_s: float) -> Iterator[tuple[Floats, float]]:
@@ -104,8 +104,8 @@ class EmulatedAxis:
         self._jumps = self._jumps[len(due) :]
         return [*due, (end_s, 0.0)]
 
-    def _knots(self, samples_s: Floats, end_s: float) -> Floats:
-        """The times up to `end_s` at which an integration step must end."""
+    def _knots(self, samples_s: Floats, end_s: float) -> tuple[Floats, NDArray[np.intp]]:
+        """The times up to `end_s` at which an integration step must end, and the samples' rows."""
         corners = self._command.corners_s(self._now_s, end_s)
         own = self._corners_s[(self._corners_s > self._now_s) & (self._corners_s < end_s)]
         ends = np.array([self._now_s, max(end_s, self._now_s)])
@@ -114,7 +114,10 @@ class EmulatedAxis:
         at = np.searchsorted(samples_s, others)
         new = at == len(samples_s)
         new[~new] = samples_s[at[~new]] != others[~new]
-        return np.insert(samples_s, at[new], others[new])
+        inserted = at[new]
+        before = np.diff(inserted, prepend=0, append=len(samples_s))
+        rows = np.arange(len(samples_s)) + np.repeat(np.arange(len(inserted) + 1), before)
+        return np.insert(samples_s, inserted, others[new]), rows
 
     def _through(self, knots: Floats, recorded: bool = True) -> Trace:
         trace = self._engine.through(knots, recorded)
@@ -122,13 +125,12 @@ class EmulatedAxis:
         return trace
 
     def _advance(self, samples_s: Floats, end_s: float) -> Samples:
-        knots = self._knots(samples_s, end_s)
+        knots, at = self._knots(samples_s, end_s)
         trace = self._through(knots)
         self._check_finite(knots, trace)
         begun = self.outcomes.begun(knots)
         lags = self._lags(knots[begun], trace.position[begun])
         self.outcomes.watch(knots, lags, trace.low, trace.high)
-        at = np.searchsorted(knots, samples_s)
         position, velocity = trace.position[at], trace.velocity[at]
         electrical = None if trace.electrical is None else trace.electrical.take(at, axis=1)
         return self._samples(self.command_m(samples_s), position, velocity, electrical)

@@ -96,6 +96,10 @@ class CommandTable:
         """The row that holds at each time, and just after it."""
         return np.searchsorted(self.starts_s, time_s, side="right") - 1
 
+    def rows_along(self, time_s: Floats) -> NDArray[np.intp]:
+        """As `rows_at`, for times that ascend: faster for many."""
+        return rows_along(self.starts_s, time_s)
+
     def corners_s(self, start_s: float, end_s: float) -> Floats:
         """The row changes strictly between two times."""
         first = np.searchsorted(self.starts_s, start_s, side="right")
@@ -112,6 +116,15 @@ class CommandTable:
         tau = time_s - anchor
         position: Floats = x + tau * (v + tau * (a / 2 + tau * j / 6))
         return position
+
+
+def rows_along(starts_s: Floats, time_s: Floats) -> NDArray[np.intp]:
+    """The last of the ascending `starts_s` that is not after each of the ascending times (s).
+
+    -1 before the first. The few starts are looked for among the many times, not the reverse.
+    """
+    counts = np.diff(np.searchsorted(time_s, starts_s), prepend=0, append=len(time_s))
+    return np.repeat(np.arange(-1, len(starts_s)), counts)
 
 
 def _with_rests(track: Track) -> list[Segment]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mopro.effects import Active
 from mopro.motion import Schedule
-from mopro.plant.command_table import Floats
+from mopro.plant.command_table import Floats, rows_along
 
 _HEAT_STEP_S = 5.0
 
@@ -38,6 +38,10 @@ class DriveScaling:
     def rows_at(self, time_s: Floats) -> NDArray[np.intp]:
         """The row of the factors that hold at each time (s), and just after it."""
         return np.searchsorted(self.times_s, time_s, side="right") - 1
+
+    def rows_along(self, time_s: Floats) -> NDArray[np.intp]:
+        """As `rows_at`, for times that ascend: faster for many."""
+        return rows_along(self.times_s, time_s)
 
     @property
     def always_full(self) -> bool:

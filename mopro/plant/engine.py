@@ -105,9 +105,9 @@ class Engine:
         recorded = recorded and not self._nominal
         arrays = [
             knots,
-            self._command.rows_at(knots[:-1]),
+            self._command.rows_along(knots[:-1]),
             self._command.rows(self._plant.microstep_m),
-            self._scaling.rows_at(knots[:-1]),
+            self._scaling.rows_along(knots[:-1]),
             self._strengths,
         ]
         motion = np.full((len(knots), 4), math.nan)
@@ -125,7 +125,7 @@ class Engine:
                 # Plain Python raises where compiled code goes on with NaN: at the sine of infinity.
                 self.x = math.nan
             motion, electrical = np.array(lists[0]), np.array(lists[1])
-        position, velocity, low, high = motion.T.copy()
+        position, velocity, low, high = motion.T
         return Trace(
             position, velocity, low[1:], high[1:], electrical.T.copy() if recorded else None
         )

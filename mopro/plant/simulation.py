@@ -112,7 +112,7 @@ class Simulation:
     def __init__(self, settings: PlantSettings, run: PreparedRun) -> None:
         self._settings = settings
         self._run = run
-        self._made: dict[int, EmulatedAxis] | None = None
+        self._made: dict[int, EmulatedAxis] = {}
 
     @property
     def schedule(self) -> Schedule:
@@ -124,10 +124,13 @@ class Simulation:
 
     @property
     def _axes(self) -> dict[int, EmulatedAxis]:
-        """Made when something first moves: a temperature needs no equation of motion."""
-        if self._made is None:
-            self._made = {axis: _axis(axis, self._settings, self._run) for axis in AXES}
-        return self._made
+        return {axis: self._axis(axis) for axis in AXES}
+
+    def _axis(self, number: int) -> EmulatedAxis:
+        """Made when it first moves: a temperature needs no equation of motion."""
+        if number not in self._made:
+            self._made[number] = _axis(number, self._settings, self._run)
+        return self._made[number]
 
     def advance(self, times: Floats, end_s: float) -> Columns:
         """The columns of a recording at `times`; the machine goes on to `end_s`.
@@ -158,7 +161,7 @@ class Simulation:
 
     def positions_m(self, axis: int, times: Floats, end_s: float) -> Floats:
         """As `advance`, but the positions of one axis only, without outcomes of its moves."""
-        return self._axes[axis].positions_m(times, end_s)
+        return self._axis(axis).positions_m(times, end_s)
 
     def temperature_C(self, times: Floats) -> Floats:
         """The forcer's temperature at `times`, which need not have been reached."""
@@ -166,18 +169,18 @@ class Simulation:
 
     def position_m(self, axis: int) -> float:
         """The position of `axis` at the time reached."""
-        return self._axes[axis].position_m
+        return self._axis(axis).position_m
 
     def change(self, schedule: Schedule) -> None:
         """Go on under `schedule`, which is the same up to the time reached."""
-        before, self._made = self._made, None
+        before, self._made = self._made, {}
         self._run = prepare_run(schedule, self._settings.machine, self._run.active)
-        for axis, old in (before or {}).items():
-            self._axes[axis].take_over(old)
+        for axis, old in before.items():
+            self._axis(axis).take_over(old)
 
     def slip(self, axis: int, pitches: int) -> None:
         """Displace `axis` back by whole pitches at once."""
-        self._axes[axis].slip(pitches)
+        self._axis(axis).slip(pitches)
 
     def settle(self) -> None:
         """Let all axes come to rest at the end of the command; all outcomes are final then.
@@ -214,19 +217,19 @@ class Simulation:
 
     def outcome(self, move: PlannedMove) -> MoveOutcome:
         """Outcome of `move`; final once its axes have begun another, or after `settle`."""
-        return MoveOutcome.worst([self._axes[n].outcomes.of(move) for n in move.axes])
+        return MoveOutcome.worst([self._axis(n).outcomes.of(move) for n in move.axes])
 
     def stalls(self, move: PlannedMove) -> list[Stall]:
         """A stall for each axis of `move` that slipped; final when its outcome is."""
         return [
             Stall(self._stalled_s(n, move), move.span.line, n, outcome.lost_pitches)
             for n in move.axes
-            if (outcome := self._axes[n].outcomes.of(move)).slipped
+            if (outcome := self._axis(n).outcomes.of(move)).slipped
         ]
 
     def _stalled_s(self, axis: int, move: PlannedMove) -> float:
         """The time (s) at which `axis` slipped; the end of the move if between no two samples."""
-        slip_s = self._axes[axis].outcomes.slip_s(move)
+        slip_s = self._axis(axis).outcomes.slip_s(move)
         return slip_s if math.isfinite(slip_s) else move.end_s
 
 

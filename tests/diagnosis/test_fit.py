@@ -249,3 +249,19 @@ def test_the_others_without_an_effect_are_those_of_a_linear_fit_of_them():
     assert set(predicted) == {"a", "b"}
     for name in predicted:
         assert predicted[name]["v"] == pytest.approx(alone[name]["v"], abs=1e-6)
+
+
+@pytest.mark.parametrize("rate", [1.0, 3.0, 5.5])
+def test_a_fit_begins_with_the_very_values_that_it_is_given(rate):
+    """So that a start which was simulated before need not be simulated again."""
+    asked = []
+
+    def simulate(settings):
+        asked.append(settings)
+        return decaying(settings)
+
+    start = {"decay": {"height": 1.1, "rate": rate}}
+    residuals = problem(simulate)
+    asked.clear()
+    least_squares_fit(residuals, [DECAY], [start])
+    assert asked[0] == start

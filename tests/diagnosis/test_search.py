@@ -205,3 +205,23 @@ def test_neither_the_order_of_proposals_nor_the_number_of_jobs_matters(jobs):
         left[order] = {fit.names: fit.rss for fit in sets.fit_all(proposals[::order])}
     assert left[1] == left[-1]
     assert left[1][frozenset({"straight"})] < 400
+
+
+def test_what_may_join_a_set_is_simulated_once():
+    """Also at the size that a signature asks for: `bent` is probed at 0.1 V and is there with 2."""
+    t, asked = times(), []
+
+    def simulate(settings):
+        asked.append(settings)
+        (bent,) = sizes(settings, "bent")
+        return [bent * np.sin(7 * t) + 0.01 * bent**2 * np.cos(11 * t)]
+
+    effects = [Candidate("bent", (Parameter("size", "V", -9.0, 9.0, (0.1,)),))]
+    series = measured(simulate(of_size(bent=2.0))[0], 0.7, 1)
+    sets = Hypotheses(Residuals(simulate, series), effects)
+    screening = Screening(sets)
+    (first,) = screening.beside(sets.null, sets.null)
+    assert first.group[0].values["size"] > 1.0
+    asked.clear()
+    assert screening.beside(sets.null, sets.null) == [first]
+    assert not asked

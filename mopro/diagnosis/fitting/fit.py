@@ -149,10 +149,12 @@ class _Problem:
         self._order = tuple((n, p) for n, p in parameters if p.role is not Role.SEARCHED)
         self._searched = len(parameters) - len(self._order)
         self._start = start
+        values = [start[name][p.name] for name, p in self._order]
+        self._begun = [(p.scaled(v), v) for (_, p), v in zip(self._order, values, strict=True)]
         self._last: tuple[tuple[float, ...], Floats] | None = None
 
     def solve(self, rss_limit: float) -> Fit:
-        scaled = np.array([p.scaled(self._start[name][p.name]) for name, p in self._order])
+        scaled = np.array([share for share, _ in self._begun])
         low, high = self._box()
         if not self._order:
             residual = self._residual(scaled)
@@ -170,13 +172,15 @@ class _Problem:
 
     def _fit(self, scaled: Floats, residual: Floats, jacobian: Floats) -> Fit:
         coordinates = list(zip((p for _, p in self._order), scaled.tolist(), strict=True))
-        h = INTERIOR
+        values, h = self._values(scaled.tolist()), INTERIOR
         spans = np.array([(p.value(s + h) - p.value(s - h)) / (2 * h) for p, s in coordinates])
         return Fit(
             candidates=self._candidates,
             base=self._base,
             order=self._order,
-            settings=self._settings([p.within(p.value(s)) for p, s in coordinates]),
+            settings=self._settings(
+                [p.within(v) for (_, p), v in zip(self._order, values, strict=True)]
+            ),
             residual=residual,
             jacobian=jacobian / spans if len(spans) else jacobian,
             count=self._residuals.count,
@@ -191,12 +195,19 @@ class _Problem:
             settings[effect][parameter.name] = float(value)
         return settings
 
+    def _values(self, scaled: Sequence[float]) -> list[float]:
+        """Values of the parameters in `order`; those that the fit began with have the same bits.
+
+        What was simulated there, before the fit began, is known.
+        """
+        parameters = zip(self._order, self._begun, scaled, strict=True)
+        return [v if s == first else p.value(s) for (_, p), (first, v), s in parameters]
+
     def _residual(self, scaled: Floats) -> Floats:
         """The residual; the last one is stored, as the solver asks for its Jacobian next."""
         point = tuple(scaled.tolist())
         if self._last is None or self._last[0] != point:
-            values = [p.value(s) for (_, p), s in zip(self._order, point, strict=True)]
-            self._last = point, self._residuals.at(self._settings(values))
+            self._last = point, self._residuals.at(self._settings(self._values(point)))
         return self._last[1]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import groupby, islice
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mopro.diagnosis.constants import (
     CLEAR,
@@ -217,4 +217,4 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
         return False
     difference = wider.residual - fit.residual
     chi2 = float(np.sum(difference**2 / sets.evidence.noise.variances(fit.residual)))
-    return chi2 < float(stats.chi2.isf(FALSE_ALARMS, extra))
+    return chi2 < float(special.chdtri(extra, FALSE_ALARMS))

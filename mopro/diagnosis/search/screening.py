@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
+from operator import attrgetter
+from threading import Lock
 
 import numpy as np
+from cachetools import LRUCache, cachedmethod
 
 from mopro.diagnosis.constants import FITTED, STRONG, VERY_STRONG
 from mopro.diagnosis.fitting.fit import Fit, Identity
@@ -22,11 +25,27 @@ from mopro.diagnosis.search.signature import (
 )
 
 
+def _asked(_: Screening, base: Fit, at: Fit, candidate: Candidate) -> Hashable:
+    return base.identity, at.identity, candidate.key
+
+
+def _own_bytes(score: ScoreTest) -> int:
+    return score.explained.nbytes + sum(probe.change.nbytes for probe in score.group)
+
+
+# Bytes of the arrays of score tests that are kept: the null model, and what is left of the best set
+# without each of its effects, are asked for again in every round.
+_KEPT_BYTES = 1 << 28
+
+
 class Screening:
     """Score tests of the catalogue of `sets`; each signature is simulated once for each fit."""
 
     def __init__(self, sets: Hypotheses) -> None:
         self._sets = sets
+        # Asked by several threads at once.
+        self._lock = Lock()
+        self._tests: LRUCache[Hashable, ScoreTest] = LRUCache(_KEPT_BYTES, _own_bytes)
         self._groups: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
         self._searched: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
 
@@ -68,15 +87,17 @@ class Screening:
         return self._sorted(base, [*self._scores(base, at, promising), *others])
 
     def _scores(self, base: Fit, at: Fit, candidates: Sequence[Candidate]) -> list[ScoreTest]:
-        def scored(candidate: Candidate) -> ScoreTest:
-            groups = [*self._signatures(at, candidate), *self._found(base, candidate)]
-            first = score_test(base, base.tangent, candidate, groups)
-            if first.predicted_reduction < STRONG or not far_from_probes(first):
-                return first
-            closer = probed_at(self._sets.residuals, at, candidate, first.starts[0])
-            return score_test(base, base.tangent, candidate, [*groups, closer])
+        scores = self._sets.each(lambda candidate: self._score(base, at, candidate), candidates)
+        return self._sorted(base, scores)
 
-        return self._sorted(base, self._sets.each(scored, candidates))
+    @cachedmethod(attrgetter("_tests"), key=_asked, lock=attrgetter("_lock"))
+    def _score(self, base: Fit, at: Fit, candidate: Candidate) -> ScoreTest:
+        groups = [*self._signatures(at, candidate), *self._found(base, candidate)]
+        first = score_test(base, base.tangent, candidate, groups)
+        if first.predicted_reduction < STRONG or not far_from_probes(first):
+            return first
+        closer = probed_at(self._sets.residuals, at, candidate, first.starts[0])
+        return score_test(base, base.tangent, candidate, [*groups, closer])
 
     def _sorted(self, base: Fit, scores: Sequence[ScoreTest]) -> list[ScoreTest]:
         return sorted(scores, key=lambda s: self.predicted_ebic(base, s))

@@ -177,7 +177,7 @@ def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str
     allowed = sizes.copy()
     if group[0].moved[0] == "":
         allowed = np.clip(sizes, 0.0, PROPORTIONAL)
-    for name in {probe.moved[0] for probe in group} - {""}:
+    for name in dict.fromkeys(probe.moved[0] for probe in group if probe.moved[0]):
         own = [i for i, probe in enumerate(group) if probe.moved[0] == name]
         parameter, angle = by_name[name], group[own[0]].moved[1]
         probed = group[own[0]].values[name]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mopro.diagnosis.constants import (
     CLEAR,
@@ -167,9 +167,9 @@ class Evidence:
     def intervals(self, fit: Fit, level: float = 0.95) -> list[tuple[float, float]]:
         """Confidence intervals of the parameters; Student's t where the noise is estimated."""
         estimated = not (self.noise.exact and all(self.noise.stated))
-        freedom = max(fit.count - len(fit.order), 1)
-        spread = stats.t(freedom) if estimated else stats.norm
-        half = spread.ppf((1 + level) / 2) * self.deviations(fit)
+        freedom, upper = max(fit.count - len(fit.order), 1), (1 + level) / 2
+        reach = special.stdtrit(freedom, upper) if estimated else special.ndtri(upper)
+        half = reach * self.deviations(fit)
         return [(v - h, v + h) for v, h in zip(fit.values.tolist(), half.tolist(), strict=True)]
 
     def covariance(self, fit: Fit) -> Floats:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import fft, stats
+from scipy import fft, special
 
 from mopro.diagnosis.constants import FEWEST, LEAST_SAMPLES, LEAST_SHARE
 from mopro.diagnosis.model import Floats
@@ -25,12 +25,12 @@ def is_still(z: Floats) -> bool:
 
 def chi2_log_p(rss: float, freedom: int) -> float:
     """Chi-squared test of a sum of squares with so many degrees of freedom."""
-    return float(stats.chi2.logsf(rss, max(freedom, 1)))
+    return _log(float(special.chdtrc(max(freedom, 1), rss)))
 
 
 def normal_log_p(z: float, trials: int = 1) -> float:
     """Two-sided test of the largest of `trials` standard normal numbers (Bonferroni)."""
-    return min(0.0, math.log(2 * trials) + float(stats.norm.logsf(abs(z))))
+    return min(0.0, math.log(2 * trials) + float(special.log_ndtr(-abs(z))))
 
 
 def line_log_p(power: float, lines: int, series: int) -> float:
@@ -38,7 +38,12 @@ def line_log_p(power: float, lines: int, series: int) -> float:
 
     The power of one line of white noise of variance 1 is exponential with mean 1.
     """
-    return min(0.0, math.log(lines) + float(stats.gamma.logsf(power, series)))
+    return min(0.0, math.log(lines) + _log(float(special.gammaincc(series, power))))
+
+
+def _log(p: float) -> float:
+    """Natural logarithm of a p-value; -inf where that has underflowed."""
+    return math.log(p) if p else -math.inf
 
 
 def cumulative_periodogram(z: Floats) -> Floats:
@@ -53,11 +58,12 @@ def bartlett_log_p(shares: Floats) -> float:
 
     The distance from that line has Kolmogorov's limiting distribution.
     """
-    statistic = float(stats.kstest(shares, "uniform", method="asymp").statistic)
-    distance = statistic * math.sqrt(len(shares))
+    steps = np.arange(len(shares) + 1) / len(shares)
+    largest = max(float(np.max(steps[1:] - shares)), float(np.max(shares - steps[:-1])))
+    distance = largest * math.sqrt(len(shares))
     if distance > _FIRST_TERM_ALONE:
         return math.log(2) - 2 * distance**2
-    return float(stats.kstwobign.logsf(distance))
+    return _log(float(special.kolmogorov(distance)))
 
 
 def whiteness_p(z: Floats) -> float:

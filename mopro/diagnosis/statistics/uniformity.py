@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mopro.diagnosis.constants import FALSE_ALARMS, FEWEST, LEAST_SHARE, MAJORITY, ROUNDING
 from mopro.diagnosis.fitting.fit import Fit
@@ -73,5 +73,5 @@ def _between(sizes: Floats, covariance: Floats) -> tuple[float, bool]:
     q = float(weights @ (sizes - mean) ** 2)
     freedom = len(sizes) - 1
     variance = (q - freedom) / float(weights.sum() - weights @ weights / weights.sum())
-    significant = q > float(stats.chi2.isf(FALSE_ALARMS, freedom))
+    significant = q > float(special.chdtri(freedom, FALSE_ALARMS))
     return math.sqrt(max(variance, 0.0)), significant

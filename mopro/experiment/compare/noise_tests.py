@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mopro.experiment.model import Floats
 from mopro.instruments.sensor import Sensor
@@ -30,19 +30,19 @@ def quantile_residual(
     if not sensor.adc_step:
         return scaled
     noise = max(sensor.noise_rms, _LEAST_NOISE_STEPS * sensor.adc_step)
-    low = stats.norm.cdf((measured - sensor.adc_step / 2 - predicted) / noise)
-    high = stats.norm.cdf((measured + sensor.adc_step / 2 - predicted) / noise)
+    low = special.ndtr((measured - sensor.adc_step / 2 - predicted) / noise)
+    high = special.ndtr((measured + sensor.adc_step / 2 - predicted) / noise)
     probability = low + generator.uniform(size=len(measured)) * (high - low)
     near = np.abs(scaled) < _TAIL_SIGMAS
-    z: Floats = np.where(near, stats.norm.ppf(np.clip(probability, 1e-12, 1 - 1e-12)), scaled)
+    z: Floats = np.where(near, special.ndtri(np.clip(probability, 1e-12, 1 - 1e-12)), scaled)
     return z
 
 
 def chi2_p(z: Floats, fitted: int = 0) -> float:
     """P-value of χ² = z·z with len(z) - `fitted` degrees of freedom."""
-    return float(stats.chi2.sf(z @ z, max(len(z) - fitted, 1)))
+    return float(special.chdtrc(max(len(z) - fitted, 1), z @ z))
 
 
 def mean_p(z: Floats) -> float:
     """Two-sided p-value of a zero mean of `z`."""
-    return float(2 * stats.norm.sf(abs(float(z.sum())) / math.sqrt(len(z))))
+    return float(2 * special.ndtr(-abs(float(z.sum())) / math.sqrt(len(z))))

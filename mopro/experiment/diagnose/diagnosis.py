@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
 from mopro.diagnosis.fitting.residual import Residuals
@@ -175,7 +175,7 @@ def _common_offset(
     scatter = float(((means - offset) ** 2) @ weights)
     if (
         abs(offset) < _OFFSET_SIGMAS * error
-        or stats.chi2.sf(scatter, len(data) - 1) < _SAME_OFFSET_P
+        or special.chdtrc(len(data) - 1, scatter) < _SAME_OFFSET_P
     ):
         return None
     others = (means @ weights - means * weights) / (weights.sum() - weights)

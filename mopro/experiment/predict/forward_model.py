@@ -18,7 +18,7 @@ from cachetools import LRUCache, cachedmethod
 from mopro.diagnosis import Settings
 from mopro.effects import Active, Domain, Effect, catalogue_of
 from mopro.effects.base import AXIS, RUN, angle_in
-from mopro.effects.registry import Catalogue, in_order
+from mopro.effects.registry import in_order
 from mopro.effects.resolve import active_effects, with_values
 from mopro.effects.unlisted import with_unlisted
 from mopro.errors import RunError
@@ -69,6 +69,7 @@ class ForwardModel:
         self._resolved = resolved
         self._catalogue = with_unlisted(catalogue_of(experiment.machine))
         self._own = active_effects(experiment.machine, self._catalogue)
+        self._grouped = tuple(e for e in self._catalogue.values() if e.kernel_group)
         # Two threads may compute the same result; the lock guards the caches only.
         self._lock = Lock()
         self._motions: LRUCache[object, Columns] = LRUCache(_CACHE_SIZE)
@@ -144,7 +145,7 @@ class ForwardModel:
         return all(self._least_margin(run, self.active(run, settings)) > 0 for run in runs)
 
     def _least_margin(self, index: int, active: tuple[Active, ...]) -> float:
-        simulation = self._simulation(index, _padded(_of_the_motion(active), self._catalogue))
+        simulation = self._simulation(index, self._padded(_of_the_motion(active)))
         try:
             simulation.follow(_MARGIN_RATE_HZ)
         except RunError:  # effects under which the motion diverges
@@ -185,7 +186,7 @@ class ForwardModel:
     def _motion(self, index: int, active: tuple[Active, ...]) -> Columns:
         """The true motion of run `index`: columns as a recording has them."""
         trial = self.experiment.trials[index]
-        simulation = self._simulation(index, _padded(active, self._catalogue))
+        simulation = self._simulation(index, self._padded(active))
         sensors = [r.sensor for r in trial.readings if r.sensor.quantity.follows_motion]
         end_s = trial.duration_s * _CLOCK_REACH if sensors else 0.0
         times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
@@ -205,7 +206,19 @@ class ForwardModel:
         return simulate(
             self._schedule(index, active), machine, active, self._stepping,
             payload_kg=trial.payload_kg, resolved=self._resolved, compiled=True,
+            heat_intervals=self._heat_intervals(index, _commanding(active)),
         )  # fmt: skip
+
+    def _padded(self, active: tuple[Active, ...]) -> tuple[Active, ...]:
+        """`active` with the rest of each kernel group that it has a part of, at neutral values."""
+        groups = {a.effect.kernel_group for a in active} - {None}
+        names = {a.name for a in active}
+        padding = [
+            Active(effect, tuple(p.null for p in effect.parameters), AXES)
+            for effect in self._grouped
+            if effect.kernel_group in groups and effect.name not in names
+        ]
+        return in_order((*active, *padding), self._catalogue)
 
     def _schedule(self, index: int, active: tuple[Active, ...]) -> Schedule:
         """Schedule of run `index`, at least as long as its data."""
@@ -263,15 +276,3 @@ def _of_the_motion(active: Iterable[Active]) -> tuple[Active, ...]:
     moving = [a for a in active if a.effect.domain in (Domain.COMMAND, Domain.DYNAMICS)]
     heat = [a for a in active if a.effect.domain is Domain.HEAT]
     return tuple(moving + heat if any(a.effect.needs_temperature for a in active) else moving)
-
-
-def _padded(active: tuple[Active, ...], effects: Catalogue) -> tuple[Active, ...]:
-    """`active` with the rest of each kernel group that it has a part of, at neutral values."""
-    names = {a.name for a in active}
-    groups = {a.effect.kernel_group for a in active} - {None}
-    padding = [
-        Active(effect, tuple(p.null for p in effect.parameters), AXES)
-        for effect in effects.values()
-        if effect.kernel_group in groups and effect.name not in names
-    ]
-    return in_order((*active, *padding), effects)
