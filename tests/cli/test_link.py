@@ -12,7 +12,7 @@ import sys
 import pytest
 
 from helpers.commands import LIMIT_S, wait_for
-from helpers.paths import PROGRAMS
+from helpers.paths import PROGRAMS, ROOT
 
 ENDS = ("pty", "socket://127.0.0.1:0")
 SHORT = "UU012500/1\nVEL1 40.0\nACC1 0.6\nMRI1 3.0\nWX1\nWT20\nMRI1 -1.5\nWX1\n"
@@ -36,6 +36,16 @@ def serve(tmp_path):
         yield start
 
 
+@pytest.fixture
+def hasty(tmp_path):
+    """The plain dialect in a file, with less patience."""
+    text = (ROOT / "mopro" / "link" / "dialects" / "plain.toml").read_text("utf-8")
+    assert text.count("reply_timeout_s = 1.0\n") == 1
+    file = tmp_path / "hasty.toml"
+    file.write_text(text.replace("reply_timeout_s = 1.0\n", "reply_timeout_s = 0.25\n"), "utf-8")
+    return file
+
+
 def moves(process):
     assert process.returncode == 0, process.stderr
     return json.loads(process.stdout)["moves"]
@@ -44,7 +54,7 @@ def moves(process):
 @pytest.mark.parametrize("listen", ENDS)
 @pytest.mark.parametrize("dialect", ["plain", "checked"])
 def test_port_and_emulate_give_the_same_moves(mopro, serve, listen, dialect):
-    address = serve("--listen", listen, "--dialect", dialect)
+    address = serve("--listen", listen, "--dialect", dialect, "--speed", 5)
     program = PROGRAMS / "LVDT3.CMD"
     there = mopro("run", program, "--port", address, "--dialect", dialect, "--json")
     here = mopro("run", program, "--emulate", "--json")
@@ -134,18 +144,16 @@ class TestBadInput:
             said = self.told(mopro, 2, "flash", "P.CMD", "--port", address)
         assert "another program has this port open" in said
 
-    def test_a_wrong_baud_rate(self, mopro, serve):
+    def test_a_wrong_baud_rate(self, mopro, serve, hasty):
         address = serve("--dialect", "plain")
-        args = ("--port", address, "--dialect", "plain", "--baud", "19200")
+        args = ("--port", address, "--dialect", hasty, "--baud", "19200")
         assert "baud rate" in self.told(mopro, 1, "flash", "P.CMD", *args)
 
-    def test_a_peer_that_never_answers(self, mopro_process):
+    def test_a_peer_that_never_answers(self, mopro_process, hasty):
         master, slave = pty.openpty()
         try:
             url = os.ttyname(slave)
-            said = self.told(
-                mopro_process, 1, "flash", "P.CMD", "--port", url, "--dialect", "plain"
-            )
+            said = self.told(mopro_process, 1, "flash", "P.CMD", "--port", url, "--dialect", hasty)
         finally:
             os.close(master)
             os.close(slave)
