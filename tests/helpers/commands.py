@@ -36,7 +36,9 @@ def run_process(folder, *args, text=None, words=True):
 def run_here(folder, *args, text=None, stdin=b"", words=True):
     """As `run_process`, in this process: `returncode`, `stdout` and `stderr` of `mopro ARGS`.
 
-    An exception that the command does not catch reaches the test.
+    An exception that the command does not catch reaches the test. Unless `--jobs` is given
+    one thing is done at a time: each worker of the tests has a core, and threads on the same
+    core take a sixth longer.
     """
     _write_program(folder, text)
     heeded = signal.getsignal(signal.SIGTERM)
@@ -47,6 +49,7 @@ def run_here(folder, *args, text=None, stdin=b"", words=True):
             CliRunner(env=SETTINGS).isolation(input=stdin) as (out, errors, _),
             contextlib.chdir(folder),
             patch.object(sys, "argv", arguments),
+            patch.object(os, "cpu_count", lambda: 1),
         ):
             try:
                 main()

@@ -55,7 +55,7 @@ def trial(index, stamps, values, sensor):
 
 
 def verdict(truth, **how):
-    return diagnose(experiment(truth, **how), jobs=2).verdict
+    return diagnose(experiment(truth, **how)).verdict
 
 
 @pytest.mark.parametrize(
@@ -274,7 +274,7 @@ def test_a_number_within_its_tolerance_is_calibrated_and_no_finding(tolerance, c
 def test_an_effect_is_named_beside_what_is_calibrated():
     truth = {"electrical_damping": {"zeta": 0.027}, "viscous_drag": {"b": 8.0}}
     tried = experiment(truth, seed=12, machine=tolerant(pull_out_force=0.1, damping_ratio=0.3))
-    found = diagnose(tried, jobs=2).verdict
+    found = diagnose(tried).verdict
     assert found.verdict == "named"
     assert [e.name for e in found.effects] == ["viscous_drag"]
     assert "electrical_damping" in [e.name for e in found.calibration]
