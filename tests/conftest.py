@@ -3,6 +3,7 @@
 import functools
 import os
 import signal
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,17 @@ for _number, _action in (
 # Seeded, so that a run can be repeated; noisy machines make deadlines meaningless.
 settings.register_profile("mopro", derandomize=True, deadline=None)
 settings.load_profile("mopro")
+
+
+def pytest_configure(config):
+    """Let the processes that tests start share bytecode, where none is written beside the source.
+
+    Each of the some two hundred would compile the package anew.
+    """
+    if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+        folder = tempfile.TemporaryDirectory(prefix="bytecode-")
+        os.environ["PYTHONPYCACHEPREFIX"] = folder.name
+        config.add_cleanup(folder.cleanup)
 
 
 @pytest.fixture(scope="session")
