@@ -4,6 +4,7 @@ Shares no code with mopro. Profiles follow from integrating the velocity by hand
 microsteps are met one by one, the integration restarting at each.
 """
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -43,6 +44,13 @@ class SmoothMove:
         else:
             way = self.s
         return self.sign * way
+
+    def xs(self, times):
+        """x at each of `times`."""
+        cruising = self._ramp(self.ramp) + self.v * (times - self.ramp)
+        slowing = self.s - self._ramp(self.duration - times)
+        before = [times <= self.ramp, times <= self.ramp + self.cruise, times < self.duration]
+        return self.sign * np.select(before, [self._ramp(times), cruising, slowing], self.s)
 
     def xdot(self, t):
         near = min(t, self.duration - t, self.ramp)
@@ -88,13 +96,12 @@ def jump_times(command, until):
     """The times (s) at which the command passes from one microstep to the next, by bisection."""
     count = int(np.floor(abs(command.x(until)) / MICROSTEP + 0.5))
     half_steps = (np.arange(count) + 0.5) * MICROSTEP
-    way = np.vectorize(lambda t: abs(command.x(t)))
     grid = np.linspace(0, until, 20_001)
-    at = np.searchsorted(way(grid), half_steps)
+    at = np.searchsorted(np.abs(command.xs(grid)), half_steps)
     low, high = grid[at - 1], grid[at]
     for _ in range(44):
         middle = (low + high) / 2
-        below = way(middle) < half_steps
+        below = np.abs(command.xs(middle)) < half_steps
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return (low + high) / 2
 
@@ -109,8 +116,9 @@ def stepped_response(command, times, mass=MASS):
     level = np.searchsorted(jumps, events, side="right")
 
     def slope(t, y, angle):
-        force = F0 * np.sin(angle - K * y[0]) + C_S * (command.xdot(t) - y[1])
-        return [y[1], force / mass]
+        x, v = y.tolist()  # numbers of numpy take several times longer
+        force = F0 * math.sin(angle - K * x) + C_S * (command.xdot(t) - v)
+        return [v, force / mass]
 
     solver = ode(slope).set_integrator("dop853", rtol=1e-11, atol=1e-15, nsteps=100_000)
     solver.set_initial_value([0.0, 0.0], 0.0)

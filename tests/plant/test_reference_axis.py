@@ -33,6 +33,11 @@ def test_smooth_command_over_all_of_lvdt3(lvdt3, forth):
     assert not recording["position_2_m"].any()
 
 
+def test_the_reference_s_command_is_the_same_at_one_time_and_at_many(forth):
+    times = np.linspace(0.0, 1.1 * forth.duration, 1001)
+    assert forth.xs(times) == pytest.approx([forth.x(t) for t in times], rel=1e-14)
+
+
 def test_microsteps_over_a_move_of_lvdt3_and_its_ring_down(lvdt3, forth):
     """187,500 microsteps met one by one. Bound of the issue: 1 µm. Stated here: 10 nm."""
     recording = mopro.emulate(lvdt3, for_s=forth.duration + 0.05)
