@@ -213,6 +213,26 @@ def drop_outweighed(state: State) -> State:
     return state
 
 
+def prefer_lower(state: State) -> State:
+    """The answer, or a fitted set of no more effects that has a lower EBIC, once some are dropped.
+
+    An effect that goes may have led to a choice among others that is worse without it.
+    """
+    sets, fit = state.sets, state.fit
+    dropped = {r.name for r in state.rejected}
+    others = [
+        other
+        for other in sets.ranked()
+        if len(other.candidates) <= len(fit.candidates)
+        and not dropped & other.names
+        and {c.name for c in other.candidates if c.law} <= fit.names
+    ]
+    lower = sets.evidence.lowest([fit, *others])
+    if not dropped or lower.key == fit.key:
+        return state
+    return drop_outweighed(expose_stand_ins(replace(state, fit=sets.settled(lower))))
+
+
 def _is_unexplained(state: State) -> bool:
     """True if the answer, with its free-form terms, leaves more than noise."""
     remainder = examine(state.sets.residuals, state.fit.residual, len(state.fit.order))
@@ -311,6 +331,7 @@ PASSES: tuple[Pass, ...] = (
     eliminate,
     expose_stand_ins,
     drop_outweighed,
+    prefer_lower,
     hold_out,
     set_laws_apart,
     examine_remainder,
