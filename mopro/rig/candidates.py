@@ -324,6 +324,7 @@ def _in_node(model: Model, node: str, known: Known) -> Known:
         "T": own,
         "ambient": known.get("ambient", float(own[0])),
         "exchange": sum(others, np.zeros_like(own)),
+        "in_first": float(node == model.rig.nodes[0]),
         "foreign": foreign[0] if foreign else 0.0,
     }
 

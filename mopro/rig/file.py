@@ -51,7 +51,7 @@ _TARGETED = frozenset({INPUT, MEASUREMENT})
 _RESERVED = {
     KINEMATIC: _IN_MOTION,
     AXIS: _IN_MOTION,
-    THERMAL: frozenset({"t", "T", "y", "u", "ambient", "exchange", "foreign", PI}),
+    THERMAL: frozenset({"t", "T", "y", "u", "ambient", "exchange", "in_first", "foreign", PI}),
     PYTHON: frozenset(),
 }
 HOSTS = {kind: Host(kind, ENTERS[kind], _TARGETED, _RESERVED[kind]) for kind in KINDS}

@@ -63,7 +63,10 @@ def in_a_node(experiment: RigExperiment) -> Dimensions:
     """Names that the formulas of a node have beside the others."""
     units = list(experiment.units.values())
     foreign = dimension_of_unit(units[0]) if units else NUMBER
-    return {"T": _KELVIN, "ambient": _KELVIN, "exchange": _KELVIN, "foreign": foreign}
+    return {
+        "T": _KELVIN, "ambient": _KELVIN, "exchange": _KELVIN, "in_first": NUMBER,
+        "foreign": foreign,
+    }  # fmt: skip
 
 
 def force_dimension(experiment: RigExperiment) -> Dimension:
@@ -126,8 +129,8 @@ def _needs(effect: WrittenEffect) -> frozenset[str]:
 
 def _local(rig: Rig, effect: WrittenEffect) -> set[str]:
     if effect.enters == POWER:
-        several = {"exchange"} if len(rig.nodes) > 1 else set()
-        return {"T", "ambient", *several, *({"foreign"} if len(rig.nodes) > 1 else ())}
+        several = {"exchange", "in_first", "foreign"} if len(rig.nodes) > 1 else set()
+        return {"T", "ambient", *several}
     return {MEASUREMENT: {"y"}, INPUT: {"u"}}.get(effect.enters, set())
 
 

@@ -334,6 +334,7 @@ class Model:
         foreign = [name for name in foreign if name != "ambient"]
         inner = {
             "exchange": parse(others or "0"),
+            "in_first": parse("1" if node == self.rig.nodes[0] else "0"),
             "foreign": parse(foreign[0] if foreign else "0"),
         }
         terms = [

@@ -123,6 +123,50 @@ def test_surroundings_that_warm_up_are_named_with_their_rate(tmp_path):
     assert math.isclose(rate["value"], 1e-3, rel_tol=0.1)
 
 
+PLATES = """\
+kind = "thermal"
+name = "plates"
+[nodes]
+plate = "a * duty - U * (T - ambient)"
+case = "-W * (T - ambient)"
+[base]
+a = { value = 0.8, unit = "K/s", free = true, range = [0.05, 5] }
+U = { value = 0.005, unit = "1/s", free = true, range = [0.0005, 0.05] }
+W = { value = 0.005, unit = "1/s", free = true, range = [0.0005, 0.05] }
+"""
+
+
+def test_two_nodes_of_unlike_capacity_have_an_unequal_coupling(tmp_path):
+    """0.12 W/K between 60 and 45 J/K."""
+    t, rng = np.arange(0, 3000, 5.0), RNG(6)
+    duty = np.repeat(rng.uniform(0, 100, 8), 75)
+    plate = case = 21.0
+    plates, cases = [], []
+    for share in duty.tolist():
+        plates.append(plate)
+        cases.append(case)
+        for _ in range(20):
+            between = 0.12 * (plate - case)
+            heat = 0.5 * share - 0.35 * (plate - 21.0) - between
+            plate, case = (
+                plate + 0.25 / 60 * heat,
+                case + 0.25 / 45 * (between - 0.3 * (case - 21.0)),
+            )
+    noise = 0.06 * rng.standard_normal((2, len(t)))
+    measured = {"plate_C": np.array(plates) + noise[0], "case_C": np.array(cases) + noise[1]}
+    sensor = OVEN[OVEN.index("[[sensor]]") : OVEN.index("[[run]]")]
+    sensors = sensor.replace("oven", "plate") + sensor.replace("oven", "case")
+    text = OVEN.replace(sensor, sensors).replace('"thermal"', '"machine.toml"')
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "machine.toml").write_text(PLATES, encoding="utf-8")
+    write(tmp_path / "run.csv", {"time_s": t, "duty_percent": duty, **measured})
+    effects = {e["name"]: e["parameters"] for e in answered(tmp_path)["effects"]}
+    assert effects.keys() == {"coupling", "unequal_coupling"}
+    k, d = effects["coupling"]["k"]["value"], effects["unequal_coupling"]["d"]["value"]
+    assert k == pytest.approx(0.12 / 45, rel=0.02)
+    assert k + d == pytest.approx(0.12 / 60, rel=0.04)
+
+
 AXIS = {"v", "sgn v", "x", "x mod", "t", "command"}
 
 
