@@ -143,11 +143,11 @@ FindStarts = Callable[[ResidualView], Iterable[Mapping[str, float]]]
 class Law:
     """A free-form term: where it `enters` the model, the variable that it is a function `of`.
 
-    `enters`: force, heat, ambient, measurement or command. `of`: v, sgn v, x, x mod, a, t, T,
-    command or sensor. `unit`: of the term's values. `formula`: its text at given values of the
-    parameters. `of_data`: values of the term at every sample of a series, from what the model
-    predicts there, for a term that is added to the predictions; None where `simulate` knows the
-    term as it knows an effect.
+    `enters`: force, friction, heat, ambient, input, measurement or command. `of`: v, sgn v, x,
+    x mod, a, t, T, command or sensor. `unit`: of the term's values. `formula`: its text at given
+    values of the parameters. `of_data`: values of the term at every sample of a series, from what
+    the model predicts there, for a term that is added to the predictions; None where `simulate`
+    knows the term as it knows an effect.
     """
 
     enters: str

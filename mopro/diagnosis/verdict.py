@@ -60,8 +60,8 @@ class Named:
 class Draft:
     """A free-form term that describes what no listed effect explains.
 
-    `enters`: force, measurement or command; `of`: the variable; `law`: its formula, whose
-    values are in `unit`. `held_out` as that of `Named`.
+    `enters` and `of` as those of `Law`; `law`: its formula, whose values are in `unit`. `held_out`
+    as that of `Named`.
     """
 
     name: str

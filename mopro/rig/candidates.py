@@ -80,15 +80,17 @@ def unlisted(model: Model, data: Sequence[Series], settings: Settings) -> list[C
 
 
 def _law(model: Model, term: WrittenEffect) -> Law:
+    """What a draft tells of a free-form term: as of the motor's, a power is called heat."""
     units = {FORCE: "force", FRICTION: "force", POWER: "power"}
     unit = units_of(model.experiment)[units.get(term.enters, "u")]
+    enters = "heat" if term.enters == POWER else term.enters
 
     def written(values: Mapping[str, float]) -> str:
         """The formula with its numbers (SI)."""
         text = term.term.formula.text
         return _NAME.sub(lambda m: f"{values[m[0]]:.4g}" if m[0] in values else m[0], text)
 
-    return Law(term.enters, term.of, unit, written)
+    return Law(enters, term.of, unit, written)
 
 
 def _of_number(number: Number) -> Candidate:

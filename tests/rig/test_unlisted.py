@@ -99,8 +99,8 @@ data = "run.csv"
 """
 
 
-def oven_folder(folder, rate=1e-3):
-    """An oven whose surroundings warm up by `rate` (K/s)."""
+def oven_folder(folder, rate=1e-3, fading=0.0):
+    """An oven whose surroundings warm up by `rate` (K/s), its heater `fading` (1/s)."""
     t, rng = np.arange(0, 3000, 5.0), RNG(5)
     duty = np.repeat(rng.uniform(0, 100, 8), 75)
     inside, found = 22.0, []
@@ -108,7 +108,8 @@ def oven_folder(folder, rate=1e-3):
         found.append(inside)
         for k in range(20):
             air = 22.0 + rate * (t[i] + k / 4)
-            inside += 0.25 * (0.008 * share - 0.006 * (inside - air))
+            heat = 0.008 * share * (1 - fading * (t[i] + k / 4))
+            inside += 0.25 * (heat - 0.006 * (inside - air))
     measured = np.array(found) + 0.08 * rng.standard_normal(len(t))
     (folder / "experiment.toml").write_text(OVEN, encoding="utf-8")
     write(folder / "run.csv", {"time_s": t, "duty_percent": duty, "oven_C": measured})
@@ -121,6 +122,17 @@ def test_surroundings_that_warm_up_are_named_with_their_rate(tmp_path):
     rate = effect["parameters"]["r"]
     assert rate["ci95"][0] < 1e-3 < rate["ci95"][1]
     assert math.isclose(rate["value"], 1e-3, rel_tol=0.1)
+
+
+def test_a_heater_that_weakens_is_drafted_as_a_gain_that_changes_in_time(tmp_path):
+    oven_folder(tmp_path, rate=0.0, fading=1e-4)
+    answer = answered(tmp_path)
+    assert (answer["verdict"], answer["effects"]) == ("unexplained", [])
+    draft = answer["drafts"][0]
+    assert (draft["of"], draft["enters"]) == ("t", "input")
+    size, _, law = draft["law"].partition(" * ")
+    assert law == "u * t"
+    assert float(size) == pytest.approx(-1e-4, rel=0.05)
 
 
 PLATES = """\
