@@ -7,6 +7,7 @@ import pytest
 
 import mopro
 from mopro.diagnosis import Candidate, Parameter, Role, Series
+from mopro.diagnosis.constants import TOLERANCE
 
 T = np.arange(600) / 600
 POSITION = np.sin(2 * np.pi * 3 * T)
@@ -209,6 +210,25 @@ def test_an_effect_with_a_clearly_implausible_value_is_no_alternative():
         predict, {"drag": {"b": 1.0, "n": 1.0}}, tight, Candidate("other", (B,))
     ).effects
     assert (effect.name, effect.indistinguishable_from) == ("other", [])
+
+
+@pytest.mark.parametrize(("beyond", "told"), [(2.5, True), (4.0, False)])
+def test_an_effect_is_an_alternative_unless_its_value_is_very_strongly_implausible(beyond, told):
+    """A true value 2 to 3 standard deviations beyond its range is rare, and is still told."""
+
+    def predict(settings):
+        total = sum(settings.get(n, {"b": 0.0})["b"] for n in ("tight", "other"))
+        return total * np.cos(2 * np.pi * 3 * T)
+
+    truth, other = {"other": {"b": 1.0}}, Candidate("other", (B,))
+    (effect,) = diagnosed(predict, truth, other).effects
+    size = effect.parameters["b"]
+    deviation = (size.ci95[1] - size.ci95[0]) / (2 * 1.96)
+    end = (size.value - beyond * deviation) / (1 + TOLERANCE)
+    tight = Candidate("tight", (Parameter("b", "N", 0, 5, (0.5,), plausible=(0, end)),))
+    (effect,) = diagnosed(predict, truth, tight, other).effects
+    assert effect.name == "other"
+    assert effect.indistinguishable_from == (["tight"] if told else [])
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -131,7 +131,8 @@ def test_the_minimum_at_a_kink_is_found_in_few_evaluations():
         (-3.0, 0.0, True),
         (1.0, 1.0, True),
         (1.9, 3.61, True),
-        (2.1, 4.41, False),
+        (2.1, 4.41, True),
+        (3.3, 10.0, False),
         (9.0, 10.0, False),
     ],
 )

@@ -11,7 +11,6 @@ import numpy as np
 from scipy import special
 
 from mopro.diagnosis.constants import (
-    CLEAR,
     FALSE_ALARMS,
     FITTED,
     LEAST_SHARE,
@@ -56,8 +55,8 @@ class Alternative:
 def alternatives(sets: Hypotheses, screening: Screening, best: Fit) -> tuple[Alternative, ...]:
     """The sets within 10 of the EBIC of `best`, the lowest first, one for each set of names.
 
-    Each of their effects is needed, and their values are plausible. Neither a part of `best`
-    nor a set that contains it is an alternative.
+    Each of their effects is needed, and no value gives very strong evidence against its plausible
+    range. Neither a part of `best` nor a set that contains it is an alternative.
     """
     weak: list[Alternative] = []
     subsets = [s for s in neighbourhood(sets, screening, best).subsets if _differs(s.names, best)]
@@ -186,7 +185,7 @@ def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[
 def _plausible(score: ScoreTest) -> bool:
     """True if the size that the signature asks for is plausible, its error allowed for."""
     values = score.starts[0][score.candidate.name]
-    error = CLEAR / math.sqrt(max(score.predicted_reduction, 1.0))
+    error = math.sqrt(VERY_STRONG / max(score.predicted_reduction, 1.0))
     return not any(
         p.beyond(values[p.name]) > error * abs(values[p.name]) for p in score.candidate.parameters
     )

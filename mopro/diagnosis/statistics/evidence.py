@@ -113,9 +113,12 @@ class Evidence:
     # -- plausibility -------------------------------------------------------------------
 
     def plausible(self, fit: Fit) -> bool:
-        """True if every parameter is within its plausible range, its error allowed for."""
+        """True if no parameter gives very strong evidence against its plausible range.
+
+        At two standard deviations beyond it, one true value in twenty would be ruled out.
+        """
         furthest = max((p.beyond(v) / d for (_, p), v, d in self._known(fit)), default=0.0)
-        return not self.at_bound(fit) and furthest <= CLEAR
+        return not self.at_bound(fit) and furthest**2 < VERY_STRONG
 
     def at_bound(self, fit: Fit) -> list[str]:
         """Parameters (`effect.parameter`) that the data would push out of their range.
