@@ -27,8 +27,9 @@ LOOP_STEP_S = 1e-5
 Currents = tuple[float, ...]
 # The lagged currents and those of the coils.
 Electric = tuple[Currents, Currents]
-# Gain on the currents, k (1/m), Kf = F0/I (N/A), I (A), R (ohm), L (H), microstep (m).
-DriveNumbers = tuple[float, float, float, float, float, float, float]
+# Gain on the currents, Kf = F0/I (N/A), I (A), R (ohm), L (H), microstep (m). Not k, which is the
+# axis's: were it here as well, compiled code would take two sines of one angle.
+DriveNumbers = tuple[float, float, float, float, float, float]
 # What the loops are told at the start, the middle and the end of a step.
 Told = tuple[Pair, Pair, Pair]
 # Command (m), gain, k (1/m) and the effects' parameters to a pair for the two phases.
@@ -37,18 +38,19 @@ Phasewise = Callable[[Currents, float, float, float, Numbers], Pair]
 
 @dataclass(frozen=True)
 class Drive:
-    """The composed functions of a drive; c is the command and x the position, in m.
+    """The composed functions of a drive; c is the command and x the position in m, k in 1/m.
 
     now(lagged, c, gain, k, numbers): what the loops are told;
     lag_rates(lagged, c, gain, k, numbers): the rates of the lagged currents in 1/s;
-    through(electric, c0, c_mid, c1, u0, u_mid, u1, h, free, drive, numbers): what the loops are
-    told in a step of h s, the currents at its start, middle and end, and the states after it,
-    where no loop is short of voltage;
-    phases(told, c, w, x, v, currents, drive, numbers): voltages (V) and the rates of the
+    through(electric, c0, c_mid, c1, u0, u_mid, u1, h, free, k, drive, numbers): what the loops
+    are told in a step of h s, the currents at its start, middle and end, and the states after
+    it, where no loop is short of voltage;
+    phases(told, c, w, x, v, currents, k, drive, numbers): voltages (V) and the rates of the
     currents in 1/s;
-    charged(coil, dt, told, c, w, x, v, currents, drive, numbers): the coils' currents after
+    charged(coil, dt, told, c, w, x, v, currents, k, drive, numbers): the coils' currents after
     dt s at the rates that hold for `currents`;
-    suffices(electric, c, fastest, drive, numbers): whether the supply does up to `fastest` m/s.
+    suffices(electric, c, fastest, k, drive, numbers): whether the supply does up to `fastest`
+    m/s.
     """
 
     now: Phasewise
@@ -56,7 +58,7 @@ class Drive:
     through: Callable[..., tuple[Told, Pair, Pair, Pair, Electric]]
     phases: Callable[..., tuple[Pair, Pair]]
     charged: Callable[..., Pair]
-    suffices: Callable[[Electric, float, float, DriveNumbers, Numbers], bool]
+    suffices: Callable[[Electric, float, float, float, DriveNumbers, Numbers], bool]
 
 
 def drive_of(terms: TermSet, prepare: Prepare) -> Drive:
@@ -186,19 +188,19 @@ def _through(
     def through(
         electric: Electric, c0: float, c_mid: float, c1: float,
         u0: float, u_mid: float, u1: float, h: float, free: bool,
-        drive: DriveNumbers, numbers: Numbers,
+        k: float, drive: DriveNumbers, numbers: Numbers,
     ) -> tuple[Told, Pair, Pair, Pair, Electric]:  # fmt: skip
         """Setpoints of the loops, currents through the step, and the states after it.
 
         Loops that are not `free` have only their currents at the start right.
         """
         lagged, coil = electric
-        told, lagged = told_through(lagged, c0, c_mid, c1, h, drive[0], drive[1], numbers)
+        told, lagged = told_through(lagged, c0, c_mid, c1, h, drive[0], k, numbers)
         start, middle, end = told
         if has_loop:
             start = coil[0], coil[1]
             if free:
-                middle, end = known(coil, told, u0, u_mid, u1, h, drive)
+                middle, end = known(coil, told, u0, u_mid, u1, h, k, drive)
             coil = end
         return told, start, middle, end, (lagged, coil)
 
@@ -211,13 +213,13 @@ def _through(
 def _known_of_smooth(followed: Callable[..., float]) -> Callable[..., tuple[Pair, Pair]]:
     def known(
         coil: Currents, told: Told, u0: float, u_mid: float, u1: float,
-        h: float, drive: DriveNumbers,
+        h: float, k: float, drive: DriveNumbers,
     ) -> tuple[Pair, Pair]:  # fmt: skip
         """The loop knows how ideal setpoints change, and is behind with the rest by its time.
 
         Ideal are those of the smooth command, from u0 over u_mid to u1 (microsteps).
         """
-        gain, k, microstep = drive[0], drive[1], drive[6]
+        gain, microstep = drive[0], drive[5]
         t0, t_mid, t1 = k * u0 * microstep, k * u_mid * microstep, k * u1 * microstep
         qa0, qa_mid, qa1 = gain * cos(t0), gain * cos(t_mid), gain * cos(t1)
         qb0, qb_mid, qb1 = gain * sin(t0), gain * sin(t_mid), gain * sin(t1)
@@ -236,7 +238,7 @@ def _known_of_smooth(followed: Callable[..., float]) -> Callable[..., tuple[Pair
 
 def known_of_lagged(
     coil: Currents, told: Told, u0: float, u_mid: float, u1: float,
-    h: float, drive: DriveNumbers,
+    h: float, k: float, drive: DriveNumbers,
 ) -> tuple[Pair, Pair]:  # fmt: skip
     """The loop knows how lagged setpoints change; its deviation decays with its time."""
     da, db = coil[0] - told[0][0], coil[1] - told[0][1]
@@ -286,10 +288,10 @@ def _phases(
 ) -> Callable[..., tuple[Pair, Pair]]:
     def phases(
         told: Pair, c: float, w: float, x: float, v: float,
-        coil: Currents, drive: DriveNumbers, numbers: Numbers,
+        coil: Currents, k: float, drive: DriveNumbers, numbers: Numbers,
     ) -> tuple[Pair, Pair]:  # fmt: skip
         """Both phases' voltages (V) and rates (1/s) at position x (m) and speed v (m/s)."""
-        gain, k, kf, amps, ohms, henries, _ = drive
+        gain, kf, amps, ohms, henries, _ = drive
         limit = numbers[place][0]
         da, db = change(told, c, w, gain, k, numbers)
         emf_a, emf_b = -kf * v * sin(k * x), kf * v * cos(k * x)
@@ -303,10 +305,10 @@ def _phases(
 def _charged(phases: Callable[..., tuple[Pair, Pair]]) -> Callable[..., Pair]:
     def charged(
         coil: Pair, dt: float, told: Pair, c: float, w: float, x: float, v: float,
-        currents: Pair, drive: DriveNumbers, numbers: Numbers,
+        currents: Pair, k: float, drive: DriveNumbers, numbers: Numbers,
     ) -> Pair:  # fmt: skip
         """The currents `coil` after dt s at the rates that hold for `currents` at x and v."""
-        da, db = phases(told, c, w, x, v, currents, drive, numbers)[1]
+        da, db = phases(told, c, w, x, v, currents, k, drive, numbers)[1]
         return coil[0] + dt * da, coil[1] + dt * db
 
     return charged
@@ -356,15 +358,16 @@ def _off_lagged(aims: Setpoints, place: int) -> Callable[..., tuple[bool, float]
 
 def _suffices(
     off: Callable[..., tuple[bool, float]], place: int
-) -> Callable[[Electric, float, float, DriveNumbers, Numbers], bool]:
+) -> Callable[[Electric, float, float, float, DriveNumbers, Numbers], bool]:
     def suffices(
-        electric: Electric, c: float, fastest: float, drive: DriveNumbers, numbers: Numbers
-    ) -> bool:
+        electric: Electric, c: float, fastest: float,
+        k: float, drive: DriveNumbers, numbers: Numbers,
+    ) -> bool:  # fmt: skip
         """True if the supply has all the voltage that the loops can ask for.
 
         R I gain + L I off + (Kf + L I k gain) v_max < Vb, in V.
         """
-        gain, k, kf, amps, ohms, henries, _ = drive
+        gain, kf, amps, ohms, henries, _ = drive
         known, rate = off(electric, c, gain, k, numbers)
         asked = amps * (ohms * gain + henries * rate)
         asked += (kf + henries * amps * k * gain) * fastest

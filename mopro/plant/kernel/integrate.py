@@ -57,7 +57,7 @@ def axis_and_drive(plant: Plant, factors: Sequence[float]) -> tuple[AxisNumbers,
     factors: on the currents (1); the motor's greatest force (m/s²) and c_s (1/s) over m; Kf (N/A).
     """
     k, mass, amps = plant[0], plant[3], plant[5]
-    drive = (factors[0], k, factors[3], amps, plant[6], plant[7], plant[4])
+    drive = (factors[0], factors[3], amps, plant[6], plant[7], plant[4])
     return (k, factors[1], factors[2], mass), drive
 
 
@@ -72,13 +72,13 @@ def rates_of(parts: Parts) -> Rates:
     ) -> tuple[float, Pair, Pair]:
         """ẍ (m/s²) and the rates (1/s) of the lagged currents and of those of the coils."""
         x, v, z, (lagged, coil) = state
-        gain, k = drive[0], drive[1]
+        k, gain = axis[0], drive[0]
         if direct:
             return acceleration(c, w, x, v, z, 0.0, axis, numbers), (0.0, 0.0), (0.0, 0.0)
         field = now(lagged, c, gain, k, numbers)
         of_lag, of_coil = lag_rates(lagged, c, gain, k, numbers), (0.0, 0.0)
         if saturable:
-            of_coil = phases(field, c, w, x, v, coil, drive, numbers)[1]
+            of_coil = phases(field, c, w, x, v, coil, k, drive, numbers)[1]
             field = (coil[0], coil[1])
         return acceleration(field, w, x, v, z, 0.0, axis, numbers), of_lag, of_coil
 
@@ -126,14 +126,15 @@ def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
         """Currents over I, voltages (V; 0 of an ideal drive) and motor force (N) at a knot."""
         c = (floor(u + 0.5) if resolved else u) * plant[4]
         x, v, _, (lagged, coil) = state
-        currents, volts = now(lagged, c, drive[0], drive[1], numbers), (0.0, 0.0)
+        k = axis[0]
+        currents, volts = now(lagged, c, drive[0], k, numbers), (0.0, 0.0)
         if saturable:
-            volts = phases(currents, c, w, x, v, coil, drive, numbers)[0]
+            volts = phases(currents, c, w, x, v, coil, k, drive, numbers)[0]
             currents = (coil[0], coil[1])
         row = electrical[at]
         row[0], row[1] = currents[0], currents[1]
         row[2], row[3] = volts[0], volts[1]
-        row[4] = pull(currents, x, drive[1], drive[2] * drive[3])
+        row[4] = pull(currents, x, k, drive[1] * drive[2])
 
     return record
 
@@ -158,7 +159,7 @@ def pace_of(parts: Parts, command: Callable[..., Pair]) -> Callable[..., tuple[i
             if w_end > fastest:
                 fastest = w_end
             fastest += 2.0 * plant[1] / plant[3] * length
-            free = suffices(state[3], u * plant[4], fastest, drive, numbers)
+            free = suffices(state[3], u * plant[4], fastest, plant[0], drive, numbers)
             if not free and longest > LOOP_STEP_S:
                 longest = LOOP_STEP_S
         count = length / longest
