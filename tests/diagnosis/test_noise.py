@@ -13,6 +13,7 @@ from helpers.signals import family, names
 from mopro.diagnosis import Series
 from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.statistics.noise import Noise
 from mopro.diagnosis.statistics.noise_tests import (
     bartlett_log_p,
     cumulative_periodogram,
@@ -33,6 +34,19 @@ def test_the_difference_variance_is_that_of_the_white_noise_alone():
     slow = 20 * np.sin(np.linspace(0.0, 6.0, 20_000))
     assert difference_variance(slow + rng.standard_normal(20_000)) == pytest.approx(1.0, rel=0.03)
     assert difference_variance(np.ones(1)) == 0.0
+
+
+@pytest.mark.parametrize("memory", [0.6, 0.9])
+def test_the_power_of_means_is_that_with_which_they_scatter(memory):
+    """That of noise of first order is (1 + memory) / (1 - memory) times that of white noise."""
+    rng = np.random.default_rng(3)
+    ratios = []
+    for _ in range(300):
+        noise = math.sqrt(1 - memory**2) * autoregressive(memory, 4000, rng)
+        left = noise - noise.mean()
+        power = Noise((3999,), (0,), (True,), left).power_of_means[0]
+        ratios.append(noise.mean() * math.sqrt(4000 / power))
+    assert np.std(ratios) == pytest.approx(1.0, abs=0.12)
 
 
 def test_whiteness_is_rejected_as_often_as_its_p_value_says():

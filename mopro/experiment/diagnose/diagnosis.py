@@ -11,6 +11,8 @@ from scipy import special
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
 from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.statistics.noise import Noise
+from mopro.diagnosis.statistics.remainder import examine
 from mopro.effects import Effect, catalogue_of
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.diagnose.candidates import candidates, unlisted
@@ -123,11 +125,13 @@ def _with_offset(
     offset_in = next(((e, e.constant_offset) for e in kept if e.constant_offset), None)
     if offset_in is None:
         return verdict
-    offsets, predicted = [], model(verdict.settings)
+    offsets, predicted, power = [], model(verdict.settings), _power_of_means(verdict, data, model)
     sensors = {r.sensor.name: r.sensor for t in model.experiment.trials for r in t.readings}
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
-        offset = _common_offset(*offset_in, [data[i] for i in rows], [predicted[i] for i in rows])
+        means = [float(np.mean(data[i].values - predicted[i])) for i in rows]
+        memory = math.sqrt(float(np.mean(power[rows]))) if rows else 1.0
+        offset = _common_offset(*offset_in, [data[i] for i in rows], means, memory)
         if offset:
             rivals = _deflections(offset, sensors.get(sensor), model.experiment.machine, kept)
             offsets.append(
@@ -158,18 +162,28 @@ def _deflections(
     }
 
 
+def _power_of_means(verdict: Verdict, data: Sequence[Series], model: Model) -> Floats:
+    """Variance of the mean residual of each series, over that of white noise as stated."""
+    residuals = Residuals(model, data)
+    left = residuals.at(verdict.settings)
+    white = not examine(residuals, left, 0).significant
+    noise = Noise.as_stated(residuals)
+    return (noise if white else noise.like(left)).power_of_means
+
+
 def _common_offset(
-    effect: Effect, parameter: str, data: Sequence[Series], predicted: Sequence[Floats]
+    effect: Effect, parameter: str, data: Sequence[Series], of_runs: Sequence[float], memory: float
 ) -> Named | None:
     """The offset of one sensor over its runs as `parameter` of `effect`.
 
-    None for a single run (its position at the start is unknown), for an offset below
-    _OFFSET_SIGMAS, or for runs that differ.
+    of_runs: that of each run, in the sensor's unit; memory: standard deviation of a mean over that
+    of white noise. None for a single run (its position at the start is unknown), for an offset
+    below _OFFSET_SIGMAS, or for runs that differ.
     """
     if len(data) < _FEWEST_RUNS:
         return None
-    means = np.array([np.mean(s.values - p) for s, p in zip(data, predicted, strict=True)])
-    errors = np.array([(s.sigma or 0.0) / math.sqrt(len(s)) for s in data])
+    means = np.array(of_runs)
+    errors = np.array([memory * (s.sigma or 0.0) / math.sqrt(len(s)) for s in data])
     weights = 1 / errors**2
     offset, error = float(means @ weights / weights.sum()), 1 / math.sqrt(weights.sum())
     scatter = float(((means - offset) ** 2) @ weights)

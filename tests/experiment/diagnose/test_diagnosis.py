@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import mopro
 from mopro.experiment.conclude.machine_file import machine_with
@@ -32,8 +33,10 @@ SHARP = dataclasses.replace(FINE, noise_rms=4e-6)
 COARSE = dataclasses.replace(FINE, name="coarse", noise_rms=5e-3)
 
 
-def experiment(truth, seed=0, sensor=FINE, machine=MACHINE, offset=0.0, extra=lambda t, x: 0.0):
-    """Two runs with `truth` in them, seen with seeded noise."""
+def experiment(
+    truth, seed=0, sensor=FINE, machine=MACHINE, offset=0.0, extra=lambda t, x: 0.0, phi=0.0
+):
+    """Two runs with `truth` in them, seen with seeded AR(1) noise (white unless phi is given)."""
     rng = np.random.default_rng(seed)
     ends = [plan(program).duration_s + 0.2 for program in PROGRAMS]
     stamps = [np.arange(int(end * sensor.rate_hz)) / sensor.rate_hz for end in ends]
@@ -41,12 +44,15 @@ def experiment(truth, seed=0, sensor=FINE, machine=MACHINE, offset=0.0, extra=la
     bare = Experiment(Source("experiment.toml", ""), machine, tuple(blank), ())
     seen = ForwardModel(bare, motor.FINE)(truth)
     trials = [
-        trial(
-            i, t, x + extra(t, x) + offset + sensor.noise_rms * rng.standard_normal(len(t)), sensor
-        )
+        trial(i, t, x + extra(t, x) + offset + sensor.noise_rms * ar1(phi, rng, len(t)), sensor)
         for i, (t, x) in enumerate(zip(stamps, seen, strict=True))
     ]
     return dataclasses.replace(bare, trials=tuple(trials))
+
+
+def ar1(phi, rng, count):
+    """Noise of variance 1, each sample phi times the one before and something new."""
+    return lfilter([math.sqrt(1 - phi * phi)], [1.0, -phi], rng.standard_normal(count))
 
 
 def trial(index, stamps, values, sensor):
@@ -175,6 +181,23 @@ def test_an_offset_of_all_runs_is_named_only_when_nothing_else_is_there():
     low, high = alone.effects[0].parameters["o"].ci95
     assert low < 0.01 < high
     assert "sensor_offset" not in {effect.name for effect in beside.effects}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_slow_noise_of_the_stated_size_is_no_offset(seed):
+    """The mean of a run scatters √((1 + φ) / (1 - φ)) = 6.2 times as far as that of white noise."""
+    found = verdict({}, phi=0.95, seed=seed)
+    assert (found.verdict, found.effects) == ("none", ())
+
+
+def test_the_interval_of_an_offset_is_as_wide_as_slow_noise_asks_for():
+    (effect,) = verdict({}, phi=0.95, offset=3e-5).effects
+    low, high = effect.parameters["o"].ci95
+    of_white = 2 * 1.96 * FINE.noise_rms / math.sqrt(3009)
+    assert effect.name == "sensor_offset"
+    # 1.5 half-widths: three standard deviations.
+    assert abs(effect.parameters["o"].value - 3e-5) < 0.75 * (high - low)
+    assert (high - low) / of_white == pytest.approx(math.sqrt(1.95 / 0.05), rel=0.4)
 
 
 @pytest.mark.parametrize(("force_N", "as_well"), [(3.0, True), (9.0, False)])
