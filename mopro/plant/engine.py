@@ -144,14 +144,19 @@ class Engine:
         stiffness = plant.wave_number_1_m * plant.pull_out_force_N
         rates_now = rates(terms)
         axis, drive = axis_and_drive(_plant(plant), self._strengths[0].tolist())
+        smallest = REST_M * REST_M
         for _ in range(_MOST_RELAXATIONS):
             a, of_lag, of_coil = rates_now(0.0, 0.0, state, axis, drive, self._numbers)
             x, v, z, (lagged, coil) = state
             step = a * plant.mass_kg / stiffness
-            lagged = tuple(i + d * lag_s for i, d in zip(lagged, of_lag, strict=False))
-            coil = tuple(i + d * CURRENT_LOOP_S for i, d in zip(coil, of_coil, strict=False))
+            of_lag = of_lag[0] * lag_s, of_lag[1] * lag_s
+            of_coil = of_coil[0] * CURRENT_LOOP_S, of_coil[1] * CURRENT_LOOP_S
+            lagged = tuple(i + d for i, d in zip(lagged, of_lag, strict=False))
+            coil = tuple(i + d for i, d in zip(coil, of_coil, strict=False))
             state = (x + step, v, z, (lagged, coil))
-            if abs(step) < REST_M * REST_M or not math.isfinite(x + step):
+            # Without a force the currents may still be on their way: they move the axis next.
+            turn = max(map(abs, (*of_lag, *of_coil))) / plant.wave_number_1_m
+            if max(abs(step), turn) < smallest or not math.isfinite(x + step):
                 break
         return state
 

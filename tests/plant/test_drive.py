@@ -16,6 +16,7 @@ MACHINE = load_machine("chow1992")
 FULL = replace(MACHINE, drive=replace(MACHINE.drive, model="full"))
 SETUP = "UU012500/1\nVEL0 {vel}\nACC0 {acc}\n"
 R, L = 2.0, 2e-3
+WAVE_NUMBER = 2 * math.pi / MACHINE.axis.pitch_m
 
 
 def run(body, machine=MACHINE, vel=40.0, acc=0.25, **options):
@@ -45,6 +46,26 @@ def test_locked_rotor_current_settles_at_v_over_r():
     assert on["phase_a_1_A"][-1] == pytest.approx(8.0 / R, rel=1e-3)
     assert R * on["phase_a_1_A"][-1] ** 2 == pytest.approx(32.0, rel=2e-3)
     assert on["phase_b_1_A"][-1] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("loop", [{"current_loop_lag": {"tau": 2e-4}}, {"voltage_saturation": {}}])
+@pytest.mark.parametrize(
+    ("setpoints", "angle"),
+    [
+        ({"phase_current_offset": {"o_a": 0.01, "o_b": 0.02}}, math.atan2(0.02, 1.01)),
+        ({"phase_gain_imbalance": {"eps": 0.05}}, 0.0),
+        ({"quadrature_error": {"phi": 0.03}}, None),
+    ],
+)
+def test_a_run_begins_at_rest_where_the_distorted_currents_hold_the_axis(loop, setpoints, angle):
+    at_rest = run("WT40\n", rate_hz=2e3, effects=loop | setpoints)
+    place = at_rest["position_1_m"]
+    assert np.ptp(place) < 1e-12
+    assert np.abs(at_rest["velocity_1_m_s"]).max() < 1e-9
+    without = run("WT40\n", rate_hz=2e3, effects=setpoints)["position_1_m"]
+    assert place[0] == pytest.approx(without[0], abs=1e-12)
+    if angle is not None:
+        assert place[0] == pytest.approx(angle / WAVE_NUMBER, abs=1e-11)
 
 
 def test_equal_forcers_do_not_turn_the_motor_and_a_weak_one_does():
