@@ -198,6 +198,26 @@ def test_a_constant_costs_what_the_data_tell_about_it():
     assert evidence.ebic(fit) == pytest.approx(2 * math.log(before / after), abs=0.01)
 
 
+def test_a_constant_beside_what_cannot_be_identified_costs_nothing():
+    series = Series("run", "probe", "V", 1.0 * SPEED, 0.3, nuisances=np.zeros((len(T), 0)))
+    other = Parameter("c", "V", -10.0, 10.0, (1.0,))
+
+    def simulate(settings):
+        return [(settings["line"]["b"] + settings["line"]["c"]) * SPEED]
+
+    residuals = Residuals(simulate, [series])
+
+    def ebic(*parameters):
+        candidate = Candidate("line", parameters)
+        start = {p.name: p.starts[0] for p in parameters}
+        fit = least_squares_fit(residuals, [candidate], [{"line": start}])
+        evidence = Evidence(Noise.as_stated(residuals), [candidate.key])
+        assert np.isinf(evidence.deviations(fit)).all()
+        return evidence.ebic(fit)
+
+    assert ebic(B, other, ASSUMED) == pytest.approx(ebic(B, other), abs=0.01)
+
+
 def test_an_effect_counts_in_full_where_the_noise_is_quieter_than_stated():
     """In white noise of 0.8 of the stated size, as far as its wide bands go: A² / 1."""
     quiet = 0.8 * np.random.default_rng(3).standard_normal(4000)

@@ -20,7 +20,7 @@ from mopro.diagnosis.constants import (
     VERY_STRONG,
 )
 from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.model import Candidate, Settings
+from mopro.diagnosis.model import Candidate, Role, Settings
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.linear_subset import LinearSubset
 from mopro.diagnosis.search.neighbours import in_other_forms, neighbourhood
@@ -206,10 +206,10 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
     """True if `wider` has more parameters and predicts the same, as far as noise tells.
 
     It is then the same explanation with parameters to spare, and no alternative. A form that
-    was extended for its fit needs its parameters. A free-form term that predicts the same is a
-    listed effect in other words.
+    was extended for its fit needs its parameters, and assumed constants are none of a choice. A
+    free-form term that predicts the same is a listed effect in other words.
     """
-    extra = len(wider.order) + wider.searched - len(fit.order) - fit.searched
+    extra = _chosen(wider) - _chosen(fit)
     if any(c.law for c in wider.candidates):
         extra = max(extra, 1)
     if extra <= 0 or any(c.extends and not c.can_enter_first for c in wider.candidates):
@@ -217,3 +217,8 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
     difference = wider.residual - fit.residual
     chi2 = float(np.sum(difference**2 / sets.evidence.noise.variances(fit.residual)))
     return chi2 < float(special.chdtri(extra, FALSE_ALARMS))
+
+
+def _chosen(fit: Fit) -> int:
+    """Number of its parameters without assumed constants."""
+    return fit.searched + sum(p.role is not Role.CONSTANT for _, p in fit.order)

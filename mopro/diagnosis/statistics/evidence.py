@@ -148,12 +148,13 @@ class Evidence:
     def _constants(self, fit: Fit) -> float:
         """Laplace's penalty of what the data tell about assumed constants.
 
-        2 ln(prior / posterior standard deviation) each, which is 0 where they tell nothing.
+        2 ln(prior / posterior standard deviation) each, which is 0 where they tell nothing, as
+        where parameters are not identifiable.
         """
         return sum(
             max(2 * math.log(math.sqrt(_UNIFORM) * (p.high - p.low) / d), 0.0)
             for (_, p), _, d in self._known(fit)
-            if p.role is Role.CONSTANT
+            if p.role is Role.CONSTANT and math.isfinite(d)
         )
 
     def _known(self, fit: Fit) -> list[tuple[tuple[str, Parameter], float, float]]:
@@ -173,7 +174,11 @@ class Evidence:
         freedom, upper = max(fit.count - len(fit.order), 1), (1 + level) / 2
         reach = special.stdtrit(freedom, upper) if estimated else special.ndtri(upper)
         half = reach * self.deviations(fit)
-        return [(v - h, v + h) for v, h in zip(fit.values.tolist(), half.tolist(), strict=True)]
+        return [
+            # What is assumed of a constant is that it lies within its range.
+            (max(v - h, p.low), min(v + h, p.high)) if p.role is Role.CONSTANT else (v - h, v + h)
+            for (_, p), v, h in zip(fit.order, fit.values.tolist(), half.tolist(), strict=True)
+        ]
 
     def covariance(self, fit: Fit) -> Floats:
         """Covariance of the parameters (parameters x parameters), in `order`.

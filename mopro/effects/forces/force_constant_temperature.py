@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
-from mopro.diagnosis.model import Candidate
+from mopro.diagnosis.model import Candidate, Role
+from mopro.diagnosis.model import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View
 
 
@@ -31,8 +31,8 @@ class ForceConstantTemperature(Effect):
         return factor
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        """Magnets weaken from the air's temperature on, or from where they were measured."""
-        own = self.form(self.fitted("alpha", 5e-4), fixed={"T0": view.machine.heat.ambient_C})
-        yield own
-        for measured_C in self.parameter("T0").plausible:
-            yield replace(own, form=f"measured at {measured_C:g} C", fixed={"T0": measured_C})
+        """Magnets weaken from where F0 was measured on, which is assumed, not known."""
+        low, high = self.parameter("T0").plausible
+        starts = (view.machine.heat.ambient_C, low, high)
+        measured = Fitted("T0", "C", low, high, starts, Role.CONSTANT)
+        yield self.form(self.fitted("alpha", 5e-4), measured)
