@@ -39,7 +39,7 @@ _LARGEST, _PROBED = 1 / LEAST_SHARE**2, LEAST_SHARE**2
 # Intervals of position in which a bump is looked for: a quarter of the least that one takes.
 _BINS = 4 * max(BUMP_BINS)
 # Predictions kept: a term that is fitted beside effects asks for the same ones again.
-_KEPT = 16
+_CACHE_SIZE = 16
 
 
 class WithLaws:
@@ -51,7 +51,7 @@ class WithLaws:
         self._simulate, self._data = simulate, data
         self._terms = {c.name: c.law.of_data for c in laws if c.law and c.law.of_data}
         # Asked by several threads at once.
-        cache: LRUCache[Hashable, Sequence[Floats]] = LRUCache(_KEPT)
+        cache: LRUCache[Hashable, Sequence[Floats]] = LRUCache(_CACHE_SIZE)
         self._of_the_model = cached(cache, key=_key, lock=Lock())(self._predict)
 
     def __call__(self, settings: Settings) -> Sequence[Floats]:

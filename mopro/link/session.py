@@ -144,8 +144,8 @@ class Session:
             message = "nothing answers: is the controller on, is this its port and its baud rate?"
             return LinkError(message, "no-answer")
         shown = heard[:_SHOWN].decode("latin-1")
-        strange = sum(not (c.isascii() and (c.isprintable() or c in "\r\n\t")) for c in shown)
-        if strange > len(shown) / 4:
+        unprintable = sum(not (c.isascii() and (c.isprintable() or c in "\r\n\t")) for c in shown)
+        if unprintable > len(shown) / 4:
             message = f"what comes is no text ({heard[:8].hex(' ')} ...): is the baud rate right?"
             return LinkError(message, "garbage")
         message = f"something answers, but not in the dialect {name} at this baud rate: {shown!r}"

@@ -57,14 +57,14 @@ class Search:
             yield {p.name: best[1][p.name] for p in self._parameters}
 
     def _points(self, samples: int) -> Iterator[dict[str, Floats]]:
-        """The grid of all shapes, in pieces: an array for each shape."""
+        """The grid of all shapes, in batches: an array for each shape."""
         axes = np.meshgrid(*map(self._along, self._shapes), indexing="ij")
         flat = [axis.ravel()[:_MOST_POINTS] for axis in axes]
-        piece = max(1, _AT_ONCE // (samples * max(len(self._sizes), 1)))
+        batch = max(1, _AT_ONCE // (samples * max(len(self._sizes), 1)))
         if self._effect.term.formula.of_signals:
-            piece = 1
-        for begin in range(0, len(flat[0]), piece):
-            cut = slice(begin, begin + piece)
+            batch = 1
+        for begin in range(0, len(flat[0]), batch):
+            cut = slice(begin, begin + batch)
             yield {p.name: own[cut] for p, own in zip(self._shapes, flat, strict=True)}
 
     def _along(self, p: Parameter) -> Floats:
