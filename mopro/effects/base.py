@@ -106,6 +106,12 @@ class Parameter:
             starts, plausible=(low, high),
         )  # fmt: skip
 
+    def assumed(self, *starts: float) -> Fitted:
+        """A constant to fit from `starts`, which is assumed to be in the plausible range."""
+        low, high = self.plausible
+        inside = tuple(min(max(start, low), high) for start in starts)
+        return Fitted(self.name, self.unit, low, high, inside, Role.CONSTANT)
+
     def tried(self) -> Fitted:
         """The fitted parameter of an effect without forms: twice the plausible reach as range."""
         if self.response is Role.PHASE:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -149,14 +150,13 @@ class Engine:
             a, of_lag, of_coil = rates_now(0.0, 0.0, state, axis, drive, self._numbers)
             x, v, z, (lagged, coil) = state
             step = a * plant.mass_kg / stiffness
-            of_lag = of_lag[0] * lag_s, of_lag[1] * lag_s
-            of_coil = of_coil[0] * CURRENT_LOOP_S, of_coil[1] * CURRENT_LOOP_S
-            lagged = tuple(i + d for i, d in zip(lagged, of_lag, strict=False))
-            coil = tuple(i + d for i, d in zip(coil, of_coil, strict=False))
+            changes = [d * lag_s for d in of_lag], [d * CURRENT_LOOP_S for d in of_coil]
+            lagged = tuple(i + d for i, d in zip(lagged, changes[0], strict=False))
+            coil = tuple(i + d for i, d in zip(coil, changes[1], strict=False))
             state = (x + step, v, z, (lagged, coil))
             # Without a force the currents may still be on their way: they move the axis next.
-            turn = max(map(abs, (*of_lag, *of_coil))) / plant.wave_number_1_m
-            if max(abs(step), turn) < smallest or not math.isfinite(x + step):
+            turn_m = max(map(abs, chain(*changes))) / plant.wave_number_1_m
+            if max(abs(step), turn_m) < smallest or not math.isfinite(x + step):
                 break
         return state
 

@@ -32,9 +32,9 @@ _MOST_LINE = 1 << 16
 # Before numpy 2, mopro 0.1.0 stored an option of the writer beside the columns.
 _NO_COLUMNS = {KEY, "allow_pickle"}
 
-# What the libraries raise for a file that is not what its name says. An unknown compression is a
-# NotImplementedError (zipfile, pyarrow), JSON nested too deep a RecursionError, pyarrow's own are
-# ValueErrors.
+# What the libraries raise for a file that is not what its name says: zipfile and pyarrow
+# NotImplementedError for a compression that they do not know, json RecursionError for nesting,
+# pyarrow subclasses of ValueError for the rest.
 _FAULTS = (
     EOFError, NotImplementedError, RecursionError, ValueError, csv.Error, zipfile.BadZipFile,
     zlib.error,

@@ -80,7 +80,7 @@ def unlisted(model: Model, data: Sequence[Series], settings: Settings) -> list[C
 
 
 def _law(model: Model, term: WrittenEffect) -> Law:
-    """What a draft tells of a free-form term: as of the motor's, a power is called heat."""
+    """Law of a free-form term, for its drafts: a power is called heat there, as in the motor's."""
     units = {FORCE: "force", FRICTION: "force", POWER: "power"}
     unit = units_of(model.experiment)[units.get(term.enters, "u")]
     enters = "heat" if term.enters == POWER else term.enters

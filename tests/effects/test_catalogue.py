@@ -189,3 +189,9 @@ def test_terms_are_scalar_functions_without_hidden_state():
                 closed = inspect.getclosurevars(term)
                 assert not closed.nonlocals
                 assert set(closed.globals) <= {"math"}
+
+
+def test_an_assumed_constant_begins_within_its_range():
+    """The air may be warmer than any plausible place where the magnets were measured."""
+    fitted = catalogue()["force_constant_temperature"].parameter("T0").assumed(35.0, 20.0)
+    assert (fitted.low, fitted.high, fitted.starts) == (15.0, 30.0, (30.0, 20.0))

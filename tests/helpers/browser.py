@@ -35,7 +35,9 @@ def required_browser():
     path = browser_path()
     if path is None:
         reason = "no Chromium: install one, or name it in MOPRO_BROWSER"
-        (pytest.fail if os.environ.get("MOPRO_BROWSER_REQUIRED") else pytest.skip)(reason)
+        if os.environ.get("MOPRO_BROWSER_REQUIRED"):
+            pytest.fail(reason)
+        pytest.skip(reason)
     return path
 
 

@@ -33,7 +33,7 @@ def test_smooth_command_over_all_of_lvdt3(lvdt3, forth):
     assert not recording["position_2_m"].any()
 
 
-def test_the_reference_s_command_is_the_same_at_one_time_and_at_many(forth):
+def test_the_command_of_the_reference_is_the_same_at_one_time_and_at_many(forth):
     times = np.linspace(0.0, 1.1 * forth.duration, 1001)
     assert forth.xs(times) == pytest.approx([forth.x(t) for t in times], rel=1e-14)
 

@@ -206,8 +206,8 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
     """True if `wider` has more parameters and predicts the same, as far as noise tells.
 
     It is then the same explanation with parameters to spare, and no alternative. A form that
-    was extended for its fit needs its parameters, and assumed constants are none of a choice. A
-    free-form term that predicts the same is a listed effect in other words.
+    was extended for its fit needs its parameters. Assumed constants do not count, as in the EBIC.
+    A free-form term that predicts the same is a listed effect in other words.
     """
     extra = _chosen(wider) - _chosen(fit)
     if any(c.law for c in wider.candidates):

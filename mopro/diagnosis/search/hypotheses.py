@@ -16,7 +16,7 @@ from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
 from mopro.diagnosis.statistics.evidence import Evidence
 from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.remainder import examine
+from mopro.diagnosis.statistics.remainder import examine, noise_of
 from mopro.jobs import in_threads
 
 T = TypeVar("T")
@@ -113,8 +113,7 @@ class Hypotheses:
 
     def judge_by(self, fit: Fit) -> None:
         """Judge by noise like the remainder of `fit`, unless that is as stated."""
-        stated = Noise.as_stated(self.residuals)
-        noise = stated if self.is_noise(fit) else stated.like(fit.residual)
+        noise = noise_of(self.residuals, fit.residual, len(fit.order))
         self.evidence = Evidence(noise, self._keys)
 
     # -- fitting ------------------------------------------------------------------------

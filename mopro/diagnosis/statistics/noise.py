@@ -23,7 +23,7 @@ from mopro.diagnosis.model import Floats, Mask
 _BAND = math.sqrt(2)
 # Lowest frequencies whose power the mean of a series has. Halved, its error is known to 29 %
 # instead of 20; doubled, that of noise that wanders slowly is taken to be smaller.
-_OF_A_MEAN = 12
+_LOWEST = 12
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class Noise:
         if self.remainder is None:
             return np.ones(len(self.counts))
         parts = np.split(self.remainder, self.starts[1:])
-        lowest = [fft.dct(part, norm="ortho")[1 : 1 + _OF_A_MEAN] for part in parts]
+        lowest = [fft.dct(part, norm="ortho")[1 : 1 + _LOWEST] for part in parts]
         return np.array([max(float(np.mean(c**2)), 1.0) if len(c) else 1.0 for c in lowest])
 
     @cached_property

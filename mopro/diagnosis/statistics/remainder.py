@@ -21,6 +21,7 @@ from mopro.diagnosis.constants import (
 )
 from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.model import Floats, Series
+from mopro.diagnosis.statistics.noise import Noise
 from mopro.diagnosis.statistics.noise_tests import (
     bartlett_log_p,
     chi2_log_p,
@@ -118,6 +119,13 @@ def examine(
         return Remainder(True, clearest.description, p_value, scatter, clearest.variable)
     words = f"more scatter than the sensor's noise, {scatter:.3g} times as much"
     return Remainder(True, words, p_value, scatter, only_size=len(parts) == len(residuals.data))
+
+
+def noise_of(residuals: Residuals, residual: Floats, parameters: int) -> Noise:
+    """The stated noise, or noise like `residual` where that is more (see `examine`)."""
+    stated = Noise.as_stated(residuals)
+    as_stated = not examine(residuals, residual, parameters).significant
+    return stated if as_stated else stated.like(residual)
 
 
 def _standardised(series: Series, residual: Floats, sigma: float) -> _Standardised:

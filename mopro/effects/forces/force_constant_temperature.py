@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.diagnosis.model import Candidate, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.diagnosis.model import Candidate
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View
 
 
@@ -32,7 +31,8 @@ class ForceConstantTemperature(Effect):
 
     def forms(self, view: View) -> Iterator[Candidate]:
         """Magnets weaken from where F0 was measured on, which is assumed, not known."""
-        low, high = self.parameter("T0").plausible
-        starts = (view.machine.heat.ambient_C, low, high)
-        measured = Fitted("T0", "C", low, high, starts, Role.CONSTANT)
-        yield self.form(self.fitted("alpha", 5e-4), measured)
+        measured = self.parameter("T0")
+        ambient_C = view.machine.heat.ambient_C
+        yield self.form(
+            self.fitted("alpha", 5e-4), measured.assumed(ambient_C, *measured.plausible)
+        )

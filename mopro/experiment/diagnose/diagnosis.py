@@ -11,8 +11,7 @@ from scipy import special
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
 from mopro.diagnosis.fitting.residual import Residuals
-from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.remainder import examine
+from mopro.diagnosis.statistics.remainder import noise_of
 from mopro.effects import Effect, catalogue_of
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.diagnose.candidates import candidates, unlisted
@@ -125,7 +124,9 @@ def _with_offset(
     offset_in = next(((e, e.constant_offset) for e in kept if e.constant_offset), None)
     if offset_in is None:
         return verdict
-    offsets, predicted, power = [], model(verdict.settings), _power_of_means(verdict, data, model)
+    residuals, offsets, predicted = Residuals(model, data), [], model(verdict.settings)
+    # A verdict of `none` has no effects, so no parameters were fitted.
+    power = noise_of(residuals, residuals.at(verdict.settings), 0).power_of_means
     sensors = {r.sensor.name: r.sensor for t in model.experiment.trials for r in t.readings}
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
@@ -160,15 +161,6 @@ def _deflections(
         for effect in effects
         if nearest <= under_load(effect.static_deflection_m(machine), stiffness_N_m)
     }
-
-
-def _power_of_means(verdict: Verdict, data: Sequence[Series], model: Model) -> Floats:
-    """Variance of the mean residual of each series, over that of white noise as stated."""
-    residuals = Residuals(model, data)
-    left = residuals.at(verdict.settings)
-    white = not examine(residuals, left, 0).significant
-    noise = Noise.as_stated(residuals)
-    return (noise if white else noise.like(left)).power_of_means
 
 
 def _common_offset(
