@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.diagnosis.constants import FIT_TOLERANCE, INTERIOR, PROPORTIONAL, ROUNDING
+from mopro.diagnosis.constants import FIT_TOLERANCE, INTERIOR, LINEARITY_ERROR, PROPORTIONAL, ROUNDING
 from mopro.diagnosis.model import Floats
 
 
@@ -45,6 +45,7 @@ class SecantJacobian:
         self._differences = differences
         self.last: Iterate | None = None
         self.updated = False
+        self._missed = 0.0
 
     def forget(self) -> None:
         """Take the next Jacobian by finite differences."""
@@ -55,7 +56,7 @@ class SecantJacobian:
         jacobian = self._secant_update(x, residual)
         if jacobian is None:
             jacobian = self._finite_differences(x, residual)
-            self.updated = False
+            self.updated, self._missed = False, 0.0
         self.last = Iterate(x.copy(), residual, jacobian)
         return jacobian
 
@@ -82,7 +83,8 @@ class SecantJacobian:
         if share > 1 / PROPORTIONAL:
             return None
         weighted = step * np.sum(self.last.jacobian**2, axis=0)
-        self.updated = True
+        self._missed += share
+        self.updated = self._missed > LINEARITY_ERROR
         updated: Floats = self.last.jacobian + np.outer(missed, weighted / (weighted @ step))
         return updated
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.diagnosis.constants import FITTED, LEAST_SHARE, MOST_EFFECTS, ROUNDING
-from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.fitting.fit import Fit, Key
 from mopro.diagnosis.fitting.jacobian import gauss_newton_step
 from mopro.diagnosis.fitting.residual import projected_out
 from mopro.diagnosis.model import Candidate, Floats, Settings
@@ -46,6 +46,10 @@ class LinearSubset:
     @property
     def names(self) -> frozenset[str]:
         return frozenset(candidate.name for candidate in self.candidates)
+
+    @property
+    def key(self) -> Key:
+        return frozenset(candidate.key for candidate in self.candidates)
 
     @property
     def starts(self) -> list[Settings]:

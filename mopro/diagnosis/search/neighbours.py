@@ -41,13 +41,16 @@ def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbour
     more than were dropped.
     """
     subsets: list[LinearSubset] = []
-    for reduced, unabsorbed, dropped in _reduced(sets, fit):
+    bases = list(_reduced(sets, fit))
+    for reduced, unabsorbed, dropped in bases:
         scores = screening.beside(reduced, fit, unabsorbed)
         room = min(
             min(dropped, 2) + _more(reduced, fit),
             MOST_EFFECTS - len(reduced.candidates),
         )
-        subsets += LinearSubsets(reduced, scores, sets.white).best(room)
+        closer = [base.key for base, *_ in bases if reduced.key < base.key]
+        found = LinearSubsets(reduced, scores, sets.white).best(room)
+        subsets += [s for s in found if not any(key <= s.key for key in closer)]
     return Neighbourhood(fit, tuple(sorted(subsets, key=lambda subset: subset.ebic)))
 
 

@@ -113,14 +113,18 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
     Where a single effect is predicted to leave next to nothing it is fitted alone: a signature
     may misjudge a strong effect by more than a second one would gain.
     """
-    best = sets.white.ebic(sets.best())
+    best = sets.best()
+    limit = sets.white.ebic(best)
     hopeful = [
         s
         for s in near.subsets
-        if s.ebic - LINEARITY_ERROR * s.reduction < best and not sets.knows(s.candidates, s.ebic)
+        if s.ebic - LINEARITY_ERROR * s.reduction < limit
+        and not sets.knows(s.candidates, s.ebic)
+        # Those are predicted better from the best set itself.
+        and (best is near.fit or not best.key < s.key)
     ]
     first = next((s for s in near.subsets if len(s.members) == 1), None)
-    if not near.fit.candidates and first is not None and first.ebic < best:
+    if not near.fit.candidates and first is not None and first.ebic < limit:
         excess = near.fit.rss - near.fit.count * sets.scale(near.fit)
         if excess - first.reduction <= LINEARITY_ERROR * first.reduction:
             return [first]
