@@ -10,6 +10,7 @@ from mopro.diagnosis.constants import (
     FEWEST,
     FITTED,
     LEAST_SHARE,
+    LINEARITY_ERROR,
     MAJORITY,
     MOST_EFFECTS,
     SECOND_GUESSES,
@@ -112,6 +113,29 @@ def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
             if form.name not in near.fit.names
         ]
     return proposals[:FITTED]
+
+
+def with_rivals(sets: Hypotheses, fit: Fit) -> list[Proposal]:
+    """`fit` with the effect that explains most of it replaced by others that do so as well.
+
+    Each at the size at which it was fitted by itself: the signature of a strong effect does not
+    predict what it brings there.
+    """
+    if not sets.null.far_from_linear:
+        return []
+    alone = {f.candidates[0].name: f for f in sets.ranked() if len(f.candidates) == 1}
+    proposals: list[Proposal] = []
+    for name in sorted(fit.names & alone.keys()):
+        explained = sets.null.rss - alone[name].rss
+        if explained < MAJORITY * (sets.null.rss - fit.rss):
+            continue
+        limit = alone[name].rss + LINEARITY_ERROR * explained
+        rivals = [f for f in alone.values() if not f.names & fit.names and f.rss < limit]
+        kept = [c for c in fit.candidates if c.name != name]
+        others = fit.settings_without(frozenset({name}))
+        for rival in rivals[:FITTED]:
+            proposals.append(((*kept, *rival.candidates), [{**others, **rival.settings}]))
+    return proposals
 
 
 def _in_another_form(fit: Fit, form: Candidate) -> Proposal:

@@ -17,6 +17,7 @@ from mopro.diagnosis.search.neighbours import (
     in_other_forms,
     in_wider_forms,
     neighbourhood,
+    with_rivals,
 )
 from mopro.diagnosis.search.screening import Screening
 
@@ -81,7 +82,8 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
     limit = sets.limit(sets.best())
     if sets.null.far_from_linear:
         limit = max(limit, LINEARITY_ERROR * sets.null.rss)
-    sets.fit_all([*_proposals(proposed[SECOND_GUESSES:]), *in_wider_forms(sets, near)], limit)
+    others = [*in_wider_forms(sets, near), *([] if only_laws else with_rivals(sets, front))]
+    sets.fit_all([*_proposals(proposed[SECOND_GUESSES:]), *others], limit)
     sets.judge_by(sets.fullest())
     best = sets.best()
     while best is not before:
