@@ -8,7 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.diagnosis.constants import FIT_TOLERANCE, INTERIOR, LINEARITY_ERROR, PROPORTIONAL, ROUNDING
+from mopro.diagnosis.constants import (
+    FIT_TOLERANCE,
+    INTERIOR,
+    LINEARITY_ERROR,
+    PROPORTIONAL,
+    ROUNDING,
+)
 from mopro.diagnosis.model import Floats
 
 
