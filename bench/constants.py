@@ -1,22 +1,27 @@
 """Sensitivity of verdicts to the constants of the diagnosis, each halved and doubled.
 
     mopro blind make --seed 1 --grid small --out cases
-    python bench/constants.py cases [--sample 12] [--only STRONG --only FITTED]
+    python bench/constants.py cases [--sample 12] [--jobs 2] [--only STRONG --only FITTED]
 
 Asks about each case with `mopro/diagnosis/constants.py` as it stands and with one number changed,
 each in a process of its own, and prints for each change the cases whose verdict or names differ.
-Exits with 1 if a change moves more than 2 % of the cases (and more than one).
+What was simulated for a case before is read from a folder that goes with the case, so that a
+change costs its new simulations only. Exits with 1 if a change moves more than 2 % of the cases
+(and more than one).
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import hashlib
 import json
 import subprocess
 import sys
+import tempfile
 import types
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +32,10 @@ ROUNDING = "# -- rounding "
 FACTORS = (0.5, 2.0)
 MOST_CHANGED = 0.02
 PATIENCE_S = 600.0
-Answers = dict[str, tuple[str, list[str]]]
+# Verdict and names of the effects.
+Answer = tuple[str, list[str]]
+# A constant and a factor on it; "" leaves all as they stand.
+Change = tuple[str, float]
 
 
 def scaled(value: Any, factor: float) -> Any:
@@ -62,57 +70,89 @@ def changed_module(name: str, factor: float) -> types.ModuleType:
     return module
 
 
-def answer(name: str, factor: float, experiments: list[str]) -> Answers:
-    """Verdict and names of each experiment with one constant changed, in this process."""
+class Remembered:
+    """A model whose predictions are kept in files, for all processes that ask about its case."""
+
+    def __init__(self, model: Callable[[Any], list[Any]], about: str, folder: Path) -> None:
+        self._model, self._about, self._folder = model, about, folder
+
+    def __call__(self, settings: Any) -> list[Any]:
+        import numpy as np
+
+        text = json.dumps([self._about, settings], sort_keys=True)
+        file = self._folder / (hashlib.sha256(text.encode()).hexdigest() + ".npz")
+        if file.exists():
+            with np.load(file) as kept:
+                return [kept[name] for name in kept.files]
+        predicted = self._model(settings)
+        np.savez(file, *predicted)
+        return predicted
+
+
+def answer(change: Change, experiment: Path, folder: Path) -> Answer:
+    """The answer about an experiment with one constant changed, in this process."""
+    name, factor = change
     if name:
         sys.modules[MODULE] = changed_module(name, factor)
     from mopro.experiment.check.load import load_experiment
-    from mopro.experiment.diagnose.diagnosis import diagnose
+    from mopro.experiment.diagnose import diagnosis
 
-    answers: Answers = {}
-    for experiment in experiments:
-        verdict = diagnose(load_experiment(Path(experiment))).verdict
-        answers[experiment] = (verdict.verdict, sorted(effect.name for effect in verdict.effects))
-    return answers
+    plain = diagnosis.reconcile
+
+    def reconcile(model: Any, *args: Any, finer: Any, **how: Any) -> Any:
+        about = f"resolved {model.resolved}"
+        kept = Remembered(model, about, folder)
+        fine = Remembered(finer, f"{about}, finer", folder)
+        return plain(kept, *args, finer=fine, **how)
+
+    diagnosis.reconcile = reconcile
+    verdict = diagnosis.diagnose(load_experiment(experiment)).verdict
+    return verdict.verdict, sorted(effect.name for effect in verdict.effects)
 
 
-def asked(name: str, factor: float, experiments: list[str]) -> Answers:
-    """As `answer`, in a process of its own, one for each experiment."""
-    answers: Answers = {}
-    for experiment in experiments:
-        child = [sys.executable, __file__, "--child", name, str(factor), experiment]
-        done = subprocess.run(
-            child, capture_output=True, text=True, timeout=PATIENCE_S, check=False
-        )
-        if done.returncode:
-            raise SystemExit(f"{experiment}, {name} x {factor:g}: {done.stderr.strip()[-500:]}")
-        answers |= {key: (word, own) for key, (word, own) in json.loads(done.stdout).items()}
-    return answers
+def asked(change: Change, experiment: Path, folder: Path) -> Answer:
+    """As `answer`, in a process of its own."""
+    name, factor = change
+    child = [sys.executable, __file__, "--child", name, str(factor), experiment, folder]
+    done = subprocess.run(child, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    if done.returncode:
+        raise SystemExit(f"{experiment}, {name} x {factor:g}: {done.stderr.strip()[-500:]}")
+    word, own = json.loads(done.stdout)
+    return word, own
+
+
+def moved(experiment: Path, changes: Sequence[Change]) -> list[Change]:
+    """The changes that alter the answer about one experiment."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        before = asked(("", 1.0), experiment, folder)
+        return [change for change in changes if asked(change, experiment, folder) != before]
 
 
 def main() -> int:
     if sys.argv[1:2] == ["--child"]:
-        _, _, own, times, *files = sys.argv
-        print(json.dumps(answer(own, float(times), files)))
+        _, _, own, times, experiment, folder = sys.argv
+        print(json.dumps(answer((own, float(times)), Path(experiment), Path(folder))))
         return 0
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("cases", type=Path, help="folder of `mopro blind make`")
     parser.add_argument("--sample", type=int, help="so many cases, evenly spread")
+    parser.add_argument("--jobs", type=int, default=2, help="cases at a time")
     parser.add_argument("--only", action="append", choices=list(names()))
     chosen = parser.parse_args()
-    every = sorted(map(str, chosen.cases.glob("*/experiment.toml")))
+    every = sorted(chosen.cases.glob("*/experiment.toml"))
     step = max(len(every) // (chosen.sample or len(every)), 1)
     experiments = every[::step]
-    before = asked("", 1.0, experiments)
-    print(f"{len(experiments)} cases; {'constant':18} {'factor':>6} {'changed':>8}", flush=True)
+    changes = [(name, factor) for name in chosen.only or names() for factor in FACTORS]
+    with ThreadPoolExecutor(chosen.jobs) as pool:
+        by_case = list(pool.map(lambda each: moved(each, changes), experiments))
+    print(f"{len(experiments)} cases; {'constant':18} {'factor':>6} {'changed':>8}")
     worst = 0
-    for name in chosen.only or names():
-        for factor in FACTORS:
-            after = asked(name, factor, experiments)
-            changed = [each for each in experiments if after[each] != before[each]]
-            worst = max(worst, len(changed))
-            which = ", ".join(Path(each).parent.name for each in changed)
-            print(f"{name:28} {factor:6g} {len(changed):8}  {which}", flush=True)
+    for name, factor in changes:
+        pairs = zip(experiments, by_case, strict=True)
+        which = [each.parent.name for each, altered in pairs if (name, factor) in altered]
+        worst = max(worst, len(which))
+        print(f"{name:28} {factor:6g} {len(which):8}  {', '.join(which)}")
     return int(worst > max(1, MOST_CHANGED * len(experiments)))
 
 
