@@ -95,9 +95,8 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
     if name:
         sys.modules[MODULE] = changed_module(name, factor)
     from mopro.experiment.check.load import load_experiment
+    from mopro.diagnosis import reconcile as plain
     from mopro.experiment.diagnose import diagnosis
-
-    plain = diagnosis.reconcile
 
     def reconcile(model: Any, *args: Any, finer: Any, **how: Any) -> Any:
         about = f"resolved {model.resolved}"
@@ -105,7 +104,7 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
         fine = Remembered(finer, f"{about}, finer", folder)
         return plain(kept, *args, finer=fine, **how)
 
-    diagnosis.reconcile = reconcile
+    vars(diagnosis)["reconcile"] = reconcile
     verdict = diagnosis.diagnose(load_experiment(experiment)).verdict
     return verdict.verdict, sorted(effect.name for effect in verdict.effects)
 
@@ -113,7 +112,7 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
 def asked(change: Change, experiment: Path, folder: Path) -> Answer:
     """As `answer`, in a process of its own."""
     name, factor = change
-    child = [sys.executable, __file__, "--child", name, str(factor), experiment, folder]
+    child = [sys.executable, __file__, "--child", name, str(factor), str(experiment), str(folder)]
     done = subprocess.run(child, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     if done.returncode:
         raise SystemExit(f"{experiment}, {name} x {factor:g}: {done.stderr.strip()[-500:]}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import fft, signal
 
-from helpers.signals import candidates, diagnosed, names, sizes, times
+from helpers.signals import candidates, diagnosed, measured, names, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.fitting.fit import least_squares_fit
 from mopro.diagnosis.fitting.residual import Residuals
@@ -228,3 +228,32 @@ def test_an_effect_counts_in_full_where_the_noise_is_quieter_than_stated():
     shape -= quiet * (shape @ quiet) / (quiet @ quiet)
     assert noise.deviance(quiet + shape) == pytest.approx(14**2, rel=0.1)
     assert noise.deviance(quiet) == 0.0
+
+
+@pytest.mark.parametrize("other", ["turn", "idle"])
+def test_an_interval_ends_where_the_range_of_its_parameter_does(other):
+    """What the fit cannot take, as a negative mass, is not within the interval either.
+
+    An angle has no ends, and a number on which nothing depends has an interval without any.
+    """
+    t = times(200)
+
+    def simulate(settings):
+        own = {"size": 0.0, "turn": 0.0, **settings.get("both", {})}
+        return [own["size"] * np.sin(7 * t + own["turn"])]
+
+    others = {
+        "turn": Parameter("turn", "rad", -math.pi, math.pi, (0.0,), Role.PHASE),
+        "idle": Parameter("idle", "V", 0.0, 2.0, (1.0,)),
+    }
+    both = Candidate("both", (Parameter("size", "V", 0.0, 10.0, (1.0,)), others[other]))
+    residuals = Residuals(simulate, measured(0.1 * np.sin(7 * t), 1.0, 1))
+    start = {"both": {"size": 0.1, other: others[other].starts[0]}}
+    fit = least_squares_fit(residuals, [both], [start])
+    evidence = Evidence(Noise.as_stated(residuals), [both.key])
+    ends = {p.name: own for (_, p), own in zip(fit.order, evidence.intervals(fit), strict=True)}
+    if other == "idle":
+        assert ends["idle"] == (-math.inf, math.inf)
+    else:
+        assert ends["size"][0] == 0.0 < fit.settings["both"]["size"] < ends["size"][1] < 1.0
+        assert ends["turn"][1] - fit.settings["both"]["turn"] > 1.0

@@ -169,14 +169,17 @@ class Evidence:
         return np.asarray(np.sqrt(np.diag(self.covariance(fit))))
 
     def intervals(self, fit: Fit, level: float = 0.95) -> list[tuple[float, float]]:
-        """Confidence intervals of the parameters; Student's t where the noise is estimated."""
+        """Confidence intervals of the parameters; Student's t where the noise is estimated.
+
+        A parameter, but for an angle, lies within its range; what the data do not bound at all is
+        left without ends, but for an assumed constant.
+        """
         estimated = not (self.noise.exact and all(self.noise.stated))
         freedom, upper = max(fit.count - len(fit.order), 1), (1 + level) / 2
         reach = special.stdtrit(freedom, upper) if estimated else special.ndtri(upper)
         half = reach * self.deviations(fit)
         return [
-            # What is assumed of a constant is that it lies within its range.
-            (max(v - h, p.low), min(v + h, p.high)) if p.role is Role.CONSTANT else (v - h, v + h)
+            _interval(p, v, h)
             for (_, p), v, h in zip(fit.order, fit.values.tolist(), half.tolist(), strict=True)
         ]
 
@@ -216,3 +219,11 @@ class Evidence:
         freedom = max(fit.count - len(fit.order), 1)
         size = 1.0 if all(self.noise.stated) else max(fit.rss / freedom, TINY)
         return np.asarray(size * (scaled.T @ scaled))
+
+
+def _interval(parameter: Parameter, value: float, half: float) -> tuple[float, float]:
+    """`value` ± `half`, within the range of the parameter."""
+    assumed = parameter.role is Role.CONSTANT
+    if parameter.role is Role.PHASE or not (assumed or math.isfinite(half)):
+        return value - half, value + half
+    return max(value - half, parameter.low), min(value + half, parameter.high)
