@@ -94,8 +94,8 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
     name, factor = change
     if name:
         sys.modules[MODULE] = changed_module(name, factor)
-    from mopro.experiment.check.load import load_experiment
     from mopro.diagnosis import reconcile as plain
+    from mopro.experiment.check.load import load_experiment
     from mopro.experiment.diagnose import diagnosis
 
     def reconcile(model: Any, *args: Any, finer: Any, **how: Any) -> Any:

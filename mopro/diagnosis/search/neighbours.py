@@ -121,21 +121,21 @@ def with_rivals(sets: Hypotheses, fit: Fit) -> list[Proposal]:
     Each at the size at which it was fitted by itself: the signature of a strong effect does not
     predict what it brings there.
     """
-    if not sets.null.far_from_linear:
-        return []
+    null = sets.null
     alone = {f.candidates[0].name: f for f in sets.ranked() if len(f.candidates) == 1}
-    proposals: list[Proposal] = []
-    for name in sorted(fit.names & alone.keys()):
-        explained = sets.null.rss - alone[name].rss
-        if explained < MAJORITY * (sets.null.rss - fit.rss):
-            continue
-        limit = alone[name].rss + LINEARITY_ERROR * explained
-        rivals = [f for f in alone.values() if not f.names & fit.names and f.rss < limit]
-        kept = [c for c in fit.candidates if c.name != name]
-        others = fit.settings_without(frozenset({name}))
-        for rival in rivals[:FITTED]:
-            proposals.append(((*kept, *rival.candidates), [{**others, **rival.settings}]))
-    return proposals
+    strongest = min(fit.names & alone.keys(), key=lambda n: (alone[n].rss, n), default=None)
+    if strongest is None or not null.far_from_linear:
+        return []
+    explained = null.rss - alone[strongest].rss
+    if explained < MAJORITY * (null.rss - fit.rss):
+        return []
+    limit = alone[strongest].rss + LINEARITY_ERROR * explained
+    rivals = [f for f in alone.values() if not f.names & fit.names and f.rss < limit]
+    kept = [c for c in fit.candidates if c.name != strongest]
+    others = fit.settings_without(frozenset({strongest}))
+    return [
+        ((*kept, *rival.candidates), [{**others, **rival.settings}]) for rival in rivals[:FITTED]
+    ]
 
 
 def _in_another_form(fit: Fit, form: Candidate) -> Proposal:
