@@ -129,6 +129,10 @@ class Case:
             "equivalent": self.equivalent,
             "variables": sorted({v for name in self.effects for v in EFFECT_VARIABLES[name]}),
             "visible_sigma": math.inf if change is None else float(np.linalg.norm(change)),
+            "runs": [
+                {"program": program_name(i), "payload_kg": r.payload_kg, "until_s": r.until_s}
+                for i, r in enumerate(self.runs, 1)
+            ],
         }
 
     def noiseless(self) -> NoiselessRuns:
@@ -146,6 +150,11 @@ class Case:
         if self.stated and self.spec.stated:
             return self.stated.plant(self.effects)
         return ReferencePlant(self.effects, self.disturbance, self.nominal, self.foreign)
+
+
+def program_name(number: int) -> str:
+    """File of the program of run `number`, from 1."""
+    return f"run{number}.CMD"
 
 
 def draw_case(

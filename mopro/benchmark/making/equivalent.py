@@ -3,13 +3,15 @@
 A rival is equivalent if its best fit to the hidden response leaves less than the margin of
 evidence: chi-squared below 10, with an offset free in each series. Both are simulated by the
 reference plant. The rival is at most 1.5 times as strong as the far end of its range, as in a
-diagnosis.
+diagnosis. Of sets of several rivals there are too many to try them all: a set that a verdict names
+is tried by itself, when the verdict is judged.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,8 @@ from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, HiddenEffect, Paramet
 from mopro.benchmark.making.sizes import NoiselessRuns
 from mopro.benchmark.reference.motion import Floats
 
+# Parameters to begin with, and the names of those to fit.
+Start = tuple[Parameters, tuple[str, ...]]
 # chi-squared by which evidence distinguishes two effects.
 MARGIN = 10.0
 _STARTS = 2
@@ -71,25 +75,43 @@ def equivalents(
         target = runs.change(truth)
         if target is None:
             return []
-        rivals = [r for r in rivals if least_left(runs, target, r, generator) < MARGIN]
+        rivals = [r for r in rivals if least_left(runs, target, [r], generator) < MARGIN]
     return [rival.name for rival in rivals]
 
 
+def is_equivalent_set(
+    noiseless: NoiselessRuns,
+    truth: dict[str, Parameters],
+    names: Iterable[str],
+    generator: np.random.Generator,
+) -> bool:
+    """True if the effects `names` together are equivalent to `truth` on these runs."""
+    target = noiseless.change(truth)
+    rivals = [HIDDEN_EFFECTS[name] for name in sorted(names) if name in HIDDEN_EFFECTS]
+    if target is None or len(rivals) < len(set(names)):
+        return False
+    return least_left(noiseless, target, rivals, generator) < MARGIN
+
+
 def least_left(
-    noiseless: NoiselessRuns, target: Floats, rival: HiddenEffect, generator: np.random.Generator
+    noiseless: NoiselessRuns,
+    target: Floats,
+    rivals: Sequence[HiddenEffect],
+    generator: np.random.Generator,
 ) -> float:
-    """Chi-squared that the best fit of `rival` leaves of `target`, the changes in σ."""
+    """Chi-squared that the best fit of `rivals` together leaves of `target`, the changes in σ."""
     total = float(target @ target)
-    best = total
-    for start in _starts(noiseless, rival, np.sqrt(total), generator):
+    best, size = total, np.sqrt(total)
+    for start in product(*(list(_starts(noiseless, r, size, generator)) for r in rivals)):
         if best >= MARGIN:
-            best = min(best, Fit(noiseless, target, rival.name, start).left())
+            own = {r.name: each for r, each in zip(rivals, start, strict=True)}
+            best = min(best, Fit(noiseless, target, own).left())
     return best
 
 
 def _starts(
     noiseless: NoiselessRuns, rival: HiddenEffect, size: float, generator: np.random.Generator
-) -> Iterable[tuple[Parameters, tuple[str, ...]]]:
+) -> Iterable[Start]:
     """Parameters of about the hidden size, and the names of those to fit.
 
     One for each form that is drawn (other parameters are not fitted), or other values of them;
@@ -119,20 +141,20 @@ def _starts(
 
 @dataclass
 class Fit:
-    """Fit of one rival to the hidden response, from `start`: parameters and names of the free."""
+    """Fit of rivals to the hidden response, from `starts`: parameters and names of the free."""
 
     noiseless: NoiselessRuns
     target: Floats
-    name: str
-    start: tuple[Parameters, tuple[str, ...]]
+    starts: dict[str, Start]
 
     def left(self) -> float:
         """The remaining chi-squared; an estimate of it where that is far too much."""
-        if not self._free:
+        free = self._free
+        if not free:
             return float(np.sum(self._residual(np.empty(0)) ** 2))
-        ends = np.array([self._ends(name) for name in self._free]).T
-        scale = np.array([self._scale(name) for name in self._free])
-        first = np.clip([self.start[0][name] for name in self._free], ends[0], ends[1])
+        ends = np.array([self._ends(*each) for each in free]).T
+        scale = np.array([self._scale(*each) for each in free])
+        first = np.clip([self.starts[rival][0][name] for rival, name in free], ends[0], ends[1])
         linear, step = self._linear(first, ends, scale)
         if linear > _HOPELESS * float(self.target @ self.target):
             return linear
@@ -145,30 +167,36 @@ class Fit:
         return 2.0 * float(found.cost)
 
     @property
-    def _free(self) -> tuple[str, ...]:
-        return self.start[1]
+    def _free(self) -> list[tuple[str, str]]:
+        """Each free parameter, by its rival and its name."""
+        return [(rival, name) for rival, (_, free) in self.starts.items() for name in free]
 
-    def _ends(self, name: str) -> tuple[float, float]:
-        if name in (shapes := _SHAPES.get(self.name, {})):
+    def _ends(self, rival: str, name: str) -> tuple[float, float]:
+        if name in (shapes := _SHAPES.get(rival, {})):
             return shapes[name]
         if name in _PHYSICAL:
             return _PHYSICAL[name]
-        rival, nominal = HIDDEN_EFFECTS[self.name], self.noiseless.nominal
-        draws = [rival.draw(np.random.default_rng(i), nominal) for i in range(_SIGNS)]
+        effect, nominal = HIDDEN_EFFECTS[rival], self.noiseless.nominal
+        draws = [effect.draw(np.random.default_rng(i), nominal) for i in range(_SIGNS)]
         ends = [drawn(strength)[name] for drawn in draws for strength in (_FAINT, _WIDER)]
         return min(ends), max(ends)
 
-    def _scale(self, name: str) -> float:
-        ends = self._ends(name)
-        return 1.0 if ends == _ANY else abs(self.start[0][name]) or 1e-3 * max(map(abs, ends))
+    def _scale(self, rival: str, name: str) -> float:
+        ends = self._ends(rival, name)
+        start = abs(self.starts[rival][0][name])
+        return 1.0 if ends == _ANY else start or 1e-3 * max(map(abs, ends))
 
     def _residual(self, values: Floats) -> Floats:
-        settings = dict(self.start[0]) | dict(zip(self._free, values.tolist(), strict=True))
+        settings = {rival: dict(start) for rival, (start, _) in self.starts.items()}
+        for (rival, name), value in zip(self._free, values.tolist(), strict=True):
+            settings[rival][name] = value
         share = 1.0
-        for name, floor in _FLOORS.items():
-            if name in settings and settings[name] < floor:
-                share, settings[name] = settings[name] / floor, floor
-        change = self.noiseless.change({self.name: settings})
+        if len(settings) == 1:
+            (own,) = settings.values()
+            for name, floor in _FLOORS.items():
+                if name in own and own[name] < floor:
+                    share, own[name] = own[name] / floor, floor
+        change = self.noiseless.change(settings)
         if change is None:
             return np.full(len(self.target), _STALLED)
         return share * change - self.target

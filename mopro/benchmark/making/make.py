@@ -15,7 +15,7 @@ import numpy as np
 from mopro.benchmark.grids.named import case_specs, spread
 from mopro.benchmark.hidden.spec import CaseSpec
 from mopro.benchmark.hidden.stated import StatedEffects
-from mopro.benchmark.making.case import Case, Generator, draw_case
+from mopro.benchmark.making.case import Case, Generator, draw_case, program_name
 from mopro.benchmark.making.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
 from mopro.benchmark.making.sizes import Plant
 from mopro.benchmark.reference.foreign import Foreign
@@ -113,7 +113,7 @@ def experiment(
     contents = {} if machine.text is None else {machine.stated: machine.text}
     plant = case.plant()
     for i, run in enumerate(case.runs, start=1):
-        contents[f"run{i}.CMD"] = run.text.encode("ascii")
+        contents[program_name(i)] = run.text.encode("ascii")
         data = measured(plant, run, case.instruments, case.offsets, generator, case.foreign)
         name = data_name(f"run{i}", case.instruments)
         contents[name] = data_file(name, case.instruments, *data)

@@ -18,11 +18,14 @@ from mopro.benchmark.scoring.outcome import (
 
 
 def outcome_deleted(answer: Document, reply: Document, named: Sequence[Document]) -> str:
-    """Family if each name is equivalent to the deleted effect, wrong if one is not.
+    """Family if the names, each or together, are equivalent to the deleted effect, else wrong.
 
     Without a name: right if what remains is said to depend on the right variable, or if nothing
     is visible and none is said; else unexplained or none, as the verdict is.
     """
+    names = sorted(effect["name"] for effect in named)
+    if names and names in (answer.get("equivalent_sets") or []):
+        return FAMILY
     equivalent = set(answer["equivalent"])
     if any(not equivalent & {effect["name"], *family(effect)} for effect in named):
         return WRONG

@@ -14,10 +14,10 @@ def deleted_rows(cases: Sequence[Judgement]) -> Iterator[TableRow]:
     seen = [j for j in cases if j.visible_sigma >= CLEAR_SIGMA]
     faint = [j for j in cases if j.visible_sigma < CLEAR_SIGMA]
     what = "effect left out, 20 σ or more"
-    yield share(f"{what}: a false name", seen, 0.02, _false, at_most=True)
-    yield share(f"{what}: right variable, or an equivalent name", seen, 0.70, _right)
+    yield share(f"{what}: a false name", seen, 0.08, _false, at_most=True)
+    yield share(f"{what}: right variable, or an equivalent name", seen, 0.75, _right)
     yield share(f"{what}: an equivalent name", seen, None, lambda j: j.outcome == FAMILY)
-    yield share("effect left out, below 20 σ: a false name", faint, 0.02, _false, at_most=True)
+    yield share("effect left out, below 20 σ: a false name", faint, 0.08, _false, at_most=True)
 
 
 def _false(j: Judgement) -> bool:

@@ -27,6 +27,7 @@ from mopro.benchmark.making.manifest import (
 )
 from mopro.benchmark.scoring.follow import FOLDER, add_proposed_run
 from mopro.benchmark.scoring.judge import Judgement, judge
+from mopro.benchmark.scoring.named_set import with_named_set
 from mopro.benchmark.scoring.outcome import FAILED
 from mopro.benchmark.scoring.score import FollowUp, pair_key
 from mopro.errors import DataError
@@ -194,7 +195,8 @@ def judge_cases(cases: CaseFolder, source: VerdictSource, jobs: int) -> Iterator
     def judge_one(number: str) -> Judgement:
         answer = cases.cases[number]
         folder = cases.folder / number
-        return judge(number, answer, source.ask(number, folder / EXPERIMENT, without_of(answer)))
+        reply = source.ask(number, folder / EXPERIMENT, without_of(answer))
+        return judge(number, with_named_set(answer, reply, folder, cases.seed), reply)
 
     yield from in_threads(judge_one, sorted(cases.cases), jobs)
 

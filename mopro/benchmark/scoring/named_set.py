@@ -1,0 +1,44 @@
+"""Equivalence of the very set of effects that a verdict names, where the true one is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mopro.benchmark.making.equivalent import is_equivalent_set
+from mopro.benchmark.making.sizes import NoiselessRuns
+from mopro.benchmark.reference.nominal import Nominal
+from mopro.benchmark.reference.readings import ProgramRun
+from mopro.benchmark.reference.sensors import Instrument
+from mopro.benchmark.scoring.outcome import UNEXPLAINED, Document
+
+
+def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -> Document:
+    """`answer` with the set that `reply` names in `equivalent_sets`, if it is equivalent.
+
+    As each rival by itself when the case was made: by the best fit of the reference plant to the
+    noise-free response, chi-squared below 10. Only sets of several effects that leave nothing
+    unexplained are tried; `folder` has the case's programs.
+    """
+    names = sorted(effect["name"] for effect in reply.get("effects") or [])
+    runs = answer.get("runs")
+    if not runs or len(names) < 2 or reply.get("verdict") == UNEXPLAINED:
+        return answer
+    noiseless = NoiselessRuns(
+        [_run(folder, each) for each in runs],
+        [Instrument(**i) for i in answer["instruments"]],
+        Nominal(**answer["machine"]),
+    )
+    truth = {e["name"]: e["parameters"] for e in answer["effects"]}
+    generator = np.random.default_rng([seed, 7, int(folder.name)])
+    if not is_equivalent_set(noiseless, truth, names, generator):
+        return answer
+    return {**answer, "equivalent_sets": [names]}
+
+
+def _run(folder: Path, told: Mapping[str, Any]) -> ProgramRun:
+    text = (folder / told["program"]).read_text(encoding="ascii")
+    return ProgramRun(text, told["payload_kg"], told["until_s"])
