@@ -257,6 +257,35 @@ def test_a_superset_is_predicted_from_the_nearest_base_alone():
     assert bases[frozenset({"two", "three"})] == [{"two"}]
 
 
+def test_an_effect_in_its_plain_form_does_not_lose_to_one_with_more_numbers():
+    """`late` wanders by 0.4 of itself, and its plain form takes 0.2 for granted.
+
+    The four sizes of `sum` describe it a little better than that, and worse than the form of
+    `late` in which the wandering is fitted; its signature predicts little, as it is 2 rad.
+    """
+    t = times()
+    wander = np.sin(2 * t)
+
+    def simulate(settings):
+        late = settings.get("late", {"size": 0.0, "delta": 0.0})
+        own = settings.get("sum", dict.fromkeys("abcd", 0.0))
+        turn = late["size"] * (1 + late["delta"] * wander)
+        cosine, sine = np.cos(7 * t), np.sin(7 * t)
+        linear = own["a"] * cosine + own["b"] * sine
+        return [np.sin(7 * t + turn) + linear + wander * (own["c"] * cosine + own["d"] * sine)]
+
+    size = Parameter("size", "rad", -3.0, 3.0, (0.3,))
+    delta = Parameter("delta", "1", 0.0, 1.0, (0.2,), Role.SHAPE)
+    plain = Candidate("late", (size,), fixed={"delta": 0.2})
+    wide = Candidate("late", (size, delta), form="wander fitted", extends="")
+    linear = tuple(Parameter(name, "V", -3.0, 3.0, (1.0,)) for name in "abcd")
+    effects = [Candidate("sum", linear), plain, wide]
+    truth = {"late": {"size": 2.0, "delta": 0.4}}
+    verdict = diagnosed(simulate, effects, truth, 0.1, seed=1)
+    assert (verdict.verdict, names(verdict)) == ("named", {"late"})
+    assert verdict.effects[0].parameters["delta"].value == pytest.approx(0.4, abs=0.02)
+
+
 def test_what_may_join_a_set_is_simulated_once():
     """Also at the size that a signature asks for: `bent` is probed at 0.1 V and is there with 2."""
     t, asked = times(), []

@@ -8,7 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mopro.diagnosis.constants import FITTED, ITERATIONS, LINEARITY_ERROR, MAJORITY, SECOND_GUESSES
+from mopro.diagnosis.constants import (
+    FITTED,
+    ITERATIONS,
+    LINEARITY_ERROR,
+    MAJORITY,
+    OUT_OF_REACH,
+    SECOND_GUESSES,
+)
 from mopro.diagnosis.fitting.fit import Fit, Identity
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, distinct
@@ -88,8 +95,26 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
     best = sets.best()
     while best is not before:
         before = best
-        _fit_forms(sets, best)
+        for fit in _near(sets, best):
+            _fit_forms(sets, fit)
         best = sets.best()
+
+
+def _near(sets: Hypotheses, best: Fit) -> list[Fit]:
+    """The best set, and those of no more effects that another form may bring below it.
+
+    An effect in its plainest form may lose to one that has a number more.
+    """
+    limit = sets.ebic(best) + OUT_OF_REACH
+    others = [
+        fit
+        for fit in sets.ranked()
+        if fit is not best
+        and fit.names != best.names
+        and len(fit.candidates) <= len(best.candidates)
+        and sets.ebic(fit) < limit
+    ]
+    return [best, *others[:SECOND_GUESSES]]
 
 
 def _fit_forms(sets: Hypotheses, fit: Fit) -> None:
