@@ -150,3 +150,18 @@ def test_an_alternative_is_found_beside_an_effect_that_would_take_its_place():
         *map(frozenset, verdict.alternatives),
     }
     assert {frozenset({"bent", "slow"}), frozenset({"bent", "late"})} <= told
+
+
+def test_a_weak_alternative_that_does_a_little_worse_is_found_at_its_own_size():
+    """`bent` is probed at 0.25 V, where it is less like `straight` than at 0.1 V."""
+    t = times()
+
+    def simulate(settings):
+        straight, bent = sizes(settings, "straight", "bent")
+        own = np.sin(7 * t) + 0.2 * np.cos(5 * t) + 1.5 * bent * np.cos(11 * t)
+        return [straight * np.sin(7 * t) + bent * own]
+
+    effects = candidates("straight", "bent", size=Parameter("size", "V", -10.0, 10.0, (0.25,)))
+    verdict = diagnosed(simulate, effects, of_size(straight=0.1), 0.25, seed=2)
+    assert verdict.verdict == "ambiguous"
+    assert family(verdict.effects[0]) == {"straight", "bent"}

@@ -286,6 +286,20 @@ def test_an_effect_in_its_plain_form_does_not_lose_to_one_with_more_numbers():
     assert verdict.effects[0].parameters["delta"].value == pytest.approx(0.4, abs=0.02)
 
 
+def test_a_size_beyond_which_an_effect_saturates_is_left_again():
+    """The signature at 3 V asks for 1.5 V, and beyond 1 V nothing depends on the size."""
+    t = times()
+
+    def simulate(settings):
+        (play,) = sizes(settings, "play")
+        return [min(play, 1.0) * np.sin(7 * t)]
+
+    effects = [Candidate("play", (Parameter("size", "V", 0.0, 10.0, (3.0,)),))]
+    verdict = diagnosed(simulate, effects, of_size(play=0.5), 0.1, seed=1)
+    assert (verdict.verdict, names(verdict)) == ("named", {"play"})
+    assert verdict.effects[0].parameters["size"].value == pytest.approx(0.5, abs=0.02)
+
+
 def test_what_may_join_a_set_is_simulated_once():
     """Also at the size that a signature asks for: `bent` is probed at 0.1 V and is there with 2."""
     t, asked = times(), []

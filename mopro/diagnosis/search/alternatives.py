@@ -144,7 +144,7 @@ def _needed(sets: Hypotheses, screening: Screening, best: Fit, base: Fit) -> flo
         own = [s for s in screening.beside(base, best) if s.candidate.name in dropped]
         predicted = max((s.predicted_reduction for s in own), default=reduction)
     if reduction < _WEAK:
-        return min(reduction, predicted)
+        return min(reduction, predicted) - VERY_STRONG
     error = min(LEAST_SHARE, LINEARITY_ERROR + 2 * abs(predicted / reduction - 1))
     margin = 4 * VERY_STRONG * _density(sets, best, base)
     return min(reduction, predicted) - margin - error * reduction

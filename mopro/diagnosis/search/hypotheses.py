@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mopro.diagnosis.constants import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, SAME
+from mopro.diagnosis.constants import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, PROPORTIONAL, SAME
 from mopro.diagnosis.fitting.fit import Fit, Identity, Key, growing_fit, least_squares_fit
 from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
@@ -181,10 +181,30 @@ class Hypotheses:
         Of the two the lower one is taken.
         """
         fit = least_squares_fit(self.residuals, candidates, [start], limit, self.base)
+        if (weaker := self._off_plateau(fit)) is not None:
+            again = least_squares_fit(self.residuals, candidates, [weaker], limit, self.base)
+            fit = min(fit, again, key=lambda f: f.rss)
         if not self.base or not fit.far_from_linear:
             return fit
         grown = growing_fit(self.residuals, candidates, start, limit, self.base)
         return min(fit, grown, key=lambda f: f.rss)
+
+    def _off_plateau(self, fit: Fit) -> Settings | None:
+        """A third of the size of a single effect, where that hardly matters: None if it does.
+
+        From beyond the size at which an effect saturates, no slope leads back.
+        """
+        sizes = [(i, p) for i, (_, p) in enumerate(fit.order) if p.role is Role.AMPLITUDE]
+        if len(fit.candidates) != 1 or self.base or len(sizes) != 1:
+            return None
+        ((i, p),) = sizes
+        name, value = fit.candidates[0].name, float(fit.values[i])
+        in_proportion = fit.jacobian[:, i] * (value if p.inverse else value - p.null)
+        change = fit.residual - self.null.residual
+        if PROPORTIONAL**2 * float(in_proportion @ in_proportion) > float(change @ change):
+            return None
+        weaker = p.within(p.multiplied(value, 1 / PROPORTIONAL))
+        return {**fit.settings, name: {**fit.settings[name], p.name: weaker}}
 
     def _kept(self, fit: Fit, limit: float) -> Fit:
         """`fit`, or the one that is known of its set and no worse."""
