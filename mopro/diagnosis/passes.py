@@ -11,6 +11,7 @@ from scipy import special
 from mopro.diagnosis.constants import (
     FALSE_ALARMS,
     LEAST_SHARE,
+    MAJORITY,
     SAME,
     STRONG,
     TOLERANCE,
@@ -19,7 +20,7 @@ from mopro.diagnosis.constants import (
 from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.laws import WithLaws, measurement_laws
-from mopro.diagnosis.model import Candidate, Law, Mask, Simulate
+from mopro.diagnosis.model import Candidate, Law, Mask, Role, Simulate
 from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
@@ -37,6 +38,8 @@ _STANDARD_ERRORS = -float(special.ndtri(FALSE_ALARMS / 2))
 
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
 _STANDS_IN = "its size differs from part to part by {:.0%}: it stands in for something else"
+_AT_ITS_END = "its size ends at the end of its range: it stands in for something else"
+_MOVED = "its part changes by {:.0%} beside the free-form terms: it stands in for something else"
 _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 20 beside what remains"
 _OUTWEIGHED = "explains less than what stays unexplained beside it"
 
@@ -146,21 +149,39 @@ def eliminate(state: State) -> State:
 def expose_stand_ins(state: State) -> State:
     """The answer without effects whose size differs from part to part, the worst dropped first.
 
-    They resemble something that nobody listed.
+    And without those whose size would be beyond its range. They resemble something that nobody
+    listed.
     """
     sets, fit, rejected = state.sets, state.fit, list(state.rejected)
     masks = folds(sets.residuals)
     while not sets.is_noise(fit):
         spreads = {c.name: _spread(state, masks, fit, c) for c in fit.candidates}
         stand_ins = {name: s.share for name, s in spreads.items() if s and s.of_a_stand_in}
+        reasons = {name: _STANDS_IN.format(share) for name, share in stand_ins.items()}
+        for name in _at_their_ends(sets, fit) - stand_ins.keys():
+            stand_ins[name], reasons[name] = 0.0, _AT_ITS_END
         if not stand_ins:
             break
         worst = max(sorted(stand_ins), key=lambda name: stand_ins[name])
         without = sets.settled(sets.without(fit, worst))
-        reason = _STANDS_IN.format(stand_ins[worst])
-        rejected.append(Rejected(worst, without.rss - fit.rss, reason))
+        rejected.append(Rejected(worst, without.rss - fit.rss, reasons[worst]))
         fit = without
     return replace(state, fit=fit, rejected=tuple(rejected))
+
+
+def _at_their_ends(sets: Hypotheses, fit: Fit) -> set[str]:
+    """Listed effects whose size the data would push beyond the largest that it may be."""
+    bounds = set(sets.evidence.at_bound(fit))
+    return {
+        c.name
+        for c in fit.candidates
+        for p in c.parameters
+        if not c.law
+        and p.role is Role.AMPLITUDE
+        and f"{c.name}.{p.name}" in bounds
+        and p.plausible is not None
+        and p.beyond(fit.settings[c.name][p.name]) > 0
+    }
 
 
 def _spread(state: State, masks: Sequence[Mask], fit: Fit, effect: Candidate) -> Spread | None:
@@ -255,7 +276,39 @@ def set_laws_apart(state: State) -> State:
     sets.judge_by(fit)
     if not laws:
         return state
-    return hold_out(eliminate(replace(state, fit=fit, drafted=state.fit, drafted_held=state.held)))
+    apart = replace(state, fit=fit, drafted=state.fit, drafted_held=state.held)
+    return hold_out(eliminate(_expose_moved(apart)))
+
+
+def _expose_moved(state: State) -> State:
+    """The answer without effects that are others beside the drafts, the worst dropped first.
+
+    What is there is the same whether or not what nobody listed is described beside it.
+    """
+    sets, rejected = state.sets, list(state.rejected)
+    fit, drafted = state.fit, state.drafted
+    assert drafted is not None, "asked where there are drafts only"
+    while fit.candidates:
+        moved = {name: _moved(sets, fit, drafted, name) for name in sorted(fit.names)}
+        worst = max(moved, key=lambda name: moved[name])
+        if moved[worst] <= MAJORITY:
+            break
+        without = sets.settled(sets.without(fit, worst))
+        reason = _MOVED.format(moved[worst])
+        rejected.append(Rejected(worst, without.rss - fit.rss, reason))
+        fit, drafted = without, sets.without(drafted, worst)
+    held = state.drafted_held if drafted is state.drafted else _held(sets, drafted)
+    return replace(state, fit=fit, drafted=drafted, drafted_held=held, rejected=tuple(rejected))
+
+
+def _moved(sets: Hypotheses, fit: Fit, drafted: Fit, name: str) -> float:
+    """Change of the effect's part of the prediction in `drafted`, as a share of that in `fit`."""
+    if name not in drafted.settings:
+        return 0.0
+    off = sets.switched_off(fit, frozenset({name})).residual
+    other = sets.residuals.at({**fit.settings, name: drafted.settings[name]})
+    size = float(np.linalg.norm(off - fit.residual))
+    return float(np.linalg.norm(other - fit.residual)) / size if size else 0.0
 
 
 def examine_remainder(state: State) -> State:

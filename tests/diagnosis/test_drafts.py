@@ -85,3 +85,27 @@ def test_no_law_is_looked_for_where_one_listed_effect_leaves_noise():
     verdict = mopro.reconcile(SERVO.predict, CATALOGUE, data, progress=lines.append)
     assert verdict.verdict == "named"
     assert not any(" in force" in line for line in lines)
+
+
+def with_cube(settings):
+    """The servo on a spring, with a term in the cube of the position that nobody listed."""
+    stiffness = settings.get("spring", {"k": 0.0})["k"]
+    cube = settings.get("cube", {"c": 0.0})["c"]
+    forces = SERVO.predict({})
+    return [
+        own - stiffness * motion[0] - cube * motion[0] ** 3
+        for own, motion in zip(forces, SERVO.motions, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(("k", "named"), [(-5.0, set()), (2.0, set()), (40.0, {"spring"})])
+def test_an_effect_that_is_another_beside_the_draft_stands_in_for_something_else(k, named):
+    """Alone the spring makes up for most of the cube, as one of 12 N/m more."""
+    spring = Candidate("spring", (Parameter("k", "N/m", -200.0, 200.0, (10.0,)),))
+    truth = {"spring": {"k": k}, "cube": {"c": 1500.0}}
+    verdict = mopro.reconcile(with_cube, [spring], measured(truth, predict=with_cube))
+    assert (verdict.verdict, names(verdict)) == ("unexplained", named)
+    assert [draft.name for draft in verdict.drafts] == ["x³ in force"]
+    assert verdict.drafts[0].held_out
+    reasons = [r.reason for r in verdict.rejected if r.name == "spring"]
+    assert ["beside the free-form terms" in reason for reason in reasons] == [True] * (not named)

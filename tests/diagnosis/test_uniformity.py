@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
+from mopro.diagnosis import Parameter
 from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.statistics.heldout import folds
@@ -76,3 +78,20 @@ def test_a_true_effect_is_named_beside_what_nobody_listed():
     truth = of_size(steady=2.0, varying=1.0)
     verdict = diagnosed(both, candidates("wave", "steady"), truth, 0.05, seed=1)
     assert (verdict.verdict, names(verdict)) == ("unexplained", {"steady"})
+
+
+@pytest.mark.parametrize(("most", "expected"), [(2.0, {"wave"}), (0.9, set())])
+def test_an_effect_whose_size_would_be_beyond_its_range_stands_in(most, expected):
+    """What is left beside it is a drift that nobody listed, and more of the wave."""
+
+    def simulate(settings):
+        (wave,) = sizes(settings, "wave")
+        return [wave * np.sign(np.sin(9 * T))]
+
+    size = Parameter("size", "V", 0.0, most, (0.5,), plausible=(0.0, most / 1.5))
+    (values,) = simulate(of_size(wave=1.0))
+    data = measured(values + 0.05 * np.sin(0.5 * T) ** 2, 0.05, 0)
+    verdict = mopro.reconcile(simulate, candidates("wave", size=size), data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", expected)
+    reasons = [r.reason for r in verdict.rejected if r.name == "wave"]
+    assert ["end of its range" in reason for reason in reasons] == [True] * (not expected)
