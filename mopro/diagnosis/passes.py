@@ -121,15 +121,14 @@ def add_laws(state: State) -> State:
 
 
 def settle(state: State) -> State:
-    """The answer, and what is left of it without each effect, at their minima.
+    """The answer, and what is left of it without each effect if it leaves something, at their minima.
 
     Where something is left, fits end in narrow valleys.
     """
     sets, fit = state.sets, state.fit
-    if sets.is_noise(fit):
-        return state
-    for name in sorted(fit.names):
-        sets.settled(sets.without(fit, name))
+    if not sets.is_noise(fit):
+        for name in sorted(fit.names):
+            sets.settled(sets.without(fit, name))
     return replace(state, fit=sets.settled(fit))
 
 

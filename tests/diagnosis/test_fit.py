@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from helpers.signals import candidates, measured, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
+from mopro.diagnosis.constants import LINEARITY_ERROR
 from mopro.diagnosis.fitting.descent import Descent
 from mopro.diagnosis.fitting.fit import least_squares_fit
 from mopro.diagnosis.fitting.jacobian import SecantJacobian
@@ -266,3 +268,26 @@ def test_a_fit_begins_with_the_very_values_that_it_is_given(rate):
     asked.clear()
     least_squares_fit(residuals, [DECAY], [start])
     assert asked[0] == start
+
+
+def test_the_answer_has_the_jacobian_of_its_own_place():
+    """A secant update that corrects little is good for a step, and not for the errors."""
+    t = times(500)
+
+    def simulate(settings):
+        one, two = sizes(settings, "one", "two")
+        return [one * np.sin(3 * t) + (two + 0.018 * two**2) * np.sin(3.2 * t)]
+
+    effects = candidates("one", "two")
+    truth = of_size(one=1.0, two=1.5)
+    sets = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.1, 1)), effects)
+    fit = sets.fitted(effects, of_size(one=1.0, two=0.5))
+    settled = sets.settled(fit)
+    two = settled.settings["two"]["size"]
+    exact = -(1 + 0.036 * two) * np.sin(3.2 * t) / 0.1
+    exact -= exact.mean()  # the offset of the series is free
+    error = [
+        np.linalg.norm(f.jacobian[:, 1] - exact) / np.linalg.norm(exact) for f in (fit, settled)
+    ]
+    assert settled.rss <= fit.rss
+    assert 3 * error[1] < error[0] < LINEARITY_ERROR

@@ -218,7 +218,8 @@ class Hypotheses:
     def settled(self, fit: Fit) -> Fit:
         """`fit` refitted from its own end until it stands still, as a narrow valley may need.
 
-        With free numbers in the model, also from the beginning of the data onwards.
+        Its Jacobian is taken anew there. With free numbers in the model, it is also refitted from
+        the beginning of the data onwards.
         """
         if self.base:
             grown = growing_fit(self.residuals, fit.candidates, fit.settings, math.inf, self.base)
@@ -227,9 +228,11 @@ class Hypotheses:
             again = least_squares_fit(
                 self.residuals, fit.candidates, [fit.settings], math.inf, self.base
             )
-            if again.rss > fit.rss - SAME * self.scale(fit):
+            stands = again.rss > fit.rss - SAME * self.scale(fit)
+            if again.rss <= fit.rss:
+                self._fits[fit.key] = fit = again
+            if stands:
                 break
-            self._fits[fit.key] = fit = again
         return fit
 
     def _begins_lower(self, start: Settings, known: Fit) -> bool:
