@@ -121,9 +121,9 @@ def add_laws(state: State) -> State:
 
 
 def settle(state: State) -> State:
-    """The answer, and what is left of it without each effect if it leaves something, at their minima.
+    """The answer at its minimum; if something is left, also what it leaves without each effect.
 
-    Where something is left, fits end in narrow valleys.
+    There fits end in narrow valleys.
     """
     sets, fit = state.sets, state.fit
     if not sets.is_noise(fit):
@@ -283,14 +283,16 @@ def _expose_moved(state: State) -> State:
     """The answer without effects that are others beside the drafts, the worst dropped first.
 
     What is there is the same whether or not what nobody listed is described beside it.
+    Calibrations, which name nothing, stay.
     """
     sets, rejected = state.sets, list(state.rejected)
     fit, drafted = state.fit, state.drafted
     assert drafted is not None, "asked where there are drafts only"
-    while fit.candidates:
-        moved = {name: _moved(sets, fit, drafted, name) for name in sorted(fit.names)}
-        worst = max(moved, key=lambda name: moved[name])
-        if moved[worst] <= MAJORITY:
+    while True:
+        listed = sorted(c.name for c in fit.candidates if not sets.evidence.calibrated(fit, c))
+        moved = {name: _moved(sets, fit, drafted, name) for name in listed}
+        worst = max(listed, key=lambda name: moved[name], default=None)
+        if worst is None or moved[worst] <= MAJORITY:
             break
         without = sets.settled(sets.without(fit, worst))
         reason = _MOVED.format(moved[worst])

@@ -21,11 +21,12 @@ def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -
 
     As each rival by itself when the case was made: by the best fit of the reference plant to the
     noise-free response, chi-squared below 10. Only sets of several effects that leave nothing
-    unexplained are tried; `folder` has the case's programs.
+    unexplained are tried, and are not equivalent one by one; `folder` has the case's programs.
     """
     names = sorted(effect["name"] for effect in reply.get("effects") or [])
     runs = answer.get("runs")
-    if not runs or len(names) < 2 or reply.get("verdict") == UNEXPLAINED:
+    single = set(names) <= set(answer.get("equivalent") or [])
+    if not runs or len(names) < 2 or single or reply.get("verdict") == UNEXPLAINED:
         return answer
     noiseless = NoiselessRuns(
         [_run(folder, each) for each in runs],

@@ -122,7 +122,10 @@ def with_rivals(sets: Hypotheses, fit: Fit) -> list[Proposal]:
     predict what it brings there.
     """
     null = sets.null
-    alone = {f.candidates[0].name: f for f in sets.ranked() if len(f.candidates) == 1}
+    alone: dict[str, Fit] = {}
+    for other in sets.ranked():
+        if len(other.candidates) == 1:
+            alone.setdefault(other.candidates[0].name, other)
     strongest = min(fit.names & alone.keys(), key=lambda n: (alone[n].rss, n), default=None)
     if strongest is None or not null.far_from_linear:
         return []

@@ -95,12 +95,12 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
     best = sets.best()
     while best is not before:
         before = best
-        for fit in _near(sets, best):
+        for fit in _in_reach(sets, best):
             _fit_forms(sets, fit)
         best = sets.best()
 
 
-def _near(sets: Hypotheses, best: Fit) -> list[Fit]:
+def _in_reach(sets: Hypotheses, best: Fit) -> list[Fit]:
     """The best set, and those of no more effects that another form may bring below it.
 
     An effect in its plainest form may lose to one that has a number more.
