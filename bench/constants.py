@@ -143,8 +143,12 @@ def main() -> int:
     step = max(len(every) // (chosen.sample or len(every)), 1)
     experiments = every[::step]
     changes = [(name, factor) for name in chosen.only or names() for factor in FACTORS]
+    by_case = []
     with ThreadPoolExecutor(chosen.jobs) as pool:
-        by_case = list(pool.map(lambda each: moved(each, changes), experiments))
+        found = pool.map(lambda each: moved(each, changes), experiments)
+        for experiment, altered in zip(experiments, found, strict=True):
+            print(f"{experiment.parent.name}: {len(altered)} of {len(changes)} changes", flush=True)
+            by_case.append(altered)
     print(f"{len(experiments)} cases; {'constant':18} {'factor':>6} {'changed':>8}")
     worst = 0
     for name, factor in changes:
