@@ -273,10 +273,12 @@ def set_laws_apart(state: State) -> State:
     while reduced := [r for n in sorted(fit.names) if (r := sets.without(fit, n)).rss <= fit.rss]:
         fit = reduced[0]
     sets.judge_by(fit)
-    if not laws:
-        return state
-    apart = replace(state, fit=fit, drafted=state.fit, drafted_held=state.held)
-    return hold_out(eliminate(_expose_moved(apart)))
+    if laws:
+        apart = replace(state, fit=fit, drafted=state.fit, drafted_held=state.held)
+        return hold_out(drop_outweighed(eliminate(_expose_moved(apart))))
+    # What passed for noise with a memory may not, by the noise that the listed effects leave.
+    outweighed = drop_outweighed(state)
+    return hold_out(outweighed) if outweighed.fit is not state.fit else state
 
 
 def _expose_moved(state: State) -> State:

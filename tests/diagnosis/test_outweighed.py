@@ -1,10 +1,15 @@
 """Effects beside something unexplained that is larger than what they explain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from helpers.signals import candidates, diagnosed, names, of_size, sizes, times
+from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Parameter
+from mopro.diagnosis.laws import WithLaws
+from mopro.diagnosis.passes import set_laws_apart
+from mopro.diagnosis.state import Problem, State
 
 T = times(2000)
 # The response to something in no catalogue, and a listed one that has much in common with it.
@@ -40,3 +45,17 @@ def test_a_calibration_names_nothing_and_stays():
     verdict = diagnosed(model, candidates("listed", size=within), unlisted, 0.05, seed=1)
     assert (verdict.verdict, names(verdict)) == ("unexplained", set())
     assert [effect.name for effect in verdict.calibration] == ["listed"]
+
+
+def test_it_is_asked_again_by_the_noise_that_the_listed_effects_leave():
+    """Whatever passed for noise before, `set_laws_apart` keeps nothing that is outweighed."""
+    (values,) = model(of_size(unlisted=1.0))
+    data, listed = measured(values, 0.05, seed=1), candidates("listed")
+    simulate = WithLaws(model, data, ())
+    problem = Problem(simulate, None, tuple(listed), (), (), tuple(data), 1, lambda _: None)
+    state = State.of(problem)
+    fit = state.sets.fitted(listed, of_size(listed=0.5))
+    apart = set_laws_apart(replace(state, fit=fit))
+    assert (fit.names, apart.fit.names) == ({"listed"}, set())
+    (rejected,) = apart.rejected
+    assert rejected.reason == "explains less than what stays unexplained beside it"
