@@ -148,8 +148,8 @@ def eliminate(state: State) -> State:
 def expose_stand_ins(state: State) -> State:
     """The answer without effects whose size differs from part to part, the worst dropped first.
 
-    And without those whose size would be beyond its range. They resemble something that nobody
-    listed.
+    Also without those whose size the data would push out of its range. Either resembles something
+    that nobody listed.
     """
     sets, fit, rejected = state.sets, state.fit, list(state.rejected)
     masks = folds(sets.residuals)
@@ -282,9 +282,9 @@ def set_laws_apart(state: State) -> State:
 
 
 def _expose_moved(state: State) -> State:
-    """The answer without effects that are others beside the drafts, the worst dropped first.
+    """The answer without effects whose part of the prediction the drafts change, the worst first.
 
-    What is there is the same whether or not what nobody listed is described beside it.
+    An effect that is present has the same size whether or not the rest is fitted beside it.
     Calibrations, which name nothing, stay.
     """
     sets, rejected = state.sets, list(state.rejected)

@@ -232,9 +232,9 @@ def test_an_effect_counts_in_full_where_the_noise_is_quieter_than_stated():
 
 @pytest.mark.parametrize("other", ["turn", "idle"])
 def test_an_interval_ends_where_the_range_of_its_parameter_does(other):
-    """What the fit cannot take, as a negative mass, is not within the interval either.
+    """The interval of a size stops at its range, which the fit cannot leave either.
 
-    An angle has no ends, and a number on which nothing depends has an interval without any.
+    That of an angle does not, and that of a number on which nothing depends is infinite.
     """
     t = times(200)
 

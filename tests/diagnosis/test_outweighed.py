@@ -48,7 +48,7 @@ def test_a_calibration_names_nothing_and_stays():
 
 
 def test_it_is_asked_again_by_the_noise_that_the_listed_effects_leave():
-    """Whatever passed for noise before, `set_laws_apart` keeps nothing that is outweighed."""
+    """`set_laws_apart` drops an outweighed effect that an earlier pass has kept."""
     (values,) = model(of_size(unlisted=1.0))
     data, listed = measured(values, 0.05, seed=1), candidates("listed")
     simulate = WithLaws(model, data, ())

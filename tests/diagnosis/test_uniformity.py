@@ -82,7 +82,7 @@ def test_a_true_effect_is_named_beside_what_nobody_listed():
 
 @pytest.mark.parametrize(("most", "expected"), [(2.0, {"wave"}), (0.9, set())])
 def test_an_effect_whose_size_would_be_beyond_its_range_stands_in(most, expected):
-    """What is left beside it is a drift that nobody listed, and more of the wave."""
+    """The data have 1 V of the wave, of which the range allows `most`, and an unlisted drift."""
 
     def simulate(settings):
         (wave,) = sizes(settings, "wave")

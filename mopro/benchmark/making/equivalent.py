@@ -191,6 +191,7 @@ class Fit:
         for (rival, name), value in zip(self._free, values.tolist(), strict=True):
             settings[rival][name] = value
         share = 1.0
+        # The response of a set is not in proportion to one of its parameters.
         if len(settings) == 1:
             (own,) = settings.values()
             for name, floor in _FLOORS.items():

@@ -147,7 +147,7 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
         for s in near.subsets
         if s.ebic - LINEARITY_ERROR * s.reduction < limit
         and not sets.knows(s.candidates, s.ebic)
-        # Those are predicted better from the best set itself.
+        # A set that contains the best one is predicted better from that.
         and (best is near.fit or not best.key < s.key)
     ]
     first = next((s for s in near.subsets if len(s.members) == 1), None)
