@@ -171,6 +171,9 @@ class ViewedRun(Protocol):
     @property
     def program(self) -> Program | None: ...
 
+    @property
+    def payload_kg(self) -> float: ...
+
 
 class ViewedReading(Protocol):
     """Samples of one sensor in one run: the sensor and the sample times (s)."""

@@ -59,6 +59,7 @@ This page is printed by `mopro machine effects`.
 @dataclass(frozen=True)
 class _ProgrammedRun:
     program: Program | None
+    payload_kg: float = 0.0
 
 
 @dataclass(frozen=True)

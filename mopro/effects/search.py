@@ -7,13 +7,14 @@ metres by the sensors of a `View`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.diagnosis.model import ResidualView
 from mopro.effects.base import Floats, View
+from mopro.machine.constants import PlantConstants
 
 Values = Mapping[str, float]
 
@@ -28,6 +29,29 @@ def residual_m(view: View, fit: ResidualView, row: int) -> Floats:
     """The residual of series `row`, in metres."""
     metres: Floats = fit.residuals[row] * fit.sigmas[row]
     return metres * view.positions()[row][1].sensor.unit_si
+
+
+def force_N(view: View, fit: ResidualView, row: int) -> Floats:
+    """The force (N) that the residual of series `row` calls for, at each sample.
+
+    Near its setpoint the motor is a mass on the spring and the damper of its drive, which answers
+    with H = 1 / (K - m ω² + i c ω). The force is H* R / (|H|² + N/S), where N is the power of the
+    sensor's noise and S that of a white force which, with it, has the power of the residual R
+    (Wiener 1949).
+    """
+    run, reading = view.positions()[row]
+    residual, length = residual_m(view, fit, row), 2 * len(reading.time_s)
+    step_s = float(np.median(np.diff(reading.time_s)))
+    plant = PlantConstants.of(view.machine, view.runs[run].payload_kg)
+    omega = 2 * np.pi * np.fft.rfftfreq(length, step_s)
+    stiffness = plant.pull_out_force_N * plant.wave_number_1_m
+    answer = 1 / (stiffness - plant.mass_kg * omega**2 + 1j * plant.damping_N_s_m * omega)
+    transform = np.fft.rfft(residual, length)
+    noise = len(residual) * (fit.sigmas[row] * reading.sensor.unit_si) ** 2
+    beyond = max(float(np.sum(np.abs(transform) ** 2)) - len(omega) * noise, noise)
+    force = beyond / float(np.sum(np.abs(answer) ** 2))
+    needed = transform * answer.conj() / (np.abs(answer) ** 2 + noise / force)
+    return np.asarray(np.fft.irfft(needed, length)[: len(residual)])
 
 
 def targets_m(view: View, fit: ResidualView) -> dict[int, Floats]:
@@ -55,11 +79,16 @@ def lines_over_position(
 
 
 def strongest_lines(
-    view: View, fit: ResidualView, finest_m: float, most: int
+    view: View,
+    fit: ResidualView,
+    finest_m: float,
+    most: int,
+    of: Callable[[View, ResidualView, int], Floats] = residual_m,
 ) -> Iterator[tuple[float, float, float]]:
-    """Sine and cosine (m) and period (m) of the `most` strongest lines of the residual over place.
+    """Sine, cosine and period (m) of the `most` strongest lines over place, of the residual (m).
 
-    A line has two periods at least in the longest travel, and a period above `finest_m`.
+    Or of what else `of` makes of the residual of a series, in its unit. A line has two periods at
+    least in the longest travel, and a period above `finest_m`.
     """
     from mopro.diagnosis.statistics.spectrum import sinusoid
 
@@ -68,13 +97,14 @@ def strongest_lines(
     if not rows:
         return
     places = [targets[row] for row in rows]
-    cycles, power = lines_over_position(places, [fit.residuals[row] for row in rows], finest_m)
+    values = [of(view, fit, row) for row in rows]
+    weighted = [own / fit.sigmas[row] for own, row in zip(values, rows, strict=True)]
+    cycles, power = lines_over_position(places, weighted, finest_m)
     power[cycles * max(float(np.ptp(place)) for place in places) < FEWEST_PERIODS] = 0.0
-    x = np.concatenate(places)
-    residual = np.concatenate([residual_m(view, fit, row) for row in rows])
+    x, joined = np.concatenate(places), np.concatenate(values)
     for peak in peaks(power)[:most]:
         q = 2 * math.pi * float(cycles[peak])
-        yield (*sinusoid(q * x, residual), 2 * math.pi / q)
+        yield (*sinusoid(q * x, joined), 2 * math.pi / q)
 
 
 def delay_s(view: View, fit: ResidualView) -> tuple[float, float]:

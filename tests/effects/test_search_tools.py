@@ -4,11 +4,13 @@ import types
 
 import numpy as np
 import pytest
+from scipy.signal import lsim, lti
 
 from helpers.one_run import LASER
 from mopro.diagnosis.model import ResidualView
 from mopro.diagnosis.statistics.spectrum import sinusoid
-from mopro.effects.search import delay_s, peaks, step
+from mopro.effects.search import delay_s, force_N, peaks, residual_m, step, strongest_lines
+from mopro.machine import load_machine
 
 TIMES = np.arange(400) / LASER.rate_hz
 
@@ -46,3 +48,39 @@ def test_a_delay_is_known_from_the_speed_at_which_it_shows():
     assert found_s == pytest.approx(late_s, rel=1e-3)
     speed = 20.0 * np.cos(20.0 * TIMES)
     assert error_s == pytest.approx(sigma / (speed.std() * np.sqrt(len(TIMES))), rel=1e-2)
+
+
+def driven_by_a_force_over_the_place(force_N, period_m, payload_kg):
+    """A view of a motor that speeds up to 0.4 m/s, and its residual beside noise of 0.1 um.
+
+    The answer of the mass on the drive's spring and damper to the force is SciPy's.
+    """
+    machine, sigma_m = load_machine("chow1992"), 1e-7
+    time_s = np.arange(4000) / 2000
+    x = 0.1 * time_s**2
+    axis = machine.axis
+    motor = lti([1.0], [
+        axis.moving_mass_kg + payload_kg, axis.drive_damping_N_s_m, axis.stiffness_N_m,
+    ])  # fmt: skip
+    _, moved, _ = lsim(motor, force_N * np.sin(2 * np.pi * x / period_m + 0.4), time_s)
+    residual = moved - moved.mean() + sigma_m * np.random.default_rng(2).standard_normal(len(x))
+    sensor = types.SimpleNamespace(unit_si=1.0)
+    reading = types.SimpleNamespace(sensor=sensor, time_s=time_s)
+    view = types.SimpleNamespace(
+        machine=machine, runs=[types.SimpleNamespace(payload_kg=payload_kg)],
+        positions=lambda: {0: (0, reading)}, targets=lambda settings: [x],
+    )  # fmt: skip
+    left = ResidualView((), [residual / sigma_m], [sigma_m], [x], {}, lambda settings: 0.0)
+    return view, left
+
+
+@pytest.mark.parametrize("payload_kg", [0.0, 1.5])
+def test_the_period_of_a_force_is_that_of_the_force_and_not_of_the_resonance(payload_kg):
+    view, left = driven_by_a_force_over_the_place(2.0, 1e-3, payload_kg)
+    ((sine, cosine, period_m),) = strongest_lines(view, left, 1e-4, 1, of=force_N)
+    assert period_m == pytest.approx(1e-3, rel=0.002)
+    assert np.hypot(sine, cosine) == pytest.approx(2.0, rel=0.2)
+    assert np.arctan2(cosine, sine) == pytest.approx(0.4, abs=0.5)
+    # The residual itself is strongest where the motor resonates, at another place.
+    ((*_, of_residual_m),) = strongest_lines(view, left, 1e-4, 1, of=residual_m)
+    assert abs(of_residual_m / 1e-3 - 1) > 0.01

@@ -13,14 +13,14 @@ from mopro.diagnosis.model import Candidate, ResidualView, Role
 from mopro.diagnosis.model import Parameter as Fitted
 from mopro.effects.base import Domain, Floats, Parameter, View, phase
 from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_M, DahlFriction
-from mopro.effects.search import FEWEST_PERIODS, Values, strongest_lines
+from mopro.effects.search import FEWEST_PERIODS, Values, force_N, strongest_lines
 from mopro.effects.unlisted.term import FreeFormTerm, size
 from mopro.machine.constants import PlantConstants
 
 # Shortest period (m) of a force that repeats with the place, as the catalogue's cyclic error has.
 _FINEST_PERIOD_M = 1e-4
-# Starts of a force of a period: the strongest lines of the residual over the place. The strongest
-# is not always one of force; each costs two simulations.
+# Starts of a force of a period: the strongest lines over the place of the force that the residual
+# calls for. Each costs two simulations.
 _PERIODS_TRIED = 2
 # Largest share of its force by which a motor differs from itself in the other direction.
 _LARGEST_SHARE = 0.5
@@ -189,10 +189,13 @@ class _OfPlaceModuloPeriod(_Force):
 
 
 def _lines(view: View, fit: ResidualView) -> Iterator[Values]:
-    """Starts from the strongest lines of the residual over the place, as a spring would show."""
-    for sine, cosine, period in strongest_lines(view, fit, _FINEST_PERIOD_M, _PERIODS_TRIED):
-        force = view.machine.axis.stiffness_N_m * math.hypot(sine, cosine)
-        yield {"c": force, "p": period, "phi": math.atan2(cosine, sine)}
+    """Starts from the strongest lines, over the place, of the force that the residual calls for.
+
+    The strongest lines of the residual itself are those that meet the motor's resonance.
+    """
+    lines = strongest_lines(view, fit, _FINEST_PERIOD_M, _PERIODS_TRIED, of=force_N)
+    for sine, cosine, period in lines:
+        yield {"c": math.hypot(sine, cosine), "p": period, "phi": math.atan2(cosine, sine)}
 
 
 FORCES: tuple[type[FreeFormTerm], ...] = (
