@@ -95,6 +95,7 @@ def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
             yield from _proportional(sensor, series, shape)
     if all(s.time_s is not None for s in series):
         yield from _proportional(sensor, series, _TIME)
+        yield from _lag(sensor, series)
         yield _line_in_time(sensor, rows)
     if _labelled(series, _POSITION):
         yield _line_in_position(sensor, rows)
@@ -217,6 +218,33 @@ def _proportional(sensor: str, series: Sequence[Series], shape: _Shape) -> Itera
     c = Parameter("c", f"{series[0].unit} per unit of {shape.name}", -_LARGEST * size,
                   _LARGEST * size, (_PROBED * size,))  # fmt: skip
     yield Candidate(f"{shape.name} in {sensor}", (c,), law=law)
+
+
+def _lag(sensor: str, series: Sequence[Series]) -> Iterator[Candidate]:
+    """A lag of the first order of what is predicted: a late reading, or one in advance.
+
+    None where the speed of a place tells the same, or where the times do not ascend.
+    """
+    told = _labelled(series, "velocity") and all(s.of_place for s in series)
+    if told or not all(len(s) > 1 and bool((np.diff(_values(s, "")) > 0).all()) for s in series):
+        return
+    longest = max(float(np.ptp(_values(s, ""))) for s in series)
+
+    def of_data(own: Series, predicted: Floats, values: Values) -> Floats:
+        from mopro.formula.signals import lag  # loads numba
+
+        if own.sensor != sensor:
+            return np.zeros(len(own))
+        behind = lag(_values(own, ""), predicted, abs(values["c"])) - predicted
+        return np.asarray(math.copysign(1.0, values["c"]) * behind)
+
+    def formula(values: Values) -> str:
+        sign = "" if values["c"] > 0 else "-"
+        return f"{sign}(lag(y, {abs(values['c']):.4g}) - y)"
+
+    law = Law("measurement", "t", series[0].unit, formula, of_data)
+    c = Parameter("c", "s", -longest, longest, (_PROBED * longest,))
+    yield Candidate(f"lag in {sensor}", (c,), law=law)
 
 
 def _line_in_time(sensor: str, rows: Mapping[int, Series]) -> Candidate:

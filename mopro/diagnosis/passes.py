@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,6 @@ from scipy import special
 from mopro.diagnosis.constants import (
     FALSE_ALARMS,
     LEAST_SHARE,
-    MAJORITY,
     SAME,
     STRONG,
     TOLERANCE,
@@ -20,26 +19,21 @@ from mopro.diagnosis.constants import (
 from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.laws import WithLaws, measurement_laws
-from mopro.diagnosis.model import Candidate, Law, Mask, Role, Simulate
+from mopro.diagnosis.model import Law, Simulate
 from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
+from mopro.diagnosis.stand_ins import expose_beside_drafts, expose_stand_ins
 from mopro.diagnosis.state import State
-from mopro.diagnosis.statistics.heldout import HeldOut, folds, held_out
+from mopro.diagnosis.statistics.heldout import HeldOut, held_out
 from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.remainder import Remainder, examine
-from mopro.diagnosis.statistics.uniformity import Spread, spread
+from mopro.diagnosis.statistics.remainder import as_noise, examine
 from mopro.diagnosis.verdict import Rejected
 
-# Standard errors by which a variance must be below the stated one to replace it, or may be above
-# it if the noise has a memory.
+# Standard errors by which a variance must be below the stated one to replace it.
 _STANDARD_ERRORS = -float(special.ndtri(FALSE_ALARMS / 2))
 
-
 _FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
-_STANDS_IN = "its size differs from part to part by {:.0%}: it stands in for something else"
-_AT_ITS_END = "its size ends at the end of its range: it stands in for something else"
-_MOVED = "its part changes by {:.0%} beside the free-form terms: it stands in for something else"
 _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 20 beside what remains"
 _OUTWEIGHED = "explains less than what stays unexplained beside it"
 
@@ -112,7 +106,9 @@ def add_laws(state: State) -> State:
     laws = measurement_laws(problem.data)
     sets, terms = state.sets, (*laws, *problem.unlisted)
     sets.join(terms, WithLaws(problem.simulate, problem.data, laws))
-    sets.leave_out({term.name for term in terms if state.screening.repeats_listed(term)})
+    repeated = [(term, state.screening.listed_like(term)) for term in terms]
+    sets.leave_out({term.name for term, listed in repeated if listed})
+    state = replace(state, terms={name: term for term, listed in repeated for name in listed})
     search(sets, state.screening, [state.fit], only_laws=sets.is_noise(state.fit))
     best, listed = sets.best(), sets.best_listed()
     # What somebody has listed has the benefit of the doubt.
@@ -145,52 +141,6 @@ def eliminate(state: State) -> State:
     return replace(state, fit=fit, rejected=tuple(rejected))
 
 
-def expose_stand_ins(state: State) -> State:
-    """The answer without effects whose size differs from part to part, the worst dropped first.
-
-    Also without those whose size the data would push out of its range. Either resembles something
-    that nobody listed.
-    """
-    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
-    masks = folds(sets.residuals)
-    while not sets.is_noise(fit):
-        spreads = {c.name: _spread(state, masks, fit, c) for c in fit.candidates}
-        stand_ins = {name: s.share for name, s in spreads.items() if s and s.of_a_stand_in}
-        reasons = {name: _STANDS_IN.format(share) for name, share in stand_ins.items()}
-        for name in _at_their_ends(sets, fit) - stand_ins.keys():
-            stand_ins[name], reasons[name] = 0.0, _AT_ITS_END
-        if not stand_ins:
-            break
-        worst = max(sorted(stand_ins), key=lambda name: stand_ins[name])
-        without = sets.settled(sets.without(fit, worst))
-        rejected.append(Rejected(worst, without.rss - fit.rss, reasons[worst]))
-        fit = without
-    return replace(state, fit=fit, rejected=tuple(rejected))
-
-
-def _at_their_ends(sets: Hypotheses, fit: Fit) -> set[str]:
-    """Listed effects whose size the data would push beyond the largest that it may be."""
-    bounds = set(sets.evidence.at_bound(fit))
-    return {
-        c.name
-        for c in fit.candidates
-        for p in c.parameters
-        if not c.law
-        and p.role is Role.AMPLITUDE
-        and f"{c.name}.{p.name}" in bounds
-        and p.plausible is not None
-        and p.beyond(fit.settings[c.name][p.name]) > 0
-    }
-
-
-def _spread(state: State, masks: Sequence[Mask], fit: Fit, effect: Candidate) -> Spread | None:
-    """Spread of a listed effect's size; that of a free-form term is not asked for."""
-    sets = state.sets
-    return (
-        None if effect.law else spread(sets.residuals, sets.evidence.noise, masks, fit, effect.name)
-    )
-
-
 def hold_out(state: State) -> State:
     """The answer without effects that held-out parts do not support, the worst dropped first."""
     fit, rejected = state.fit, list(state.rejected)
@@ -218,8 +168,8 @@ def drop_outweighed(state: State) -> State:
     What nobody listed is there and is the larger: by itself it looks like several listed effects
     as well, in every part of the data. Calibrations, which name nothing, stay.
     """
-    while _is_unexplained(state):
-        sets, fit = state.sets, state.fit
+    sets = state.sets
+    while not sets.leaves_noise(fit := state.fit):
         left = fit.rss - sets.noise_rss(fit)
         listed = sorted(
             c.name for c in fit.candidates if not c.law and not sets.evidence.calibrated(fit, c)
@@ -236,10 +186,13 @@ def drop_outweighed(state: State) -> State:
 def prefer_lower(state: State) -> State:
     """The answer, or a fitted set of no more effects that has a lower EBIC, once some are dropped.
 
-    An effect that goes may have led to a choice among others that is worse without it.
+    An effect that goes may have led to a choice among others that is worse without it. In place of
+    a stand-in nothing is preferred: another one would be.
     """
     sets, fit = state.sets, state.fit
     dropped = {r.name for r in state.rejected}
+    if state.stand_ins:
+        return state
     others = [
         other
         for other in sets.ranked()
@@ -250,13 +203,7 @@ def prefer_lower(state: State) -> State:
     lower = sets.evidence.lowest([fit, *others])
     if not dropped or lower.key == fit.key:
         return state
-    return drop_outweighed(expose_stand_ins(replace(state, fit=sets.settled(lower))))
-
-
-def _is_unexplained(state: State) -> bool:
-    """True if the answer, with its free-form terms, leaves more than noise."""
-    remainder = examine(state.sets.residuals, state.fit.residual, len(state.fit.order))
-    return remainder.significant and _as_noise(state, remainder) is None
+    return replace(state, fit=sets.settled(lower))
 
 
 def set_laws_apart(state: State) -> State:
@@ -274,44 +221,13 @@ def set_laws_apart(state: State) -> State:
         fit = reduced[0]
     sets.judge_by(fit)
     if laws:
-        apart = replace(state, fit=fit, drafted=state.fit, drafted_held=state.held)
-        return hold_out(drop_outweighed(eliminate(_expose_moved(apart))))
+        apart = expose_beside_drafts(replace(state, fit=fit, drafted=state.fit))
+        assert apart.drafted is not None, "the drafts stay"
+        held = state.held if apart.drafted is state.fit else _held(sets, apart.drafted)
+        return hold_out(drop_outweighed(eliminate(replace(apart, drafted_held=held))))
     # What passed for noise with a memory may not, by the noise that the listed effects leave.
     outweighed = drop_outweighed(state)
     return hold_out(outweighed) if outweighed.fit is not state.fit else state
-
-
-def _expose_moved(state: State) -> State:
-    """The answer without effects whose part of the prediction the drafts change, the worst first.
-
-    An effect that is present has the same size whether or not the rest is fitted beside it.
-    Calibrations, which name nothing, stay.
-    """
-    sets, rejected = state.sets, list(state.rejected)
-    fit, drafted = state.fit, state.drafted
-    assert drafted is not None, "asked where there are drafts only"
-    while True:
-        listed = sorted(c.name for c in fit.candidates if not sets.evidence.calibrated(fit, c))
-        moved = {name: _moved(sets, fit, drafted, name) for name in listed}
-        worst = max(listed, key=lambda name: moved[name], default=None)
-        if worst is None or moved[worst] <= MAJORITY:
-            break
-        without = sets.settled(sets.without(fit, worst))
-        reason = _MOVED.format(moved[worst])
-        rejected.append(Rejected(worst, without.rss - fit.rss, reason))
-        fit, drafted = without, sets.without(drafted, worst)
-    held = state.drafted_held if drafted is state.drafted else _held(sets, drafted)
-    return replace(state, fit=fit, drafted=drafted, drafted_held=held, rejected=tuple(rejected))
-
-
-def _moved(sets: Hypotheses, fit: Fit, drafted: Fit, name: str) -> float:
-    """Change of the effect's part of the prediction in `drafted`, as a share of that in `fit`."""
-    if name not in drafted.settings:
-        return 0.0
-    off = sets.switched_off(fit, frozenset({name})).residual
-    other = sets.residuals.at({**fit.settings, name: drafted.settings[name]})
-    size = float(np.linalg.norm(off - fit.residual))
-    return float(np.linalg.norm(other - fit.residual)) / size if size else 0.0
 
 
 def examine_remainder(state: State) -> State:
@@ -327,7 +243,7 @@ def examine_remainder(state: State) -> State:
         return replace(state, remainder=remainder)
     if not remainder.significant:
         return replace(state, remainder=remainder)
-    note = _as_noise(state, remainder)
+    note = as_noise(sets.residuals, sets.evidence.noise, fit.residual, remainder)
     if note is None:
         return replace(state, remainder=remainder)
     remainder = replace(remainder, significant=False)
@@ -338,29 +254,6 @@ def _main_law(sets: Hypotheses, drafted: Fit) -> Law:
     """The free-form term that explains most."""
     laws = {c.name: c.law for c in drafted.candidates if c.law}
     return laws[max(laws, key=lambda name: (sets.without(drafted, name).rss, name))]
-
-
-def _as_noise(state: State, remainder: Remainder) -> str | None:
-    """Reason why a residual that fails the tests may be noise all the same; None if none."""
-    residual = state.fit.residual
-    if remainder.only_size:
-        return (
-            f"the noise is {remainder.scatter:.2g} times as much as stated, and white: "
-            "intervals and evidence are those of the larger one"
-        )
-    parts = state.sets.residuals.split(residual)
-    white = sum(len(own) * difference_variance(own) for own in parts) / len(residual)
-    square = float(np.mean(residual**2))
-    alike = f"neighbouring samples are {'alike' if white < square else 'unlike'}"
-    if not state.sets.residuals.known_noise:
-        return f"the noise has a memory: {alike}"
-    most = (1 + TOLERANCE) ** 2
-    # The variance of noise with a memory is known from few independent samples.
-    spread = 1 + _STANDARD_ERRORS * float(np.sqrt(2 / state.sets.evidence.noise.samples.sum()))
-    if square > most * spread or 1 / most < white < most:
-        return None
-    size = "of the stated size" if square > 1 / most else f"{square**0.5:.2g} times the stated"
-    return f"the noise is {size} and not white: {alike}"
 
 
 def find_alternatives(state: State) -> State:
@@ -388,6 +281,8 @@ PASSES: tuple[Pass, ...] = (
     expose_stand_ins,
     drop_outweighed,
     prefer_lower,
+    expose_stand_ins,
+    drop_outweighed,
     hold_out,
     set_laws_apart,
     examine_remainder,

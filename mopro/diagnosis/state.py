@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.fitting.residual import Residuals
@@ -41,7 +42,9 @@ class Problem:
 class State:
     """State between two passes: the fitted sets, and the answer so far.
 
-    `drafted`: the answer with the free-form terms that stand beside it.
+    `drafted`: the answer with the free-form terms that stand beside it. `terms`: the free-form
+    terms that do what a listed effect does, by the name of that. `stand_ins`: the effects that
+    turned out to stand for something that nobody listed.
     """
 
     problem: Problem
@@ -49,11 +52,13 @@ class State:
     screening: Screening
     fit: Fit
     drafted: Fit | None = None
+    terms: Mapping[str, Candidate] = field(default_factory=dict)
     held: HeldOut | None = None
     drafted_held: HeldOut | None = None
     remainder: Remainder = NOTHING_LEFT
     alternatives: tuple[Alternative, ...] = ()
     rejected: tuple[Rejected, ...] = ()
+    stand_ins: frozenset[str] = frozenset()
     notes: tuple[str, ...] = ()
 
     @staticmethod

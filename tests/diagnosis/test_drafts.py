@@ -8,7 +8,7 @@ import pytest
 import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import names
-from mopro.diagnosis import Candidate, Parameter
+from mopro.diagnosis import Candidate, Parameter, Series
 
 SIGMA = 0.1
 SERVO = Servo()
@@ -98,14 +98,63 @@ def with_cube(settings):
     ]
 
 
-@pytest.mark.parametrize(("k", "named"), [(-5.0, set()), (2.0, set()), (40.0, {"spring"})])
-def test_an_effect_that_is_another_beside_the_draft_stands_in_for_something_else(k, named):
+@pytest.mark.parametrize(
+    ("k", "reason"),
+    [(-5.0, "beside the free-form terms"), (2.0, "beside the free-form terms"),
+     (40.0, "as a function of x, what is there has another shape")],
+)  # fmt: skip
+def test_an_effect_that_the_draft_shows_to_be_something_else_is_a_part_of_the_law(k, reason):
     """Alone the spring makes up for most of the cube, as one of 12 N/m more."""
     spring = Candidate("spring", (Parameter("k", "N/m", -200.0, 200.0, (10.0,)),))
     truth = {"spring": {"k": k}, "cube": {"c": 1500.0}}
     verdict = mopro.reconcile(with_cube, [spring], measured(truth, predict=with_cube))
-    assert (verdict.verdict, names(verdict)) == ("unexplained", named)
-    assert [draft.name for draft in verdict.drafts] == ["x³ in force"]
-    assert verdict.drafts[0].held_out
-    reasons = [r.reason for r in verdict.rejected if r.name == "spring"]
-    assert ["beside the free-form terms" in reason for reason in reasons] == [True] * (not named)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+    (rejected,) = [r for r in verdict.rejected if r.name == "spring"]
+    assert reason in rejected.reason
+    drafts = {draft.name: draft for draft in verdict.drafts}
+    assert set(drafts) == {"x in force", "x³ in force"}
+    assert all(draft.held_out for draft in drafts.values())
+    # The force is 1 N at 1 m where only the line counts, and where only the cube does.
+    t, one = np.zeros(1), np.ones(1)
+    assert values_of(drafts["x in force"], t, one) == pytest.approx(-k, abs=0.5)
+    assert values_of(drafts["x³ in force"], t, one) == pytest.approx(-1500.0, rel=0.05)
+
+
+def test_a_term_takes_the_place_of_an_effect_whose_size_differs_from_part_to_part():
+    """A drag that is another in each run: no drag of one size, and a law of v all the same."""
+
+    def predict(settings):
+        own = zip(SERVO.predict({}), SERVO.motions, (2.0, 3.0, 4.0), strict=True)
+        return [force + drag * motion[1] * len(settings) for force, motion, drag in own]
+
+    data = [
+        replace(series, labels={**series.labels, "velocity": motion[1]})
+        for series, motion in zip(
+            measured({"drags": {}}, predict=predict), SERVO.motions, strict=True
+        )
+    ]
+    verdict = mopro.reconcile(SERVO.predict, CATALOGUE, data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+    assert any(r.name == "viscous" and "from part to part" in r.reason for r in verdict.rejected)
+    assert verdict.remainder.variable == "v"
+    assert [draft.name for draft in verdict.drafts] == ["v in force"]
+
+
+def test_a_reading_that_lags_is_drafted_as_a_lag():
+    """A step response through a sensor with a time constant of 0.3 s, which nobody listed."""
+    t = np.linspace(0.0, 5.0, 1000)
+    ambient = Candidate("drift", (Parameter("rate", "K/s", -10.0, 10.0, (1.0,)),))
+
+    def predict(settings):
+        return [10.0 * (1 - np.exp(-t)) + settings.get("drift", {"rate": 0.0})["rate"] * t]
+
+    # The answer of a first-order lag to 1 - exp(-t), in closed form.
+    late = 10.0 * (1 - (np.exp(-t) - 0.3 * np.exp(-t / 0.3)) / 0.7)
+    values = late + 0.05 * np.random.default_rng(3).standard_normal(len(t))
+    data = [Series("run", "probe", "K", values, 0.05, t, np.arange(1000) // 200)]
+    verdict = mopro.reconcile(predict, [ambient], data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+    (draft,) = verdict.drafts
+    assert (draft.name, draft.of, draft.enters) == ("lag in probe", "t", "measurement")
+    lag_s = float(draft.law.removeprefix("(lag(y, ").removesuffix(") - y)"))
+    assert lag_s == pytest.approx(0.3, rel=0.02)

@@ -14,7 +14,7 @@ from mopro.diagnosis.state import Problem, State
 T = times(2000)
 # The response to something in no catalogue, and a listed one that has much in common with it.
 UNLISTED = np.sin(2 * T**2)
-LISTED = np.sin(2 * T**2 + 1.0)
+LISTED = 0.5 * UNLISTED + np.cos(3 * T**2)
 SHARED = float(UNLISTED @ LISTED) ** 2 / float(UNLISTED @ UNLISTED) / float(LISTED @ LISTED)
 
 

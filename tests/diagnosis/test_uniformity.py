@@ -23,13 +23,20 @@ def model(settings):
     return [(wave + varying * HEIGHTS[MOVE]) * np.sin(9 * T)]
 
 
-def spread_of(truth, seed=0):
+def slope(settings):
+    (size,) = sizes(settings, "slope")
+    return [size * T]
+
+
+def spread_of(truth, seed=0, sigma=0.05, beside=0.0):
     (values,) = model(truth)
-    residuals = Residuals(model, measured(values, 0.05, seed))
+    residuals = Residuals(model, measured(values + beside, sigma, seed))
     (wave,) = candidates("wave")
     sets = Hypotheses(residuals, [wave])
     fit = sets.fitted([wave], of_size(wave=1.0))
-    return spread(residuals, sets.evidence.noise, folds(residuals), fit, "wave")
+    return spread(
+        residuals, sets.evidence.noise, folds(residuals), fit, "wave", fit.rss - fit.count
+    )
 
 
 def test_a_true_effect_has_one_size():
@@ -46,9 +53,34 @@ def test_the_spread_is_that_of_the_sizes():
     assert found.share == pytest.approx(HEIGHTS.std(ddof=1) / HEIGHTS.mean(), rel=0.1)
 
 
-def test_a_small_spread_is_told_and_is_no_stand_in():
-    found = spread_of(of_size(wave=1.0, varying=0.1))
+@pytest.mark.parametrize("sigma", [0.05, 0.005])
+def test_a_small_spread_that_is_most_of_what_remains_is_a_stand_ins(sigma):
+    """Whatever the noise: what remains is the same."""
+    found = spread_of(of_size(wave=1.0, varying=0.1), sigma=sigma)
     assert found.significant
+    assert found.share == pytest.approx(
+        0.1 * HEIGHTS.std(ddof=1) / (1 + 0.1 * HEIGHTS.mean()), rel=0.1
+    )
+    assert found.of_a_stand_in
+
+
+def test_a_small_spread_beside_something_larger_is_no_stand_ins():
+    found = spread_of(of_size(wave=1.0, varying=0.1), beside=0.5 * np.cos(31 * T))
+    assert found.significant
+    assert not found.of_a_stand_in
+
+
+def test_what_is_slow_is_taken_for_an_offset_and_not_for_another_size():
+    """A size for each part fits anything slow beside an effect that is slow itself."""
+    values = T + 0.5 * (1 - np.exp(-T / 1.5))
+    residuals = Residuals(slope, measured(values, 0.05, 0))
+    (candidate,) = candidates("slope")
+    sets = Hypotheses(residuals, [candidate])
+    fit = sets.fitted([candidate], of_size(slope=1.0))
+    found = spread(
+        residuals, sets.evidence.noise, folds(residuals), fit, "slope", fit.rss - fit.count
+    )
+    assert found.of_remainder < 0.3
     assert not found.of_a_stand_in
 
 
@@ -59,7 +91,7 @@ def test_two_parts_do_not_tell():
     sets = Hypotheses(residuals, [wave])
     fit = sets.fitted([wave], of_size(wave=1.0))
     noise = sets.evidence.noise
-    assert spread(residuals, noise, [MOVE < 2, MOVE >= 2], fit, "wave") is None
+    assert spread(residuals, noise, [MOVE < 2, MOVE >= 2], fit, "wave", fit.rss) is None
 
 
 def test_what_stands_in_is_not_named_and_the_reason_is_given():

@@ -16,7 +16,7 @@ from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
 from mopro.diagnosis.statistics.evidence import Evidence
 from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.remainder import examine, noise_of
+from mopro.diagnosis.statistics.remainder import as_noise, examine, noise_of
 from mopro.jobs import in_threads
 
 T = TypeVar("T")
@@ -110,6 +110,13 @@ class Hypotheses:
     def is_noise(self, fit: Fit) -> bool:
         """True if the residual of `fit` passes the tests of noise of the stated size."""
         return not examine(self.residuals, fit.residual, len(fit.order)).significant
+
+    def leaves_noise(self, fit: Fit) -> bool:
+        """True if what `fit` leaves may be noise, of whatever size and memory."""
+        remainder = examine(self.residuals, fit.residual, len(fit.order))
+        return not remainder.significant or bool(
+            as_noise(self.residuals, self.evidence.noise, fit.residual, remainder)
+        )
 
     def judge_by(self, fit: Fit) -> None:
         """Judge by noise like the remainder of `fit`, unless that is as stated."""

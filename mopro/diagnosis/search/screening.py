@@ -99,6 +99,10 @@ class Screening:
         closer = probed_at(self._sets.residuals, at, candidate, first.starts[0])
         return score_test(base, base.tangent, candidate, [*groups, closer])
 
+    def of(self, base: Fit, candidates: Sequence[Candidate]) -> list[ScoreTest]:
+        """Score tests of `candidates` beside `base`, the lowest predicted EBIC first."""
+        return self._scores(base, base, candidates)
+
     def _sorted(self, base: Fit, scores: Sequence[ScoreTest]) -> list[ScoreTest]:
         return sorted(scores, key=lambda s: self.predicted_ebic(base, s))
 
@@ -131,17 +135,18 @@ class Screening:
             strongest = max(strongest, own * max(factors))
         return strongest
 
-    def repeats_listed(self, law: Candidate) -> bool:
-        """True if a free-form term does what a listed effect does: their signatures are one."""
+    def listed_like(self, law: Candidate) -> set[str]:
+        """The listed effects that do what a free-form term does: their signatures are one."""
         null, listed = self._sets.null, [c for c in self._sets.catalogue if not c.law]
         own = self._signatures(null, law)
-        return any(
-            alike(one.change, other.change)
+        return {
+            candidate.name
             for candidate in listed
             for group in self._signatures(null, candidate)
             for other in group
             for (one, *_) in own
-        )
+            if alike(one.change, other.change)
+        }
 
     def predicted_ebic(self, base: Fit, score: ScoreTest) -> float:
         """Predicted EBIC of `base` with a candidate added, for white noise."""

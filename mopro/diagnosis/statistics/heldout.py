@@ -79,11 +79,11 @@ def _gain(noise: Noise, masks: Sequence[Mask], without: Floats, after: Floats) -
     return gain if fall > 0 else min(gain, fall)
 
 
-def folds(residuals: Residuals) -> list[Mask]:
+def folds(residuals: Residuals, most: int = MOST_FOLDS) -> list[Mask]:
     """Masks (samples) of the folds: the moves of each run, or whole runs, as given.
 
     All sensors of a run hold out the same moves together. Moves are joined so that there are
-    a dozen folds at most.
+    `most` folds at the most.
     """
     labels: list[NDArray[np.int64]] = []
     numbers: dict[tuple[str, int], int] = {}
@@ -93,8 +93,8 @@ def folds(residuals: Residuals) -> list[Mask]:
         known = [numbers.setdefault((series.run, int(move)), len(numbers)) for move in moves]
         labels.append(np.array(known)[inverse])
     joined = np.concatenate(labels)
-    if len(numbers) > MOST_FOLDS:
-        joined = joined % MOST_FOLDS
+    if len(numbers) > most:
+        joined = joined % most
     return [joined == label for label in np.unique(joined)]
 
 

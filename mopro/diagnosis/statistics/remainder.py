@@ -36,6 +36,8 @@ from mopro.diagnosis.statistics.spectrum import position_spectrum
 # Standard deviations of the noise beyond which a sample is a wild one. Doubled, three wild samples
 # at the end of a record are a step.
 _WILD = -float(special.ndtri(FALSE_ALARMS / 2))
+# Standard errors by which the variance of noise with a memory may be above the stated one.
+_STANDARD_ERRORS = _WILD
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,30 @@ def examine(
         return Remainder(True, clearest.description, p_value, scatter, clearest.variable)
     words = f"more scatter than the sensor's noise, {scatter:.3g} times as much"
     return Remainder(True, words, p_value, scatter, only_size=len(parts) == len(residuals.data))
+
+
+def as_noise(
+    residuals: Residuals, noise: Noise, residual: Floats, remainder: Remainder
+) -> str | None:
+    """Reason why a residual that fails the tests may be noise all the same; None if none."""
+    if remainder.only_size:
+        return (
+            f"the noise is {remainder.scatter:.2g} times as much as stated, and white: "
+            "intervals and evidence are those of the larger one"
+        )
+    parts = residuals.split(residual)
+    white = sum(len(own) * difference_variance(own) for own in parts) / len(residual)
+    square = float(np.mean(residual**2))
+    alike = f"neighbouring samples are {'alike' if white < square else 'unlike'}"
+    if not residuals.known_noise:
+        return f"the noise has a memory: {alike}"
+    most = (1 + TOLERANCE) ** 2
+    # The variance of noise with a memory is known from few independent samples.
+    spread = 1 + _STANDARD_ERRORS * math.sqrt(2 / float(noise.samples.sum()))
+    if square > most * spread or 1 / most < white < most:
+        return None
+    size = "of the stated size" if square > 1 / most else f"{square**0.5:.2g} times the stated"
+    return f"the noise is {size} and not white: {alike}"
 
 
 def noise_of(residuals: Residuals, residual: Floats, parameters: int) -> Noise:

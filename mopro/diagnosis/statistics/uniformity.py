@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+from numpy.typing import NDArray
+from scipy import linalg, special
 
-from mopro.diagnosis.constants import FALSE_ALARMS, FEWEST, LEAST_SHARE, MAJORITY, ROUNDING
+from mopro.diagnosis.constants import FALSE_ALARMS, FEWEST, LEAST_SHARE, MAJORITY, ROUNDING, TINY
 from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.fitting.residual import Residuals, projected_out
 from mopro.diagnosis.model import Floats, Mask, Role
@@ -24,8 +25,8 @@ from mopro.diagnosis.statistics.noise import Noise
 class Spread:
     """Standard deviation of an effect's sizes among the parts beyond their errors, over its size.
 
-    `significant`: Cochran's test finds that the parts differ. `of_remainder`: the share of the
-    remaining sum of squares that a size for each part takes away.
+    `significant`: Cochran's test finds that the parts differ. `of_remainder`: the share of what
+    remains beyond the noise that a size for each part takes away, beside an offset for each.
     """
 
     share: float
@@ -40,38 +41,64 @@ class Spread:
 
 
 def spread(
-    residuals: Residuals, noise: Noise, masks: Sequence[Mask], fit: Fit, name: str
+    residuals: Residuals,
+    noise: Noise,
+    masks: Sequence[Mask],
+    fit: Fit,
+    name: str,
+    unexplained: float,
 ) -> Spread | None:
     """Spread of the size of the effect `name` of `fit` among the parts in `masks`.
 
-    To first order: in each part the effect has a factor of its own, everything else adapts. The
-    variance between the parts is that of DerSimonian and Laird (1986); its errors are those of
-    noise like what then remains. None where fewer than three parts know the size.
+    To first order: in each part the effect has a factor of its own, each series an offset of its
+    own, and all else adapts. What is slow is the offsets', as sizes that differ from part to part
+    fit anything slow. The variance between the parts is that of DerSimonian and Laird (1986), for
+    sizes whose errors are correlated; the errors are those of noise like what then remains.
+    `unexplained`: what `fit` leaves beyond noise (chi-squared), 0 if it leaves noise. None where
+    fewer than three parts know the size.
     """
+    offsets = _offsets(residuals, masks)
     own = np.array([n == name and p.role is Role.AMPLITUDE for n, p in fit.order], dtype=bool)
     away = fit.values - np.array([p.null for _, p in fit.order])
     change = fit.jacobian[:, own] @ away[own]
-    information = np.array([float(change[mask] @ change[mask]) for mask in masks])
-    seen = np.flatnonzero(information > LEAST_SHARE * information.mean())
-    if len(seen) < FEWEST:
+    parts = _less_means(np.column_stack([np.where(mask, change, 0.0) for mask in masks]), offsets)
+    information = np.sum(parts**2, axis=0)
+    seen = information > LEAST_SHARE * information.mean()
+    if seen.sum() < FEWEST:
         return None
-    parts = np.column_stack([np.where(masks[i], change, 0.0) for i in seen.tolist()])
-    others, _ = np.linalg.qr(fit.jacobian[:, ~own])
-    apart = projected_out(others, projected_out(residuals.basis, parts))
+    adapting = _less_means(np.hstack([fit.jacobian[:, ~own], residuals.basis]), offsets)
+    others = linalg.orth(adapting / np.maximum(np.linalg.norm(adapting, axis=0), TINY), ROUNDING)
+    apart = projected_out(others, parts[:, seen])
+    before = projected_out(others, _less_means(fit.residual[:, None], offsets)[:, 0])
     inverse = np.linalg.pinv(apart.T @ apart, ROUNDING, hermitian=True)
-    sizes = -inverse @ (apart.T @ fit.residual)
-    left = fit.residual + apart @ sizes
+    sizes = -inverse @ (apart.T @ before)
+    left = before + apart @ sizes
     coloured = noise.like(left).transformed(apart @ inverse)
     deviation, significant = _between(sizes, coloured.T @ coloured)
-    return Spread(deviation, significant, 1 - float(left @ left) / fit.rss)
+    fall = float(before @ before - left @ left)
+    return Spread(deviation, significant, fall / unexplained if unexplained > 0 else 0.0)
+
+
+def _offsets(residuals: Residuals, masks: Sequence[Mask]) -> NDArray[np.intp]:
+    """Number (samples) of the offset of each series in each part."""
+    series = np.repeat(np.arange(len(residuals.data)), [len(s) for s in residuals.data])
+    part = np.argmax(masks, axis=0)
+    return np.asarray(np.unique(part * len(residuals.data) + series, return_inverse=True)[1])
+
+
+def _less_means(columns: Floats, offsets: NDArray[np.intp]) -> Floats:
+    """`columns` (samples x any) less their mean over each of the `offsets`."""
+    sums = np.array([np.bincount(offsets, column) for column in columns.T])
+    means = sums / np.bincount(offsets)
+    return np.asarray(columns - means.T[offsets])
 
 
 def _between(sizes: Floats, covariance: Floats) -> tuple[float, bool]:
     """Standard deviation between `sizes` beyond their `covariance`, and if it is significant."""
-    weights = 1 / np.diag(covariance)
-    mean = float(weights @ sizes / weights.sum())
-    q = float(weights @ (sizes - mean) ** 2)
+    weights = np.linalg.pinv(covariance, ROUNDING, hermitian=True)
+    away = sizes - float(np.sum(weights @ sizes) / weights.sum())
+    q = float(away @ weights @ away)
     freedom = len(sizes) - 1
-    variance = (q - freedom) / float(weights.sum() - weights @ weights / weights.sum())
+    expected = float(np.trace(weights) - np.sum(weights @ weights) / weights.sum())
     significant = q > float(special.chdtri(freedom, FALSE_ALARMS))
-    return math.sqrt(max(variance, 0.0)), significant
+    return math.sqrt(max((q - freedom) / expected, 0.0)), significant

@@ -1,0 +1,192 @@
+"""Stand-ins: listed effects that resemble what nobody listed, and what gives them away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import linalg
+
+from mopro.diagnosis.constants import (
+    FEWEST,
+    LEAST_SHARE,
+    MAJORITY,
+    MOST_FOLDS,
+    ROUNDING,
+)
+from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.fitting.residual import projected_out
+from mopro.diagnosis.model import Floats, Mask, Role
+from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.search.signature import signatures
+from mopro.diagnosis.state import State
+from mopro.diagnosis.statistics.heldout import folds
+from mopro.diagnosis.statistics.uniformity import spread
+from mopro.diagnosis.verdict import Rejected
+
+_STANDS_IN = "it stands in for something else"
+_SPREAD = "its size differs from part to part by {:.0%}: " + _STANDS_IN
+_AT_ITS_END = "its size ends at the end of its range: " + _STANDS_IN
+_MOVED = "its part changes by {:.0%} beside the free-form terms: " + _STANDS_IN
+_RESHAPED = "as a function of {}, what is there has another shape: " + _STANDS_IN
+
+# Parts whose sizes are compared, at the most. An effect that stands in for another one may have the
+# right size on the average of a few moves. Halved, moves of different size are told as one.
+_MOST_PARTS = FEWEST * MOST_FOLDS
+
+
+def expose_stand_ins(state: State) -> State:
+    """The answer without effects whose size differs from part to part, the worst dropped first.
+
+    Also without those whose size the data would push out of its range. Either resembles something
+    that nobody listed. A free-form term that does the same takes its place, and names nothing.
+    """
+    sets = state.sets
+    parts = folds(sets.residuals, _MOST_PARTS)
+    while not sets.is_noise(state.fit):
+        reasons = _of_several_sizes(sets, parts, state.fit)
+        for name in _at_their_ends(sets, state.fit) - reasons.keys():
+            reasons[name] = 0.0, _AT_ITS_END
+        if not reasons:
+            break
+        worst = max(sorted(reasons), key=lambda name: reasons[name][0])
+        without = _taken_over(state, state.fit, worst)
+        state = replace(_exposed(state, worst, reasons[worst][1]), fit=without)
+    return state
+
+
+def _exposed(state: State, name: str, reason: str) -> State:
+    """The state with an effect of its answer known for a stand-in, the answer as it was."""
+    gain = state.sets.without(state.fit, name).rss - state.fit.rss
+    rejected = (*state.rejected, Rejected(name, gain, reason))
+    return replace(state, rejected=rejected, stand_ins=state.stand_ins | {name})
+
+
+def _of_several_sizes(
+    sets: Hypotheses, parts: Sequence[Mask], fit: Fit
+) -> dict[str, tuple[float, str]]:
+    """Listed effects of `fit` whose size differs among the parts, by how much, and the reason."""
+    answer = {}
+    unexplained = 0.0 if sets.leaves_noise(fit) else _beyond_noise(sets, fit)
+    for name in sorted(c.name for c in fit.candidates if not c.law):
+        if sets.evidence.calibrated(fit, next(c for c in fit.candidates if c.name == name)):
+            continue
+        own = spread(sets.residuals, sets.evidence.noise, parts, fit, name, unexplained)
+        if own is not None and own.of_a_stand_in:
+            answer[name] = own.share, _SPREAD.format(own.share)
+    return answer
+
+
+def _beyond_noise(sets: Hypotheses, fit: Fit) -> float:
+    """Sum of squares that `fit` leaves beyond that of the noise; all of it if that is not less."""
+    beyond = fit.rss - sets.noise_rss(fit)
+    return beyond if beyond > 0 else fit.rss
+
+
+def _at_their_ends(sets: Hypotheses, fit: Fit) -> set[str]:
+    """Listed effects whose size the data would push beyond the largest that it may be."""
+    bounds = set(sets.evidence.at_bound(fit))
+    return {
+        c.name
+        for c in fit.candidates
+        for p in c.parameters
+        if not c.law
+        and p.role is Role.AMPLITUDE
+        and f"{c.name}.{p.name}" in bounds
+        and p.plausible is not None
+        and p.beyond(fit.settings[c.name][p.name]) > 0
+    }
+
+
+def expose_beside_drafts(state: State) -> State:
+    """The answer without effects that the drafts show to be something else, the worst first.
+
+    An effect that is present has the same size whether or not the rest is fitted beside it, and
+    its law has the form that somebody listed. Calibrations, which name nothing, stay.
+    """
+    sets = state.sets
+    while state.drafted is not None:
+        listed = [
+            c.name for c in state.fit.candidates if not sets.evidence.calibrated(state.fit, c)
+        ]
+        reasons = _moved(sets, state.fit, state.drafted, listed) or _reshaped(
+            state, state.drafted, listed
+        )
+        if not reasons:
+            break
+        worst = max(sorted(reasons), key=lambda name: reasons[name][0])
+        state = replace(
+            _exposed(state, worst, reasons[worst][1]),
+            fit=sets.settled(sets.without(state.fit, worst)),
+            drafted=_taken_over(state, state.drafted, worst),
+        )
+    return state
+
+
+def _moved(
+    sets: Hypotheses, fit: Fit, drafted: Fit, listed: Sequence[str]
+) -> dict[str, tuple[float, str]]:
+    """Effects whose part of the prediction is mostly another in `drafted`, and by how much."""
+    answer = {}
+    for name in sorted(drafted.names.intersection(listed)):
+        size = float(np.linalg.norm(_part(sets, fit, name)))
+        other = sets.residuals.at({**fit.settings, name: drafted.settings[name]})
+        change = float(np.linalg.norm(other - fit.residual)) / size if size else 0.0
+        if change > MAJORITY:
+            answer[name] = change, _MOVED.format(change)
+    return answer
+
+
+def _part(sets: Hypotheses, fit: Fit, name: str) -> Floats:
+    """What an effect of `fit` takes from the whitened residual (samples), no other adapting."""
+    return sets.switched_off(fit, frozenset({name})).residual - fit.residual
+
+
+def _reshaped(state: State, drafted: Fit, listed: Sequence[str]) -> dict[str, tuple[float, str]]:
+    """Effects that are one form of a law of which a draft is another, and 0 for each.
+
+    The law is all terms that enter where the draft does and are functions of the same variable.
+    """
+    answer = {}
+    drafts = [c.law for c in drafted.candidates if c.law and c.find_starts is None]
+    for enters, of in sorted({(law.enters, law.of) for law in drafts}):
+        basis = _law(state, drafted, enters, of)
+        for name in sorted(drafted.names.intersection(listed)):
+            part = _part(state.sets, drafted, name)
+            left = projected_out(basis, part)
+            if float(left @ left) < LEAST_SHARE**2 * float(part @ part):
+                answer[name] = 0.0, _RESHAPED.format(of)
+    return answer
+
+
+def _law(state: State, fit: Fit, enters: str, of: str) -> Floats:
+    """Orthonormal basis (samples x terms) of the responses to a law of one variable, at `fit`."""
+    known = {c.name: c for c in (*state.sets.catalogue, *state.terms.values()) if c.law}
+    changes = [
+        probe.change
+        for term in known.values()
+        if term.law and (term.law.enters, term.law.of) == (enters, of) and not term.find_starts
+        for group in signatures(state.sets.residuals, fit, term)
+        for probe in group
+    ]
+    return np.asarray(linalg.orth(np.column_stack(changes), ROUNDING))
+
+
+def _taken_over(state: State, fit: Fit, name: str) -> Fit:
+    """`fit` without an effect, and with the free-form term that best describes what it stood for.
+
+    None where no term describes most of what is left.
+    """
+    sets = state.sets
+    without = sets.settled(sets.without(fit, name))
+    terms = [c for c in sets.catalogue if c.law and c.name not in without.names]
+    if name in state.terms:
+        terms.append(state.terms[name])
+    best = next((s for s in state.screening.of(without, terms) if s.starts), None)
+    if best is None:
+        return without
+    start = {**without.settings, **best.starts[0]}
+    described = sets.settled(sets.fitted((*without.candidates, best.candidate), start))
+    most = MAJORITY * _beyond_noise(sets, without)
+    return described if without.rss - described.rss > most else without
