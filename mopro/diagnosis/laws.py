@@ -223,10 +223,12 @@ def _proportional(sensor: str, series: Sequence[Series], shape: _Shape) -> Itera
 def _lag(sensor: str, series: Sequence[Series]) -> Iterator[Candidate]:
     """A lag of the first order of what is predicted: a late reading, or one in advance.
 
-    None where the speed of a place tells the same, or where the times do not ascend.
+    None where the speed of a place tells the same, where the prediction is made from the readings,
+    or where the times do not ascend.
     """
     told = _labelled(series, "velocity") and all(s.of_place for s in series)
-    if told or not all(len(s) > 1 and bool((np.diff(_values(s, "")) > 0).all()) for s in series):
+    ascending = all(len(s) > 1 and bool((np.diff(_values(s, "")) > 0).all()) for s in series)
+    if told or not ascending or any(s.fed_back for s in series):
         return
     longest = max(float(np.ptp(_values(s, ""))) for s in series)
 

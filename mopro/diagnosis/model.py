@@ -211,6 +211,8 @@ class Series:
     `position_unit`, `velocity`, `acceleration`, `temperature`) used to describe an unexplained
     residual; what was commanded, or measured by another sensor. `of_place`: its values are
     positions, so that a prediction of them tells the place and the speed better than labels.
+    `fed_back`: its prediction is made from its readings, so that terms of the prediction would
+    describe the readings by themselves.
     """
 
     run: str
@@ -224,6 +226,7 @@ class Series:
     labels: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
     position_unit: str = "m"
     of_place: bool = False
+    fed_back: bool = False
 
     def __len__(self) -> int:
         return len(self.values)

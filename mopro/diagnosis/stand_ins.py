@@ -69,9 +69,10 @@ def _of_several_sizes(
     """Listed effects of `fit` whose size differs among the parts, by how much, and the reason."""
     answer = {}
     unexplained = 0.0 if sets.leaves_noise(fit) else _beyond_noise(sets, fit)
-    for name in sorted(c.name for c in fit.candidates if not c.law):
-        if sets.evidence.calibrated(fit, next(c for c in fit.candidates if c.name == name)):
+    for candidate in fit.candidates:
+        if candidate.law or sets.evidence.calibrated(fit, candidate):
             continue
+        name = candidate.name
         own = spread(sets.residuals, sets.evidence.noise, parts, fit, name, unexplained)
         if own is not None and own.of_a_stand_in:
             answer[name] = own.share, _SPREAD.format(own.share)
@@ -164,7 +165,7 @@ def _law(state: State, fit: Fit, enters: str, of: str) -> Floats:
     """Orthonormal basis (samples x terms) of the responses to a law of one variable, at `fit`."""
     known = {c.name: c for c in (*state.sets.catalogue, *state.terms.values()) if c.law}
     changes = [
-        probe.change
+        probe.change / (float(np.linalg.norm(probe.change)) or 1.0)
         for term in known.values()
         if term.law and (term.law.enters, term.law.of) == (enters, of) and not term.find_starts
         for group in signatures(state.sets.residuals, fit, term)

@@ -44,6 +44,7 @@ def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Float
         nuisances=nuisances(reading, time_s),
         labels=labels,
         position_unit=sensor.unit if "position" in labels else "m",
+        fed_back=run.feedback,
     )
 
 

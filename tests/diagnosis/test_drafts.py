@@ -158,3 +158,7 @@ def test_a_reading_that_lags_is_drafted_as_a_lag():
     assert (draft.name, draft.of, draft.enters) == ("lag in probe", "t", "measurement")
     lag_s = float(draft.law.removeprefix("(lag(y, ").removesuffix(") - y)"))
     assert lag_s == pytest.approx(0.3, rel=0.02)
+    # A prediction that is made from the readings holds what would be told by them.
+    (fed_back,) = (replace(series, fed_back=True) for series in data)
+    drafts = mopro.reconcile(predict, [ambient], [fed_back]).drafts
+    assert "lag in probe" not in {draft.name for draft in drafts}

@@ -64,6 +64,13 @@ def test_a_small_spread_that_is_most_of_what_remains_is_a_stand_ins(sigma):
     assert found.of_a_stand_in
 
 
+def test_sizes_that_differ_by_less_than_a_linear_approximation_errs_are_one_size():
+    found = spread_of(of_size(wave=1.0, varying=0.02), sigma=1e-3)
+    assert found.significant
+    assert (found.share < 0.02, found.of_remainder > 0.9) == (True, True)
+    assert not found.of_a_stand_in
+
+
 def test_a_small_spread_beside_something_larger_is_no_stand_ins():
     found = spread_of(of_size(wave=1.0, varying=0.1), beside=0.5 * np.cos(31 * T))
     assert found.significant

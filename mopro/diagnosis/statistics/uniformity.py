@@ -14,7 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, special
 
-from mopro.diagnosis.constants import FALSE_ALARMS, FEWEST, LEAST_SHARE, MAJORITY, ROUNDING, TINY
+from mopro.diagnosis.constants import (
+    FALSE_ALARMS,
+    FEWEST,
+    LEAST_SHARE,
+    LINEARITY_ERROR,
+    MAJORITY,
+    ROUNDING,
+    TINY,
+)
 from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.fitting.residual import Residuals, projected_out
 from mopro.diagnosis.model import Floats, Mask, Role
@@ -35,9 +43,13 @@ class Spread:
 
     @property
     def of_a_stand_in(self) -> bool:
-        """True if what it explains, or what remains, is mostly the effect at other sizes."""
+        """True if what it explains, or what remains, is mostly the effect at other sizes.
+
+        Sizes that differ by no more than the error of a linear approximation are one size.
+        """
         of_explained = self.share**2 / (1 + self.share**2)
-        return self.significant and max(of_explained, self.of_remainder) > MAJORITY
+        mostly = max(of_explained, self.of_remainder) > MAJORITY
+        return self.significant and mostly and self.share > LINEARITY_ERROR
 
 
 def spread(
