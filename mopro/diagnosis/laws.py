@@ -94,12 +94,20 @@ def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
         if all(_labelled(series, label) for label in shape.labels):
             yield from _proportional(sensor, series, shape)
     if all(s.time_s is not None for s in series):
+        for shape in _LATE if _with_rests(series) else ():
+            yield from _proportional(sensor, series, shape)
         yield from _proportional(sensor, series, _TIME)
         yield from _lag(sensor, series)
         yield _line_in_time(sensor, rows)
     if _labelled(series, _POSITION):
         yield _line_in_position(sensor, rows)
         yield _bump(sensor, rows)
+
+
+def _with_rests(series: Sequence[Series]) -> bool:
+    """True if the labels tell of moves with rests between them."""
+    told = all("velocity" in s.labels and "acceleration" in s.labels for s in series)
+    return told and any(bool((_values(s, "velocity") == 0).any()) for s in series)
 
 
 def _labelled(series: Sequence[Series], label: str) -> bool:
@@ -150,6 +158,17 @@ class _Motion:
     def label(self, name: str) -> Floats:
         return _values(self.series, name)
 
+    def seconds_of(self, name: str) -> Floats:
+        """Time (s) so far in which a label was not 0."""
+        during = self.label(name)[:-1] != 0
+        return np.concatenate([[0.0], np.cumsum(np.diff(self.time_s) * during)])
+
+    @property
+    def starts(self) -> Floats:
+        """How many times the axis has set out so far."""
+        moving = self.label("velocity") != 0
+        return np.cumsum(np.diff(moving.astype(float), prepend=0.0) > 0).astype(float)
+
 
 def _motion(series: Series, predicted: Floats) -> _Motion:
     """Motion that is predicted, of places at ascending times; else that of the labels."""
@@ -186,6 +205,15 @@ _SHAPES = (
     _Shape("v t", ("velocity",), "t", "v * t", lambda m: m.velocity * m.time_s),
     _Shape("T", ("temperature",), "T", "T", lambda m: m.label("temperature")),
 )
+# A command that comes late, by a time that grows with the motion: v times that time.
+_LATE = (
+    _Shape("late by motion", ("velocity",), "command", "v * time_in_motion",
+           lambda m: m.velocity * m.seconds_of("velocity")),
+    _Shape("late by ramps", ("velocity", "acceleration"), "command", "v * time_in_ramps",
+           lambda m: m.velocity * m.seconds_of("acceleration")),
+    _Shape("late by starts", ("velocity",), "command", "v * starts",
+           lambda m: m.velocity * m.starts),
+)  # fmt: skip
 _TIME = _Shape("t", (), "t", "t", lambda m: m.time_s - m.time_s.mean())
 
 

@@ -271,6 +271,23 @@ def find_alternatives(state: State) -> State:
     return replace(state, alternatives=listed, notes=(*state.notes, *notes))
 
 
+def until_none_drops(*passes: Pass) -> Pass:
+    """The passes one after another, again and again until the answer stays as it is.
+
+    What one of them drops may be what another one was satisfied with.
+    """
+
+    def repeated(state: State) -> State:
+        while True:
+            before = state.fit
+            for each in passes:
+                state = each(state)
+            if state.fit.key == before.key:
+                return state
+
+    return repeated
+
+
 PASSES: tuple[Pass, ...] = (
     search_catalogue,
     refine_steps,
@@ -281,9 +298,7 @@ PASSES: tuple[Pass, ...] = (
     expose_stand_ins,
     drop_outweighed,
     prefer_lower,
-    expose_stand_ins,
-    drop_outweighed,
-    hold_out,
+    until_none_drops(expose_stand_ins, drop_outweighed, hold_out),
     set_laws_apart,
     examine_remainder,
     find_alternatives,

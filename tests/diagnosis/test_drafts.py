@@ -162,3 +162,39 @@ def test_a_reading_that_lags_is_drafted_as_a_lag():
     (fed_back,) = (replace(series, fed_back=True) for series in data)
     drafts = mopro.reconcile(predict, [ambient], [fed_back]).drafts
     assert "lag in probe" not in {draft.name for draft in drafts}
+
+
+def late_by(shift_s):
+    """Readings of an axis that moves and rests, four times, taken `shift_s` (samples) late (m).
+
+    Also the times (s) and the speeds (m/s), accelerations (m/s2) that were commanded.
+    """
+    t = np.arange(4000) / 1000
+    a = np.select([t % 1 < 0.2, t % 1 < 0.4, t % 1 < 0.6], [0.5, 0.0, -0.5], 0.0)
+    v = np.cumsum(a) / 1000
+    v[a == 0] = np.where(np.abs(v[a == 0]) < 0.01, 0.0, v[a == 0])
+    return np.interp(t - shift_s, t, np.cumsum(v) / 1000), t, v, a
+
+
+# What the delay grows with: the time in motion, that in ramps, or the number of starts.
+LATE = {
+    "motion": lambda v, a: np.cumsum(v != 0) / 1000,
+    "ramps": lambda v, a: np.cumsum(a != 0) / 1000,
+    "starts": lambda v, a: np.cumsum(np.diff(v != 0, prepend=0) > 0),
+}
+
+
+@pytest.mark.parametrize("grows_with", LATE)
+def test_a_command_that_comes_late_is_drafted_with_what_its_delay_grows_with(grows_with):
+    x, t, v, a = late_by(0.0)
+    values, *_ = late_by(5e-5 * LATE[grows_with](v, a))
+    noise = 5e-7 * np.random.default_rng(5).standard_normal(len(t))
+    labels = {"position": x, "velocity": v, "acceleration": a}
+    data = [
+        Series("run", "laser", "m", values + noise, 5e-7, t, t.astype(int), labels=labels,
+               of_place=True)
+    ]  # fmt: skip
+    verdict = mopro.reconcile(lambda settings: [x], [], data)
+    assert (verdict.verdict, verdict.remainder.variable) == ("unexplained", "command")
+    assert [draft.name for draft in verdict.drafts] == [f"late by {grows_with} in laser"]
+    assert float(verdict.drafts[0].law.split(" ")[0]) == pytest.approx(-5e-5, rel=0.05)
