@@ -70,7 +70,21 @@ def test_a_weaker_motor_is_a_heavier_forcer_with_less_damping(runs, names, expec
     """m ẍ = F sin kΔ + c (ẋ_c - ẋ): what weakens F alone does as more of m and c together."""
     truth = {"force_constant": {"e": -0.12}}
     assert np.linalg.norm(runs.change(truth)) > 20
-    assert is_equivalent_set(runs, truth, names, np.random.default_rng(1)) is expected
+    named = {name: {} for name in names}
+    assert is_equivalent_set(runs, truth, named, np.random.default_rng(1)) is expected
+
+
+@pytest.mark.parametrize(("static_N", "expected"), [(1.0, True), (2.0, False)])
+def test_the_parameters_that_a_verdict_states_are_tried_as_they_are(
+    runs, static_N, expected, monkeypatch
+):
+    """Stribeck's friction with no excess at rest is Coulomb's, which a fit of it may miss."""
+    monkeypatch.setattr("mopro.benchmark.making.equivalent.least_left", lambda *_: np.inf)
+    truth = {"coulomb_friction": {"Fc": 1.0, "delta": 5e-6}}
+    stated = {"Fc": 1.0, "Fs": static_N, "vs": 0.05, "delta": 5e-6}
+    assert np.linalg.norm(runs.change(truth)) > 20
+    named, generator = {"stribeck_friction": stated}, np.random.default_rng(1)
+    assert is_equivalent_set(runs, truth, named, generator) is expected
 
 
 def test_all_effects_that_can_be_hidden_are_left_out_once():

@@ -3,13 +3,13 @@
 A rival is equivalent if its best fit to the hidden response leaves less than the margin of
 evidence: chi-squared below 10, with an offset free in each series. Both are simulated by the
 reference plant. The rival is at most 1.5 times as strong as the far end of its range, as in a
-diagnosis. Of sets of several rivals there are too many to try them all: a set that a verdict names
-is tried by itself, when the verdict is judged.
+diagnosis. Of sets of several rivals there are too many to try them all, and a fit may miss the best
+parameters: what a verdict names is tried by itself, when the verdict is judged.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -82,15 +82,39 @@ def equivalents(
 def is_equivalent_set(
     noiseless: NoiselessRuns,
     truth: dict[str, Parameters],
-    names: Iterable[str],
+    named: Mapping[str, Parameters],
     generator: np.random.Generator,
 ) -> bool:
-    """True if the effects `names` together are equivalent to `truth` on these runs."""
+    """True if the effects `named` together are equivalent to `truth` on these runs.
+
+    With their parameters in `named`, as a verdict states them, or at the best fit.
+    """
     target = noiseless.change(truth)
-    rivals = [HIDDEN_EFFECTS[name] for name in sorted(names) if name in HIDDEN_EFFECTS]
-    if target is None or len(rivals) < len(set(names)):
+    rivals = [HIDDEN_EFFECTS[name] for name in sorted(named) if name in HIDDEN_EFFECTS]
+    if target is None or len(rivals) < len(named):
         return False
+    (drawing,) = generator.spawn(1)
+    forms = (_forms(noiseless, rival, named[rival.name], drawing) for rival in rivals)
+    for stated in product(*forms):
+        change = noiseless.change({r.name: own for r, own in zip(rivals, stated, strict=True)})
+        if change is not None and float(np.sum((change - target) ** 2)) < MARGIN:
+            return True
     return least_left(noiseless, target, rivals, generator) < MARGIN
+
+
+def _forms(
+    noiseless: NoiselessRuns,
+    rival: HiddenEffect,
+    stated: Parameters,
+    generator: np.random.Generator,
+) -> list[Parameters]:
+    """The `stated` parameters of a rival, and others as drawn: those of its forms."""
+    forms: list[Parameters] = []
+    for _ in range(_DRAWS):
+        own = {**rival.draw(generator, noiseless.nominal)(1.0), **stated}
+        if own not in forms:
+            forms.append(own)
+    return forms
 
 
 def least_left(

@@ -19,14 +19,20 @@ from mopro.benchmark.scoring.outcome import UNEXPLAINED, Document
 def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -> Document:
     """`answer` with the set that `reply` names in `equivalent_sets`, if it is equivalent.
 
-    As each rival by itself when the case was made: by the best fit of the reference plant to the
-    noise-free response, chi-squared below 10. Only sets of several effects that leave nothing
-    unexplained are tried, and are not equivalent one by one; `folder` has the case's programs.
+    As each rival by itself when the case was made: by the response of the reference plant without
+    noise, chi-squared below 10 with the parameters of the verdict or with the best ones. Only what
+    leaves nothing unexplained is tried, and is not equivalent one by one; `folder` has the case's
+    programs.
     """
-    names = sorted(effect["name"] for effect in reply.get("effects") or [])
+    named = {
+        effect["name"]: {
+            name: parameter["value"] for name, parameter in effect.get("parameters", {}).items()
+        }
+        for effect in reply.get("effects") or []
+    }
     runs = answer.get("runs")
-    single = set(names) <= set(answer.get("equivalent") or [])
-    if not runs or len(names) < 2 or single or reply.get("verdict") == UNEXPLAINED:
+    single = set(named) <= set(answer.get("equivalent") or [])
+    if not runs or single or reply.get("verdict") == UNEXPLAINED:
         return answer
     noiseless = NoiselessRuns(
         [_run(folder, each) for each in runs],
@@ -35,9 +41,9 @@ def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -
     )
     truth = {e["name"]: e["parameters"] for e in answer["effects"]}
     generator = np.random.default_rng([seed, 7, int(folder.name)])
-    if not is_equivalent_set(noiseless, truth, names, generator):
+    if not is_equivalent_set(noiseless, truth, named, generator):
         return answer
-    return {**answer, "equivalent_sets": [names]}
+    return {**answer, "equivalent_sets": [sorted(named)]}
 
 
 def _run(folder: Path, told: Mapping[str, Any]) -> ProgramRun:
