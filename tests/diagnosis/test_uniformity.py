@@ -1,5 +1,7 @@
 """Effects that resemble what is missing: their size differs from part to part."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,18 @@ def test_sizes_that_differ_by_less_than_a_linear_approximation_errs_are_one_size
     assert found.significant
     assert (found.share < 0.02, found.of_remainder > 0.9) == (True, True)
     assert not found.of_a_stand_in
+
+
+def test_the_spread_is_the_same_without_nuisances():
+    """The offsets of the parts take what nuisances would."""
+    (values,) = model(of_size(varying=1.0))
+    data = [replace(s, nuisances=np.zeros((len(s), 0))) for s in measured(values, 0.05, 0)]
+    residuals = Residuals(model, data)
+    (wave,) = candidates("wave")
+    sets = Hypotheses(residuals, [wave])
+    fit = sets.fitted([wave], of_size(wave=1.0))
+    found = spread(residuals, sets.evidence.noise, folds(residuals), fit, "wave", 1.0)
+    assert found.share == pytest.approx(spread_of(of_size(varying=1.0)).share, rel=0.01)
 
 
 def test_a_small_spread_beside_something_larger_is_no_stand_ins():

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, special
+from scipy import special
 
 from mopro.diagnosis.constants import (
     FALSE_ALARMS,
@@ -77,16 +77,19 @@ def spread(
     seen = information > LEAST_SHARE * information.mean()
     if seen.sum() < FEWEST:
         return None
-    adapting = _less_means(np.hstack([fit.jacobian[:, ~own], residuals.basis]), offsets)
-    others = linalg.orth(adapting / np.maximum(np.linalg.norm(adapting, axis=0), TINY), ROUNDING)
+    adapting = np.hstack([fit.jacobian[:, ~own], residuals.basis])
+    centred = _less_means(adapting, offsets)
+    whole, left = (np.linalg.norm(columns, axis=0) for columns in (adapting, centred))
+    # A constant is the offsets', and has no direction of its own.
+    others, _ = np.linalg.qr(centred[:, left > ROUNDING * whole])
     apart = projected_out(others, parts[:, seen])
     before = projected_out(others, _less_means(fit.residual[:, None], offsets)[:, 0])
     inverse = np.linalg.pinv(apart.T @ apart, ROUNDING, hermitian=True)
     sizes = -inverse @ (apart.T @ before)
-    left = before + apart @ sizes
-    coloured = noise.like(left).transformed(apart @ inverse)
+    after = before + apart @ sizes
+    coloured = noise.like(after).transformed(apart @ inverse)
     deviation, significant = _between(sizes, coloured.T @ coloured)
-    fall = float(before @ before - left @ left)
+    fall = float(before @ before - after @ after)
     return Spread(deviation, significant, fall / unexplained if unexplained > 0 else 0.0)
 
 
@@ -105,9 +108,11 @@ def _offsets(residuals: Residuals, masks: Sequence[Mask]) -> NDArray[np.intp]:
 
 def _less_means(columns: Floats, offsets: NDArray[np.intp]) -> Floats:
     """`columns` (samples x any) less their mean over each of the `offsets`."""
-    sums = np.array([np.bincount(offsets, column) for column in columns.T])
-    means = sums / np.bincount(offsets)
-    return np.asarray(columns - means.T[offsets])
+    left = np.empty_like(columns)
+    counts = np.bincount(offsets)
+    for i, column in enumerate(columns.T):
+        left[:, i] = column - (np.bincount(offsets, column) / counts)[offsets]
+    return left
 
 
 def _between(sizes: Floats, covariance: Floats) -> tuple[float, bool]:
@@ -118,4 +123,4 @@ def _between(sizes: Floats, covariance: Floats) -> tuple[float, bool]:
     freedom = len(sizes) - 1
     expected = float(np.trace(weights) - np.sum(weights @ weights) / weights.sum())
     significant = q > float(special.chdtri(freedom, FALSE_ALARMS))
-    return math.sqrt(max((q - freedom) / expected, 0.0)), significant
+    return math.sqrt(max(q - freedom, 0.0) / max(expected, TINY)), significant
