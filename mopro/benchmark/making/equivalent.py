@@ -108,10 +108,10 @@ def _forms(
     stated: Parameters,
     generator: np.random.Generator,
 ) -> list[Parameters]:
-    """The `stated` parameters of a rival, and others as drawn: those of its forms."""
+    """The `stated` parameters of a rival; others are off, or as drawn for one of its forms."""
     forms: list[Parameters] = []
     for _ in range(_DRAWS):
-        own = {**rival.draw(generator, noiseless.nominal)(1.0), **stated}
+        own = {**rival.draw(generator, noiseless.nominal)(_FAINT), **stated}
         if own not in forms:
             forms.append(own)
     return forms
