@@ -13,7 +13,7 @@ from helpers.paths import ROOT, TESTS
 # Room -> modules outside of the room and of the standard library that it may import.
 ALLOWED = {
     "mopro.diagnosis": {
-        "cachetools", "mopro.jobs", "mopro.markup", "mopro.play", "numpy", "scipy",
+        "cachetools", "mopro.jobs", "mopro.lag", "mopro.markup", "mopro.play", "numpy", "scipy",
         "threadpoolctl",
     },
     "mopro.benchmark.reference": {"numpy", "scipy", "numba"},

@@ -261,7 +261,7 @@ def _lag(sensor: str, series: Sequence[Series]) -> Iterator[Candidate]:
     longest = max(float(np.ptp(_values(s, ""))) for s in series)
 
     def of_data(own: Series, predicted: Floats, values: Values) -> Floats:
-        from mopro.formula.signals import lag  # loads numba
+        from mopro.lag import lag  # loads numba
 
         if own.sensor != sensor:
             return np.zeros(len(own))

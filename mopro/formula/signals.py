@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.jit import njit
+from mopro.lag import lag
 from mopro.play import follow
 
 Floats = NDArray[np.float64]
@@ -17,28 +17,6 @@ Floats = NDArray[np.float64]
 _compiled: Callable[..., Any] = njit(cache=True, nogil=True)
 # Share of the largest value beyond which a signal tells its side.
 _SIDE = 0.1
-
-
-@_compiled
-def _lag(time_s: Floats, signal: Floats, tau: float) -> Floats:
-    result = signal.copy()
-    for i in range(1, len(signal)):
-        step = (time_s[i] - time_s[i - 1]) / tau
-        if step == 0.0:  # beside a huge constant the time stands still
-            result[i] = result[i - 1]
-            continue
-        # The exact answer to a signal that is linear between two samples.
-        share = -math.expm1(-step)
-        slope = (signal[i] - signal[i - 1]) / step
-        result[i] = result[i - 1] + share * (signal[i - 1] - slope - result[i - 1])
-        result[i] += signal[i] - signal[i - 1]
-    return result
-
-
-def lag(time_s: Floats, signal: Floats, tau: float) -> Floats:
-    """A first-order lag of time constant `tau` (s); the signal itself at 0 or below."""
-    found: Floats = _lag(time_s, signal, tau) if tau > 0 else signal
-    return found
 
 
 def delayed(time_s: Floats, signal: Floats, delay: float) -> Floats:
