@@ -159,13 +159,13 @@ class _Motion:
         return _values(self.series, name)
 
     def seconds_of(self, name: str) -> Floats:
-        """Time (s) so far in which a label was not 0."""
+        """Time (s) spent so far where a label was not 0 (samples)."""
         during = self.label(name)[:-1] != 0
         return np.concatenate([[0.0], np.cumsum(np.diff(self.time_s) * during)])
 
     @property
     def starts(self) -> Floats:
-        """How many times the axis has set out so far."""
+        """Number of moves begun so far: the commanded speed has left 0 so often (samples)."""
         moving = self.label("velocity") != 0
         return np.cumsum(np.diff(moving.astype(float), prepend=0.0) > 0).astype(float)
 
@@ -205,7 +205,8 @@ _SHAPES = (
     _Shape("v t", ("velocity",), "t", "v * t", lambda m: m.velocity * m.time_s),
     _Shape("T", ("temperature",), "T", "T", lambda m: m.label("temperature")),
 )
-# A command that comes late, by a time that grows with the motion: v times that time.
+# A command that comes late, by a delay in proportion to the time in motion, that in ramps, or the
+# number of moves. To first order the place is off by the speed times the delay.
 _LATE = (
     _Shape("late by motion", ("velocity",), "command", "v * time_in_motion",
            lambda m: m.velocity * m.seconds_of("velocity")),

@@ -211,8 +211,8 @@ class Series:
     `position_unit`, `velocity`, `acceleration`, `temperature`) used to describe an unexplained
     residual; what was commanded, or measured by another sensor. `of_place`: its values are
     positions, so that a prediction of them tells the place and the speed better than labels.
-    `fed_back`: its prediction is made from its readings, so that terms of the prediction would
-    describe the readings by themselves.
+    `fed_back`: an input of the model was computed from these readings by a closed loop, so that a
+    term in the prediction would explain the readings by themselves.
     """
 
     run: str

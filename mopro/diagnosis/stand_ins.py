@@ -40,7 +40,7 @@ def expose_stand_ins(state: State) -> State:
     """The answer without effects whose size differs from part to part, the worst dropped first.
 
     Also without those whose size the data would push out of its range. Either resembles something
-    that nobody listed. A free-form term that does the same takes its place, and names nothing.
+    that nobody listed. The free-form term that describes most of what is left takes its place.
     """
     sets = state.sets
     parts = folds(sets.residuals, _MOST_PARTS)
@@ -140,7 +140,7 @@ def _moved(
 
 
 def _part(sets: Hypotheses, fit: Fit, name: str) -> Floats:
-    """What an effect of `fit` takes from the whitened residual (samples), no other adapting."""
+    """Change of the whitened residual (samples) by switching an effect of `fit` off, no refit."""
     return sets.switched_off(fit, frozenset({name})).residual - fit.residual
 
 

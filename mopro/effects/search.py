@@ -27,8 +27,12 @@ _FEWEST_FOR_SPEED = _FEWEST_FOR_A_STEP = 2
 
 def residual_m(view: View, fit: ResidualView, row: int) -> Floats:
     """The residual of series `row`, in metres."""
-    metres: Floats = fit.residuals[row] * fit.sigmas[row]
-    return metres * view.positions()[row][1].sensor.unit_si
+    return np.asarray(fit.residuals[row] * _sigma_m(view, fit, row))
+
+
+def _sigma_m(view: View, fit: ResidualView, row: int) -> float:
+    """Standard deviation of the noise of series `row`, in metres."""
+    return fit.sigmas[row] * view.positions()[row][1].sensor.unit_si
 
 
 def force_N(view: View, fit: ResidualView, row: int) -> Floats:
@@ -47,11 +51,11 @@ def force_N(view: View, fit: ResidualView, row: int) -> Floats:
     stiffness = plant.pull_out_force_N * plant.wave_number_1_m
     answer = 1 / (stiffness - plant.mass_kg * omega**2 + 1j * plant.damping_N_s_m * omega)
     transform = np.fft.rfft(residual, length)
-    noise = len(residual) * (fit.sigmas[row] * reading.sensor.unit_si) ** 2
-    beyond = max(float(np.sum(np.abs(transform) ** 2)) - len(omega) * noise, noise)
-    force = beyond / float(np.sum(np.abs(answer) ** 2))
-    needed = transform * answer.conj() / (np.abs(answer) ** 2 + noise / force)
-    return np.asarray(np.fft.irfft(needed, length)[: len(residual)])
+    noise_power = len(residual) * _sigma_m(view, fit, row) ** 2
+    beyond = max(float(np.sum(np.abs(transform) ** 2)) - len(omega) * noise_power, noise_power)
+    force_power = beyond / float(np.sum(np.abs(answer) ** 2))
+    force = transform * answer.conj() / (np.abs(answer) ** 2 + noise_power / force_power)
+    return np.asarray(np.fft.irfft(force, length)[: len(residual)])
 
 
 def targets_m(view: View, fit: ResidualView) -> dict[int, Floats]:
@@ -98,7 +102,7 @@ def strongest_lines(
         return
     places = [targets[row] for row in rows]
     values = [of(view, fit, row) for row in rows]
-    weighted = [own / fit.sigmas[row] for own, row in zip(values, rows, strict=True)]
+    weighted = [own / _sigma_m(view, fit, row) for own, row in zip(values, rows, strict=True)]
     cycles, power = lines_over_position(places, weighted, finest_m)
     power[cycles * max(float(np.ptp(place)) for place in places) < FEWEST_PERIODS] = 0.0
     x, joined = np.concatenate(places), np.concatenate(values)

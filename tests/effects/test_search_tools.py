@@ -84,3 +84,34 @@ def test_the_period_of_a_force_is_that_of_the_force_and_not_of_the_resonance(pay
     # The residual itself is strongest where the motor resonates, at another place.
     ((*_, of_residual_m),) = strongest_lines(view, left, 1e-4, 1, of=residual_m)
     assert abs(of_residual_m / 1e-3 - 1) > 0.01
+
+
+def test_a_line_does_not_depend_on_the_units_of_the_sensors():
+    """The same two readings in metres, or one in inches: each counts by its own noise."""
+    time_s = np.arange(2000) / 2000
+    x = 0.02 * time_s
+    noise = np.random.default_rng(3).standard_normal((2, len(x)))
+    sigmas_m = (1e-7, 2e-6)
+    waves = (2e-7 * np.sin(2 * np.pi * x / 1e-3), 2e-6 * np.sin(2 * np.pi * x / 4e-4))
+    residuals = [
+        (wave + sigma * own) / sigma
+        for wave, sigma, own in zip(waves, sigmas_m, noise, strict=True)
+    ]
+
+    def periods(*units_si):
+        readings = [
+            types.SimpleNamespace(sensor=types.SimpleNamespace(unit_si=unit), time_s=time_s)
+            for unit in units_si
+        ]
+        view = types.SimpleNamespace(
+            positions=lambda: {i: (0, reading) for i, reading in enumerate(readings)},
+            targets=lambda settings: [x / unit for unit in units_si],
+        )
+        sigmas = [sigma / unit for sigma, unit in zip(sigmas_m, units_si, strict=True)]
+        left = ResidualView((), residuals, sigmas, [], {}, lambda settings: 0.0)
+        return [period_m for *_, period_m in strongest_lines(view, left, 1e-4, 2)]
+
+    in_metres = periods(1.0, 1.0)
+    assert in_metres[0] == pytest.approx(1e-3, rel=0.02)
+    assert periods(1.0, 0.0254) == pytest.approx(in_metres)
+    assert periods(0.0254, 1.0) == pytest.approx(in_metres)
