@@ -217,7 +217,7 @@ def _where(sets: Hypotheses) -> list[Where]:
 
 def _in_units(sets: Hypotheses, whitened: Floats) -> list[Floats]:
     """A whitened vector as one array for each series, in its unit."""
-    return sets.residuals.split(whitened / sets.residuals.weights)
+    return sets.residuals.split(sets.residuals.in_units(whitened))
 
 
 def _signature(sets: Hypotheses, fit: Fit, name: str) -> Signature:
@@ -232,10 +232,10 @@ def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
     data = sets.residuals.data
     unit = data[0].unit
     counted = np.concatenate([np.full(len(s), s.unit == unit) for s in data])
-    weights, null = sets.residuals.weights, sets.null.residual
+    null = sets.null.residual
 
     def of(residual: Floats, mask: Mask = counted) -> float:
-        return rms((residual / weights)[mask])
+        return rms(sets.residuals.in_units(residual)[mask])
 
     return Gap(
         unit=unit,

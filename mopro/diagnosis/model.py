@@ -212,7 +212,8 @@ class Series:
     residual; what was commanded, or measured by another sensor. `of_place`: its values are
     positions, so that a prediction of them tells the place and the speed better than labels.
     `fed_back`: an input of the model was computed from these readings by a closed loop, so that a
-    term in the prediction would explain the readings by themselves.
+    term in the prediction would explain the readings by themselves. `wild` (samples): those that
+    do not count.
     """
 
     run: str
@@ -227,16 +228,27 @@ class Series:
     position_unit: str = "m"
     of_place: bool = False
     fed_back: bool = False
+    wild: Mask | None = None
 
     def __len__(self) -> int:
         return len(self.values)
 
+    @property
+    def counted(self) -> Mask:
+        """The samples that count."""
+        return np.ones(len(self), dtype=bool) if self.wild is None else ~self.wild
+
     def nuisance_shapes(self) -> Floats:
-        return np.ones((len(self), 1)) if self.nuisances is None else self.nuisances
+        """The nuisances (samples x shapes), 0 at samples that do not count."""
+        shapes = np.ones((len(self), 1)) if self.nuisances is None else self.nuisances
+        return shapes if self.wild is None else shapes * self.counted[:, None]
 
     def without_nuisances(self, residual: Floats) -> Floats:
-        """A residual of this series (samples, in its unit) less the nuisances fitted to it."""
-        shapes = self.nuisance_shapes()
+        """A residual of this series (samples, in its unit) less the nuisances fitted to it.
+
+        0 at samples that do not count.
+        """
+        residual, shapes = residual * self.counted, self.nuisance_shapes()
         if not shapes.shape[1]:
             return residual
         left: Floats = residual - shapes @ np.linalg.lstsq(shapes, residual, rcond=None)[0]

@@ -19,7 +19,7 @@ from mopro.diagnosis.constants import (
 from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.laws import WithLaws, measurement_laws
-from mopro.diagnosis.model import Law, Simulate
+from mopro.diagnosis.model import Law, Mask, Series, Simulate
 from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
@@ -28,6 +28,7 @@ from mopro.diagnosis.state import State
 from mopro.diagnosis.statistics.heldout import HeldOut, held_out
 from mopro.diagnosis.statistics.noise import Noise
 from mopro.diagnosis.statistics.remainder import as_noise, examine
+from mopro.diagnosis.statistics.wild import wild_samples
 from mopro.diagnosis.verdict import Rejected
 
 # Standard errors by which a variance must be below the stated one to replace it.
@@ -46,6 +47,31 @@ def search_catalogue(state: State) -> State:
     return replace(state, fit=state.sets.best())
 
 
+def set_wild_aside(state: State) -> State:
+    """The search again without wild samples, where there are a few: they decide nothing."""
+    sets = state.sets
+    notes, data = list(state.notes), []
+    for series, own in zip(
+        state.problem.data, sets.residuals.split(state.fit.residual), strict=True
+    ):
+        wild = wild_samples(own, 0.0 if series.sigma is None else 1.0)
+        if wild.any():
+            notes.append(_wild_note(series, wild))
+            series = replace(series, wild=wild)
+        data.append(series)
+    if len(notes) == len(state.notes):
+        return state
+    again = State.of(replace(state.problem, data=tuple(data)))
+    return search_catalogue(replace(again, notes=tuple(notes)))
+
+
+def _wild_note(series: Series, wild: Mask) -> str:
+    at, count = int(np.flatnonzero(wild)[0]), int(wild.sum())
+    where = f"sample {at + 1}" if series.time_s is None else f"{series.time_s[at]:.4g} s"
+    samples = f"{count} wild samples, the first" if count > 1 else "one wild sample,"
+    return f"{series.sensor} in {series.run} has {samples} at {where}: left out"
+
+
 def refine_steps(state: State) -> State:
     """The search again with a finer simulation, where its steps may be what remains."""
     finer = state.problem.finer
@@ -53,7 +79,8 @@ def refine_steps(state: State) -> State:
         return state
     state.problem.progress("refitting with a finer simulation")
     finer = WithLaws(finer, state.problem.data, ())
-    return search_catalogue(State.of(replace(state.problem, simulate=finer, finer=None)))
+    again = State.of(replace(state.problem, simulate=finer, finer=None))
+    return search_catalogue(replace(again, notes=state.notes))
 
 
 def _steps_matter(state: State, finer: Simulate) -> bool:
@@ -91,7 +118,7 @@ def restate_quiet_noise(state: State) -> State:
     if not restated:
         return replace(state, notes=tuple(notes))
     again = State.of(replace(state.problem, data=tuple(data)))
-    return replace(add_laws(search_catalogue(again)), notes=tuple(notes))
+    return add_laws(search_catalogue(replace(again, notes=tuple(notes))))
 
 
 def add_laws(state: State) -> State:
@@ -242,6 +269,9 @@ def examine_remainder(state: State) -> State:
         )
         return replace(state, remainder=remainder)
     if not remainder.significant:
+        wild = sum(int(s.wild.sum()) for s in sets.residuals.data if s.wild is not None)
+        if wild:
+            remainder = replace(remainder, description=f"wild samples: {wild}", variable="sensor")
         return replace(state, remainder=remainder)
     note = as_noise(sets.residuals, sets.evidence.noise, fit.residual, remainder)
     if note is None:
@@ -290,6 +320,7 @@ def until_none_drops(*passes: Pass) -> Pass:
 
 PASSES: tuple[Pass, ...] = (
     search_catalogue,
+    set_wild_aside,
     refine_steps,
     add_laws,
     restate_quiet_noise,

@@ -190,9 +190,8 @@ class Verdict:
         kept; only the nuisances of each series (an offset) are its own.
         """
         residuals = Residuals(simulate, data)
-        weights = residuals.weights
         before, after = (
-            residuals.split(residuals.at(settings) / weights)
+            residuals.split(residuals.in_units(residuals.at(settings)))
             for settings in (self.base_before, self.settings)
         )
         return tuple(

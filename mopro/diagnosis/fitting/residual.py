@@ -23,7 +23,8 @@ class Residuals:
     stated for all of them. Where it is not, the differences between neighbouring samples
     estimate it, so that results do not depend on the units. `mask`: the samples that count; a
     subset of them is a problem of its own for held-out tests, with the `sigmas` of the whole.
-    `weights`: 1/sigma of each sample. `count`: samples that count, less the nuisances.
+    `weights`: 1/sigma of each sample, 0 for wild ones. `count`: samples that count, less the
+    nuisances.
     """
 
     def __init__(
@@ -40,9 +41,11 @@ class Residuals:
         self.mask = np.ones(sum(map(len, data)), dtype=bool) if mask is None else mask
         self.measured = np.concatenate([series.values for series in data])
         self.sigmas = tuple(sigmas) or self._scales(scaled_at or {})
-        self.weights = np.repeat([1 / sigma for sigma in self.sigmas], [len(s) for s in data])
+        self.weights = np.concatenate([
+            s.counted / sigma for s, sigma in zip(data, self.sigmas, strict=True)
+        ])  # fmt: skip
         self.basis = self.nuisance_basis(self.mask)
-        self.count = int(self.mask.sum()) - self.basis.shape[1]
+        self.count = int(np.count_nonzero(self.weights[self.mask])) - self.basis.shape[1]
 
     def subset(self, mask: Mask) -> Residuals:
         """This problem restricted to the samples in `mask`."""
@@ -65,7 +68,10 @@ class Residuals:
         if None not in stated:
             return tuple(sigma for sigma in stated if sigma is not None)
         residuals = self.split(self.measured - self.predicted(settings))
-        estimated = [math.sqrt(difference_variance(own)) or 1.0 for own in residuals]
+        estimated = [
+            math.sqrt(difference_variance(own[series.counted])) or 1.0
+            for series, own in zip(self.data, residuals, strict=True)
+        ]
         return tuple(sigma or scale for sigma, scale in zip(stated, estimated, strict=True))
 
     def at(self, settings: Settings) -> Floats:
@@ -100,6 +106,11 @@ class Residuals:
         """A vector over all series as one array for each."""
         ends = np.cumsum([0, *map(len, self.data)])
         return [joined[a:b] for a, b in pairwise(ends.tolist())]
+
+    def in_units(self, whitened: Floats) -> Floats:
+        """A whitened vector over all samples, in the units of their series."""
+        sigmas = np.repeat(self.sigmas, [len(series) for series in self.data])
+        return np.asarray(whitened * sigmas)
 
     def nuisance_basis(self, mask: Mask) -> Floats:
         """Orthonormal basis (samples in `mask` x shapes) of the nuisances of all series."""

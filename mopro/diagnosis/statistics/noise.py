@@ -30,9 +30,9 @@ _LOWEST = 12
 class Noise:
     """Size and spectrum of the noise in each series, in whitened units.
 
-    `counts`: samples less nuisances. `starts`: the first sample of each. `stated`: whether the
-    series states its noise. `remainder`: the residual (samples) whose spectrum the noise has,
-    None where the noise is white and of the stated size.
+    `counts`: samples that count, less nuisances. `starts`: the first sample of each. `stated`:
+    whether the series states its noise. `remainder`: the residual (samples) whose spectrum the
+    noise has, None where the noise is white and of the stated size.
     """
 
     counts: tuple[int, ...]
@@ -45,8 +45,9 @@ class Noise:
         """White noise of the stated sizes; of unknown size where a series states none."""
         lengths = [len(series) for series in residuals.data]
         nuisances = [_rank(series.nuisance_shapes()) for series in residuals.data]
+        counted = [int(series.counted.sum()) for series in residuals.data]
         return Noise(
-            tuple(max(n - k, 1) for n, k in zip(lengths, nuisances, strict=True)),
+            tuple(max(n - k, 1) for n, k in zip(counted, nuisances, strict=True)),
             tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
             tuple(series.sigma is not None for series in residuals.data),
         )

@@ -1,0 +1,61 @@
+"""Wild samples: found, left out, and told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mopro
+from helpers.servo import CATALOGUE, Servo
+from helpers.signals import names
+from mopro.diagnosis.statistics.wild import wild_samples
+
+SIGMA = 0.1
+SERVO = Servo()
+
+
+@pytest.mark.parametrize("scale", [1.0, 4.0])
+def test_noise_has_wild_samples_in_one_series_of_a_thousand(scale):
+    rng = np.random.default_rng(1)
+    found = [wild_samples(scale * rng.standard_normal(500), scale % 4.0).any() for _ in range(2000)]
+    assert sum(found) < 10
+
+
+def test_a_sample_is_wild_that_stands_apart_on_whatever_slope():
+    rng = np.random.default_rng(2)
+    slope = np.linspace(-50.0, 50.0, 1000) + rng.standard_normal(1000)
+    assert not wild_samples(slope, 1.0).any()
+    slope[[10, 500]] += 12.0, -12.0
+    assert np.flatnonzero(wild_samples(slope, 1.0)).tolist() == [10, 500]
+
+
+def test_a_shape_a_quiet_sensor_and_a_few_samples_have_no_wild_ones():
+    rng = np.random.default_rng(3)
+    spiky = rng.standard_normal(1000)
+    spiky[::20] += 50.0
+    steps = np.repeat([0.0, 30.0, 0.0], 300) + rng.standard_normal(900)
+    still = np.zeros(1000)
+    still[7] = 1.0
+    for series, least in ((spiky, 1.0), (steps, 1.0), (still, 0.0), (np.eye(1, 50)[0], 0.0)):
+        assert not wild_samples(series, least).any()
+
+
+@pytest.mark.parametrize("sigma", [SIGMA, None])
+@pytest.mark.parametrize("truth", [{}, {"viscous": {"b": 1.0}}], ids=["nothing", "a drag"])
+def test_wild_samples_are_left_out_and_told(truth, sigma):
+    """Taken for noise, they would hide a drag of 1 N s/m, and make its interval useless."""
+    data, at = [], np.random.default_rng(4)
+    for series in SERVO.measure(truth, SIGMA, seed=5):
+        values = series.values.copy()
+        wild = at.choice(len(values), 4, replace=False)
+        values[wild] += SIGMA * at.uniform(50.0, 500.0, 4)
+        data.append(replace(series, values=values, sigma=sigma))
+    verdict = mopro.reconcile(SERVO.predict, CATALOGUE, data)
+    assert (verdict.verdict, names(verdict)) == ("named" if truth else "none", set(truth))
+    assert verdict.remainder.variable == "sensor"
+    told = [note for note in verdict.notes if "4 wild samples" in note]
+    assert len(told) == len(verdict.notes) == len(data)
+    assert verdict.gap.after_rms == pytest.approx(SIGMA, rel=0.05)
+    for effect in verdict.effects:
+        low, high = effect.parameters["b"].ci95
+        assert low < 1.0 < high < 1.3
