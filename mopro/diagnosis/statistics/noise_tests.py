@@ -25,7 +25,7 @@ def is_still(z: Floats) -> bool:
 
 def chi2_log_p(rss: float, freedom: int) -> float:
     """Chi-squared test of a sum of squares with so many degrees of freedom."""
-    return _log(float(special.chdtrc(max(freedom, 1), rss)))
+    return _gamma_log_p(max(freedom, 1) / 2, rss / 2)
 
 
 def normal_log_p(z: float, trials: int = 1) -> float:
@@ -38,12 +38,17 @@ def line_log_p(power: float, lines: int, series: int) -> float:
 
     The power of one line of white noise of variance 1 is exponential with mean 1.
     """
-    return min(0.0, math.log(lines) + _log(float(special.gammaincc(series, power))))
+    return min(0.0, math.log(lines) + _gamma_log_p(series, power))
 
 
-def _log(p: float) -> float:
-    """Natural logarithm of a p-value; -inf where that has underflowed."""
-    return math.log(p) if p else -math.inf
+def _gamma_log_p(a: float, x: float) -> float:
+    """ln of the share of a gamma distribution of shape `a` above `x`.
+
+    Where that underflows, by its continued fraction up to the second term (DLMF 8.9.2).
+    """
+    if p := float(special.gammaincc(a, x)):
+        return math.log(p)
+    return float(a * math.log(x) - x - special.gammaln(a) - math.log(x + 1 - a))
 
 
 def cumulative_periodogram(z: Floats) -> Floats:
@@ -63,7 +68,7 @@ def bartlett_log_p(shares: Floats) -> float:
     distance = largest * math.sqrt(len(shares))
     if distance > _FIRST_TERM_ALONE:
         return math.log(2) - 2 * distance**2
-    return _log(float(special.kolmogorov(distance)))
+    return math.log(float(special.kolmogorov(distance)))
 
 
 def whiteness_p(z: Floats) -> float:

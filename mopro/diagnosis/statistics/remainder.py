@@ -31,7 +31,7 @@ from mopro.diagnosis.statistics.noise_tests import (
     line_log_p,
     normal_log_p,
 )
-from mopro.diagnosis.statistics.spectrum import position_spectrum
+from mopro.diagnosis.statistics.spectrum import position_spectrum, sinusoid
 
 # Standard deviations of the noise beyond which a sample is a wild one. Doubled, three wild samples
 # at the end of a record are a step.
@@ -62,19 +62,27 @@ NOTHING_LEFT = Remainder(False, None, 1.0)
 
 @dataclass(frozen=True)
 class _Finding:
-    """Answer of one test: ln of its p-value, and the shape it looks for as a function of what."""
+    """Answer of one test: ln of its p-value, and the shape it looks for as a function of what.
+
+    `general`: almost any shape fails the test, so that another one that fails says more.
+    """
 
     log_p: float
     description: str | None
     variable: str | None = None
+    general: bool = False
 
 
 @dataclass(frozen=True)
 class _Standardised:
-    """Residual of one series, in standard deviations of its noise."""
+    """Residual of one series, in standard deviations of its noise.
+
+    Those are `scatter` times the stated or estimated ones.
+    """
 
     series: Series
     z: Floats
+    scatter: float = 1.0
 
     def label(self, name: str) -> Floats | None:
         label = self.series.labels.get(name)
@@ -115,7 +123,9 @@ def examine(
         return Remainder(False, None, p_value, scatter)
     level = math.log(FALSE_ALARMS / len(findings))
     described = [f for f in shapes if f.description and f.log_p < level]
-    described = [f for f in described if f.variable == variable] or described
+    special = [f for f in described if not f.general]
+    wanted = [[f for f in group if f.variable == variable] for group in (special, described)]
+    described = next((group for group in (*wanted, special) if group), described)
     if described:
         clearest = min(described, key=lambda finding: finding.log_p)
         return Remainder(True, clearest.description, p_value, scatter, clearest.variable)
@@ -160,7 +170,7 @@ def _standardised(series: Series, residual: Floats, sigma: float) -> _Standardis
     scatter = upper * math.sqrt(difference_variance(residual)) or 1.0
     if series.sigma is not None:
         scatter = max(scatter, 1.0)
-    return _Standardised(replace(series, sigma=sigma * scatter), residual / scatter)
+    return _Standardised(replace(series, sigma=sigma * scatter), residual / scatter, scatter)
 
 
 def _sensor(part: _Standardised) -> str:
@@ -248,13 +258,18 @@ def _common_shapes(parts: Sequence[_Standardised]) -> Iterator[_Finding]:
     timed = [part for part in parts if _even(part.series)]
     if len(timed) > 1:
         yield _line_in_time(timed)
+    clocked = [part for part in parts if part.series.time_s is not None]
+    if clocked:
+        yield _band(clocked)
     moving = [part for part in parts if _reach(part) > 0]
     if moving:
         yield _line_in_position(moving)
         yield _bump(moving)
     for name, shape in _LAWS.items():
-        if all(part.label(shape[0]) is not None for part in parts):
+        if all(part.label(label) is not None for part in parts for label in shape[0]):
             yield _law(parts, name, *shape)
+    if all(part.label("velocity") is not None for part in parts):
+        yield _scatter_of_speed(parts)
 
 
 def _reach(part: _Standardised) -> float:
@@ -290,7 +305,93 @@ def _line_in_position(parts: Sequence[_Standardised]) -> _Finding:
     line = int(np.argmax(power))
     series = parts[0].series
     words = f"a line in position with a period of {1 / cycles[line]:.3g} {series.position_unit}"
-    return _Finding(line_log_p(float(power[line]), len(cycles), len(parts)), words, "x mod")
+    log_p = line_log_p(float(power[line]), len(cycles), len(parts))
+    if (profile := _profile(parts, positions)).log_p < _sinusoid_log_p(
+        parts, positions, cycles, line
+    ):
+        return replace(profile, log_p=log_p)
+    return _Finding(log_p, words, "x mod")
+
+
+def _sinusoid_log_p(
+    parts: Sequence[_Standardised], positions: Sequence[Floats], cycles: Floats, line: int
+) -> float:
+    """Test of the sinusoid of the line number `line`, the same in all runs."""
+    angle = 2 * math.pi * cycles[line] * np.concatenate(positions)
+    z = np.concatenate([part.z - part.z.mean() for part in parts])
+    sine, cosine = sinusoid(angle, z)
+    shape = sine * np.sin(angle) + cosine * np.cos(angle)
+    left = z - (shape - shape.mean())
+    return math.log(len(cycles)) + chi2_log_p(float(z @ z - left @ left), 2)
+
+
+def _profile(parts: Sequence[_Standardised], positions: Sequence[Floats]) -> _Finding:
+    """The mean over all runs in each interval of position: any function of it."""
+    position, z = np.concatenate(positions), np.concatenate([p.z - p.z.mean() for p in parts])
+    low, reach = float(position.min()), float(np.ptp(position))
+    best = _Finding(0.0, None)
+    for bins in BUMP_BINS:
+        bin_of = np.minimum((bins * (position - low) / reach).astype(int), bins - 1)
+        counts, sums = np.bincount(bin_of, minlength=bins), np.bincount(bin_of, z, bins)
+        used = counts > 0
+        total = float(np.sum(sums[used] ** 2 / counts[used]))
+        log_p = math.log(len(BUMP_BINS)) + chi2_log_p(total, int(used.sum()) - 1)
+        if log_p < best.log_p:
+            size = parts[0].in_units(float(np.abs(sums[used] / counts[used]).max()))
+            words = f"a function of position, up to {size:.2g} {parts[0].series.unit}"
+            best = _Finding(log_p, words, "x")
+    return best
+
+
+def _band(parts: Sequence[_Standardised]) -> _Finding:
+    """The band of frequencies, half an octave wide, with the clearest excess of power in all runs.
+
+    Any shape that gathers there.
+    """
+    frequencies, powers = [], []
+    for part in parts:
+        assert part.series.time_s is not None, "only series with times are asked for bands"
+        step = float(np.median(np.diff(part.series.time_s)))
+        powers.append(fft.dct(part.z, norm="ortho")[1:] ** 2)
+        frequencies.append(np.arange(1, len(part.z)) / (2 * len(part.z) * step))
+    hertz, power = np.concatenate(frequencies), np.concatenate(powers)
+    lowest = float(hertz.min())
+    band_of = (2 * np.log2(hertz / lowest)).astype(int)
+    width, summed = np.bincount(band_of), np.bincount(band_of, power)
+    best = _Finding(0.0, None)
+    for band in np.flatnonzero(width):
+        log_p = math.log(len(width)) + chi2_log_p(float(summed[band]), int(width[band]))
+        if log_p < best.log_p:
+            ends = " to ".join(f"{lowest * 2 ** (k / 2):.2g}" for k in (band, band + 1))
+            words = f"more than noise in time at {ends} Hz"
+            best = _Finding(log_p, words, "t", general=True)
+    return best
+
+
+def _scatter_of_speed(parts: Sequence[_Standardised]) -> _Finding:
+    """Scatter from sample to sample that grows with the speed, as that of a clock does.
+
+    Where a sensor at rest shows less than its noise, only what is beyond that counts.
+    """
+    squares, speeds = [], []
+    for part in parts:
+        v = np.asarray(part.label("velocity"))[1:]
+        squares.append(np.diff(part.z * part.scatter) ** 2 / 2)
+        speeds.append(v * v)
+    square, speed = np.concatenate(squares), np.concatenate(speeds)
+    centred = speed - speed.mean()
+    strength = min(_strength(own, square - 1) for own in (speed, centred))
+    words = "scatter that grows with the speed v"
+    return _Finding(normal_log_p(max(strength, 0.0)), words, "v")
+
+
+def _strength(shape: Floats, squares: Floats) -> float:
+    """Projection of `squares` on a shape, in standard deviations of those of white noise.
+
+    Those of differences of neighbours have a variance of 2 and a covariance of 1/2 with the next.
+    """
+    norm = math.sqrt(3 * float(shape @ shape))
+    return float(shape @ squares) / norm if norm else 0.0
 
 
 def _bump(parts: Sequence[_Standardised]) -> _Finding:
@@ -317,26 +418,26 @@ def _bump(parts: Sequence[_Standardised]) -> _Finding:
     return _Finding(normal_log_p(strength, trials), words, "x")
 
 
-# description -> (label, function of it, variable)
-_LAWS: dict[str, tuple[str, Callable[[Floats], Floats], str]] = {
-    "a law in velocity v": ("velocity", lambda v: v, "v"),
-    "a law in velocity v|v|": ("velocity", lambda v: v * np.abs(v), "v"),
-    "the direction of motion sgn v": ("velocity", np.sign, "sgn v"),
-    "a law in acceleration a": ("acceleration", lambda a: a, "a"),
-    "a law in position x": ("position", lambda x: x, "x"),
-    "a law in position x³": ("position", lambda x: (x - (x.max() + x.min()) / 2) ** 3, "x"),
+# description -> (labels, function of them, variable)
+_LAWS: dict[str, tuple[tuple[str, ...], Callable[..., Floats], str]] = {
+    "a law in velocity v": (("velocity",), lambda v: v, "v"),
+    "a law in velocity v|v|": (("velocity",), lambda v: v * np.abs(v), "v"),
+    "the direction of motion sgn v": (("velocity",), np.sign, "sgn v"),
+    "a law in acceleration a": (("acceleration",), lambda a: a, "a"),
+    "a law in position x": (("position",), lambda x: x, "x"),
+    "a law in position x³": (("position",), lambda x: (x - (x.max() + x.min()) / 2) ** 3, "x"),
 }
 
 
 def _law(
     parts: Sequence[_Standardised],
     name: str,
-    label: str,
-    shape: Callable[[Floats], Floats],
+    labels: Sequence[str],
+    shape: Callable[..., Floats],
     variable: str,
 ) -> _Finding:
-    """Projection of the residual on a function of a label, its mean in each series taken out."""
-    values = [shape(np.asarray(part.label(label))) for part in parts]
+    """Projection of the residual on a function of labels, its mean in each series taken out."""
+    values = [shape(*(np.asarray(part.label(label)) for label in labels)) for part in parts]
     centred = np.concatenate([v - v.mean() for v in values])
     z = np.concatenate([part.z for part in parts])
     norm = math.sqrt(float(centred @ centred))

@@ -1,0 +1,75 @@
+"""Tests of what a fit leaves: shapes that hide in the noise, and what they are a function of."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from mopro.diagnosis import Series
+from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.statistics.noise_tests import chi2_log_p, line_log_p
+from mopro.diagnosis.statistics.remainder import examine
+
+RATE_HZ = 1000.0
+TIME = np.arange(4000) / RATE_HZ
+# Out and back, twice, with rests.
+VELOCITY = np.select([TIME % 2 < 0.7, TIME % 2 < 1.0, TIME % 2 < 1.7], [0.3, 0.0, -0.3], 0.0)
+PLACE = np.cumsum(VELOCITY) / RATE_HZ
+
+
+def remainder(values, sigma=1.0, runs=(0, 1)):
+    """What the tests say of noise of size 1 with `values` beside it, in two runs."""
+    data = []
+    for run in runs:
+        noise = np.random.default_rng(run).standard_normal(len(TIME))
+        labels = {"position": PLACE, "velocity": VELOCITY, "acceleration": np.gradient(VELOCITY)}
+        data.append(Series(f"run {run}", "laser", "m", noise + values, sigma, TIME, labels=labels))
+    residuals = Residuals(lambda settings: [np.zeros(len(TIME))] * 2, data)
+    return examine(residuals, residuals.at({}), 0)
+
+
+def test_noise_alone_is_noise():
+    assert not remainder(np.zeros(len(TIME))).significant
+
+
+@pytest.mark.parametrize(("freedom", "rss"), [(2, 300.0), (2, 5000.0), (4, 5000.0), (4, 9000.0)])
+def test_chi_squared_is_tested_far_beyond_the_smallest_number(freedom, rss):
+    """Closed forms: exp(-s/2) for two degrees of freedom, exp(-s/2) (1 + s/2) for four."""
+    exact = -rss / 2 + (math.log1p(rss / 2) if freedom == 4 else 0.0)
+    assert chi2_log_p(rss, freedom) == pytest.approx(exact, rel=1e-9, abs=1e-6)
+    assert line_log_p(rss / 2, 1, freedom // 2) == pytest.approx(exact, rel=1e-9, abs=1e-6)
+
+
+def test_rings_that_add_little_to_the_noise_are_found_by_their_band():
+    """4 % of the power of the noise, around 75 Hz: no line of it is strong by itself."""
+    band = signal.butter(4, (65, 88), "bandpass", fs=RATE_HZ, output="sos")
+    found = []
+    for seed in range(8):
+        ring = signal.sosfilt(band, np.random.default_rng(seed).standard_normal(len(TIME)))
+        answer = remainder(0.2 * ring / ring.std(), runs=(2 * seed, 2 * seed + 1))
+        found.append(answer.significant and answer.variable == "t")
+    assert sum(found) >= 7
+
+
+@pytest.mark.parametrize("sigma", [1.0, None])
+def test_scatter_that_grows_with_the_speed_is_a_law_of_v(sigma):
+    """As the times of a clock with jitter have it."""
+    jitter = np.random.default_rng(8).standard_normal(len(TIME))
+    answer = remainder(0.6 * jitter * np.abs(VELOCITY) / 0.3, sigma)
+    assert (answer.significant, answer.variable) == (True, "v")
+
+
+def test_a_sensor_that_is_quieter_at_rest_does_not_scatter_with_the_speed():
+    """One that stands between two of its steps, for instance."""
+    still = VELOCITY == 0
+    noise = np.random.default_rng(0).standard_normal(len(TIME))
+    assert not remainder(np.where(still, -0.1 * noise, 0.0)).significant
+
+
+def test_a_line_over_place_is_told_from_another_function_of_it():
+    reach = np.ptp(PLACE)
+    line = 0.5 * np.sin(2 * np.pi * PLACE * 10 / reach)
+    assert remainder(line).variable == "x mod"
+    saw = 2.0 * ((3.3 * PLACE / reach) % 1.0)
+    assert remainder(saw).variable == "x"
