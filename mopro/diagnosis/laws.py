@@ -97,6 +97,9 @@ def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
         for shape in _LATE if _with_rests(series) else ():
             yield from _proportional(sensor, series, shape)
         yield from _proportional(sensor, series, _TIME)
+        for shape in _FADING:
+            if all(_labelled(series, label) for label in shape.labels):
+                yield from _fading(sensor, rows, shape)
         yield from _lag(sensor, series)
         yield _line_in_time(sensor, rows)
     if _labelled(series, _POSITION):
@@ -204,7 +207,12 @@ _SHAPES = (
     _Shape("other x", ("other_position",), "x", "y", lambda m: m.label("other_position")),
     _Shape("v t", ("velocity",), "t", "v * t", lambda m: m.velocity * m.time_s),
     _Shape("T", ("temperature",), "T", "T", lambda m: m.label("temperature")),
-)
+    # What has the direction of motion may change with the place or with the load.
+    _Shape("sgn v x", ("velocity", _POSITION), "sgn v", "sign(v) * x",
+           lambda m: m.direction * m.position),
+    _Shape("sgn v |a|", ("velocity", "acceleration"), "sgn v", "sign(v) * abs(a)",
+           lambda m: m.direction * np.abs(m.acceleration)),
+)  # fmt: skip
 # A command that comes late, by a delay in proportion to the time in motion, that in ramps, or the
 # number of moves. To first order the place is off by the speed times the delay.
 _LATE = (
@@ -216,6 +224,14 @@ _LATE = (
            lambda m: m.velocity * m.starts),
 )  # fmt: skip
 _TIME = _Shape("t", (), "t", "t", lambda m: m.time_s - m.time_s.mean())
+# What is there when a run begins, and fades, as what warms up does.
+_FADING = (
+    _Shape("fading", (), "t", "exp(-t / tau)", lambda m: np.ones(len(m.series))),
+    _Shape("fading sgn v", ("velocity",), "sgn v", "sign(v) * exp(-t / tau)",
+           lambda m: m.direction),
+)  # fmt: skip
+# Times in which it fades that are tried: so many between the shortest and the longest.
+_FADING_TRIED = 8
 
 
 def _largest(series: Sequence[Series]) -> float:
@@ -276,6 +292,50 @@ def _lag(sensor: str, series: Sequence[Series]) -> Iterator[Candidate]:
     law = Law("measurement", "t", series[0].unit, formula, of_data)
     c = Parameter("c", "s", -longest, longest, (_PROBED * longest,))
     yield Candidate(f"lag in {sensor}", (c,), law=law)
+
+
+def _fading(sensor: str, rows: Mapping[int, Series], shape: _Shape) -> Iterator[Candidate]:
+    """A term that fades in every run; none where no time passes."""
+    series = list(rows.values())
+    longest = max(float(np.ptp(_values(s, ""))) for s in series)
+    shortest = FEWEST * min(_step(s) for s in series)
+    if not shortest < longest:
+        return
+
+    def faded(own: Series, motion: _Motion, tau: float) -> Floats:
+        time_s = _values(own, "")
+        return np.asarray(shape.of(motion) * np.exp(-(time_s - time_s[0]) / tau))
+
+    def of_data(own: Series, predicted: Floats, values: Values) -> Floats:
+        if own.sensor != sensor:
+            return np.zeros(len(own))
+        return values["c"] * faded(own, _motion(own, predicted), values["tau"])
+
+    def find(view: ResidualView) -> Iterator[Values]:
+        best, start = 0.0, {}
+        motions = {row: _motion(own, view.predictions[row]) for row, own in rows.items()}
+        left = np.concatenate([view.residuals[row] for row in rows])
+        for tau in np.geomspace(shortest, longest, _FADING_TRIED).tolist():
+            shapes = [
+                own.without_nuisances(faded(own, motions[row], tau)) / view.sigmas[row]
+                for row, own in rows.items()
+            ]
+            joined = np.concatenate(shapes)
+            square, product = float(joined @ joined), float(joined @ left)
+            if square and product**2 / square > best:
+                best, start = product**2 / square, {"c": product / square, "tau": tau}
+        if start:
+            yield start
+
+    size = _LARGEST * _largest(series)
+    law = Law(
+        "measurement", shape.variable, series[0].unit,
+        lambda values: f"{values['c']:.4g} * {shape.text}".replace("tau", f"{values['tau']:.4g}"),
+        of_data,
+    )  # fmt: skip
+    c = Parameter("c", series[0].unit, -size, size)
+    tau = Parameter("tau", "s", shortest, longest, role=Role.SHAPE)
+    yield Candidate(f"{shape.name} in {sensor}", (c, tau), find_starts=find, law=law)
 
 
 def _line_in_time(sensor: str, rows: Mapping[int, Series]) -> Candidate:

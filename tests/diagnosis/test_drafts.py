@@ -198,3 +198,34 @@ def test_a_command_that_comes_late_is_drafted_with_what_its_delay_grows_with(gro
     assert (verdict.verdict, verdict.remainder.variable) == ("unexplained", "command")
     assert [draft.name for draft in verdict.drafts] == [f"late by {grows_with} in laser"]
     assert float(verdict.drafts[0].law.split(" ")[0]) == pytest.approx(-5e-5, rel=0.05)
+
+
+# What a term in the direction of motion changes with, as a function of t, x and a.
+CHANGING = {
+    "fading sgn v": lambda t, x, a: np.exp(-t / 0.8),
+    "sgn v x": lambda t, x, a: 40.0 * x,
+    "sgn v |a|": lambda t, x, a: 2.0 * np.abs(a),
+}
+
+
+@pytest.mark.parametrize("changes_with", CHANGING)
+def test_what_has_the_direction_of_motion_is_drafted_with_what_it_changes_with(changes_with):
+    """Beside a part that is the same throughout, which is drafted too if the law has it."""
+    t = np.arange(4000) / 1000
+    a = np.select([t % 1 < 0.2, t % 1 < 0.4, t % 1 < 0.6], [0.5, 0.0, -0.5], 0.0)
+    a = a * np.where(t % 2 < 1, 1.0, -1.0)
+    v = np.cumsum(a) / 1000
+    v[np.abs(v) < 1e-9] = 0.0
+    x = np.cumsum(v) / 1000
+    last = np.sign(v)[np.maximum.accumulate(np.where(v != 0, np.arange(len(t)), 0))]
+    seen = x + 1e-5 * last * CHANGING[changes_with](t, x, a)
+    labels = {"position": x, "velocity": v, "acceleration": a}
+    data = [
+        Series(f"run {seed}", "laser", "m",
+               seen + 5e-7 * np.random.default_rng(seed).standard_normal(len(t)), 5e-7, t,
+               t.astype(int), labels=labels)
+        for seed in range(2)
+    ]  # fmt: skip
+    verdict = mopro.reconcile(lambda settings: [x, x], [], data)
+    assert (verdict.verdict, verdict.remainder.variable) == ("unexplained", "sgn v")
+    assert [draft.name for draft in verdict.drafts] == [f"{changes_with} in laser"]

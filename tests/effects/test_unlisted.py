@@ -43,6 +43,7 @@ def shift(model, settings):
         ("force of v", {"c": -8.0}, "viscous_drag", {"b": 8.0}),
         ("force of v|v|", {"c": -5.0}, "quadratic_drag", {"c": 5.0}),
         ("force of sgn v", {"c": -3.0}, "coulomb_friction", {"Fc": 3.0}),
+        ("load's force of sgn v", {"c": -0.1}, "load_dependent_friction", {"mu": 0.1}),
         ("force of x", {"c": -20.0}, "umbilical_spring", {"k_h": 20.0}),
         ("force of a", {"c": -0.5}, "payload_mass", {"dm": 0.5}),
         (

@@ -113,6 +113,16 @@ class _MotorOfDirection(_Force):
         yield self.form(self.size(_LARGEST_SHARE), fixed={"delta": PRESLIDING_M}, law=self.law)
 
 
+class _FrictionUnderLoad(_MotorOfDirection):
+    """A dry friction that the motor's force presses on."""
+
+    name, text = "load's force of sgn v", "abs(force) * sign(v)"
+
+    @staticmethod
+    def reaction(x: float, v: float, z: float, motor_N: float, c: float, delta: float) -> float:
+        return c * abs(motor_N) * z
+
+
 class _OfPlace(_Force):
     name, of, text = "force of x", "x", "x"
     parameters = (size("N/m"),)
@@ -203,6 +213,7 @@ FORCES: tuple[type[FreeFormTerm], ...] = (
     _OfSpeedSquared,
     _OfDirection,
     _MotorOfDirection,
+    _FrictionUnderLoad,
     _OfPlace,
     _OfPlaceSquared,
     _OfPlaceCubed,
