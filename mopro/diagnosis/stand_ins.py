@@ -10,14 +10,14 @@ from scipy import linalg
 
 from mopro.diagnosis.constants import (
     FEWEST,
-    LEAST_SHARE,
     MAJORITY,
     MOST_FOLDS,
     ROUNDING,
+    VERY_STRONG,
 )
 from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.fitting.residual import projected_out
-from mopro.diagnosis.model import Floats, Mask, Role
+from mopro.diagnosis.model import Candidate, Floats, Mask, Role
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.signature import signatures
 from mopro.diagnosis.state import State
@@ -147,31 +147,56 @@ def _part(sets: Hypotheses, fit: Fit, name: str) -> Floats:
 def _reshaped(state: State, drafted: Fit, listed: Sequence[str]) -> dict[str, tuple[float, str]]:
     """Effects that are one form of a law of which a draft is another, and 0 for each.
 
-    The law is all terms that enter where the draft does and are functions of the same variable.
+    The law is all terms that enter where the draft does and are functions of the same variable. In
+    place of the effect they explain the data as well.
     """
-    answer = {}
+    answer, sets = {}, state.sets
     drafts = [c.law for c in drafted.candidates if c.law and c.find_starts is None]
     for enters, of in sorted({(law.enters, law.of) for law in drafts}):
-        basis = _law(state, drafted, enters, of)
+        terms = _terms(state, enters, of)
+        basis = _responses(state, drafted, terms)
         for name in sorted(drafted.names.intersection(listed)):
-            part = _part(state.sets, drafted, name)
+            part = _part(sets, drafted, name)
             left = projected_out(basis, part)
-            if float(left @ left) < LEAST_SHARE**2 * float(part @ part):
+            if float(left @ left) > MAJORITY * float(part @ part):
+                continue
+            freed = _with_all(state, sets.without(drafted, name), terms)
+            noise = sets.evidence.noise
+            worse = noise.deviance(freed.residual) - noise.deviance(drafted.residual)
+            if worse < VERY_STRONG:
                 answer[name] = 0.0, _RESHAPED.format(of)
     return answer
 
 
-def _law(state: State, fit: Fit, enters: str, of: str) -> Floats:
-    """Orthonormal basis (samples x terms) of the responses to a law of one variable, at `fit`."""
+def _terms(state: State, enters: str, of: str) -> list[Candidate]:
+    """The free-form terms of one place and variable, those that repeat listed effects included."""
     known = {c.name: c for c in (*state.sets.catalogue, *state.terms.values()) if c.law}
-    changes = [
-        probe.change / (float(np.linalg.norm(probe.change)) or 1.0)
+    return [
+        term
         for term in known.values()
         if term.law and (term.law.enters, term.law.of) == (enters, of) and not term.find_starts
+    ]
+
+
+def _responses(state: State, fit: Fit, terms: Sequence[Candidate]) -> Floats:
+    """Orthonormal basis (samples x terms) of the responses to `terms` beside `fit`."""
+    changes = [
+        probe.change / (float(np.linalg.norm(probe.change)) or 1.0)
+        for term in terms
         for group in signatures(state.sets.residuals, fit, term)
         for probe in group
     ]
     return np.asarray(linalg.orth(np.column_stack(changes), ROUNDING))
+
+
+def _with_all(state: State, fit: Fit, terms: Sequence[Candidate]) -> Fit:
+    """`fit` with each of `terms` that it has not, one after another from where it is predicted."""
+    for term in terms:
+        score = next((s for s in state.screening.of(fit, [term]) if s.starts), None)
+        if term.name not in fit.names and score is not None:
+            start = {**fit.settings, **score.starts[0]}
+            fit = state.sets.fitted((*fit.candidates, score.candidate), start)
+    return state.sets.settled(fit)
 
 
 def _taken_over(state: State, fit: Fit, name: str) -> Fit:
