@@ -295,9 +295,9 @@ def _lag(sensor: str, series: Sequence[Series]) -> Iterator[Candidate]:
 
 
 def _fading(sensor: str, rows: Mapping[int, Series], shape: _Shape) -> Iterator[Candidate]:
-    """A term that fades in every run; none where no time passes."""
+    """A term that fades in every run, within a third of it; none where no time passes."""
     series = list(rows.values())
-    longest = max(float(np.ptp(_values(s, ""))) for s in series)
+    longest = max(float(np.ptp(_values(s, ""))) for s in series) / FEWEST
     shortest = FEWEST * min(_step(s) for s in series)
     if not shortest < longest:
         return
