@@ -29,14 +29,29 @@ def test_a_sample_is_wild_that_stands_apart_on_whatever_slope():
     assert np.flatnonzero(wild_samples(slope, 1.0)).tolist() == [10, 500]
 
 
+def test_samples_between_two_jumps_are_wild_and_those_of_an_oscillation_are_not():
+    rng = np.random.default_rng(6)
+    t = np.arange(2000) / 1000
+    moving = rng.standard_normal(2000) - 20.0 * t
+    moving[300:312] -= 400.0
+    moving[1500:1519] = 0.0
+    expected = [*range(300, 312), *range(1500, 1519)]
+    assert np.flatnonzero(wild_samples(moving, 1.0)).tolist() == expected
+    ring = 300.0 * np.exp(-t / 0.05) * np.sin(2 * np.pi * 70.0 * t)
+    assert not wild_samples(ring + rng.standard_normal(2000), 1.0).any()
+
+
 def test_a_shape_a_quiet_sensor_and_a_few_samples_have_no_wild_ones():
     rng = np.random.default_rng(3)
     spiky = rng.standard_normal(1000)
-    spiky[::20] += 50.0
+    spiky[::15] += 50.0
     steps = np.repeat([0.0, 30.0, 0.0], 300) + rng.standard_normal(900)
+    # A sensor that sticks, and jumps to where it should be.
+    sticking = rng.standard_normal(1000) - np.r_[np.zeros(500), np.arange(60.0), np.zeros(440)]
     still = np.zeros(1000)
     still[7] = 1.0
-    for series, least in ((spiky, 1.0), (steps, 1.0), (still, 0.0), (np.eye(1, 50)[0], 0.0)):
+    shapes = [spiky, steps, sticking]
+    for series, least in (*((s, 1.0) for s in shapes), (still, 0.0), (np.eye(1, 50)[0], 0.0)):
         assert not wild_samples(series, least).any()
 
 
