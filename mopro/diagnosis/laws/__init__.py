@@ -1,0 +1,10 @@
+"""Free-form terms of the measurement: functions of time and motion that no catalogue lists.
+
+Each is added to the predictions of one sensor, in all its runs. They stand beside the catalogue
+at a price of their own, and describe what is left where no listed effect does.
+"""
+
+from mopro.diagnosis.laws.terms import measurement_laws
+from mopro.diagnosis.laws.with_laws import WithLaws
+
+__all__ = ["WithLaws", "measurement_laws"]

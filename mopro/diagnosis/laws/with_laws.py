@@ -1,0 +1,47 @@
+"""A model with free-form terms in its predictions."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from threading import Lock
+
+import numpy as np
+from cachetools import LRUCache, cached
+
+from mopro.diagnosis.model import Candidate, Floats, Series, Settings, Simulate
+
+# Predictions kept: a term that is fitted beside effects asks for the same ones again.
+_CACHE_SIZE = 16
+
+
+class WithLaws:
+    """The model `simulate`, with the free-form terms in the settings added to its predictions."""
+
+    def __init__(
+        self, simulate: Simulate, data: Sequence[Series], laws: Sequence[Candidate]
+    ) -> None:
+        self._simulate, self._data = simulate, data
+        self._terms = {c.name: c.law.of_data for c in laws if c.law and c.law.of_data}
+        # Asked by several threads at once.
+        cache: LRUCache[Hashable, Sequence[Floats]] = LRUCache(_CACHE_SIZE)
+        self._of_the_model = cached(cache, key=_key, lock=Lock())(self._predict)
+
+    def __call__(self, settings: Settings) -> Sequence[Floats]:
+        plain = {name: values for name, values in settings.items() if name not in self._terms}
+        predicted = self._of_the_model(plain)
+        # In one order, as sums depend on it.
+        for name, term in self._terms.items():
+            if name not in settings:
+                continue
+            predicted = [
+                own + term(series, own, settings[name])
+                for own, series in zip(predicted, self._data, strict=True)
+            ]
+        return predicted
+
+    def _predict(self, settings: Settings) -> Sequence[Floats]:
+        return [np.asarray(p, dtype=float) for p in self._simulate(settings)]
+
+
+def _key(settings: Settings) -> Hashable:
+    return tuple(sorted((name, tuple(sorted(own.items()))) for name, own in settings.items()))
