@@ -147,7 +147,8 @@ class Law:
     x mod, a, t, T, command or sensor. `unit`: of the term's values. `formula`: its text at given
     values of the parameters. `of_data`: values of the term at every sample of a series, from what
     the model predicts there, for a term that is added to the predictions; None where `simulate`
-    knows the term as it knows an effect.
+    knows the term as it knows an effect. `remembers`: its values depend on what was before, and are
+    no function of the variable alone.
     """
 
     enters: str
@@ -155,6 +156,7 @@ class Law:
     unit: str
     formula: Callable[[Mapping[str, float]], str]
     of_data: Callable[[Series, Floats, Mapping[str, float]], Floats] | None = None
+    remembers: bool = False
 
 
 @dataclass(frozen=True)

@@ -136,11 +136,15 @@ def add_laws(state: State) -> State:
     repeated = [(term, state.screening.listed_like(term)) for term in terms]
     sets.leave_out({term.name for term, listed in repeated if listed})
     state = replace(state, terms={name: term for term, listed in repeated for name in listed})
-    search(sets, state.screening, [state.fit], only_laws=sets.is_noise(state.fit))
+    # Several effects may make up for one that nobody listed beside a single one.
+    single = [fit for fit in sets.ranked() if len(fit.candidates) == 1]
+    fronts = [state.fit, *(single[:1] if len(state.fit.candidates) > 1 else [])]
+    search(sets, state.screening, fronts, only_laws=sets.is_noise(state.fit))
     best, listed = sets.best(), sets.best_listed()
-    # What somebody has listed has the benefit of the doubt.
-    doubt = sets.ebic(listed) - sets.ebic(best) < VERY_STRONG
-    return replace(state, fit=listed if doubt else best)
+    # What somebody has listed has the benefit of the doubt, if it is no more.
+    doubt = 0.0 if len(best.candidates) < len(listed.candidates) else VERY_STRONG
+    stays = sets.ebic(listed) - sets.ebic(best) < doubt
+    return replace(state, fit=listed if stays else best)
 
 
 def settle(state: State) -> State:

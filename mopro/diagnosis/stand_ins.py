@@ -151,7 +151,8 @@ def _reshaped(state: State, drafted: Fit, listed: Sequence[str]) -> dict[str, tu
     place of the effect they explain the data as well.
     """
     answer, sets = {}, state.sets
-    drafts = [c.law for c in drafted.candidates if c.law and c.find_starts is None]
+    fixed = [c.law for c in drafted.candidates if c.law and c.find_starts is None]
+    drafts = [law for law in fixed if not law.remembers]
     for enters, of in sorted({(law.enters, law.of) for law in drafts}):
         terms = _terms(state, enters, of)
         basis = _responses(state, drafted, terms)
@@ -174,7 +175,10 @@ def _terms(state: State, enters: str, of: str) -> list[Candidate]:
     return [
         term
         for term in known.values()
-        if term.law and (term.law.enters, term.law.of) == (enters, of) and not term.find_starts
+        if term.law
+        and (term.law.enters, term.law.of) == (enters, of)
+        and not term.find_starts
+        and not term.law.remembers
     ]
 
 

@@ -44,6 +44,12 @@ def shift(model, settings):
         ("force of v|v|", {"c": -5.0}, "quadratic_drag", {"c": 5.0}),
         ("force of sgn v", {"c": -3.0}, "coulomb_friction", {"Fc": 3.0}),
         ("load's force of sgn v", {"c": -0.1}, "load_dependent_friction", {"mu": 0.1}),
+        (
+            "slow force of sgn v",
+            {"c": -3.0, "vs": 1e6},
+            "coulomb_friction",
+            {"Fc": 3.0},
+        ),
         ("force of x", {"c": -20.0}, "umbilical_spring", {"k_h": 20.0}),
         ("force of a", {"c": -0.5}, "payload_mass", {"dm": 0.5}),
         (
@@ -102,13 +108,37 @@ def test_the_heat_of_a_squared_rise_balances_the_motor_s_power(table):
     assert conductance * one == pytest.approx(conductance * rise + 0.1 * rise * abs(rise), rel=1e-6)
 
 
+def test_a_power_that_grows_with_the_rise_is_that_of_a_resistance_that_does(table):
+    own = shift(table, {"heat of T power": {"c": 0.004}})
+    listed = shift(table, {"resistance_tempco": {"alpha": 0.004, "T0": AIR_C}})
+    assert np.abs(listed).max() > 0.5
+    assert own == pytest.approx(listed, abs=1e-6)
+
+
+def test_cooling_in_proportion_to_the_speed_is_that_of_a_conductance_at_that_speed(table):
+    """P - g r - c v r = 0; g and P from a term of T, v from a term of v: P + c v - g r = 0."""
+
+    def rise(term, c):
+        return np.concatenate(table({term: {"c": c}}))
+
+    plain, cooled = np.concatenate(table({})), rise("heat of T", -4.0)
+    conductance = 4.0 * cooled / (plain - cooled)
+    speed = conductance * (rise("heat of v", 20.0) - plain) / 20.0
+    assert speed.min() > 0.01
+    expected = conductance * plain / (conductance + 30.0 * speed)
+    assert rise("heat of T v", -30.0) == pytest.approx(expected, rel=1e-6)
+
+
 def test_no_term_has_the_name_of_an_effect_and_each_states_its_law():
     terms = unlisted_terms()
     names = {term.name for term in terms}
     assert len(names) == len(terms)
     assert not names & set(catalogue())
-    written = {term.name: term.law.formula({"c": 2.0, "p": 1e-3, "phi": 0.1}) for term in terms}
+    written = {
+        term.name: term.law.formula({"c": 2.0, "p": 1e-3, "phi": 0.1, "vs": 0.05}) for term in terms
+    }
     assert written["force of v|v|"] == "2 * v * abs(v)"
+    assert written["slow force of sgn v"] == "2 * sign(v) * exp(-abs(v) / 0.05)"
     assert written["force of x mod"] == "2 * sin(2 * pi * x / 0.001 + 0.1)"
     assert {t.law.of for t in terms} == {"v", "sgn v", "x", "x mod", "a", "T", "t"}
 
@@ -116,8 +146,8 @@ def test_no_term_has_the_name_of_an_effect_and_each_states_its_law():
 def test_a_term_is_probed_well_within_the_pull_out_force(motion):
     for candidate in unlisted(motion.forward):
         if candidate.find_starts is None and candidate.name != "force of a":
-            (size,) = candidate.parameters
-            moved = shift(motion, candidate.settings({"c": size.starts[0]})) * 0.0254
+            starts = {p.name: p.starts[0] for p in candidate.parameters}
+            moved = shift(motion, candidate.settings(starts)) * 0.0254
             assert 0 < np.abs(moved).max() < PITCH_M / 8
 
 

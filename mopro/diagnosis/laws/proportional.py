@@ -185,6 +185,6 @@ def lag_term(sensor: str, series: Sequence[Series]) -> Iterator[Candidate]:
         sign = "" if values["c"] > 0 else "-"
         return f"{sign}(lag(y, {abs(values['c']):.4g}) - y)"
 
-    law = Law("measurement", "t", series[0].unit, formula, of_data)
+    law = Law("measurement", "t", series[0].unit, formula, of_data, remembers=True)
     c = Parameter("c", "s", -longest, longest, (_PROBED * longest,))
     yield Candidate(f"lag in {sensor}", (c,), law=law)

@@ -54,7 +54,8 @@ class Screening:
 
         Signatures are those at the null model. If `base` is `at` itself, those of the
         likeliest candidates that may come within the margin of alternatives are simulated
-        there, and all of them where the null model is far from linear. Starts are searched in
+        there, and all of them where the null model is far from linear or `at` leaves more than noise:
+        beside a dry friction, another one has quite another signature. Starts are searched in
         the residual of `base` and of `unabsorbed`, in which other effects have not adapted to
         what was dropped.
         """
@@ -77,7 +78,7 @@ class Screening:
         ]
         if base.key != at.key:
             return self._scores(base, null, joining)
-        if at.key == null.key or null.far_from_linear:
+        if at.key == null.key or null.far_from_linear or not self._sets.is_noise(at):
             return self._scores(base, at, joining)
         known = self._scores(base, null, joining)
         limit = self._sets.white.ebic(at) + VERY_STRONG

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from mopro.diagnosis.constants import LEAST_SHARE
 from mopro.diagnosis.model import Candidate, ResidualView, Role
 from mopro.diagnosis.model import Parameter as Fitted
 from mopro.effects.base import Domain, Floats, Parameter, View, phase
@@ -96,6 +97,33 @@ class _OfDirection(_Force):
     def forms(self, view: View) -> Iterator[Candidate]:
         largest = self.size(view.machine.axis.pull_out_force_N)
         yield self.form(largest, fixed={"delta": PRESLIDING_M}, law=self.law)
+
+
+class _SlowOfDirection(_Force):
+    """A force of the direction that is lost as the speed rises, as a static friction is."""
+
+    name, of, text = "slow force of sgn v", "sgn v", "sign(v) * exp(-abs(v) / vs)"
+    slide = staticmethod(DahlFriction.slide)
+    parameters = (
+        size("N"), PRESLIDING,
+        Parameter("vs", "m/s", "velocity", 0.05, (0.005, 0.3), 1e-4, 10.0, "speed", null=0.05),
+    )  # fmt: skip
+
+    @staticmethod
+    def force(x: float, v: float, z: float, c: float, delta: float, vs: float) -> float:
+        return c * z * math.exp(-abs(v) / vs)
+
+    def written(self, values: Mapping[str, float]) -> str:
+        return super().written(values).replace("vs", f"{values['vs']:.4g}")
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        fastest = max((float(np.abs(v).max()) for _, v in _motions(view)), default=0.0)
+        if not fastest:
+            return
+        ends = LEAST_SHARE**2 * fastest, fastest
+        speed = Fitted("vs", "m/s", *ends, (LEAST_SHARE * fastest,), Role.SHAPE)
+        largest = self.size(view.machine.axis.pull_out_force_N)
+        yield self.form(largest, speed, fixed={"delta": PRESLIDING_M}, law=self.law)
 
 
 class _MotorOfDirection(_Force):
@@ -212,6 +240,7 @@ FORCES: tuple[type[FreeFormTerm], ...] = (
     _OfSpeed,
     _OfSpeedSquared,
     _OfDirection,
+    _SlowOfDirection,
     _MotorOfDirection,
     _FrictionUnderLoad,
     _OfPlace,

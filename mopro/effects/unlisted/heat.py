@@ -9,11 +9,11 @@ from mopro.diagnosis.model import Candidate
 from mopro.effects.base import Domain, Surroundings, View
 from mopro.effects.unlisted.term import FreeFormTerm, size
 
-# The power (W) of the largest term at a rise over the air (K), a speed (m/s) and a time (s) that
-# are common: several times that of any motor. Halved or doubled, so are the ranges of sizes; no
-# fit ends at their ends.
+# The power (W) of the largest term at a rise over the air (K), a speed (m/s), a time (s) and a
+# power of the coils (W) that are common: several times that of any motor. Halved or doubled, so are
+# the ranges of sizes; no fit ends at their ends.
 _LARGEST_W = 100.0
-_RISE_K, _SPEED_M_S, _TIME_S = 10.0, 0.1, 600.0
+_RISE_K, _SPEED_M_S, _TIME_S, _COIL_W = 10.0, 0.1, 600.0, 10.0
 
 
 class _HeatFlow(FreeFormTerm):
@@ -47,6 +47,28 @@ class _OfRiseSquared(_HeatFlow):
     def heat(self, here: Surroundings, *p: float) -> None:
         rise = here.temperature_C - here.air_C
         here.extra_W += p[0] * rise * abs(rise)
+
+
+class _OfRiseAndSpeed(_HeatFlow):
+    """Cooling by the motion."""
+
+    name, of, text = "heat of T v", "T", "(T - ambient) * abs(v)"
+    parameters = (size("J/(m K)"),)
+    reference = _RISE_K * _SPEED_M_S
+
+    def heat(self, here: Surroundings, *p: float) -> None:
+        here.extra_W += p[0] * (here.temperature_C - here.air_C) * sum(here.speeds_m_s)
+
+
+class _OfRiseAndPower(_HeatFlow):
+    """Coils whose power changes with the temperature."""
+
+    name, of, text = "heat of T power", "T", "(T - ambient) * power"
+    parameters = (size("1/K"),)
+    reference = _RISE_K * _COIL_W
+
+    def heat(self, here: Surroundings, *p: float) -> None:
+        here.extra_W += p[0] * (here.temperature_C - here.air_C) * here.coil_W
 
 
 class _OfSpeed(_HeatFlow):
@@ -94,6 +116,8 @@ class _AirOfTime(FreeFormTerm):
 HEAT: tuple[type[FreeFormTerm], ...] = (
     _OfRise,
     _OfRiseSquared,
+    _OfRiseAndSpeed,
+    _OfRiseAndPower,
     _OfSpeed,
     _OfSpeedSquared,
     _OfTime,
