@@ -54,9 +54,9 @@ class Screening:
 
         Signatures are those at the null model. If `base` is `at` itself, those of the
         likeliest candidates that may come within the margin of alternatives are simulated
-        there, and all of them where the null model is far from linear or `at` leaves more than noise:
-        beside a dry friction, another one has quite another signature. Starts are searched in
-        the residual of `base` and of `unabsorbed`, in which other effects have not adapted to
+        there, and all of them where the null model is far from linear or `at` leaves more than
+        noise: beside a dry friction, another one has quite another signature. Starts are searched
+        in the residual of `base` and of `unabsorbed`, in which other effects have not adapted to
         what was dropped.
         """
         scores = self._beside(base, at)
