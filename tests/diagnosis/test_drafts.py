@@ -229,3 +229,31 @@ def test_what_has_the_direction_of_motion_is_drafted_with_what_it_changes_with(c
     verdict = mopro.reconcile(lambda settings: [x, x], [], data)
     assert (verdict.verdict, verdict.remainder.variable) == ("unexplained", "sgn v")
     assert [draft.name for draft in verdict.drafts] == [f"{changes_with} in laser"]
+
+
+def test_one_term_takes_the_place_of_two_listed_effects_that_do_no_better():
+    """`early` and `late` are the two halves of a bend in x, as large as each other in the data.
+
+    Eight more effects are listed, as of many there are more pairs that do as well by chance.
+    """
+    t = np.linspace(0.0, 4.0, 2000)
+    x = np.sin(3 * t)
+    shapes = {"early": np.where(t < 2, x**2, 0.0), "late": np.where(t < 2, 0.0, x**2)}
+    shapes |= {f"absent {f}": np.sin(f * t) for f in range(20, 28)}
+    size = Parameter("size", "V", -90.0, 90.0, (1.0,))
+
+    def simulate(settings):
+        return [sum((own["size"] * shapes[n] for n, own in settings.items()), np.zeros(len(t)))]
+
+    def verdict(**sizes):
+        (values,) = simulate({name: {"size": own} for name, own in sizes.items()})
+        values = values + SIGMA * np.random.default_rng(3).standard_normal(len(t))
+        data = [Series("run", "probe", "V", values, SIGMA, t, np.arange(len(t)) // 200,
+                       labels={"position": x})]  # fmt: skip
+        return mopro.reconcile(simulate, [Candidate(n, (size,)) for n in shapes], data)
+
+    bend = verdict(early=2.0, late=2.0)
+    assert (bend.verdict, names(bend)) == ("unexplained", set())
+    assert [draft.name for draft in bend.drafts] == ["x² in probe"]
+    both = verdict(early=2.0, late=-1.0)
+    assert (both.verdict, names(both)) == ("named", {"early", "late"})
