@@ -318,3 +318,21 @@ def test_what_may_join_a_set_is_simulated_once():
     asked.clear()
     assert screening.beside(sets.null, sets.null) == [first]
     assert not asked
+
+
+def test_what_shows_only_beside_another_effect_is_seen_there():
+    """At the null model, which is near linear, `slip` has no signature, as there is no grip."""
+    t, absent = times(4000), [f"absent {f}" for f in range(30, 40)]
+
+    def simulate(settings):
+        grip, slip, *others = sizes(settings, "grip", "slip", *absent)
+        lines = (c * np.sin(f * t) for f, c in enumerate(others, start=30))
+        return [grip * np.sin(7 * t) + slip * np.tanh(grip) * np.sin(23 * t) + sum(lines)]
+
+    data = measured(simulate(of_size(grip=1.0, slip=0.3))[0], 0.2, 1)
+    effects = candidates("grip", "slip", *absent)
+    sets = Hypotheses(Residuals(simulate, data), effects)
+    grip = sets.fitted(effects[:1], of_size(grip=1.0))
+    scores = {s.candidate.name: s for s in Screening(sets).beside(grip, grip)}
+    expected = 4000 / 2 * (0.3 * np.tanh(1.0) / 0.2) ** 2
+    assert scores["slip"].predicted_reduction == pytest.approx(expected, rel=0.1)
