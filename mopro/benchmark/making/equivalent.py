@@ -31,8 +31,9 @@ _DRAWS = 6
 _PROBE = 0.2
 # A rival's start may be weaker than the near end of its range.
 _WEAKEST = 0.05
-# Below this update interval (s) simulations take long, and the response is in proportion to it.
-_FLOORS = {"T": 1e-4}
+# Below this update interval (s) and this lag of the currents (s) simulations take long, as steps
+# are as short, and the response is in proportion to it.
+_FLOORS = {"T": 1e-4, "tau": 2e-5}
 # A rival that leaves more than this share of chi-squared in the linear approximation is dropped.
 _HOPELESS = 0.3
 _EVALUATIONS = 8
