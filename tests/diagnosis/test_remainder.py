@@ -19,7 +19,7 @@ PLACE = np.cumsum(VELOCITY) / RATE_HZ
 
 
 def remainder(values, sigma=1.0, runs=(0, 1)):
-    """What the tests say of noise of size 1 with `values` beside it, in two runs."""
+    """The tested remainder of `values` and white noise of variance 1, the same in two runs."""
     data = []
     for run in runs:
         noise = np.random.default_rng(run).standard_normal(len(TIME))

@@ -87,7 +87,7 @@ def test_the_period_of_a_force_is_that_of_the_force_and_not_of_the_resonance(pay
 
 
 def test_a_line_does_not_depend_on_the_units_of_the_sensors():
-    """The same two readings in metres, or one in inches: each counts by its own noise."""
+    """A line over place, of a sensor in metres and one in inches: weights are 1/sigma in metres."""
     time_s = np.arange(2000) / 2000
     x = 0.02 * time_s
     noise = np.random.default_rng(3).standard_normal((2, len(x)))

@@ -9,19 +9,17 @@ import numpy as np
 from scipy import fft
 
 from mopro.diagnosis.constants import BUMP_BINS, FEWEST
-from mopro.diagnosis.laws.motion import LARGEST, POSITION, motion_of, span_of, step_of, values_of
-from mopro.diagnosis.model import (
-    Candidate,
-    Floats,
-    Law,
-    Parameter,
-    ResidualView,
-    Role,
-    Series,
+from mopro.diagnosis.laws.motion import (
+    LARGEST,
+    POSITION,
+    Values,
+    motion_of,
+    span_of,
+    step_of,
+    values_of,
 )
+from mopro.diagnosis.model import Candidate, Floats, Law, Parameter, ResidualView, Role, Series
 from mopro.diagnosis.statistics.spectrum import position_spectrum, sinusoid
-
-Values = Mapping[str, float]
 
 # Intervals of position in which a bump is looked for: a quarter of the least that one takes.
 _BINS = 4 * max(BUMP_BINS)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mopro.diagnosis.constants import LEAST_SHARE
 from mopro.diagnosis.model import Floats, Series
+
+# Values of a term's parameters, by name.
+Values = Mapping[str, float]
 
 POSITION = "position"
 # Size of a term that is looked for, as a multiple of the largest value measured.

@@ -13,24 +13,15 @@ from mopro.diagnosis.laws.motion import (
     LARGEST,
     POSITION,
     Motion,
+    Values,
     labelled,
     motion_of,
     span_of,
     step_of,
     values_of,
 )
-from mopro.diagnosis.model import (
-    Candidate,
-    Floats,
-    Law,
-    Parameter,
-    ResidualView,
-    Role,
-    Series,
-)
+from mopro.diagnosis.model import Candidate, Floats, Law, Parameter, ResidualView, Role, Series
 from mopro.play import follow
-
-Values = Mapping[str, float]
 
 # Size at which a term is probed, as a multiple of the largest value measured.
 _PROBED = LEAST_SHARE**2

@@ -24,7 +24,8 @@ class Remainder:
     """Answer of the tests: whether the residual is more than noise, and its clearest shape.
 
     `scatter`: its RMS in standard deviations of the sensors' noise, 1 where that is unknown.
-    `variable`: what it is a function of (v, sgn v, x, x mod, a or t), if one shape is clearest.
+    `variable`: what it is a function of (v, sgn v, x, x mod, a or t), if one shape is clearest;
+    sensor where nothing but wild samples has been left out.
     `only_size`: no test of a shape fails, and the scatter alone is larger than stated.
     """
 

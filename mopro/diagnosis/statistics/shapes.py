@@ -182,7 +182,7 @@ def _common_shapes(parts: Sequence[_Standardised]) -> Iterator[Finding]:
         yield _line_in_position(moving)
         yield _bump(moving)
     for name, shape in _LAWS.items():
-        if all(part.label(label) is not None for part in parts for label in shape[0]):
+        if all(part.label(shape[0]) is not None for part in parts):
             yield _law(parts, name, *shape)
     if all(part.label("velocity") is not None for part in parts):
         yield _scatter_of_speed(parts)
@@ -334,26 +334,26 @@ def _bump(parts: Sequence[_Standardised]) -> Finding:
     return Finding(normal_log_p(strength, trials), words, "x")
 
 
-# description -> (labels, function of them, variable)
-_LAWS: dict[str, tuple[tuple[str, ...], Callable[..., Floats], str]] = {
-    "a law in velocity v": (("velocity",), lambda v: v, "v"),
-    "a law in velocity v|v|": (("velocity",), lambda v: v * np.abs(v), "v"),
-    "the direction of motion sgn v": (("velocity",), np.sign, "sgn v"),
-    "a law in acceleration a": (("acceleration",), lambda a: a, "a"),
-    "a law in position x": (("position",), lambda x: x, "x"),
-    "a law in position x³": (("position",), lambda x: (x - (x.max() + x.min()) / 2) ** 3, "x"),
+# description -> (label, function of it, variable)
+_LAWS: dict[str, tuple[str, Callable[[Floats], Floats], str]] = {
+    "a law in velocity v": ("velocity", lambda v: v, "v"),
+    "a law in velocity v|v|": ("velocity", lambda v: v * np.abs(v), "v"),
+    "the direction of motion sgn v": ("velocity", np.sign, "sgn v"),
+    "a law in acceleration a": ("acceleration", lambda a: a, "a"),
+    "a law in position x": ("position", lambda x: x, "x"),
+    "a law in position x³": ("position", lambda x: (x - (x.max() + x.min()) / 2) ** 3, "x"),
 }
 
 
 def _law(
     parts: Sequence[_Standardised],
     name: str,
-    labels: Sequence[str],
-    shape: Callable[..., Floats],
+    label: str,
+    shape: Callable[[Floats], Floats],
     variable: str,
 ) -> Finding:
-    """Projection of the residual on a function of labels, its mean in each series taken out."""
-    values = [shape(*(np.asarray(part.label(label)) for label in labels)) for part in parts]
+    """Projection of the residual on a function of a label, its mean in each series taken out."""
+    values = [shape(np.asarray(part.label(label))) for part in parts]
     centred = np.concatenate([v - v.mean() for v in values])
     z = np.concatenate([part.z for part in parts])
     norm = math.sqrt(float(centred @ centred))
