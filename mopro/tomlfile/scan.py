@@ -24,12 +24,13 @@ _TOO_DEEP = f"nested more than {MOST_LEVELS} levels deep"
 _LONGEST_INTEGER = 200  # characters; 64 bits in binary, each digit with an underscore, have fewer
 _INT64 = 1 << 63
 
-# Possessive (`++`, `*+`): what has been taken is not tried again, so that an unterminated
-# string costs one pass. `"""` never begins an ordinary string.
+# Possessive (`++`, `*+`) and atomic (`(?>`): what has been taken is not tried again, so that
+# an unterminated string costs one pass. A group is atomic, since Python before 3.11.5 does
+# not match some possessive groups (gh-106052). `"""` never begins an ordinary string.
 _STRING = r"""
-      "{3} (?: [^"\\]++ | \\. | ""?(?!") )*+ "{3,5}
-    | '{3} (?: [^']++ | ''?(?!') )*+ '{3,5}
-    | " (?!"") (?: [^"\\\n]++ | \\. )*+ "
+      "{3} (?> (?: [^"\\]++ | \\. | ""?(?!") )* ) "{3,5}
+    | '{3} (?> (?: [^']++ | ''?(?!') )* ) '{3,5}
+    | " (?!"") (?> (?: [^"\\\n]++ | \\. )* ) "
     | ' (?!'') [^'\n]*+ '
 """
 _TOKEN = r"""
