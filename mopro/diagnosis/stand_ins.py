@@ -19,7 +19,6 @@ from mopro.diagnosis.fitting.fit import Fit
 from mopro.diagnosis.fitting.residual import projected_out
 from mopro.diagnosis.model import Candidate, Floats, Mask, Role
 from mopro.diagnosis.search.hypotheses import Hypotheses
-from mopro.diagnosis.search.signature import signatures
 from mopro.diagnosis.state import State
 from mopro.diagnosis.statistics.heldout import folds
 from mopro.diagnosis.statistics.uniformity import spread
@@ -147,24 +146,16 @@ def _part(sets: Hypotheses, fit: Fit, name: str) -> Floats:
 def _reshaped(state: State, drafted: Fit, listed: Sequence[str]) -> dict[str, tuple[float, str]]:
     """Effects that are one form of a law of which a draft is another, and 0 for each.
 
-    The law is all terms that enter where the draft does and are functions of the same variable. In
-    place of the effect they explain the data as well.
+    The law is all terms that enter where the draft does and are functions of the same variable. One
+    of them does what the effect does, or in place of the effect they explain the data as well.
     """
-    answer, sets = {}, state.sets
+    answer = {}
     fixed = [c.law for c in drafted.candidates if c.law and c.find_starts is None]
     drafts = [law for law in fixed if not law.remembers]
     for enters, of in sorted({(law.enters, law.of) for law in drafts}):
         terms = _terms(state, enters, of)
-        basis = _responses(state, drafted, terms)
         for name in sorted(drafted.names.intersection(listed)):
-            part = _part(sets, drafted, name)
-            left = projected_out(basis, part)
-            if float(left @ left) > MAJORITY * float(part @ part):
-                continue
-            freed = _with_all(state, sets.without(drafted, name), terms)
-            noise = sets.evidence.noise
-            worse = noise.deviance(freed.residual) - noise.deviance(drafted.residual)
-            if worse < VERY_STRONG:
+            if state.terms.get(name) in terms or _freed(state, drafted, name, terms):
                 answer[name] = 0.0, _RESHAPED.format(of)
     return answer
 
@@ -182,41 +173,59 @@ def _terms(state: State, enters: str, of: str) -> list[Candidate]:
     ]
 
 
-def _responses(state: State, fit: Fit, terms: Sequence[Candidate]) -> Floats:
-    """Orthonormal basis (samples x terms) of the responses to `terms` beside `fit`."""
-    changes = [
-        probe.change / (float(np.linalg.norm(probe.change)) or 1.0)
-        for term in terms
-        for group in signatures(state.sets.residuals, fit, term)
-        for probe in group
-    ]
-    return np.asarray(linalg.orth(np.column_stack(changes), ROUNDING))
+def _freed(state: State, drafted: Fit, name: str, terms: Sequence[Candidate]) -> bool:
+    """True if `terms` do as well as an effect of `drafted` in its place, and what it did.
+
+    What it did to first order: a friction that goes altogether lets a motor ring.
+    """
+    noise = state.sets.evidence.noise
+    freed = _in_place_of(state, drafted, name, terms)
+    if noise.deviance(freed.residual) - noise.deviance(drafted.residual) > VERY_STRONG:
+        return False
+    names = {term.name for term in terms}
+    own = np.array([effect in names for effect, _ in freed.order], dtype=bool)
+    columns = freed.jacobian[:, own]
+    norms = np.linalg.norm(columns, axis=0)
+    part = drafted.linear_part(name)
+    left = projected_out(linalg.orth(columns / np.where(norms > 0, norms, 1.0), ROUNDING), part)
+    return float(left @ left) < MAJORITY * float(part @ part)
 
 
-def _with_all(state: State, fit: Fit, terms: Sequence[Candidate]) -> Fit:
-    """`fit` with each of `terms` that it has not, one after another from where it is predicted."""
-    for term in terms:
-        score = next((s for s in state.screening.of(fit, [term]) if s.starts), None)
-        if term.name not in fit.names and score is not None:
-            start = {**fit.settings, **score.starts[0]}
-            fit = state.sets.fitted((*fit.candidates, score.candidate), start)
+def _in_place_of(state: State, drafted: Fit, name: str, terms: Sequence[Candidate]) -> Fit:
+    """`drafted` with each of `terms` that it has not in place of an effect, the best one first.
+
+    The others begin as they are: without the effect they would go far to make up for it.
+    """
+    fit = state.sets.switched_off(drafted, frozenset({name}))
+    missing = [term for term in terms if term.name not in fit.names]
+    while missing and (score := next(iter(state.screening.of(fit, missing)))).starts:
+        start = {**fit.settings, **score.starts[0]}
+        fit = state.sets.fitted((*fit.candidates, score.candidate), start)
+        missing.remove(score.candidate)
     return state.sets.settled(fit)
 
 
 def _taken_over(state: State, fit: Fit, name: str) -> Fit:
     """`fit` without an effect, and with the free-form term that best describes what it stood for.
 
-    None where no term describes most of what is left.
+    None where no term describes most of what is left. Where a term does what the effect does, it
+    also begins beside the others as they are.
     """
     sets = state.sets
     without = sets.settled(sets.without(fit, name))
     terms = [c for c in sets.catalogue if c.law and c.name not in without.names]
+    tried = [(without, terms)]
     if name in state.terms:
-        terms.append(state.terms[name])
-    best = next((s for s in state.screening.of(without, terms) if s.starts), None)
-    if best is None:
-        return without
-    start = {**without.settings, **best.starts[0]}
-    described = sets.settled(sets.fitted((*without.candidates, best.candidate), start))
+        tried = [
+            (without, [*terms, state.terms[name]]),
+            (sets.switched_off(fit, frozenset({name})), [state.terms[name]]),
+        ]
+    fits = [without]
+    for base, candidates in tried:
+        best = next((s for s in state.screening.of(base, candidates) if s.starts), None)
+        if best is not None:
+            start = {**base.settings, **best.starts[0]}
+            fits.append(sets.settled(sets.fitted((*base.candidates, best.candidate), start)))
+    described = min(fits, key=lambda f: f.rss)
     most = MAJORITY * _beyond_noise(sets, without)
     return described if without.rss - described.rss > most else without

@@ -74,3 +74,17 @@ def test_each_is_named_with_its_size_where_it_is_hidden(tmp_path, name, values, 
     assert (verdict.verdict, [e.name for e in verdict.effects]) == ("named", [name])
     low, high = verdict.effects[0].parameters[parameter].ci95
     assert low < values[parameter] < high
+
+
+def test_a_static_friction_that_nobody_listed_is_no_coulomb_friction(tmp_path):
+    """Its sliding part is Coulomb's law, and its static part shows that the law is another one."""
+    lab = Lab(tmp_path)
+    hidden = {"Fc": 0.5, "Fs": 1.0, "vs": 0.05, "delta": 1e-5}
+    for program in ("fast", "slow"):
+        lab.record(f"{program}.CMD", f"{program}.csv", {"stribeck_friction": hidden})
+    runs = [f'program = "{n}.CMD"\ndata = "{n}.csv"' for n in ("fast", "slow")]
+    left_out = ("stribeck_friction",)
+    verdict = diagnose(load_experiment(lab.experiment(runs)), left_out=left_out).verdict
+    assert (verdict.verdict, verdict.effects) == ("unexplained", ())
+    assert {draft.enters for draft in verdict.drafts} == {"force"}
+    assert "sgn v" in {draft.of for draft in verdict.drafts}

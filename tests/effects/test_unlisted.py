@@ -45,8 +45,8 @@ def shift(model, settings):
         ("force of sgn v", {"c": -3.0}, "coulomb_friction", {"Fc": 3.0}),
         ("load's force of sgn v", {"c": -0.1}, "load_dependent_friction", {"mu": 0.1}),
         (
-            "slow force of sgn v",
-            {"c": -3.0, "vs": 1e6},
+            "falling force of sgn v",
+            {"c": -2.0, "s": -1.0, "vs": 1e6},
             "coulomb_friction",
             {"Fc": 3.0},
         ),
@@ -135,10 +135,11 @@ def test_no_term_has_the_name_of_an_effect_and_each_states_its_law():
     assert len(names) == len(terms)
     assert not names & set(catalogue())
     written = {
-        term.name: term.law.formula({"c": 2.0, "p": 1e-3, "phi": 0.1, "vs": 0.05}) for term in terms
+        term.name: term.law.formula({"c": 2.0, "p": 1e-3, "phi": 0.1, "s": 3.0, "vs": 0.05})
+        for term in terms
     }
     assert written["force of v|v|"] == "2 * v * abs(v)"
-    assert written["slow force of sgn v"] == "2 * sign(v) * exp(-abs(v) / 0.05)"
+    assert written["falling force of sgn v"] == "(2 + 3 * exp(-abs(v) / 0.05)) * sign(v)"
     assert written["force of x mod"] == "2 * sin(2 * pi * x / 0.001 + 0.1)"
     assert {t.law.of for t in terms} == {"v", "sgn v", "x", "x mod", "a", "T", "t"}
 

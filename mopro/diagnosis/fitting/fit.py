@@ -82,16 +82,19 @@ class Fit:
         """The settings, the effects `names` off and the others as they are."""
         return {effect: v for effect, v in self.settings.items() if effect not in names}
 
-    def stepped_without(self, name: str) -> Settings:
-        """Settings of the other effects if `name` were off: one Gauss-Newton step."""
-        own = np.array([effect == name for effect, _ in self.order], dtype=bool)
+    def linear_part(self, name: str) -> Floats:
+        """Change of the residual (samples) if the effect `name` were off, to first order."""
         off = [
             p.null - value if effect == name and p.role is Role.AMPLITUDE else 0.0
             for (effect, p), value in zip(self.order, self.values.tolist(), strict=True)
         ]
+        return np.asarray(self.jacobian @ np.nan_to_num(off, posinf=0.0, neginf=0.0))
+
+    def stepped_without(self, name: str) -> Settings:
+        """Settings of the other effects if `name` were off: one Gauss-Newton step."""
+        own = np.array([effect == name for effect, _ in self.order], dtype=bool)
         moved = {effect: dict(values) for effect, values in self.settings.items() if effect != name}
-        change = self.jacobian @ np.nan_to_num(off, posinf=0.0, neginf=0.0)
-        steps = gauss_newton_step(self.jacobian[:, ~own], change).tolist()
+        steps = gauss_newton_step(self.jacobian[:, ~own], self.linear_part(name)).tolist()
         others = (entry for entry, mine in zip(self.order, own, strict=True) if not mine)
         for (effect, p), step in zip(others, steps, strict=True):
             moved[effect][p.name] = p.within(moved[effect][p.name] + step)

@@ -6,7 +6,10 @@ from collections.abc import Iterator
 
 from mopro.diagnosis.model import Candidate
 from mopro.effects.base import Domain, Parameter, View
-from mopro.effects.forces.dahl import PRESLIDING, DahlFriction
+from mopro.effects.forces.dahl import PRESLIDING, DahlFriction, with_presliding
+
+# Forces (N) that it is probed at: a dry friction is far from proportional to its force.
+PROBED_N = (1.0, 3.0, 9.0)
 
 
 class CoulombFriction(DahlFriction):
@@ -29,4 +32,4 @@ class CoulombFriction(DahlFriction):
         return -fc * z
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        yield from self.with_presliding(self.fitted("Fc", 1.0, 3.0, 9.0))
+        yield from with_presliding(self.form(self.fitted("Fc", *PROBED_N)))

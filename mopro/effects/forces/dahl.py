@@ -14,7 +14,9 @@ PRESLIDING_M = 5e-6
 PRESLIDING = Parameter(
     "delta", "m", "length", PRESLIDING_M, (2e-6, 1e-5), 1e-7, 1e-3, "presliding", null=PRESLIDING_M
 )
-_FITTED = Fitted("delta", "m", 5e-7, 5e-5, (PRESLIDING_M,), Role.SHAPE, plausible=(1e-6, 2e-5))
+PRESLIDING_FITTED = Fitted(
+    "delta", "m", 5e-7, 5e-5, (PRESLIDING_M,), Role.SHAPE, plausible=(1e-6, 2e-5)
+)
 
 
 class DahlFriction(Effect):
@@ -34,10 +36,13 @@ class DahlFriction(Effect):
             return 1.0 - (1.0 - z) * math.exp(-dx / delta)
         return (1.0 + z) * math.exp(dx / delta) - 1.0
 
-    def with_presliding(self, *parameters: Fitted) -> Iterator[Candidate]:
-        """`parameters` fitted with delta as it is assumed, and with delta fitted as well."""
-        plain = self.form(*parameters, fixed={"delta": PRESLIDING_M})
-        yield plain
-        yield replace(
-            plain, parameters=(*parameters, _FITTED), fixed={}, form="presliding fitted", extends=""
-        )
+
+def with_presliding(plain: Candidate) -> Iterator[Candidate]:
+    """`plain` with delta as it is assumed, and with delta fitted as well."""
+    yield replace(plain, fixed={"delta": PRESLIDING_M})
+    yield replace(
+        plain,
+        parameters=(*plain.parameters, PRESLIDING_FITTED),
+        form="presliding fitted",
+        extends="",
+    )

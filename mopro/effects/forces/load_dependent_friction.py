@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from mopro.diagnosis.model import Candidate
 from mopro.effects.base import Domain, Parameter, View
-from mopro.effects.forces.dahl import PRESLIDING, DahlFriction
+from mopro.effects.forces.dahl import PRESLIDING, DahlFriction, with_presliding
 
 
 class LoadDependentFriction(DahlFriction):
@@ -29,4 +29,4 @@ class LoadDependentFriction(DahlFriction):
         return -mu * abs(motor_N) * z
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        yield from self.with_presliding(self.fitted("mu", 0.03, 0.15))
+        yield from with_presliding(self.form(self.fitted("mu", 0.03, 0.15)))

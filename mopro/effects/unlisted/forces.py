@@ -13,7 +13,8 @@ from mopro.diagnosis.constants import LEAST_SHARE
 from mopro.diagnosis.model import Candidate, ResidualView, Role
 from mopro.diagnosis.model import Parameter as Fitted
 from mopro.effects.base import Domain, Floats, Parameter, View, phase
-from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_M, DahlFriction
+from mopro.effects.forces.coulomb_friction import PROBED_N
+from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_FITTED, DahlFriction, with_presliding
 from mopro.effects.search import FEWEST_PERIODS, Values, force_N, strongest_lines
 from mopro.effects.unlisted.term import FreeFormTerm, size
 from mopro.machine.constants import PlantConstants
@@ -50,8 +51,13 @@ class _Force(FreeFormTerm):
         if self.of_speed:
             fastest = max(float(np.abs(v).max()) for _, v in motions)
             along = min(size.high, axis.drive_damping_N_s_m * fastest / reach)
-            size = replace(size, high=along, starts=tuple(-start for start in size.starts))
+            size = _against_motion(replace(size, high=along))
         yield self.form(size, law=self.law)
+
+
+def _against_motion(size: Fitted) -> Fitted:
+    """A size that is probed as a friction: along the motion a force makes the motor ring."""
+    return replace(size, starts=tuple(-start for start in size.starts))
 
 
 def _motions(view: View) -> Iterator[tuple[Floats, Floats]]:
@@ -95,26 +101,31 @@ class _OfDirection(_Force):
         return c * z
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        largest = self.size(view.machine.axis.pull_out_force_N)
-        yield self.form(largest, fixed={"delta": PRESLIDING_M}, law=self.law)
+        # As Coulomb's friction is, to be told for the same where that is listed.
+        size = replace(self.size(view.machine.axis.pull_out_force_N), starts=PROBED_N)
+        yield from with_presliding(self.form(_against_motion(size), law=self.law))
 
 
-class _SlowOfDirection(_Force):
-    """A force of the direction that is lost as the speed rises, as a static friction is."""
+class _FallingOfDirection(_Force):
+    """A force of the direction that falls with the speed, from a static to a sliding value.
 
-    name, of, text = "slow force of sgn v", "sgn v", "sign(v) * exp(-abs(v) / vs)"
+    The presliding is fitted with it: without, it is hardly more than one that does not fall.
+    """
+
+    name, of = "falling force of sgn v", "sgn v"
     slide = staticmethod(DahlFriction.slide)
     parameters = (
-        size("N"), PRESLIDING,
+        size("N"), PRESLIDING, size("N", "s"),
         Parameter("vs", "m/s", "velocity", 0.05, (0.005, 0.3), 1e-4, 10.0, "speed", null=0.05),
     )  # fmt: skip
 
     @staticmethod
-    def force(x: float, v: float, z: float, c: float, delta: float, vs: float) -> float:
-        return c * z * math.exp(-abs(v) / vs)
+    def force(x: float, v: float, z: float, c: float, delta: float, s: float, vs: float) -> float:
+        return (c + s * math.exp(-abs(v) / vs)) * z
 
     def written(self, values: Mapping[str, float]) -> str:
-        return super().written(values).replace("vs", f"{values['vs']:.4g}")
+        c, s, vs = (values[name] for name in ("c", "s", "vs"))
+        return f"({c:.4g} + {s:.4g} * exp(-abs(v) / {vs:.4g})) * sign(v)"
 
     def forms(self, view: View) -> Iterator[Candidate]:
         fastest = max((float(np.abs(v).max()) for _, v in _motions(view)), default=0.0)
@@ -122,8 +133,8 @@ class _SlowOfDirection(_Force):
             return
         ends = LEAST_SHARE**2 * fastest, fastest
         speed = Fitted("vs", "m/s", *ends, (LEAST_SHARE * fastest,), Role.SHAPE)
-        largest = self.size(view.machine.axis.pull_out_force_N)
-        yield self.form(largest, speed, fixed={"delta": PRESLIDING_M}, law=self.law)
+        largest = _against_motion(self.size(view.machine.axis.pull_out_force_N))
+        yield self.form(largest, replace(largest, name="s"), speed, PRESLIDING_FITTED, law=self.law)
 
 
 class _MotorOfDirection(_Force):
@@ -138,7 +149,8 @@ class _MotorOfDirection(_Force):
         return c * motor_N * z
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        yield self.form(self.size(_LARGEST_SHARE), fixed={"delta": PRESLIDING_M}, law=self.law)
+        share = _against_motion(self.size(_LARGEST_SHARE))
+        yield from with_presliding(self.form(share, law=self.law))
 
 
 class _FrictionUnderLoad(_MotorOfDirection):
@@ -240,7 +252,7 @@ FORCES: tuple[type[FreeFormTerm], ...] = (
     _OfSpeed,
     _OfSpeedSquared,
     _OfDirection,
-    _SlowOfDirection,
+    _FallingOfDirection,
     _MotorOfDirection,
     _FrictionUnderLoad,
     _OfPlace,

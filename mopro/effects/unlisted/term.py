@@ -18,13 +18,14 @@ class FreeFormTerm(Effect):
     """Base of the terms of one size `c`.
 
     `enters`: force, heat or ambient. `of`: the variable, as in Law. `unit`: of the term's values.
-    `text`: the term for c = 1, in the language of an effect that a user writes.
+    `text`: the term for c = 1, in the language of an effect that a user writes; none where
+    `written` says more.
     """
 
     enters: ClassVar[str]
     of: ClassVar[str]
     unit: ClassVar[str]
-    text: ClassVar[str]
+    text: ClassVar[str] = ""
 
     @property
     def law(self) -> Law:
@@ -40,6 +41,6 @@ class FreeFormTerm(Effect):
         return Fitted("c", "", -largest, largest, (_PROBED * largest,))
 
 
-def size(unit: str) -> Parameter:
-    """The size of a term, whose values in SI are `unit` for a variable in SI."""
-    return Parameter("c", unit, "", 0.0, (-1e12, 1e12), -1e12, 1e12, "size of the term")
+def size(unit: str, name: str = "c") -> Parameter:
+    """A size of a term, whose values in SI are `unit` for a variable in SI."""
+    return Parameter(name, unit, "", 0.0, (-1e12, 1e12), -1e12, 1e12, "size of the term")
