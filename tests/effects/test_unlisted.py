@@ -50,6 +50,7 @@ def shift(model, settings):
             "coulomb_friction",
             {"Fc": 3.0},
         ),
+        ("steady force", {"c": 2.0}, "constant_force", {"F_b": 2.0}),
         ("force of x", {"c": -20.0}, "umbilical_spring", {"k_h": 20.0}),
         ("force of a", {"c": -0.5}, "payload_mass", {"dm": 0.5}),
         (
@@ -140,6 +141,7 @@ def test_no_term_has_the_name_of_an_effect_and_each_states_its_law():
     }
     assert written["force of v|v|"] == "2 * v * abs(v)"
     assert written["falling force of sgn v"] == "(2 + 3 * exp(-abs(v) / 0.05)) * sign(v)"
+    assert written["steady force"] == "2"
     assert written["force of x mod"] == "2 * sin(2 * pi * x / 0.001 + 0.1)"
     assert {t.law.of for t in terms} == {"v", "sgn v", "x", "x mod", "a", "T", "t"}
 
@@ -152,15 +154,19 @@ def test_a_term_is_probed_well_within_the_pull_out_force(motion):
             assert 0 < np.abs(moved).max() < PITCH_M / 8
 
 
-def test_a_force_that_nobody_listed_is_drafted_and_no_effect_is_named(tmp_path):
+@pytest.mark.parametrize(
+    ("effect", "values", "of"),
+    [("viscous_drag", {"b": 9.0}, "v"), ("constant_force", {"F_b": 5.0}, "x")],
+)
+def test_a_force_that_nobody_listed_is_drafted_and_no_effect_is_named(tmp_path, effect, values, of):
     lab = Lab(tmp_path)
     for program in ("fast", "slow"):
-        lab.record(f"{program}.CMD", f"{program}.csv", {"viscous_drag": {"b": 9.0}})
+        lab.record(f"{program}.CMD", f"{program}.csv", {effect: values})
     runs = [f'program = "{n}.CMD"\ndata = "{n}.csv"' for n in ("fast", "slow")]
-    verdict = diagnose(load_experiment(lab.experiment(runs)), left_out=("viscous_drag",)).verdict
+    verdict = diagnose(load_experiment(lab.experiment(runs)), left_out=(effect,)).verdict
     assert verdict.verdict == "unexplained"
     assert [e.name for e in verdict.effects] == []
-    assert [draft.of for draft in verdict.drafts] == ["v"]
+    assert [draft.of for draft in verdict.drafts] == [of]
     assert verdict.drafts[0].enters == "force"
 
 

@@ -44,7 +44,7 @@ class _Force(FreeFormTerm):
     def forms(self, view: View) -> Iterator[Candidate]:
         assert self.force is not None, "a force of the motion states it"
         motions, axis = list(_motions(view)), view.machine.axis
-        reach = max((float(np.abs(self.force(x, v, 1.0)).max()) for x, v in motions), default=0.0)
+        reach = max((float(np.max(np.abs(self.force(x, v, 1.0)))) for x, v in motions), default=0.0)
         if not reach:
             return
         size = self.size(axis.pull_out_force_N / reach)
@@ -163,6 +163,20 @@ class _FrictionUnderLoad(_MotorOfDirection):
         return c * abs(motor_N) * z
 
 
+class _Steady(_Force):
+    """The same force everywhere, as the first term of a function of the place."""
+
+    name, of = "steady force", "x"
+    parameters = (size("N"),)
+
+    @staticmethod
+    def force(x: float, v: float, c: float) -> float:
+        return c
+
+    def written(self, values: Mapping[str, float]) -> str:
+        return f"{values['c']:.4g}"
+
+
 class _OfPlace(_Force):
     name, of, text = "force of x", "x", "x"
     parameters = (size("N/m"),)
@@ -255,6 +269,7 @@ FORCES: tuple[type[FreeFormTerm], ...] = (
     _FallingOfDirection,
     _MotorOfDirection,
     _FrictionUnderLoad,
+    _Steady,
     _OfPlace,
     _OfPlaceSquared,
     _OfPlaceCubed,
