@@ -8,8 +8,9 @@ from scipy import signal
 
 from mopro.diagnosis import Series
 from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.statistics.noise import Noise
 from mopro.diagnosis.statistics.noise_tests import chi2_log_p, line_log_p
-from mopro.diagnosis.statistics.remainder import examine
+from mopro.diagnosis.statistics.remainder import as_noise, examine
 
 RATE_HZ = 1000.0
 TIME = np.arange(4000) / RATE_HZ
@@ -18,14 +19,19 @@ VELOCITY = np.select([TIME % 2 < 0.7, TIME % 2 < 1.0, TIME % 2 < 1.7], [0.3, 0.0
 PLACE = np.cumsum(VELOCITY) / RATE_HZ
 
 
-def remainder(values, sigma=1.0, runs=(0, 1)):
-    """The tested remainder of `values` and white noise of variance 1, the same in two runs."""
+def residuals_of(values, sigma=1.0, runs=(0, 1)):
+    """`values` and white noise of variance 1, the same in two runs, where nothing is predicted."""
     data = []
     for run in runs:
         noise = np.random.default_rng(run).standard_normal(len(TIME))
         labels = {"position": PLACE, "velocity": VELOCITY, "acceleration": np.gradient(VELOCITY)}
         data.append(Series(f"run {run}", "laser", "m", noise + values, sigma, TIME, labels=labels))
-    residuals = Residuals(lambda settings: [np.zeros(len(TIME))] * 2, data)
+    return Residuals(lambda settings: [np.zeros(len(TIME))] * 2, data)
+
+
+def remainder(values, sigma=1.0, runs=(0, 1)):
+    """The tested remainder of `values` and white noise of variance 1, the same in two runs."""
+    residuals = residuals_of(values, sigma, runs)
     return examine(residuals, residuals.at({}), 0)
 
 
@@ -58,6 +64,22 @@ def test_scatter_that_grows_with_the_speed_is_a_law_of_v(sigma):
     jitter = np.random.default_rng(8).standard_normal(len(TIME))
     answer = remainder(0.6 * jitter * np.abs(VELOCITY) / 0.3, sigma)
     assert (answer.significant, answer.variable) == (True, "v")
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_unknown_noise_has_a_memory_only_where_neighbours_are_alike(slow):
+    noise = np.random.default_rng(8).standard_normal(len(TIME))
+    walk = 0.05 * np.cumsum(noise)
+    residuals = residuals_of(walk if slow else 0.6 * noise * np.abs(VELOCITY) / 0.3, None)
+    residual = residuals.at({})
+    found = examine(residuals, residual, 0)
+    note = as_noise(residuals, Noise.as_stated(residuals), residual, found)
+    expected = (
+        "the noise has a memory: neighbouring samples are alike"
+        if slow
+        else "the noise is white but for scatter that grows with the speed v"
+    )
+    assert note == expected
 
 
 def test_a_sensor_that_is_quieter_at_rest_does_not_scatter_with_the_speed():

@@ -86,9 +86,11 @@ def as_noise(
     white = sum(len(own) * difference_variance(own) for own in parts) / len(residual)
     square = float(np.mean(residual**2))
     alike = f"neighbouring samples are {'alike' if white < square else 'unlike'}"
-    if not residuals.known_noise:
-        return f"the noise has a memory: {alike}"
     most = (1 + TOLERANCE) ** 2
+    if not residuals.known_noise:
+        if 1 / most < white / square < most:
+            return f"the noise is white but for {remainder.description}"
+        return f"the noise has a memory: {alike}"
     # The variance of noise with a memory is known from few independent samples.
     spread = 1 + _STANDARD_ERRORS * math.sqrt(2 / float(noise.samples.sum()))
     if square > most * spread or 1 / most < white < most:
