@@ -51,7 +51,9 @@ class Hum(Effect):
         amplitude, mains, phi, third, phi3, second, phi2 = p
         angle = 2 * math.pi * mains * time_s
         noisy: Floats = x + amplitude * np.sin(angle + phi)
-        noisy += second * np.sin(2 * angle + phi2) + third * np.sin(3 * angle + phi3)
+        for n, size, turn in ((2, second, phi2), (3, third, phi3)):
+            if size:  # most hum has neither, and a sine takes long
+                noisy += size * np.sin(n * angle + turn)
         return noisy
 
     def forms(self, view: View) -> Iterator[Candidate]:
