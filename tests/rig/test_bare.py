@@ -1,9 +1,11 @@
 """An experiment that states the kind of its machine alone: free numbers, sized by the data."""
 
+import json
 import tomllib
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from helpers.commands import run_here
 from helpers.rigs import DRIVEN, FRICTION_OF_PLACE, driven, write
@@ -30,6 +32,53 @@ def test_a_force_shows_mass_and_viscous_friction(tmp_path):
 def test_a_spring_that_a_regression_asks_for_is_a_part_of_the_model(tmp_path):
     found, _ = fitted(tmp_path, AXIS, driven(mass=0.02, viscous=0.1, spring=4.0))
     assert found == pytest.approx({"mass": 0.02, "viscous": 0.1, "spring": 4.0}, rel=0.02)
+
+
+def shaken(hardening, count=1500):
+    """An oscillator of 68 Hz and 5 % damping under noise, nine samples a cycle, in mm.
+
+    x'' = 1.8e5 u - 42.7 x' - w² x - hardening x³, by Runge and Kutta's method.
+    """
+    rng, rate_hz, parts = np.random.default_rng(5), 610.0, 16
+    u = signal.lfilter(*signal.butter(4, 0.65), rng.standard_normal(count))
+    u *= np.linspace(0.03, 0.22, count)
+    square, h = (2 * np.pi * 68) ** 2, 1 / rate_hz / parts
+    state, places = np.zeros(2), []
+
+    def rates(state, pushed):
+        x, v = state
+        return np.array([v, pushed - 42.7 * v - square * x - hardening * x**3])
+
+    for pushed in 1.8e5 * u:
+        places.append(state[0])
+        for _ in range(parts):
+            first = rates(state, pushed)
+            second = rates(state + h / 2 * first, pushed)
+            third = rates(state + h / 2 * second, pushed)
+            fourth = rates(state + h * third, pushed)
+            state = state + h / 6 * (first + 2 * second + 2 * third + fourth)
+    noise = 2e-4 * rng.standard_normal(count)
+    return {"time_s": np.arange(count) / rate_hz, "u_V": u, "position_mm": places + noise}
+
+
+SHAKEN = AXIS.replace('force = { column = "force_N"', 'drive = { column = "u_V"').replace(
+    "noise_rms = 0.2", 'noise_rms = "unknown"'
+)
+
+
+def test_a_resonance_that_is_sampled_a_few_times_a_cycle_is_a_spring(tmp_path):
+    found, _ = fitted(tmp_path, SHAKEN, shaken(0.0))
+    expected = {"w2": (2 * np.pi * 68) ** 2, "gain_drive": 180.0, "damping": 42.7}
+    assert found == pytest.approx(expected, rel=0.01)
+
+
+def test_a_hardening_spring_is_named_where_only_the_kind_is_stated(tmp_path):
+    (tmp_path / "experiment.toml").write_text(SHAKEN, encoding="utf-8")
+    write(tmp_path / "run.csv", shaken(4e5))
+    answer = json.loads(run_here(tmp_path, "reconcile", "experiment.toml", "--json").stdout)
+    (named,) = answer["effects"]
+    assert (answer["verdict"], named["name"]) == ("named", "cubic_stiffness")
+    assert named["parameters"]["k3"]["value"] == pytest.approx(4e11, rel=0.005)
 
 
 def test_what_is_no_force_shows_ratios_to_the_mass(tmp_path):

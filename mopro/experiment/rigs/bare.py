@@ -23,6 +23,9 @@ from mopro.source import Source, Span
 _REACH = 30.0
 # A spring is a part of the model where it leaves less than this share of a regression's squares.
 _SPRUNG = 0.2
+# Windows in a run at the least. Halved, a regression may follow a single bend; doubled, slow
+# motions drown in the noise.
+_WINDOWS = 8
 # Time constants in a run where the regression gives no loss.
 _SLOWEST = 3.0
 _NEWTON, _NEWTON_METRE, _METRE, _RAD, _WATT = map(dimension_of_unit, ("N", "N m", "m", "rad", "W"))
@@ -141,44 +144,69 @@ def _of_axis(experiment: RigExperiment, names: Sequence[str]) -> _Sizes:
     """Sizes by regression on the first run with a sensor of the place, else of a speed.
 
     x = x0 + w t + sum of gain * input integrated twice - damping * integral of x - stiffness *
-    x integrated twice; of a speed, the same integrated once less.
+    x integrated twice + a steady force; of a speed, the same integrated once less. All of it is
+    differenced, twice, over windows of several lengths, which takes x0 and w away: an integral from
+    the beginning on would add up what is not linear. The window counts that leaves least.
     """
     run, reading = _first(experiment, lambda r: r.sensor.quantity.tells_place)
-    twice = reading is not None
+    times = 2
     if reading is None:
         run, reading = _first(experiment, lambda r: r.sensor.quantity.tells_speed)
+        times = 1
     assert reading is not None, "there is a sensor of a place or of a speed"
     time_s = run.time_s[reading.rows] - run.time_s[reading.rows[0]]
     measured = _si(reading)
-    pushed = [_integral(run.inputs[n][reading.rows], time_s) for n in names]
-    pushed = [_integral(p, time_s) for p in pushed] if twice else pushed
-    ramp = [time_s] if twice else []
+    pushed = [_integral(run.inputs[n][reading.rows], time_s, n in run.held) for n in names]
+    pushed = [_integral(p, time_s) for p in pushed] if times == 2 else pushed
     once = _integral(measured - measured[0], time_s)
-    known = [np.ones_like(time_s), *ramp, -once]
-    plain, left = _regressed(measured, [*pushed, *known])
-    sprung, less = _regressed(measured, [*pushed, *known, -_integral(once, time_s)])
-    has_spring = less < _SPRUNG * left and sprung[-1] > 0
-    found = sprung[:-1] if has_spring else plain
+    steady = time_s**times
+    columns = [*pushed, -once, steady, -_integral(once, time_s)]
+    plain, sprung = (np.inf, [0.0] * len(columns)), (np.inf, [0.0] * len(columns))
+    for window in _windows(len(time_s)):
+        own, *others = (_differences(c, time_s, window, times) for c in (measured, *columns))
+        plain = min(plain, _regressed(own, others[:-1]))
+        sprung = min(sprung, _regressed(own, others))
+    has_spring = sprung[0] < _SPRUNG * plain[0] and sprung[1][-1] > 0
+    found = (sprung if has_spring else plain)[1]
     gains = [
         gain or (float(np.std(measured)) / (float(np.std(column)) or 1.0)) or 1.0
         for gain, column in zip(found, pushed, strict=False)
     ]
-    damping = max(found[-1], _SLOWEST / max(float(time_s[-1]), 1e-9))
-    return _Sizes(gains, damping, sprung[-1] if has_spring else 0.0)
+    damping = max(found[len(names)], _SLOWEST / max(float(time_s[-1]), 1e-9))
+    return _Sizes(gains, damping, sprung[1][-1] if has_spring else 0.0)
 
 
-def _regressed(measured: Floats, columns: Sequence[Floats]) -> tuple[list[float], float]:
-    """The factor of each column, and the sum of squares that is left."""
+def _windows(count: int) -> Iterator[int]:
+    """Lengths of windows (samples), each twice the one before, with several of them in `count`."""
+    window = 1
+    while window == 1 or window * _WINDOWS <= count:
+        yield window
+        window *= 2
+
+
+def _differences(values: Floats, time_s: Floats, window: int, times: int) -> Floats:
+    """Differences (quotients, if `times` is 2) over so many samples, taken once or twice."""
+    apart: Floats = values[window:] - values[:-window]
+    if times == 1:
+        return apart
+    slope: Floats = apart / (time_s[window:] - time_s[:-window])
+    return slope[window:] - slope[:-window]
+
+
+def _regressed(measured: Floats, columns: Sequence[Floats]) -> tuple[float, list[float]]:
+    """The share of the squares that is left, and the factor of each column."""
     basis = np.stack(columns, axis=1)
     sizes = np.linalg.norm(basis, axis=0)
     sizes[sizes == 0] = 1.0
     found = np.linalg.lstsq(basis / sizes, measured, rcond=1e-9)[0] / sizes
-    return found.tolist(), float(np.sum((measured - basis @ found) ** 2))
+    left = float(np.sum((measured - basis @ found) ** 2))
+    return left / (float(measured @ measured) or 1.0), found.tolist()
 
 
-def _integral(values: Floats, time_s: Floats) -> Floats:
-    steps = np.diff(time_s) * (values[1:] + values[:-1]) / 2
-    return np.concatenate([[0.0], np.cumsum(steps)])
+def _integral(values: Floats, time_s: Floats, held: bool = False) -> Floats:
+    """Integral from the first time on, of straight lines between values, or of steps if `held`."""
+    means = values[:-1] if held else (values[1:] + values[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(np.diff(time_s) * means)])
 
 
 def _first(
@@ -255,7 +283,7 @@ def _of_nodes(
         time_s = run.time_s[reading.rows] - run.time_s[reading.rows[0]]
         risen = reading.values - reading.values[0]
         pushed = [_integral(run.inputs[n][reading.rows], time_s) for n in names]
-        *found, loss = _regressed(risen, [*pushed, -_integral(risen, time_s)])[0]
+        *found, loss = _regressed(risen, [*pushed, -_integral(risen, time_s)])[1]
         slowest = _SLOWEST / max(float(time_s[-1]), 1e-9)
         losses.append(loss if loss > slowest / _REACH else slowest)
         for name, gain, column in zip(names, found, pushed, strict=True):
