@@ -63,10 +63,11 @@ def _starts(model: Model, run: Run) -> Iterator[Parameter]:
             yield _start(run, state, "C", at, 10.0)
     if model.rig.kind == AXIS:
         x, v, reach_x, reach_v = _first_motion(run)
-        unit = {"x": model.rig.unit, "v": f"{model.rig.unit}/s"}
+        rig = model.rig
+        unit = {"x": rig.unit, "v": f"{rig.unit}/s"}
         for state, at, reach in (("x", x, reach_x), ("v", v, reach_v)):
             if state in free:
-                yield _start(run, state, unit[state], at, reach)
+                yield _start(run, state, unit[state], at / rig.factor, reach / rig.factor)
 
 
 def _start(run: Run, state: str, unit: str, at: float, reach: float) -> Parameter:
@@ -96,6 +97,8 @@ def _first_motion(run: Run) -> tuple[float, float, float, float]:
     count = min(_FIRST, len(x))
     slope, at = np.polyfit(t[:count] - run.time_s[0], x[:count], 1) if count > 1 else (0.0, x[0])
     reach = float(np.ptp(x)) or 1.0
+    if reading.sensor.zero is None:
+        reach += abs(float(at))  # the axis' own zero may be anywhere
     speeds = np.abs(np.diff(x[::count]) / np.diff(t[::count])) if len(x) > count else np.ones(1)
     return float(at), float(slope), reach, _REACH * (float(speeds.max()) + abs(float(slope)))
 

@@ -68,6 +68,11 @@ class Rig:
     python: tuple[str, str] | None = None
     bare: bool = False
 
+    @cached_property
+    def factor(self) -> float:
+        """The unit of the axis in SI."""
+        return factor_of(self.unit or "1")
+
     def without_effects(self, kept: Collection[str]) -> Rig:
         """This machine as it was before it was repaired, with the effects `kept` only."""
         numbers = {

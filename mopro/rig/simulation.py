@@ -277,7 +277,8 @@ class Model:
         stated = run.start.get(state)
         if stated is not None:
             return stated
-        return float(settings.get(BASE, {}).get(START.format(run.name, state), 0.0))
+        found = float(settings.get(BASE, {}).get(START.format(run.name, state), 0.0))
+        return found * self.rig.factor if self.rig.kind == AXIS else found
 
     def _program(self, active: Sequence[WrittenEffect]) -> _Program:
         key = tuple((effect.name, effect.form) for effect in active)

@@ -72,13 +72,33 @@ def test_a_resonance_that_is_sampled_a_few_times_a_cycle_is_a_spring(tmp_path):
     assert found == pytest.approx(expected, rel=0.01)
 
 
-def test_a_hardening_spring_is_named_where_only_the_kind_is_stated(tmp_path):
-    (tmp_path / "experiment.toml").write_text(SHAKEN, encoding="utf-8")
-    write(tmp_path / "run.csv", shaken(4e5))
+@pytest.mark.parametrize("zero_mm", [None, 5.0])
+def test_a_hardening_spring_is_named_where_only_the_kind_is_stated(tmp_path, zero_mm):
+    """Also if the log begins in the midst of it, and the sensor's zero is anywhere."""
+    text, columns = SHAKEN, shaken(4e5)
+    if zero_mm is not None:
+        text = text.replace("x = 0, v = 0", 'x = "free", v = "free"')
+        columns = {name: own[300:] for name, own in columns.items()}
+        columns["position_mm"] = columns["position_mm"] + zero_mm
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    write(tmp_path / "run.csv", columns)
     answer = json.loads(run_here(tmp_path, "reconcile", "experiment.toml", "--json").stdout)
     (named,) = answer["effects"]
     assert (answer["verdict"], named["name"]) == ("named", "cubic_stiffness")
     assert named["parameters"]["k3"]["value"] == pytest.approx(4e11, rel=0.005)
+
+
+def test_a_free_start_is_told_in_the_unit_of_the_axis(tmp_path):
+    columns = driven(mass=2.0, viscous=3.0, spring=40.0)
+    columns = {name: own[100:] for name, own in columns.items()}
+    text = AXIS.replace("start = { x = 0, v = 0 }", 'start = { x = "free", v = "free" }')
+    text = text.replace("noise_rms = 0.2", "noise_rms = 0.2\nzero = 0")
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    write(tmp_path / "run.csv", columns)
+    answer = json.loads(run_here(tmp_path, "reconcile", "experiment.toml", "--json").stdout)
+    place = answer["base"]["start of run.csv, x"]
+    assert place["unit"] == "mm"
+    assert place["value"] == pytest.approx(columns["position_mm"][0], abs=0.3)
 
 
 def test_what_is_no_force_shows_ratios_to_the_mass(tmp_path):

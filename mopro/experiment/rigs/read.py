@@ -176,13 +176,12 @@ class _Data:
 
     def _start(self, readings: list[Reading], time_s: Floats) -> dict[str, float | None]:
         machine, stated = self._entries.machine, self._entry.start
-        factor = factor_of(machine.unit or "1")
         if machine.kind == AXIS:
             placed = any(r.sensor.quantity.tells_place for r in readings)
             moving = placed or any(r.sensor.quantity.tells_speed for r in readings)
             default_x, default_v = None if placed else 0.0, None if moving else 0.0
             found = {"x": default_x, "v": default_v}
-            return found | {n: None if v is None else v * factor for n, v in stated.items()}
+            return found | {n: None if v is None else v * machine.factor for n, v in stated.items()}
         if machine.kind == THERMAL:
             first = {n: _first(readings, n) for n in machine.nodes}
             return {**first, **stated}
