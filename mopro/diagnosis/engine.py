@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mopro.diagnosis.conclude import conclude
+from mopro.diagnosis.fitting.fit import Key
 from mopro.diagnosis.laws import WithLaws
 from mopro.diagnosis.model import Candidate, Parameter, Series, Simulate
-from mopro.diagnosis.passes import PASSES
+from mopro.diagnosis.passes import PASSES, better_alternative
 from mopro.diagnosis.search.hypotheses import Progress
 from mopro.diagnosis.state import Problem, State
 from mopro.diagnosis.verdict import Verdict
@@ -39,7 +41,8 @@ def reconcile(
     is the same model with smaller steps of integration, asked before anything is called
     unexplained.
     `jobs` simulations run at once, in threads, and `progress` is called with a line about each
-    fit. Raises ValueError for data or predictions that are not finite numbers and for
+    fit. The passes are taken again from an alternative that the data support strongly over the
+    answer. Raises ValueError for data or predictions that are not finite numbers and for
     predictions of another length.
     """
     _check(effects, data)
@@ -51,10 +54,19 @@ def reconcile(
     # The matrices are tall and narrow: threads of the linear algebra take longer to meet than
     # they save, and the sums would depend on their number.
     with threadpool_limits(1, "blas"):
-        state = State.of(problem)
-        for each in PASSES:
-            state = each(state)
+        state, known = _passed(State.of(problem)), set[Key]()
+        while (better := better_alternative(state)) is not None and better.key not in known:
+            known.add(better.key)
+            begun = State.of(problem)
+            fit = begun.sets.fitted(better.candidates, better.settings)
+            state = _passed(replace(begun, fit=fit))
         return conclude(state)
+
+
+def _passed(state: State) -> State:
+    for each in PASSES:
+        state = each(state)
+    return state
 
 
 def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:

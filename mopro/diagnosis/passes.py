@@ -42,9 +42,13 @@ Pass = Callable[[State], State]
 
 
 def search_catalogue(state: State) -> State:
-    """The set of listed effects of the lowest EBIC, as far as a few rounds lead."""
-    search(state.sets, state.screening, rounds=FIRST_ROUNDS)
-    return replace(state, fit=state.sets.best())
+    """The set of listed effects of the lowest EBIC, as far as a few rounds lead.
+
+    They begin with the answer so far as well, if there is one.
+    """
+    sets, known = state.sets, [state.fit] if state.fit.candidates else []
+    search(sets, state.screening, known, rounds=FIRST_ROUNDS)
+    return replace(state, fit=sets.best())
 
 
 def set_wild_aside(state: State) -> State:
@@ -303,6 +307,16 @@ def find_alternatives(state: State) -> State:
     drafts = [other for other in every if other.laws]
     notes = [f"{' + '.join(sorted(other.names))} would do as well" for other in drafts[:1]]
     return replace(state, alternatives=listed, notes=(*state.notes, *notes))
+
+
+def better_alternative(state: State) -> Fit | None:
+    """The fitted alternative that the data support strongly over the answer; None if none.
+
+    A search that strong effects mislead may end in a set that a fit from elsewhere shows to be
+    none of the best.
+    """
+    better = {other.names for other in state.alternatives if other.delta_ebic < -STRONG}
+    return next((fit for fit in state.sets.ranked() if fit.names in better), None)
 
 
 def until_none_drops(*passes: Pass) -> Pass:
