@@ -140,7 +140,8 @@ def _candidate(
     if shapes and effect.enters == MEASUREMENT:
         find = Search(model, effect, parameters, _MOST_PERIODS_OF_SPAN)
     return Candidate(
-        effect.name, parameters, effect.form,
+        effect.name, parameters, effect.form, extends=effect.extends,
+        can_enter_first=effect.extends is not None,
         flexible=any(p.role == PERIOD for p in effect.parameters), find_starts=find,
     )  # fmt: skip
 

@@ -101,6 +101,33 @@ def test_a_free_start_is_told_in_the_unit_of_the_axis(tmp_path):
     assert place["value"] == pytest.approx(columns["position_mm"][0], abs=0.3)
 
 
+def spun(dry, count=3000):
+    """A wheel under voltages of half a second each: w' = 40 u - 4 w - dry sgn w, in closed form."""
+    rng, speeds, w = np.random.default_rng(4), [], 0.0
+    u = np.repeat(rng.uniform(-6, 6, count // 50), 50)
+    for pushed in 40 * u:
+        speeds.append(w)
+        left_s = 0.01
+        while left_s > 0 and (w or abs(pushed) > dry):
+            final = (pushed - dry * np.sign(w or pushed)) / 4
+            crossing_s = np.log(1 - w / final) / 4 if w * final < 0 else np.inf
+            w = 0.0 if crossing_s <= left_s else final + (w - final) * np.exp(-4 * left_s)
+            left_s -= min(left_s, crossing_s)
+    noise = 0.3 * rng.standard_normal(count)
+    return {"time_s": np.arange(count) / 100, "u_V": u, "wheel_rad_s": speeds + noise}
+
+
+def test_a_dry_friction_that_does_not_fall_with_the_speed_has_its_plain_form(tmp_path):
+    text = SHAKEN.replace('"position"', '"speed"').replace('"position_mm"', '"wheel_rad_s"')
+    text = text.replace("x = 0, v = 0", 'v = "free"')
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    write(tmp_path / "run.csv", spun(30.0))
+    answer = json.loads(run_here(tmp_path, "reconcile", "experiment.toml", "--json").stdout)
+    (named,) = answer["effects"]
+    assert (named["name"], sorted(named["parameters"])) == ("dry_friction", ["Fc"])
+    assert named["parameters"]["Fc"]["value"] == pytest.approx(30.0, abs=0.3)
+
+
 def test_what_is_no_force_shows_ratios_to_the_mass(tmp_path):
     columns = driven(spring=0.0, mass=2.0, viscous=3.0)
     columns["duty"] = columns.pop("force_N") / -20
