@@ -62,6 +62,32 @@ def test_a_bare_kinematic_machine_has_backlash(tmp_path):
     assert sizes(answer) == {"backlash.w": pytest.approx(0.5, abs=0.02)}
 
 
+@pytest.mark.parametrize("noise", ["unknown", 5e-5])
+def test_four_slow_effects_of_a_stage_are_named_together(tmp_path, noise):
+    """Each by itself leaves what may as well be noise with a long memory."""
+    up = np.arange(0, 50.1, 0.2)
+    target = np.concatenate([up, up[::-1], up[::2], up[::-2]])
+    t = 2.0 * np.arange(len(target))
+    turns = np.diff(target, prepend=-1.0)
+    turns[turns == 0] = np.roll(turns, 1)[turns == 0]
+    measured = target * (1 + 2e-4) + 4e-4 * np.sin(2 * np.pi * target / 2.5 + 0.3) + 1.5e-6 * t
+    measured += -6e-4 * np.sign(turns) + 5e-5 * RNG(9).standard_normal(len(t))
+    text = FOLLOWS.replace("noise_rms = 0.02", f"noise_rms = {json.dumps(noise)}")
+    columns = {"time_s": t, "target_mm": target, "position_mm": measured}
+    answer = reconciled(
+        tmp_path, text.replace('"target_mm" }', '"target_mm", hold = true }'), columns
+    )
+    assert answer["verdict"] == "named"
+    assert sizes(answer) == {
+        "scale.k": pytest.approx(2e-4, rel=0.01),
+        "drift.r": pytest.approx(1.5e-6, rel=0.01),
+        "backlash.w": pytest.approx(1.2e-3, rel=0.01),
+        "periodic_error.P": pytest.approx(2.5, rel=1e-3),
+        "periodic_error.s": pytest.approx(4e-4 * math.cos(0.3), rel=0.05),
+        "periodic_error.c": pytest.approx(4e-4 * math.sin(0.3), rel=0.1),
+    }
+
+
 def test_no_effect_is_named_where_there_is_none(tmp_path):
     measured = MOVES + 0.02 * RNG(2).standard_normal(len(T))
     columns = {"time_s": T, "target_mm": MOVES, "position_mm": measured}

@@ -6,6 +6,7 @@ matrix of signatures, fits the best of them, and judges all sets again.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from mopro.diagnosis.constants import (
@@ -43,27 +44,34 @@ def search(
     """Fit sets of effects to `sets` until none near the best one has a lower EBIC.
 
     Begins with the null model and the sets in `also`. After so many `rounds` it ends unless
-    the best set leaves noise.
+    the best set leaves noise, or one leaves less than half of what was left before: several
+    slow effects together may show that what each of them leaves is no noise with a memory.
     `only_laws`: the listed effects have been searched, and only sets with a free-form term are
     fitted.
     """
     expanded: set[Identity] = set()
-    others = 0
+    others, least = 0, math.inf
     for start in (sets.null, *also):
         expanded.add(start.identity)
+        least = min(least, start.rss)
         _round(sets, screening, start, only_laws)
     for number in range(ITERATIONS):
-        best = sets.best()
-        if number >= rounds and not sets.is_noise(best):
+        best, fullest = sets.best(), sets.fullest()
+        front: Fit | None
+        if fullest.rss < MAJORITY * least:
+            front = fullest
+        elif number >= rounds and not sets.is_noise(best):
             break
-        front = best if best.identity not in expanded else _next(sets, best, expanded)
-        if front is None:
-            break
-        if front is not best:
-            others += 1
-            if others > SECOND_GUESSES or sets.is_noise(best):
+        else:
+            front = best if best.identity not in expanded else _next(sets, best, expanded)
+            if front is None:
                 break
+            if front is not best:
+                others += 1
+                if others > SECOND_GUESSES or sets.is_noise(best):
+                    break
         expanded.add(front.identity)
+        least = min(least, front.rss)
         _round(sets, screening, front, only_laws)
         others = 0 if sets.best() is not best else others
 
@@ -147,8 +155,8 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
         for s in near.subsets
         if s.ebic - LINEARITY_ERROR * s.reduction < limit
         and not sets.knows(s.candidates, s.ebic)
-        # A set that contains the best one is predicted better from that.
-        and (best is near.fit or not best.key < s.key)
+        # A set that contains the best one is predicted better from that, or from a larger part.
+        and (best.key <= near.fit.key or not best.key < s.key)
     ]
     first = next((s for s in near.subsets if len(s.members) == 1), None)
     if not near.fit.candidates and first is not None and first.ebic < limit:
