@@ -44,8 +44,9 @@ def search(
     """Fit sets of effects to `sets` until none near the best one has a lower EBIC.
 
     Begins with the null model and the sets in `also`. After so many `rounds` it ends unless
-    the best set leaves noise, or one leaves less than half of what was left before: several
-    slow effects together may show that what each of them leaves is no noise with a memory.
+    the best set leaves noise, or another leaves less than half of what that and those before
+    it leave: several slow effects together may show that what each of them leaves is no noise
+    with a memory.
     `only_laws`: the listed effects have been searched, and only sets with a free-form term are
     fitted.
     """
@@ -58,7 +59,7 @@ def search(
     for number in range(ITERATIONS):
         best, fullest = sets.best(), sets.fullest()
         front: Fit | None
-        if fullest.rss < MAJORITY * least:
+        if fullest.rss < MAJORITY * min(least, best.rss):
             front = fullest
         elif number >= rounds and not sets.is_noise(best):
             break
