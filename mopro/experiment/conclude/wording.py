@@ -14,6 +14,7 @@ NO_PROPOSAL = (
     "No program was found that would distinguish them with these sensors: measure something "
     "else, such as another quantity, another sensor, or the controller's own start."
 )
+_FEWEST_DIGITS, _MOST_DIGITS = 4, 15
 _DIRECTIONS = {1: "forward", -1: "backward"}
 
 
@@ -83,7 +84,16 @@ def parameters_shown(effect: Named) -> dict[str, Estimate]:
 
 def value_words(estimate: Estimate) -> str:
     unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    return f"{estimate.value:.4g}{unit}"
+    return f"{estimate.value:.{_digits(estimate)}g}{unit}"
+
+
+def _digits(estimate: Estimate) -> int:
+    """Significant digits that show the interval: four, more if it is narrower than they tell."""
+    low, high = estimate.ci95
+    width, size = high - low, max(abs(low), abs(high))
+    if not 0 < width < math.inf:
+        return _FEWEST_DIGITS
+    return min(max(math.ceil(math.log10(size / width)) + 1, _FEWEST_DIGITS), _MOST_DIGITS)
 
 
 def interval_words(estimate: Estimate) -> str:
@@ -93,7 +103,9 @@ def interval_words(estimate: Estimate) -> str:
         return "as found by search"
     if not (math.isfinite(low) and math.isfinite(high)):
         return "these data do not bound it"
-    return f"{low:.4g} to {high:.4g}" + (" (at its bound)" if estimate.at_bound else "")
+    digits = _digits(estimate)
+    ends = f"{low:.{digits}g} to {high:.{digits}g}"
+    return ends + (" (at its bound)" if estimate.at_bound else "")
 
 
 def origin_words(estimate: Estimate) -> str:

@@ -20,6 +20,7 @@ from mopro.experiment.conclude.wording import (
     reservations,
     sentence,
     undecided_words,
+    value_words,
 )
 
 
@@ -99,6 +100,20 @@ def test_alternatives_are_listed_with_their_ebic():
 def test_an_interval_says_how_well_a_number_is_known(interval, at_bound, words, origin):
     estimate = Estimate(9.0, "N s/m", interval, at_bound)
     assert (interval_words(estimate), origin_words(estimate)) == (words, origin)
+
+
+@pytest.mark.parametrize(
+    ("value", "ends", "words"),
+    [
+        (95.123456, (90.0, 100.0), ("95.12 kg", "90 to 100")),
+        (95.123456, (95.1229, 95.1240), ("95.1235 kg", "95.1229 to 95.124")),
+        (-4.00012e11, (-4.0003e11, -3.9999e11), ("-4.00012e+11 kg", "-4.0003e+11 to -3.9999e+11")),
+        (3.0, (3.0, 3.0), ("3 kg", "3 to 3")),
+    ],
+)
+def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart(value, ends, words):
+    estimate = Estimate(value, "kg", ends, False)
+    assert (value_words(estimate), interval_words(estimate)) == words
 
 
 @pytest.mark.parametrize(
