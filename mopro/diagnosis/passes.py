@@ -22,6 +22,7 @@ from mopro.diagnosis.laws import WithLaws, measurement_laws
 from mopro.diagnosis.model import Law, Mask, Series, Simulate
 from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.search.neighbours import in_other_forms
 from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
 from mopro.diagnosis.stand_ins import expose_beside_drafts, expose_stand_ins
 from mopro.diagnosis.state import State
@@ -256,6 +257,8 @@ def set_laws_apart(state: State) -> State:
         fit = reduced[0]
     sets.judge_by(fit)
     if laws:
+        # Beside the terms an effect may have had another form.
+        fit = sets.evidence.lowest([fit, *sets.fit_all(in_other_forms(sets, fit))])
         apart = expose_beside_drafts(replace(state, fit=fit, drafted=state.fit))
         assert apart.drafted is not None, "the drafts stay"
         held = state.held if apart.drafted is state.fit else _held(sets, apart.drafted)

@@ -139,9 +139,10 @@ def _candidate(
     find = None
     if shapes and effect.enters == MEASUREMENT:
         find = Search(model, effect, parameters, _MOST_PERIODS_OF_SPAN)
+    # A form that is searched for needs no plain one to begin from.
+    extends = effect.extends if find is None else None
     return Candidate(
-        effect.name, parameters, effect.form, extends=effect.extends,
-        can_enter_first=effect.extends is not None,
+        effect.name, parameters, effect.form, extends=extends, can_enter_first=extends is not None,
         flexible=any(p.role == PERIOD for p in effect.parameters), find_starts=find,
     )  # fmt: skip
 
