@@ -316,9 +316,14 @@ def better_alternative(state: State) -> Fit | None:
     """The fitted alternative that the data support strongly over the answer; None if none.
 
     A search that strong effects mislead may end in a set that a fit from elsewhere shows to be
-    none of the best.
+    none of the best. What was dropped from the answer would be dropped again.
     """
-    better = {other.names for other in state.alternatives if other.delta_ebic < -STRONG}
+    dropped = {r.name for r in state.rejected}
+    better = {
+        other.names
+        for other in state.alternatives
+        if other.delta_ebic < -STRONG and not dropped & other.names
+    }
     return next((fit for fit in state.sets.ranked() if fit.names in better), None)
 
 
