@@ -139,7 +139,8 @@ def check_name(value: Value, reserved: frozenset[str]) -> None:
     if not _NAME.fullmatch(value.key):
         value.report(f"{value.key} is no name: letters, digits and _ only", "bad-name")
     elif value.key in taken:
-        value.report(f"the name {value.key} has a meaning in formulas already", "bad-name")
+        message = f"the name {value.key} has a meaning in formulas already: expected another one"
+        value.report(f"{message}, such as {value.key}_1", "bad-name")
 
 
 # -- parameters --------------------------------------------------------------------------
