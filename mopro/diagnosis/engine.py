@@ -64,6 +64,7 @@ def reconcile(
 
 
 def _passed(state: State) -> State:
+    """The state after all passes."""
     for each in PASSES:
         state = each(state)
     return state

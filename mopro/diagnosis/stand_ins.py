@@ -198,7 +198,10 @@ def _in_place_of(state: State, drafted: Fit, name: str, terms: Sequence[Candidat
     """
     fit = state.sets.switched_off(drafted, frozenset({name}))
     missing = [term for term in terms if term.name not in fit.names]
-    while missing and (score := next(iter(state.screening.of(fit, missing)))).starts:
+    while missing:
+        score = state.screening.of(fit, missing)[0]
+        if not score.starts:
+            break
         start = {**fit.settings, **score.starts[0]}
         fit = state.sets.fitted((*fit.candidates, score.candidate), start)
         missing.remove(score.candidate)
@@ -214,14 +217,10 @@ def _taken_over(state: State, fit: Fit, name: str) -> Fit:
     sets = state.sets
     without = sets.settled(sets.without(fit, name))
     terms = [c for c in sets.catalogue if c.law and c.name not in without.names]
-    tried = [(without, terms)]
-    if name in state.terms:
-        tried = [
-            (without, [*terms, state.terms[name]]),
-            (sets.switched_off(fit, frozenset({name})), [state.terms[name]]),
-        ]
+    same = [state.terms[name]] if name in state.terms else []
+    switched = sets.switched_off(fit, frozenset({name}))
     fits = [without]
-    for base, candidates in tried:
+    for base, candidates in ((without, [*terms, *same]), (switched, same)):
         best = next((s for s in state.screening.of(base, candidates) if s.starts), None)
         if best is not None:
             start = {**base.settings, **best.starts[0]}

@@ -56,7 +56,7 @@ class _Force(FreeFormTerm):
 
 
 def _against_motion(size: Fitted) -> Fitted:
-    """A size that is probed as a friction: along the motion a force makes the motor ring."""
+    """The size with its starts negated: a force along the motion makes the motor ring."""
     return replace(size, starts=tuple(-start for start in size.starts))
 
 
@@ -107,9 +107,10 @@ class _OfDirection(_Force):
 
 
 class _FallingOfDirection(_Force):
-    """A force of the direction that falls with the speed, from a static to a sliding value.
+    """A dry friction (N) that falls with the speed from its static to its sliding value.
 
-    The presliding is fitted with it: without, it is hardly more than one that does not fall.
+    (c + s exp(-|v|/vs)) z, with z of Dahl's model in place of sgn v. The presliding is fitted with
+    it: without, it is hardly more than one that does not fall.
     """
 
     name, of = "falling force of sgn v", "sgn v"
@@ -164,7 +165,7 @@ class _FrictionUnderLoad(_MotorOfDirection):
 
 
 class _Steady(_Force):
-    """The same force everywhere, as the first term of a function of the place."""
+    """A force of one size (N) at every place and speed: the constant of a function of x."""
 
     name, of = "steady force", "x"
     parameters = (size("N"),)

@@ -144,9 +144,10 @@ def _of_axis(experiment: RigExperiment, names: Sequence[str]) -> _Sizes:
     """Sizes by regression on the first run with a sensor of the place, else of a speed.
 
     x = x0 + w t + sum of gain * input integrated twice - damping * integral of x - stiffness *
-    x integrated twice + a steady force; of a speed, the same integrated once less. All of it is
-    differenced, twice, over windows of several lengths, which takes x0 and w away: an integral from
-    the beginning on would add up what is not linear. The window counts that leaves least.
+    x integrated twice + half the steady acceleration * t²; of a speed, the same integrated once
+    less. Both sides are differenced over windows of several lengths, twice for a place, which
+    removes x0 and w: an integral over the whole run would add up what is not linear. The window
+    with the smallest share of squares left is taken.
     """
     run, reading = _first(experiment, lambda r: r.sensor.quantity.tells_place)
     times = 2
@@ -177,7 +178,7 @@ def _of_axis(experiment: RigExperiment, names: Sequence[str]) -> _Sizes:
 
 
 def _windows(count: int) -> Iterator[int]:
-    """Lengths of windows (samples), each twice the one before, with several of them in `count`."""
+    """Lengths of windows (samples): 1, and each power of 2 with `_WINDOWS` of them in `count`."""
     window = 1
     while window == 1 or window * _WINDOWS <= count:
         yield window
@@ -185,7 +186,7 @@ def _windows(count: int) -> Iterator[int]:
 
 
 def _differences(values: Floats, time_s: Floats, window: int, times: int) -> Floats:
-    """Differences (quotients, if `times` is 2) over so many samples, taken once or twice."""
+    """Differences over `window` samples, or, if `times` is 2, those of the slopes over them."""
     apart: Floats = values[window:] - values[:-window]
     if times == 1:
         return apart
