@@ -187,6 +187,11 @@ def _sizes(model: Model, settings: Settings) -> _Sized:
                 of in values
             ) else 0.0  # fmt: skip
             names[name] = max(names[name], size)
+        for name, signals in (("x", ("x",)), ("u", (*run.inputs,)), ("T", model.rig.nodes)):
+            low, high = f"{name}_low", f"{name}_high"
+            for own in (values[s] for s in signals if s in values and np.isfinite(values[s]).all()):
+                names[low] = min(names.get(low, math.inf), float(np.min(own)))
+                names[high] = max(names.get(high, -math.inf), float(np.max(own)))
     return _Sized(names, spans, steps)
 
 

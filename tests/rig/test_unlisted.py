@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -49,14 +50,18 @@ start = { x = 0, v = 0 }
 """
 
 
-def motor_folder(folder, by_direction=0.0, saturation=0.0):
-    """A motor whose drive is stronger one way by a share, or weaker by a share of the duty²."""
+def motor_folder(folder, by_direction=0.0, saturation=0.0, most=1.0):
+    """A motor whose drive is stronger one way by a share, or weaker by a share of the duty².
+
+    It gives no more than the duty `most`, one way.
+    """
     t, rng = np.arange(0, 16, 0.02), RNG(4)
     duty = np.repeat(rng.uniform(-0.9, 0.9, 16), 50)
     x = v = 0.0
     angles, h = [], 1e-3
     for share in duty.tolist():
         angles.append(x)
+        share = min(share, most)
         pushed = 50.0 * (share + by_direction * abs(share) - saturation * share**3)
         for _ in range(20):
             a = pushed - 1.5 * (v + h / 2 * (pushed - 1.5 * v))
@@ -85,6 +90,16 @@ def test_a_drive_that_saturates_is_drafted_as_a_law_of_the_command(tmp_path):
     assert draft["law"].startswith("-")
 
 
+def test_a_drive_that_gives_no_more_than_a_level_is_drafted_with_the_level(tmp_path):
+    motor_folder(tmp_path, most=0.4)
+    answer = answered(tmp_path)
+    assert (answer["verdict"], answer["effects"]) == ("unexplained", [])
+    (draft,) = answer["drafts"]
+    assert (draft["of"], draft["enters"]) == ("command", "input")
+    size, level = re.fullmatch(r"(\S+) \* max\(u - (\S+), 0\)", draft["law"]).groups()
+    assert (float(size), float(level)) == pytest.approx((-1.0, 0.4), rel=0.05)
+
+
 OVEN = """\
 machine = "thermal"
 [inputs]
@@ -99,8 +114,11 @@ data = "run.csv"
 """
 
 
-def oven_folder(folder, rate=1e-3, fading=0.0):
-    """An oven whose surroundings warm up by `rate` (K/s), its heater `fading` (1/s)."""
+def oven_folder(folder, rate=1e-3, fading=0.0, vent=0.0):
+    """An oven whose surroundings warm up by `rate` (K/s), its heater `fading` (1/s).
+
+    Beyond 70 °C a vent opens, which takes `vent` (1/s) times the rest.
+    """
     t, rng = np.arange(0, 3000, 5.0), RNG(5)
     duty = np.repeat(rng.uniform(0, 100, 8), 75)
     inside, found = 22.0, []
@@ -109,10 +127,21 @@ def oven_folder(folder, rate=1e-3, fading=0.0):
         for k in range(20):
             air = 22.0 + rate * (t[i] + k / 4)
             heat = 0.008 * share * (1 - fading * (t[i] + k / 4))
-            inside += 0.25 * (heat - 0.006 * (inside - air))
+            inside += 0.25 * (heat - 0.006 * (inside - air) - vent * max(inside - 70.0, 0.0))
     measured = np.array(found) + 0.08 * rng.standard_normal(len(t))
     (folder / "experiment.toml").write_text(OVEN, encoding="utf-8")
     write(folder / "run.csv", {"time_s": t, "duty_percent": duty, "oven_C": measured})
+
+
+def test_a_vent_that_opens_is_drafted_with_the_temperature_at_which_it_does(tmp_path):
+    oven_folder(tmp_path, rate=0.0, vent=0.02)
+    answer = answered(tmp_path)
+    assert (answer["verdict"], answer["effects"]) == ("unexplained", [])
+    (draft,) = answer["drafts"]
+    assert (draft["of"], draft["enters"]) == ("T", "heat")
+    size, level = re.fullmatch(r"(\S+) \* max\(T - (\S+), 0\)", draft["law"]).groups()
+    assert float(size) == pytest.approx(-0.02, rel=0.1)
+    assert float(level) == pytest.approx(70.0, abs=1.0)
 
 
 def test_surroundings_that_warm_up_are_named_with_their_rate(tmp_path):
