@@ -223,12 +223,18 @@ class Toleranced:
     """The number of a machine file that an effect's parameter corrects.
 
     `key` is the file's `section.key`. The parameter is `middle` where the file's number is
-    right, and differs by `scale` times the number's relative error.
+    right, and differs by `scale` times the number's relative error, and by half as much for each
+    of `roots`, numbers whose square root the parameter is in proportion to.
     """
 
     key: str
     middle: float
     scale: float
+    roots: tuple[str, ...] = ()
+
+    def reach(self, tolerance: Callable[[str], float]) -> float:
+        """The most that the parameter may be off, by the relative `tolerance` of each number."""
+        return self.scale * (tolerance(self.key) + sum(map(tolerance, self.roots)) / 2)
 
 
 class Effect:

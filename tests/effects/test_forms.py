@@ -164,6 +164,16 @@ def test_a_number_that_an_effect_corrects_is_one_of_the_machine_file(name):
     assert parameter.tolerated == (number.middle - reach, number.middle + reach)
 
 
+def test_the_damping_is_as_uncertain_as_the_force_that_the_file_makes_it_with():
+    """c_s = 2 zeta √(K m), and K goes with the force: half of its tolerance adds to zeta's."""
+    text = MACHINE.source.text
+    for key, share in (("damping_ratio", 0.15), ("pull_out_force", 0.1)):
+        text = text.replace(f"{key} = {{", f"{key} = {{ tolerance = {share},")
+    tolerant = read_machine(Source("mine.toml", text))
+    (form,) = [c for c in candidates(motor(machine=tolerant)) if c.name == "electrical_damping"]
+    assert form.parameters[0].tolerated == pytest.approx((0.03 * 0.8, 0.03 * 1.2))
+
+
 @pytest.mark.parametrize(
     "effect", [e for e in catalogue().values() if e.changes_program], ids=lambda effect: effect.name
 )

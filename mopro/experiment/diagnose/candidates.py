@@ -143,9 +143,14 @@ def _with_tolerance(candidate: Candidate, effect: Effect, machine: Machine) -> C
     The tolerance is about the file's number, also where an effect in the file changes it.
     """
     number = effect.toleranced(machine)
-    source = machine.provenance.get(number.key) if number else None
-    reach = number.scale * source.tolerance if number and source else 0.0
-    if number is None or not reach:
+    if number is None:
+        return candidate
+
+    def tolerance(key: str) -> float:
+        source = machine.provenance.get(key)
+        return source.tolerance if source else 0.0
+
+    if not (reach := number.reach(tolerance)):
         return candidate
     (own,) = candidate.parameters
     middle, stated = number.middle, effect.parameter(own.name)
