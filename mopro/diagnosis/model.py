@@ -168,8 +168,10 @@ class Candidate:
     fit, with their values. `extends`: the form with fewer free parameters that this one
     extends ("" for the one without a name); it is tried only beside that one, unless it
     `can_enter_first`. `flexible`: can mimic much that is in no catalogue (a free period).
-    `find_starts`: finds values of all parameters in a residual, where a few fixed starts
-    cannot. `law`: set for a free-form term that is in no catalogue.
+    `special`: the name of an effect that this one is at some of its values, with parameters of the
+    same names; its forms are tried in place of this one. `find_starts`: finds values of all
+    parameters in a residual, where a few fixed starts cannot. `law`: set for a free-form term that
+    is in no catalogue.
     """
 
     name: str
@@ -179,6 +181,7 @@ class Candidate:
     extends: str | None = None
     can_enter_first: bool = False
     flexible: bool = False
+    special: str = ""
     find_starts: FindStarts | None = None
     law: Law | None = None
 

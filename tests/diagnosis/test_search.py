@@ -1,6 +1,7 @@
 """The set of effects that the search ends with, where signatures or single steps mislead it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,6 +81,36 @@ def test_a_mimic_of_the_strongest_effect_does_not_keep_the_search_from_the_truth
     truth = of_size(main=1.0, second=1.0, third=1.0)
     verdict = diagnosed(simulate, candidates(*effects, size=half), truth, 1.0, seed)
     assert (verdict.verdict, names(verdict)) == ("named", set(truth))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wider_effect_gives_way_to_its_special_case(seed):
+    """`general` is `special` where its bend is 0, and both have a rate that `special` assumes.
+
+    At the assumed rate the signature of `special` is at a right angle to what is there.
+    """
+    t = times()
+
+    def simulate(settings):
+        general, special = settings.get("general", {}), settings.get("special", {})
+        total = 0 * t
+        for own in (general, special):
+            size, rate = own.get("size", 0.0), own.get("rate", 5.0)
+            total = total + size * np.sin(rate * t) + own.get("bend", 0.0) * np.cos(23 * t)
+        return [total]
+
+    size = Parameter("size", "V", -9.0, 9.0, (0.5,))
+    bend = Parameter("bend", "V", -9.0, 9.0, (0.5,))
+    rate = Parameter("rate", "1/s", 1.0, 20.0, (8.1,), Role.SHAPE)
+    effects = [
+        Candidate("special", (size,), fixed={"rate": 5.0}),
+        Candidate("special", (size, replace(rate, starts=(5.0,))), "with its rate", extends=""),
+        Candidate("general", (size, rate, bend), special="special"),
+    ]
+    truth = {"special": {"size": 2.0, "rate": 8.0}}
+    verdict = diagnosed(simulate, effects, truth, 0.5, seed)
+    assert (verdict.verdict, names(verdict)) == ("named", {"special"})
+    assert verdict.effects[0].parameters["rate"].value == pytest.approx(8.0, abs=0.05)
 
 
 def test_two_effects_are_swapped_at_once_where_neither_swap_alone_lowers_the_ebic():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -86,11 +86,15 @@ def _reduced(sets: Hypotheses, fit: Fit) -> Iterator[tuple[Fit, Fit | None, int]
 
 
 def in_other_forms(sets: Hypotheses, fit: Fit) -> list[Proposal]:
-    """`fit` with one of its effects in a form of more or fewer free parameters."""
+    """`fit` with one of its effects in a form of more or fewer free parameters.
+
+    Also with the special case of an effect in place of it.
+    """
     return [
-        _in_another_form(fit, form)
+        _in_another_form(fit, candidate, form)
         for candidate in fit.candidates
         for form in _neighbouring_forms(candidate, sets.catalogue)
+        if form.name not in fit.names - {candidate.name}
     ]
 
 
@@ -108,9 +112,12 @@ def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
             continue
         (member,) = subset.members
         proposals += [
-            ((*base.candidates, form), [{**subset.start, **_in_form(form, subset.start)}])
+            (
+                (*base.candidates, form),
+                [{**subset.start, **_in_form(form, subset.start[form.name])}],
+            )
             for form in _neighbouring_forms(member.candidate, sets.catalogue)
-            if form.name not in near.fit.names
+            if form.name == member.candidate.name and form.name not in near.fit.names
         ]
     return proposals[:FITTED]
 
@@ -141,24 +148,27 @@ def with_rivals(sets: Hypotheses, fit: Fit) -> list[Proposal]:
     ]
 
 
-def _in_another_form(fit: Fit, form: Candidate) -> Proposal:
-    others = [c for c in fit.candidates if c.name != form.name]
-    return (*others, form), [{**fit.settings, **_in_form(form, fit.settings)}]
+def _in_another_form(fit: Fit, candidate: Candidate, form: Candidate) -> Proposal:
+    others = [c for c in fit.candidates if c is not candidate]
+    start = _in_form(form, fit.settings[candidate.name])
+    return (*others, form), [{**fit.settings_without(frozenset({candidate.name})), **start}]
 
 
-def _in_form(form: Candidate, settings: Settings) -> Settings:
-    """Settings of a form: those that are known of its effect, else its first starts."""
+def _in_form(form: Candidate, known: Mapping[str, float]) -> Settings:
+    """Settings of a form: values of its parameters that are `known`, else its first starts."""
     values = {p.name: p.null for p in form.parameters}
     start = {**values, **{p.name: p.starts[0] for p in form.parameters if p.starts}}
-    own = {n: v for n, v in settings[form.name].items() if n in start}
-    return form.settings(start | own)
+    return form.settings(start | {n: v for n, v in known.items() if n in start})
 
 
 def _neighbouring_forms(candidate: Candidate, catalogue: Sequence[Candidate]) -> list[Candidate]:
-    """The forms that extend a candidate, and those nested with one that extends another."""
+    """The forms that extend a candidate, those nested with one that extends another, and those of
+    its special case.
+    """
     return [
         form
         for form in catalogue
         if (form.name, form.extends) == candidate.key
         or (candidate.extends is not None and (form.nests(candidate) or candidate.nests(form)))
+        or form.name == candidate.special
     ]

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from mopro.diagnosis.model import Candidate, Role
 from mopro.diagnosis.model import Parameter as Fitted
 from mopro.effects.base import Domain, Parameter, View
+from mopro.effects.forces.coulomb_friction import CoulombFriction
 from mopro.effects.forces.dahl import PRESLIDING, DahlFriction, with_presliding
 
 _SPEED_M_S = 0.05
@@ -49,4 +50,5 @@ class StribeckFriction(DahlFriction):
             plausible=self.parameter("vs").plausible,
         )
         forces = self.fitted("Fc", 1.0, 3.0), self.fitted("Fs", 2.0, 6.0)
-        yield from with_presliding(self.form(*forces, speed))
+        plain = self.form(*forces, speed, special=CoulombFriction.name)
+        yield from with_presliding(plain)
