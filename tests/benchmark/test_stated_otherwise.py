@@ -80,6 +80,16 @@ class TestNoise:
         rest = data["position_1_in"][-100:]
         assert rest.std() == pytest.approx(2e-4, rel=0.4)
 
+    def test_a_gap_is_told_in_the_true_noise(self):
+        """That of the laser is 2e-5 in, of which the experiment states 0.3."""
+        laser = {"name": "laser", "quantity": "position", "axis": 1, "column": "position_1_in",
+                 "unit": 0.0254, "rate_hz": 2000.0, "noise_rms": 2e-5, "adc_step": 0.0}  # fmt: skip
+        answer = {"group": "none", "sensor": "laser", "effects": [], "strange": None}
+        answer |= {"offsets": [0.0], "instruments": [laser], "noise_factor": 0.3}
+        gap = {"before_rms": 4e-5, "after_rms": 2e-5, "noise_rms": 0.6e-5}
+        judged = judge("001", answer, {"verdict": "none", "effects": [], "gap": gap})
+        assert (judged.gap_before, judged.gap_after) == pytest.approx((2.0, 1.0))
+
 
 class TestBase:
     def test_numbers_are_off_by_a_tenth_and_the_file_states_its_tolerance(self, tmp_path):

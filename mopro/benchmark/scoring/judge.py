@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mopro.benchmark.reference.nominal import INCH_M
+from mopro.benchmark.reference.sensors import Instrument
 from mopro.benchmark.scoring.outcome import (
     FAILED,
     GOOD,
@@ -85,7 +86,7 @@ def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> J
     named = [e for e in reply.get("effects") or [] if not _is_true_offset(e, answer)]
     sizes = [e["total_sigma"] for e in answer["effects"]]
     gap = reply.get("gap") or {}
-    noise, variables = gap.get("noise_rms"), variables_said(reply)
+    noise, variables = _noise_rms(gap, answer), variables_said(reply)
     return Judgement(
         number=number,
         group=answer["group"],
@@ -147,6 +148,14 @@ def _inside(value: float, interval: list[float], angle: bool) -> bool:
         low, value = low - high, (value - high) % (2 * math.pi) - 2 * math.pi
         return value >= low or abs(value + 2 * math.pi) < 1e-12
     return low <= value <= high
+
+
+def _noise_rms(gap: Mapping[str, Any], answer: Mapping[str, Any]) -> float | None:
+    """RMS of the noise that is in the data: that of `gap`, unless the case states another."""
+    if "noise_factor" not in answer:
+        return gap.get("noise_rms")
+    sigmas = [Instrument(**told).sigma for told in answer["instruments"]]
+    return math.sqrt(sum(sigma**2 for sigma in sigmas) / len(sigmas))
 
 
 def _ratio(rms: float | None, noise: float | None) -> float | None:
