@@ -10,7 +10,7 @@ from mopro.diagnosis import Series
 from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.statistics.noise import Noise
 from mopro.diagnosis.statistics.noise_tests import chi2_log_p, line_log_p
-from mopro.diagnosis.statistics.remainder import as_noise, examine
+from mopro.diagnosis.statistics.remainder import as_noise, examine, noise_of
 
 RATE_HZ = 1000.0
 TIME = np.arange(4000) / RATE_HZ
@@ -87,6 +87,33 @@ def test_a_sensor_that_is_quieter_at_rest_does_not_scatter_with_the_speed():
     still = VELOCITY == 0
     noise = np.random.default_rng(0).standard_normal(len(TIME))
     assert not remainder(np.where(still, -0.1 * noise, 0.0)).significant
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_white_noise_larger_than_stated_does_not_scatter_with_the_speed(seed):
+    """Squares of three times the noise scatter nine times as much as those of the noise."""
+    found = remainder(np.zeros(len(TIME)), 0.3, (2 * seed, 2 * seed + 1))
+    assert (found.significant, found.only_size) == (True, True)
+    assert found.scatter == pytest.approx(1 / 0.3, rel=0.03)
+
+
+def test_scatter_that_grows_with_the_speed_is_found_beside_a_larger_noise():
+    jitter = np.random.default_rng(8).standard_normal(len(TIME))
+    assert remainder(0.6 * jitter * np.abs(VELOCITY) / 0.3, 0.3).variable == "v"
+
+
+def test_white_noise_larger_than_stated_is_white_noise_of_unknown_size():
+    """Its likelihood is n ln(sum / n), which one line in n frequencies changes little."""
+    residuals = residuals_of(np.zeros(len(TIME)), 0.3)
+    residual = residuals.at({})
+    noise = noise_of(residuals, residual, 0)
+    assert noise.exact
+    line = np.sin(2 * np.pi * 80 * TIME)
+    own = residual[: len(TIME)]
+    without = own - line * (line @ own) / (line @ line)
+    gained = noise.deviance(residual) - noise.deviance(np.concatenate([without, residual[4000:]]))
+    fall = (own @ own - without @ without) / np.var(own)
+    assert gained == pytest.approx(fall, rel=0.01)
 
 
 def test_a_line_over_place_is_told_from_another_function_of_it():

@@ -30,8 +30,8 @@ class Hypotheses:
     """Sets of effects of `catalogue`, fitted to one problem together with the model's `base`.
 
     A set is fitted once, from the start that it was first proposed with, and again from any
-    later one that begins lower. `evidence` judges all sets by the same noise; `white`, by the
-    stated one, predicts which of them are worth a fit. `jobs` fits run at once.
+    later one that begins lower. `evidence` judges all sets by the same noise; `white`, by
+    white noise, predicts which of them are worth a fit. `jobs` fits run at once.
     """
 
     def __init__(
@@ -122,6 +122,8 @@ class Hypotheses:
         """Judge by noise like the remainder of `fit`, unless that is as stated."""
         noise = noise_of(self.residuals, fit.residual, len(fit.order))
         self.evidence = Evidence(noise, self._keys)
+        white = noise if noise.exact else Noise.as_stated(self.residuals)
+        self.white = Evidence(white, self._keys)
 
     # -- fitting ------------------------------------------------------------------------
 

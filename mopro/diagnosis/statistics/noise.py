@@ -56,9 +56,13 @@ class Noise:
         """Noise with the size and spectrum of `remainder`."""
         return replace(self, remainder=remainder)
 
+    def of_unknown_size(self) -> Noise:
+        """White noise whose size in each series is estimated from a residual."""
+        return replace(self, stated=(False,) * len(self.stated))
+
     @property
     def exact(self) -> bool:
-        """True if the noise is white and of the stated sizes."""
+        """True if the noise is white, of the stated sizes where those are known."""
         return self.remainder is None
 
     def sums(self, residual: Floats) -> Floats:

@@ -100,10 +100,16 @@ def as_noise(
 
 
 def noise_of(residuals: Residuals, residual: Floats, parameters: int) -> Noise:
-    """The stated noise, or noise like `residual` where that is more (see `examine`)."""
+    """The stated noise, or noise like `residual` where that is more (see `examine`).
+
+    White noise that is larger than stated is white noise of unknown size: a spectrum would be
+    known from no more than the frequencies of each band.
+    """
     stated = Noise.as_stated(residuals)
-    as_stated = not examine(residuals, residual, parameters).significant
-    return stated if as_stated else stated.like(residual)
+    remainder = examine(residuals, residual, parameters)
+    if not remainder.significant:
+        return stated
+    return stated.of_unknown_size() if remainder.only_size else stated.like(residual)
 
 
 def _excess(residual: Floats, parameters: int) -> Finding:

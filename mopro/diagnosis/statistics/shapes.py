@@ -287,16 +287,21 @@ def _band(parts: Sequence[_Standardised]) -> Finding:
 def _scatter_of_speed(parts: Sequence[_Standardised]) -> Finding:
     """Scatter from sample to sample that grows with the speed, as that of a clock does.
 
-    Where a sensor at rest shows less than its noise, only what is beyond that counts.
+    Where a sensor at rest shows less than its noise, only what is beyond that counts; where it
+    shows more, that is its noise.
     """
-    squares, speeds = [], []
+    whole, own, speeds = [], [], []
     for part in parts:
         v = np.asarray(part.label("velocity"))[1:]
-        squares.append(np.diff(part.z * part.scatter) ** 2 / 2)
+        squares = np.diff(part.z) ** 2 / 2
+        whole.append(squares * part.scatter**2)
+        own.append(squares)
         speeds.append(v * v)
-    square, speed = np.concatenate(squares), np.concatenate(speeds)
-    centred = speed - speed.mean()
-    strength = min(_strength(own, square - 1) for own in (speed, centred))
+    speed = np.concatenate(speeds)
+    strength = min(
+        _strength(speed, np.concatenate(whole) - 1),
+        _strength(speed - speed.mean(), np.concatenate(own) - 1),
+    )
     words = "scatter that grows with the speed v"
     return Finding(normal_log_p(max(strength, 0.0)), words, "v")
 
