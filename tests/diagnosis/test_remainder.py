@@ -97,6 +97,13 @@ def test_white_noise_larger_than_stated_does_not_scatter_with_the_speed(seed):
     assert found.scatter == pytest.approx(1 / 0.3, rel=0.03)
 
 
+def test_noise_with_a_memory_is_not_white_where_its_times_are_unknown():
+    wander = signal.lfilter([1.0], [1.0, -0.95], np.random.default_rng(3).standard_normal(2000))
+    residuals = Residuals(lambda settings: [0 * wander], [Series("run", "force", "N", wander, 1.0)])
+    found = examine(residuals, residuals.at({}), 0)
+    assert (found.significant, found.only_size) == (True, False)
+
+
 def test_scatter_that_grows_with_the_speed_is_found_beside_a_larger_noise():
     jitter = np.random.default_rng(8).standard_normal(len(TIME))
     assert remainder(0.6 * jitter * np.abs(VELOCITY) / 0.3, 0.3).variable == "v"

@@ -108,8 +108,9 @@ class Hypotheses:
         return min(self._complete(), key=lambda fit: (fit.rss, sorted(fit.key)))
 
     def is_noise(self, fit: Fit) -> bool:
-        """True if the residual of `fit` passes the tests of noise of the stated size."""
-        return not examine(self.residuals, fit.residual, len(fit.order)).significant
+        """True if the residual of `fit` passes the tests of noise: white, though it may be larger."""
+        remainder = examine(self.residuals, fit.residual, len(fit.order))
+        return not remainder.significant or remainder.only_size
 
     def leaves_noise(self, fit: Fit) -> bool:
         """True if what `fit` leaves may be noise, of whatever size and memory."""

@@ -69,8 +69,9 @@ def examine(
         clearest = min(described, key=lambda finding: finding.log_p)
         return Remainder(True, clearest.description, p_value, scatter, clearest.variable)
     tested = all(len(series) >= LEAST_SAMPLES for series in residuals.data)
+    white = tested and all(f.log_p >= level for f in shapes)
     words = f"more scatter than the sensor's noise, {scatter:.3g} times as much"
-    return Remainder(True, words, p_value, scatter, only_size=tested)
+    return Remainder(True, words, p_value, scatter, only_size=white)
 
 
 def as_noise(
