@@ -44,7 +44,7 @@ def test_the_power_of_means_is_that_with_which_they_scatter(memory):
     for _ in range(300):
         noise = math.sqrt(1 - memory**2) * autoregressive(memory, 4000, rng)
         left = noise - noise.mean()
-        power = Noise((3999,), (0,), (True,), left).power_of_means[0]
+        power = Noise((3999,), (0,), (True,), left).power_of_means(left)[0]
         ratios.append(noise.mean() * math.sqrt(4000 / power))
     assert np.std(ratios) == pytest.approx(1.0, abs=0.12)
 

@@ -131,15 +131,14 @@ class Noise:
         lengths = np.diff([*self.starts, len(residual)])
         return np.repeat(np.maximum(mean, self.floor), lengths)
 
-    @cached_property
-    def power_of_means(self) -> Floats:
+    def power_of_means(self, residual: Floats) -> Floats:
         """Variance of the mean of each series, over that of white noise of the stated size.
 
         The mean power of the lowest frequencies, without that of the mean itself, which was
-        taken out; 1 at least.
+        taken out; that of all frequencies of `residual` if the noise is white. 1 at least.
         """
         if self.remainder is None:
-            return np.ones(len(self.counts))
+            return np.maximum(self.variances(residual)[list(self.starts)], 1.0)
         parts = np.split(self.remainder, self.starts[1:])
         lowest = [fft.dct(part, norm="ortho")[1 : 1 + _LOWEST] for part in parts]
         return np.array([max(float(np.mean(c**2)), 1.0) if len(c) else 1.0 for c in lowest])

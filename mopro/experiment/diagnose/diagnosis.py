@@ -126,7 +126,8 @@ def _with_offset(
         return verdict
     residuals, offsets, predicted = Residuals(model, data), [], model(verdict.settings)
     # A verdict of `none` has no effects, so no parameters were fitted.
-    power = noise_of(residuals, residuals.at(verdict.settings), 0).power_of_means
+    residual = residuals.at(verdict.settings)
+    power = noise_of(residuals, residual, 0).power_of_means(residual)
     sensors = {r.sensor.name: r.sensor for t in model.experiment.trials for r in t.readings}
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]

@@ -217,6 +217,27 @@ def test_the_interval_of_an_offset_is_as_wide_as_slow_noise_asks_for():
     assert (high - low) / of_white == pytest.approx(math.sqrt(1.95 / 0.05), rel=0.4)
 
 
+def test_the_interval_of_an_offset_is_that_of_the_noise_that_is_there():
+    """It is white, and larger than stated."""
+    quiet = dataclasses.replace(FINE, noise_rms=0.3 * FINE.noise_rms)
+    data = experiment({}, offset=1e-4)
+    restated = dataclasses.replace(
+        data,
+        trials=tuple(
+            dataclasses.replace(t, readings=(dataclasses.replace(t.readings[0], sensor=quiet),))
+            for t in data.trials
+        ),
+    )
+    widths = []
+    for tried in (data, restated):
+        (effect,) = diagnose(tried).verdict.effects
+        assert effect.name == "sensor_offset"
+        low, high = effect.parameters["o"].ci95
+        assert low < 1e-4 < high
+        widths.append(high - low)
+    assert widths[1] == pytest.approx(widths[0], rel=0.05)
+
+
 @pytest.mark.parametrize(("force_N", "as_well"), [(3.0, True), (9.0, False)])
 def test_a_small_offset_of_all_runs_may_as_well_be_a_tilt(force_N, as_well):
     """That holds the forcer F/K off its place, wherever it is."""
