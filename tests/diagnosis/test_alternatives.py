@@ -5,7 +5,16 @@ import pytest
 
 import mopro
 from helpers.servo import CATALOGUE, Servo
-from helpers.signals import candidates, diagnosed, family, measured, of_size, sizes, times
+from helpers.signals import (
+    candidates,
+    diagnosed,
+    family,
+    measured,
+    names,
+    of_size,
+    sizes,
+    times,
+)
 from mopro.diagnosis import Candidate, Parameter, Series
 from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.search.alternatives import alternatives
@@ -63,6 +72,22 @@ def test_a_weak_alternative_that_differs_at_its_own_size_is_not_in_the_family(se
     (effect,) = diagnosed(simulate, effects, of_size(straight=0.4), 0.8, seed).effects
     assert (effect.name, effect.indistinguishable_from) == ("straight", [])
     assert effect.sigmas < 20
+
+
+def test_a_shared_effect_at_the_end_of_its_range_keeps_no_family_away():
+    """`stopped` is there with 2 V, and may have 1.9 V."""
+    t = times()
+
+    def simulate(settings):
+        stopped, one, twin = sizes(settings, "stopped", "one", "twin")
+        return [stopped * np.sin(7 * t) + (one + twin) * np.cos(11 * t)]
+
+    effects = candidates("one", "twin")
+    effects += candidates("stopped", size=Parameter("size", "V", -1.9, 1.9, (1.0,)))
+    verdict = diagnosed(simulate, effects, of_size(stopped=2.0, one=1.0), 1.0, 2)
+    assert names(verdict) == {"stopped", "one"}
+    (effect,) = [e for e in verdict.effects if e.name == "one"]
+    assert family(effect) == {"one", "twin"}
 
 
 @pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])

@@ -26,3 +26,20 @@ def test_positions_within_the_finest_period_have_no_lines():
     x = np.linspace(0.0, 2e-5, 50)
     cycles, power = position_spectrum([x], [np.sin(x)], 1e-4)
     assert (len(cycles), len(power)) == (0, 0)
+
+
+@pytest.mark.parametrize("period", [9.0, 37.0])
+def test_positions_on_a_grid_show_no_period_below_two_steps(period):
+    """A line of 1 / (1 - 1/9) steps looks like one of 9."""
+    there = np.arange(0.0, 721.0)
+    x = np.concatenate([there, there[::-1]])
+    cycles, power = position_spectrum([x], [np.sin(2 * np.pi * x / period)])
+    assert cycles.max() <= 0.5
+    assert 1 / cycles[np.argmax(power)] == pytest.approx(period, rel=0.02)
+
+
+def test_positions_of_a_motion_with_ramps_are_on_no_grid():
+    t = np.linspace(0.0, 1.0, 3000)
+    x = np.where(t < 0.5, t * t, t - 0.25)
+    cycles, power = position_spectrum([x], [np.sin(2 * np.pi * x / 5e-4)])
+    assert 1 / cycles[np.argmax(power)] == pytest.approx(5e-4, rel=5e-3)

@@ -56,7 +56,8 @@ def alternatives(sets: Hypotheses, screening: Screening, best: Fit) -> tuple[Alt
     """The sets within 10 of the EBIC of `best`, the lowest first, one for each set of names.
 
     Each of their effects is needed, and no value gives very strong evidence against its plausible
-    range. Neither a part of `best` nor a set that contains it is an alternative.
+    range that does not do so in `best`. Neither a part of `best` nor a set that contains it is an
+    alternative.
     """
     weak: list[Alternative] = []
     subsets = [s for s in neighbourhood(sets, screening, best).subsets if _differs(s.names, best)]
@@ -195,7 +196,9 @@ def _is_alternative(sets: Hypotheses, fit: Fit, best: Fit) -> bool:
     limit = sets.ebic(best) + VERY_STRONG
     if sets.ebic(fit) >= limit or not _differs(fit.names, best):
         return False
-    if not sets.evidence.plausible(fit) or _nests_prediction(sets, fit, best):
+    if not sets.evidence.implausible(fit) <= sets.evidence.implausible(best):
+        return False
+    if _nests_prediction(sets, fit, best):
         return False
     # An effect is needed if there is strong evidence for it, or no alternative without it.
     needed = min(sets.ebic(fit) + STRONG, limit)

@@ -112,13 +112,20 @@ class Evidence:
 
     # -- plausibility -------------------------------------------------------------------
 
-    def plausible(self, fit: Fit) -> bool:
-        """True if no parameter gives very strong evidence against its plausible range.
+    def implausible(self, fit: Fit) -> set[str]:
+        """Parameters (`effect.parameter`) at an end of their range, or clearly implausible.
 
-        At two standard deviations beyond it, one true value in twenty would be ruled out.
+        That is very strong evidence against the plausible range: at two standard deviations
+        beyond it, one true value in twenty would be ruled out.
         """
-        furthest = max((p.beyond(v) / d for (_, p), v, d in self._known(fit)), default=0.0)
-        return not self.at_bound(fit) and furthest**2 < VERY_STRONG
+        return {
+            *self.at_bound(fit),
+            *(
+                f"{effect}.{p.name}"
+                for (effect, p), value, error in self._known(fit)
+                if (p.beyond(value) / error) ** 2 >= VERY_STRONG
+            ),
+        }
 
     def at_bound(self, fit: Fit) -> list[str]:
         """Parameters (`effect.parameter`) that the data would push out of their range.

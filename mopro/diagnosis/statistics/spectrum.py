@@ -17,6 +17,8 @@ _BINS_PER_PERIOD = 8
 _OVERSAMPLING = 2
 # Memory: 16 MB for the transform of so many bins.
 _MOST_BINS = 1 << 20
+# Share of a step by which positions may be off a grid. Doubled, many a few positions are on one.
+_OFF_GRID = 0.1
 # Periods down to this fraction of the range of positions are looked at unless asked otherwise.
 _DEFAULT_LINES = 4000
 
@@ -28,12 +30,13 @@ def position_spectrum(
 
     The power of a run is |Σ z exp(i q x)|²/n, whose mean is 1 for white noise of variance 1;
     a sum over runs needs no common phase. `finest`: the shortest period, in the unit of the
-    positions (the range over 4000 unless given). Both arrays are empty where the range of the
+    positions (unless given the range over 4000, and at least two steps of positions on a grid,
+    where a shorter one looks like a longer one). Both arrays are empty where the range of the
     positions is shorter than that.
     """
     low = min(float(x.min()) for x in positions)
     reach = max(float(x.max()) for x in positions) - low
-    finest = finest or reach / _DEFAULT_LINES
+    finest = finest or max(reach / _DEFAULT_LINES, 2 * _grid_step(np.concatenate(positions)))
     bins = min(_MOST_BINS, int(np.ceil(_BINS_PER_PERIOD * reach / finest)) + 1)
     length = fft.next_fast_len(_OVERSAMPLING * bins)
     width = reach / (bins - 1)
@@ -44,6 +47,15 @@ def position_spectrum(
         binned = np.bincount(bin_of, z - z.mean(), bins)
         power += np.abs(fft.rfft(binned, length)[1:lines]) ** 2 / len(z)
     return np.arange(1, lines) / (length * width), power
+
+
+def _grid_step(positions: Floats) -> float:
+    """The step of the grid that all positions are on; 0 if they are on none."""
+    steps = np.diff(np.sort(positions))
+    largest = float(steps.max(initial=0.0))
+    step = float(np.median(steps[steps > _OFF_GRID * largest])) if largest else 0.0
+    multiples = (positions - positions.min()) / (step or 1.0)
+    return step if np.all(np.abs(multiples - np.rint(multiples)) < _OFF_GRID) else 0.0
 
 
 def sinusoid(angle: Floats, values: Floats) -> tuple[float, float]:
