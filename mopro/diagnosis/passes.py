@@ -35,7 +35,7 @@ from mopro.diagnosis.verdict import Rejected
 # Standard errors by which a variance must be below the stated one to replace it.
 _STANDARD_ERRORS = -float(special.ndtri(FALSE_ALARMS / 2))
 
-_FAILS_CV = "lowers chi-squared where it is fitted, and raises it where it is held out"
+FAILS_HELD_OUT = "lowers chi-squared where it is fitted, and raises it where it is held out"
 _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 20 beside what remains"
 _OUTWEIGHED = "explains less than what stays unexplained beside it"
 
@@ -187,7 +187,7 @@ def hold_out(state: State) -> State:
             return replace(state, fit=fit, held=held, rejected=tuple(rejected))
         worst = min(failing, key=lambda name: held.gains[name])
         without = state.sets.without(fit, worst)
-        rejected.append(Rejected(worst, without.rss - fit.rss, _FAILS_CV))
+        rejected.append(Rejected(worst, without.rss - fit.rss, FAILS_HELD_OUT))
         fit = without
     return replace(state, fit=fit, held=None, rejected=tuple(rejected))
 
@@ -344,6 +344,38 @@ def until_none_drops(*passes: Pass) -> Pass:
     return repeated
 
 
+_drop_unsupported = until_none_drops(expose_stand_ins, drop_outweighed, hold_out)
+
+
+def readmit(state: State) -> State:
+    """The answer with listed effects that held-out parts denied only beside what went after them.
+
+    An effect is dropped for what it does beside the others. If those go as well, the order in
+    which they went must not decide.
+    """
+    names = [r.name for r in state.rejected]
+    denied = [r.name for r in state.rejected if r.reason == FAILS_HELD_OUT]
+    for name in denied:
+        candidate = next((c for c in state.sets.catalogue if c.name == name), None)
+        if candidate is None or candidate.law or name == names[-1]:
+            continue
+        joined = _joined(state.sets, state.fit, name)
+        if state.sets.ebic(joined) > state.sets.ebic(state.fit) - STRONG:
+            continue
+        others = tuple(r for r in state.rejected if r.name != name)
+        again = _drop_unsupported(replace(state, fit=joined, rejected=others))
+        if name in again.fit.names:
+            state = again
+    return state
+
+
+def _joined(sets: Hypotheses, fit: Fit, name: str) -> Fit:
+    """`fit` with the effect `name`, as it is in the best set that has it."""
+    best = next(other for other in sets.ranked() if name in other.names)
+    (own,) = (c for c in best.candidates if c.name == name)
+    return sets.fitted((*fit.candidates, own), {**fit.settings, name: best.settings[name]})
+
+
 PASSES: tuple[Pass, ...] = (
     search_catalogue,
     set_wild_aside,
@@ -355,7 +387,8 @@ PASSES: tuple[Pass, ...] = (
     expose_stand_ins,
     drop_outweighed,
     prefer_lower,
-    until_none_drops(expose_stand_ins, drop_outweighed, hold_out),
+    _drop_unsupported,
+    readmit,
     set_laws_apart,
     examine_remainder,
     find_alternatives,

@@ -34,8 +34,8 @@ _LARGEST, _PROBED = 3.0, 0.03
 # A shape without a range: shares of the span of the quantity of its unit, and where it starts.
 _SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
 # Longest and shortest period that is looked for: in the span of its variable, of which it takes
-# two to be told from a bend, and in median steps of it.
-_MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS = 0.5, 4.0
+# nearly two to be told from a bend (an axis may make just two turns), and in median steps of it.
+_MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS = 0.55, 4.0
 _PERIOD_STARTS = (0.05, 0.15, 0.4)
 _SHAPE_DIFFERENCE = 1e-5
 # A start is looked for by a simulation at this share of the range's end, and within these shares.

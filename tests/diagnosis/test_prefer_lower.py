@@ -1,4 +1,4 @@
-"""The choice among fitted sets that is made again once an effect of the answer is dropped."""
+"""What is asked again once effects of the answer are dropped: another choice, and one of them."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
 from mopro.diagnosis.laws import WithLaws
-from mopro.diagnosis.passes import prefer_lower
+from mopro.diagnosis.passes import FAILS_HELD_OUT, prefer_lower, readmit
 from mopro.diagnosis.state import Problem, State
 from mopro.diagnosis.verdict import Rejected
 
@@ -48,3 +48,31 @@ def test_a_dropped_effect_does_not_come_back(state):
 
 def test_nothing_changes_where_nothing_was_dropped(state):
     assert answer(state) == {"similar"}
+
+
+def readmitted(state, *dropped):
+    """The answer where effects were dropped one after the other, each with its reason."""
+    rejected = tuple(Rejected(name, 1.0, reason) for name, reason in dropped)
+    return readmit(replace(state, fit=state.sets.null, rejected=rejected))
+
+
+def test_what_held_out_parts_denied_beside_others_comes_back_without_them(state):
+    again = readmitted(state, ("true", FAILS_HELD_OUT), ("similar", "a reason"))
+    assert again.fit.names == {"true"}
+    assert [r.name for r in again.rejected] == ["similar"]
+    assert again.held.supports("true")
+
+
+@pytest.mark.parametrize(
+    "dropped",
+    [
+        [("true", "a reason"), ("similar", "a reason")],
+        [("similar", "a reason"), ("true", FAILS_HELD_OUT)],
+        [("third", FAILS_HELD_OUT), ("similar", "a reason")],
+    ],
+    ids=["for another reason", "last", "not called for"],
+)
+def test_what_was_dropped_otherwise_stays_away(state, dropped):
+    again = readmitted(state, *dropped)
+    assert again.fit.names == set()
+    assert [(r.name, r.reason) for r in again.rejected] == dropped
