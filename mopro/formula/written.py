@@ -78,7 +78,8 @@ class WrittenEffect:
 
     `target`: the one input or sensor that it is for, "" for all. `form` and `extends` as those
     of a candidate of the diagnosis. `own`: it is of the user's file. `driven`: of a machine
-    that has an input. `of`: the variable of a free-form term, which no catalogue lists.
+    that has an input. `rotary`: of an axis that makes a whole turn. `of`: the variable of a
+    free-form term, which no catalogue lists.
     """
 
     name: str
@@ -90,6 +91,7 @@ class WrittenEffect:
     extends: str | None = None
     own: bool = False
     driven: bool = False
+    rotary: bool = False
     of: str = ""
     value: Value | None = field(default=None, compare=False)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
+
+import numpy as np
 
 from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
@@ -24,6 +27,8 @@ from mopro.rig.model import (
 Dimensions = dict[str, Dimension | None]
 _TIME = dimension_of_unit("s")
 _KELVIN = dimension_of_unit("K")
+# An angle (rad) that is a whole turn but for a step.
+_TURN = 0.95 * 2 * math.pi
 _SI = {"length": "m", "angle": "rad", "count": "count"}
 
 
@@ -113,9 +118,20 @@ def _usable(effects: Iterable[WrittenEffect], experiment: RigExperiment) -> Iter
         if (
             _needs(effect) <= known | _local(experiment.machine, effect)
             and (experiment.units or not driven)
+            and (not effect.rotary or _turns(experiment))
             and not (fed_back and _follows(effect))
         ):
             yield effect
+
+
+def _turns(experiment: RigExperiment) -> bool:
+    """True if the axis is seen to make a whole turn."""
+    return any(
+        float(np.ptp(r.values)) * r.sensor.factor > _TURN
+        for run in experiment.trials
+        for r in run.readings
+        if r.sensor.quantity.tells_place and r.sensor.dimension == NUMBER
+    )
 
 
 def _follows(effect: WrittenEffect) -> bool:

@@ -62,6 +62,45 @@ def test_a_bare_kinematic_machine_has_backlash(tmp_path):
     assert sizes(answer) == {"backlash.w": pytest.approx(0.5, abs=0.02)}
 
 
+TURNS = (
+    FOLLOWS.replace("_mm", "_deg").replace('"position"', '"angle"').replace("= 0.02", "= 0.0015")
+)
+
+
+def table(reach_deg):
+    """An axis that steps there and back twice, with an eccentric encoder and backlash."""
+    there = np.arange(0.0, reach_deg + 1, 2.0)
+    command = np.concatenate([there, there[-2:0:-1], there, there[-2::-1]])
+    played, x = [], command[0]
+    for target in command.tolist():
+        x = min(max(x, target - 0.004), target + 0.004)
+        played.append(x)
+    angle = np.deg2rad(command)
+    measured = np.array(played) + 0.02 * np.sin(angle + 1) + 0.006 * np.sin(2 * angle - 0.4)
+    measured += 0.0015 * RNG(31).standard_normal(len(command))
+    return {
+        "time_s": np.arange(float(len(command))), "target_deg": command, "position_deg": measured,
+    }  # fmt: skip
+
+
+def test_an_eccentric_encoder_is_named_from_one_turn(tmp_path):
+    answer = reconciled(tmp_path, TURNS, table(360.0))
+    (error, play) = answer["effects"]
+    assert (error["name"], error["form"]) == ("periodic_error", "of a turn, 2nd harmonic")
+    found = sizes(answer)
+    first, second = (
+        complex(found[f"periodic_error.s{n}"], found[f"periodic_error.c{n}"]) for n in ("", "2")
+    )
+    assert first == pytest.approx(0.02 * np.exp(1j), rel=0.03)
+    assert second == pytest.approx(0.006 * np.exp(-0.4j), rel=0.05)
+    assert "backlash" in {play["name"], *play["indistinguishable_from"]}
+
+
+def test_less_than_a_turn_shows_no_period_of_one(tmp_path):
+    answer = reconciled(tmp_path, TURNS, table(90.0))
+    assert not any("turn" in effect["form"] for effect in answer["effects"])
+
+
 @pytest.mark.parametrize("noise", ["unknown", 5e-5])
 def test_four_slow_effects_of_a_stage_are_named_together(tmp_path, noise):
     """Each by itself leaves what may as well be noise with a long memory."""
