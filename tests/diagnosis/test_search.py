@@ -113,6 +113,34 @@ def test_a_wider_effect_gives_way_to_its_special_case(seed):
     assert verdict.effects[0].parameters["rate"].value == pytest.approx(8.0, abs=0.05)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_form_that_is_wider_makes_another_effect_superfluous(seed):
+    """Beside `other` it has nothing more to explain, and ends at the end of its range."""
+    t = times()
+    u, v = np.sin(7 * t), np.cos(11 * t)
+    idle = ("third", "fourth", "fifth")
+
+    def simulate(settings):
+        conduction, other = settings.get("conduction", {}), settings.get("other", {})
+        steady = conduction.get("steady", 0.0) + other.get("size", 0.0)
+        others = (size * np.sin((20 + i) * t) for i, size in enumerate(sizes(settings, *idle)))
+        return [conduction.get("moving", 0.0) * u + steady * v + sum(others)]
+
+    moving, steady, size = (
+        Parameter(name, "V", 0.0, 9.0, (1.0,)) for name in ("moving", "steady", "size")
+    )
+    effects = [
+        Candidate("conduction", (moving,), "moving", {"steady": 0.0}),
+        Candidate("conduction", (moving, steady), "moving and steady", extends="moving"),
+        Candidate("other", (size,)),
+        *candidates(*idle),
+    ]
+    truth = {"conduction": {"moving": 2.0, "steady": 1.5}}
+    verdict = diagnosed(simulate, effects, truth, 0.5, seed)
+    assert names(verdict) == {"conduction"}
+    assert verdict.effects[0].form == "moving and steady"
+
+
 def test_two_effects_are_swapped_at_once_where_neither_swap_alone_lowers_the_ebic():
     """The errors of the two mimics (0.2 w) make up for each other; 0.15 z in one of them stays."""
     t = times()

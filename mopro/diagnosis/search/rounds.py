@@ -130,9 +130,10 @@ def _fit_forms(sets: Hypotheses, fit: Fit) -> None:
     """Fit `fit` in other forms, and each of those that come near without one of its effects."""
     # Another form may make an effect superfluous, which saves the penalty of that.
     saved = max((sets.evidence.added_penalty(sets.null, [c]) for c in fit.candidates), default=0.0)
-    limit = sets.limit(fit, saved)
+    limit, deviance = sets.limit(fit, saved), sets.evidence.noise.deviance
     for trial in sets.fit_all(in_other_forms(sets, fit), limit):
-        if not trial.abandoned and sets.ebic(trial) < sets.ebic(fit) + saved:
+        # What the form has more is at its null there, where the fit needs it for nothing yet.
+        if not trial.abandoned and deviance(trial.residual) < deviance(fit.residual) + saved:
             for name in sorted(trial.names):
                 sets.without(trial, name, limit)
 
