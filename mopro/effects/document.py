@@ -150,7 +150,8 @@ def _fitted(p: Fitted) -> str:
 def _notes(effect: Effect, effects: Sequence[Effect], machine: Machine) -> Iterator[str]:
     number = effect.toleranced(machine)
     if number is not None:
-        yield f"A calibration, if within the machine file's tolerance of {number.key}."
+        halves = "".join(f" and half of that of {root}" for root in number.roots)
+        yield f"A calibration, if within the machine file's tolerance of {number.key}{halves}."
     if effect.reservation is not None:
         yield f"Not in the machine file that a diagnosis writes: {effect.reservation}."
     for family in effect.families:
