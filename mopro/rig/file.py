@@ -36,6 +36,8 @@ from mopro.source import Source, Span
 from mopro.tomlfile import Document, Refused, Value, read_source
 from mopro.tomlfile.schema import flag, number_in, one_of, table_in, text
 
+# Of a kinematic machine whose effort is measured over a known motion.
+EFFORT = "_effort"
 _FOLDER = Path(__file__).with_name("catalogue")
 _NUMBER_KEYS = {"value", "unit", "free", "tolerance", "range", "before", "origin", "place"}
 _TOP_KEYS = {"kind", "name", "base", "effect", "effects"}
@@ -226,9 +228,14 @@ def _values(section: Value) -> dict[str, float]:
 
 
 @cache
-def catalogue(kind: str, units: tuple[tuple[str, str], ...]) -> tuple[WrittenEffect, ...]:
-    """The effects that are listed for a kind, in the units `{x}`, `{force}` or `{power}`."""
-    return _effects_in(_FOLDER / f"{kind}.toml", HOSTS[kind], units)
+def catalogue(
+    kind: str, units: tuple[tuple[str, str], ...], of: str = ""
+) -> tuple[WrittenEffect, ...]:
+    """The effects that are listed for a kind, in the units `{x}`, `{force}` or `{power}`.
+
+    Of a kinematic machine those in its place, or with `of` = EFFORT those in the effort.
+    """
+    return _effects_in(_FOLDER / f"{kind}{of}.toml", HOSTS[kind], units)
 
 
 @cache

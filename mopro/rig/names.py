@@ -11,7 +11,7 @@ from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
 from mopro.formula.written import WrittenEffect
 from mopro.rig.data import RigExperiment, Sensor
-from mopro.rig.file import catalogue, unlisted_terms
+from mopro.rig.file import EFFORT, catalogue, unlisted_terms
 from mopro.rig.model import (
     COMMAND,
     IN_EQUATIONS,
@@ -97,7 +97,8 @@ def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
     """
     rig = experiment.machine
     own = {effect.name for effect in rig.effects} | rig.numbers.keys()
-    listed = catalogue(rig.kind, tuple(sorted(units_of(experiment).items())))
+    of = EFFORT if _effort(experiment) else ""
+    listed = catalogue(rig.kind, tuple(sorted(units_of(experiment).items())), of)
     return (*rig.effects, *(e for e in _usable(listed, experiment) if e.name not in own))
 
 
@@ -157,12 +158,29 @@ def units_of(experiment: RigExperiment) -> dict[str, str]:
     units = {"load": inputs.get("load", "1"), "foreign": first, "u": first}
     if rig.kind == THERMAL:
         return {**units, "power": "W" if capacity_of(rig) else "K/s"}
-    if rig.kind == KINEMATIC:
+    effort = _effort(experiment)
+    if rig.kind == KINEMATIC and not effort:
         return {**units, "x": rig.unit or "1"}
-    x = next(si for si in _SI.values() if dimension_of_unit(si) == axis_dimension(experiment)
-             and (si != "rad" or dimension_of_unit(rig.unit or "1") == NUMBER))  # fmt: skip
+    x = place_unit(experiment)
+    if effort:
+        return {**units, "x": x, "force": effort}
     force = {"mass": "N", "inertia": "N m"}.get(inertia_of(rig) or "", product(x, "1/s2"))
     return {**units, "x": x, "force": force}
+
+
+def place_unit(experiment: RigExperiment) -> str:
+    """The SI unit of the axis' place."""
+    own = axis_dimension(experiment)
+    return next(unit for unit in _SI.values() if dimension_of_unit(unit) == own)
+
+
+def _effort(experiment: RigExperiment) -> str:
+    """The unit of what the first sensor reads of a kinematic machine; "" for that of a place."""
+    sensors = sensors_of(experiment)
+    if experiment.machine.kind != KINEMATIC or not sensors or sensors[0].quantity.tells_place:
+        return ""
+    first = sensors[0]
+    return next(u for u in first.quantity.units if dimension_of_unit(u) == first.dimension)
 
 
 def check(experiment: RigExperiment, effects: tuple[WrittenEffect, ...]) -> None:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from mopro.diagnosis import Series, Settings
 from mopro.formula.evaluate import Floats
-from mopro.rig.data import Reading, Run
+from mopro.rig.data import Reading, Run, Sensor
 from mopro.rig.model import AXIS, THERMAL
+from mopro.rig.names import place_unit
 from mopro.rig.simulation import Model
 
 # Parts of a run that are held out, and the share of a part by which its end may move to a change
@@ -43,9 +44,14 @@ def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Float
         folds=_folds(run, reading, labels.get("velocity")),
         nuisances=nuisances(reading, time_s),
         labels=labels,
-        position_unit=sensor.unit if "position" in labels else "m",
+        position_unit=_place_unit(model, sensor) if labels else "m",
         fed_back=run.feedback,
     )
+
+
+def _place_unit(model: Model, sensor: Sensor) -> str:
+    """The unit of the labels' positions: that of a position sensor, else SI."""
+    return sensor.unit if sensor.quantity.tells_place else place_unit(model.experiment)
 
 
 def _told(model: Model, run: Run, reading: Reading) -> bool:

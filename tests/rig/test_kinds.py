@@ -101,6 +101,58 @@ def test_less_than_a_turn_shows_no_period_of_one(tmp_path):
     assert not any("turn" in effect["form"] for effect in answer["effects"])
 
 
+EFFORT = """\
+machine = "machine.toml"
+[inputs]
+command = { column = "position_mm" }
+[[sensor]]
+name = "effort"
+quantity = "QUANTITY"
+column = "effort_UNIT"
+noise_rms = "unknown"
+reads = "mass * a + viscous * v"
+[[run]]
+data = "run.csv"
+"""
+INVERSE = """\
+kind = "kinematic"
+name = "drive"
+unit = "mm"
+[base]
+mass = { value = 50, unit = "MASS", free = true, range = [10, 300] }
+viscous = { value = 100, unit = "DRAG", free = true, range = [0, 1000] }
+"""
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "mass", "drag"),
+    [("force", "N", "kg", "N s/m"), ("current", "A", "A s2/m", "A s/m")],
+)
+def test_an_effort_over_a_known_motion_has_friction_and_cogging(
+    tmp_path, quantity, unit, mass, drag
+):
+    """The motion is told, and what it takes is measured."""
+    t = np.arange(0.0, 20.0, 0.01)
+    x = 0.08 * np.sin(1.6 * t) + 0.03 * np.sin(3.9 * t + 1)
+    v = 0.128 * np.cos(1.6 * t) + 0.117 * np.cos(3.9 * t + 1)
+    a = -0.2048 * np.sin(1.6 * t) - 0.4563 * np.sin(3.9 * t + 1)
+    effort = 95 * a + 203 * v + 20.4 * np.tanh(v / 1e-3) + 2.5 * np.sin(2 * np.pi * x / 0.024)
+    columns = {
+        "time_s": t,
+        "position_mm": 1000 * x,
+        f"effort_{unit}": effort - 3.2 + 0.8 * RNG(6).standard_normal(len(t)),
+    }
+    experiment = EFFORT.replace("QUANTITY", quantity).replace("UNIT", unit)
+    machine = INVERSE.replace("MASS", mass).replace("DRAG", drag)
+    answer = reconciled(tmp_path, experiment, columns, machine)
+    found = sizes(answer)
+    assert {effect["name"] for effect in answer["effects"]} == {"dry_friction", "cogging"}
+    assert found["dry_friction.Fc"] == pytest.approx(20.4, rel=0.02)
+    assert found["cogging.P"] == pytest.approx(0.024, rel=0.01)
+    assert answer["base"]["mass"]["value"] == pytest.approx(95, rel=0.02)
+    assert answer["gap"]["after_rms"] < 1.0 < 10 < answer["gap"]["before_rms"]
+
+
 @pytest.mark.parametrize("noise", ["unknown", 5e-5])
 def test_four_slow_effects_of_a_stage_are_named_together(tmp_path, noise):
     """Each by itself leaves what may as well be noise with a long memory."""
