@@ -191,11 +191,20 @@ def check(experiment: RigExperiment, effects: tuple[WrittenEffect, ...]) -> None
         law.check(names, _law_dimension(experiment), "the law")
     for sensor in sensors_of(experiment):
         if rig.kind != PYTHON:
-            sensor.reads.check(known, sensor.dimension,
-                               f"sensor {sensor.name}")  # fmt: skip
+            _check_reads(sensor, known)
     for effect in effects:
         if rig.kind != PYTHON:
             _check_effect(effect, experiment, known)
+
+
+def _check_reads(sensor: Sensor, known: Dimensions) -> None:
+    """ModelError where what a sensor reads is not there, or of another unit."""
+    unsaid = sensor.reads.value is None and not sensor.reads.formula.names <= known.keys()
+    if unsaid and sensor.value is not None:
+        message = f"state what {sensor.name} reads: there is no {sensor.reads.formula.text}"
+        hint = 'such as reads = "mass * a + viscous * v", of numbers in [base] of a machine file'
+        raise sensor.value.error(message, "missing-key", hint)
+    sensor.reads.check(known, sensor.dimension, f"sensor {sensor.name}")
 
 
 def _check_effect(effect: WrittenEffect, experiment: RigExperiment, known: Dimensions) -> None:

@@ -153,6 +153,22 @@ def test_an_effort_over_a_known_motion_has_friction_and_cogging(
     assert answer["gap"]["after_rms"] < 1.0 < 10 < answer["gap"]["before_rms"]
 
 
+def test_an_effort_without_a_law_is_asked_for_one(tmp_path):
+    """The place of the command tells the unit of the axis, as no sensor does."""
+    text = (
+        EFFORT.replace("QUANTITY", "force")
+        .replace("UNIT", "N")
+        .replace("machine.toml", "kinematic")
+    )
+    text = text.replace('reads = "mass * a + viscous * v"\n', "")
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    write(tmp_path / "run.csv", {"time_s": T, "position_mm": MOVES, "effort_N": np.cos(T)})
+    done = run_here(tmp_path, "reconcile", "experiment.toml")
+    assert done.returncode == 2
+    assert done.stderr.startswith("experiment.toml:4:3: state what effort reads: there is no force")
+    assert 'reads = "mass * a' in done.stderr
+
+
 @pytest.mark.parametrize("noise", ["unknown", 5e-5])
 def test_four_slow_effects_of_a_stage_are_named_together(tmp_path, noise):
     """Each by itself leaves what may as well be noise with a long memory."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -136,7 +136,7 @@ class _Reader:
             raise Refused
         made = tuple(run for run in runs if run)
         return RigEntries(
-            self._source, _with_unit(machine, sensors), clock, tuple(sensors), made,
+            self._source, _with_unit(machine, sensors, made), clock, tuple(sensors), made,
             self._machine_file,
         )  # fmt: skip
 
@@ -192,12 +192,17 @@ def _temperatures(root: Value) -> tuple[str, ...]:
     return tuple(name for name in names if isinstance(name, str) and name.isidentifier())
 
 
-def _with_unit(machine: Rig, sensors: list[Sensor]) -> Rig:
-    """The machine, in the unit of the first sensor of a place if it states none."""
-    placed = next((s for s in sensors if s.quantity.tells_place), None)
+def _with_unit(machine: Rig, sensors: Sequence[Sensor], runs: Sequence[RunEntry]) -> Rig:
+    """The machine, in the unit of the first sensor of a place if it states none.
+
+    Without such a sensor a kinematic machine has the unit of its command.
+    """
     if machine.unit or machine.kind in (THERMAL, PYTHON):
         return machine
-    return replace(machine, unit=placed.unit if placed else "1")
+    told = [s.unit for s in sensors if s.quantity.tells_place]
+    if machine.kind == KINEMATIC:
+        told += [run.inputs["command"].unit for run in runs if "command" in run.inputs]
+    return replace(machine, unit=told[0] if told else "1")
 
 
 def _check_names(root: Value, key: str, names: list[str]) -> None:
