@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from mopro.errors import Diagnostic, ModelError
 from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
 from mopro.formula.written import WrittenEffect
@@ -23,6 +24,7 @@ from mopro.rig.model import (
     THERMAL,
     Rig,
 )  # fmt: skip
+from mopro.source import Span
 
 Dimensions = dict[str, Dimension | None]
 _TIME = dimension_of_unit("s")
@@ -186,6 +188,8 @@ def _effort(experiment: RigExperiment) -> str:
 def check(experiment: RigExperiment, effects: tuple[WrittenEffect, ...]) -> None:
     """ModelError for a law or an effect that uses an unknown name, or whose units do not match."""
     rig, known = experiment.machine, names_of(experiment)
+    if rig.kind == KINEMATIC and rig.laws["position"].value is None:
+        _check_command(experiment)
     for law in rig.laws.values():
         names = known | (in_a_node(experiment) if rig.kind == THERMAL else {})
         law.check(names, _law_dimension(experiment), "the law")
@@ -195,6 +199,22 @@ def check(experiment: RigExperiment, effects: tuple[WrittenEffect, ...]) -> None
     for effect in effects:
         if rig.kind != PYTHON:
             _check_effect(effect, experiment, known)
+
+
+def _check_command(experiment: RigExperiment) -> None:
+    """ModelError where there is no command to follow, or one of another quantity than the place."""
+    told, own = experiment.units.get("command"), experiment.machine.unit or "1"
+    if told is None:
+        message = "a kinematic machine needs a command, the place that it is told"
+        hint = 'add, with the name of your column: [inputs] command = { column = "target_mm" }'
+    elif dimension_of_unit(told) != axis_dimension(experiment):
+        message = f"the command is in {told}, and the place that is read in {own}"
+        hint = 'state the formula of the place in a machine file: position = "ratio * command"'
+    else:
+        return
+    raise ModelError(
+        experiment.source, [Diagnostic("no-command", message, Span(1, 1, 1), hint=hint)]
+    )
 
 
 def _check_reads(sensor: Sensor, known: Dimensions) -> None:

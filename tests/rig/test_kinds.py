@@ -153,6 +153,25 @@ def test_an_effort_over_a_known_motion_has_friction_and_cogging(
     assert answer["gap"]["after_rms"] < 1.0 < 10 < answer["gap"]["before_rms"]
 
 
+@pytest.mark.parametrize(
+    ("entry", "columns", "words"),
+    [
+        ('load = { column = "load_N" }', {"load_N": np.sin(T)}, "needs a command"),
+        ('command = { column = "way_deg" }', {"way_deg": MOVES}, "in deg, and the place"),
+    ],
+    ids=["none", "an angle"],
+)
+def test_a_kinematic_machine_asks_for_a_command_of_its_place(tmp_path, entry, columns, words):
+    text = FOLLOWS.replace('command = { column = "target_mm" }', entry)
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    write(tmp_path / "run.csv", {"time_s": T, **columns, "position_mm": MOVES})
+    done = run_here(tmp_path, "compare", "experiment.toml")
+    assert done.returncode == 2
+    assert done.stderr.startswith("experiment.toml:1:1: ")
+    assert words in done.stderr
+    assert "[no-command]" in done.stderr
+
+
 def test_an_effort_without_a_law_is_asked_for_one(tmp_path):
     """The place of the command tells the unit of the axis, as no sensor does."""
     text = (
