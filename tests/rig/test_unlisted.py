@@ -12,6 +12,7 @@ from helpers.rigs import DRIVE, drive_folder, write
 from mopro.experiment.rigs.bare import completed
 from mopro.experiment.rigs.entries import read_rig_entries
 from mopro.experiment.rigs.read import read_rig_experiment
+from mopro.rig.file import EFFORT, catalogue, unlisted_terms
 from mopro.rig.names import check, unlisted_of
 
 RNG = np.random.default_rng
@@ -221,3 +222,22 @@ def test_the_units_of_free_form_terms_match(tmp_path, make, variables):
     terms = unlisted_of(experiment)
     assert {term.of for term in terms} == variables
     check(experiment, terms)
+
+
+UNITS = (("foreign", "N"), ("force", "N"), ("load", "N"), ("power", "W"), ("u", "N"), ("x", "m"))
+
+
+@pytest.mark.parametrize(
+    "listed",
+    [
+        *(catalogue(kind, UNITS) for kind in ("kinematic", "axis", "thermal")),
+        catalogue("kinematic", UNITS, EFFORT),
+        *(unlisted_terms(kind, UNITS) for kind in ("axis", "thermal")),
+    ],
+    ids=["kinematic", "axis", "thermal", "effort", "free-form axis", "free-form thermal"],
+)
+def test_forms_of_an_effect_are_told_by_their_parameters(listed):
+    """A machine file states the parameters of an effect, and not its form."""
+    told = [(effect.name, frozenset(p.name for p in effect.parameters)) for effect in listed]
+    assert listed
+    assert len(set(told)) == len(told)
