@@ -20,7 +20,13 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from mopro.cli.terminal.say import discard_output, prepare_streams, say, say_findings
+from mopro.cli.terminal.say import (
+    discard_output,
+    give_up_errors,
+    prepare_streams,
+    say,
+    say_findings,
+)
 from mopro.errors import Interrupted, LinkError, MoproError, PortError, RunError
 from mopro.memory import make_sure_on_import
 
@@ -106,6 +112,7 @@ def main() -> NoReturn:
     _heed_signals()
     make_sure_on_import()
     prepare_streams()
+    atexit.register(give_up_errors)
     try:
         with _LackOfMemory():
             code = group(standalone_mode=False)

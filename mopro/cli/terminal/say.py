@@ -135,7 +135,19 @@ def prepare_streams() -> None:
 
 def discard_output() -> None:
     """Let what is still to be flushed to standard output go nowhere, so that exit is quiet."""
+    _discard(sys.stdout)
+
+
+def give_up_errors() -> None:
+    """Let what standard error could not take go nowhere: at exit it would change the exit code."""
+    try:
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        _discard(sys.stderr)
+
+
+def _discard(stream: TextIO) -> None:
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
+        os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
