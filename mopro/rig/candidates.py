@@ -187,7 +187,7 @@ def _sizes(model: Model, settings: Settings) -> _Sized:
                 of in values
             ) else 0.0  # fmt: skip
             names[name] = max(names[name], size)
-        for name, signals in (("x", ("x",)), ("u", (*run.inputs,)), ("T", model.rig.nodes)):
+        for name, signals in (("u", (*run.inputs,)), ("T", model.rig.nodes)):
             low, high = f"{name}_low", f"{name}_high"
             for own in (values[s] for s in signals if s in values and np.isfinite(values[s]).all()):
                 names[low] = min(names.get(low, math.inf), float(np.min(own)))
