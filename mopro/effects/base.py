@@ -233,7 +233,7 @@ class Toleranced:
     roots: tuple[str, ...] = ()
 
     def reach(self, tolerance: Callable[[str], float]) -> float:
-        """The most that the parameter may be off, by the relative `tolerance` of each number."""
+        """Largest deviation of the parameter (its unit), by each number's relative `tolerance`."""
         return self.scale * (tolerance(self.key) + sum(map(tolerance, self.roots)) / 2)
 
 

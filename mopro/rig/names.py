@@ -101,6 +101,8 @@ def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
     own = {effect.name for effect in rig.effects} | rig.numbers.keys()
     of = EFFORT if _effort(experiment) else ""
     listed = catalogue(rig.kind, tuple(sorted(units_of(experiment).items())), of)
+    if _only_speeds(experiment):
+        listed = tuple(e for e in listed if e.enters != MEASUREMENT)
     return (*rig.effects, *(e for e in _usable(listed, experiment) if e.name not in own))
 
 
@@ -125,6 +127,13 @@ def _usable(effects: Iterable[WrittenEffect], experiment: RigExperiment) -> Iter
             and not (fed_back and _follows(effect))
         ):
             yield effect
+
+
+def _only_speeds(experiment: RigExperiment) -> bool:
+    """True if a kinematic machine is read by its speed, which no listed error of a place is of."""
+    sensors = sensors_of(experiment)
+    kinematic = experiment.machine.kind == KINEMATIC
+    return kinematic and bool(sensors) and sensors[0].quantity.tells_speed
 
 
 def _turns(experiment: RigExperiment) -> bool:
@@ -177,9 +186,9 @@ def place_unit(experiment: RigExperiment) -> str:
 
 
 def _effort(experiment: RigExperiment) -> str:
-    """The unit of what the first sensor reads of a kinematic machine; "" for that of a place."""
+    """SI unit of the effort that the first sensor of a kinematic machine reads; "" if of motion."""
     sensors = sensors_of(experiment)
-    if experiment.machine.kind != KINEMATIC or not sensors or sensors[0].quantity.tells_place:
+    if experiment.machine.kind != KINEMATIC or not sensors or sensors[0].quantity.reads:
         return ""
     first = sensors[0]
     return next(u for u in first.quantity.units if dimension_of_unit(u) == first.dimension)
@@ -219,11 +228,17 @@ def _check_command(experiment: RigExperiment) -> None:
 
 def _check_reads(sensor: Sensor, known: Dimensions) -> None:
     """ModelError where what a sensor reads is not there, or of another unit."""
-    unsaid = sensor.reads.value is None and not sensor.reads.formula.names <= known.keys()
-    if unsaid and sensor.value is not None:
-        message = f"state what {sensor.name} reads: there is no {sensor.reads.formula.text}"
-        hint = 'such as reads = "mass * a + viscous * v", of numbers in [base] of a machine file'
-        raise sensor.value.error(message, "missing-key", hint)
+    name = sensor.reads.formula.text
+    if sensor.reads.value is None and sensor.value is not None:
+        if name not in known:
+            message = f"state what {sensor.name} reads: there is no {name}"
+            hint = (
+                'such as reads = "mass * a + viscous * v", of numbers in [base] of a machine file'
+            )
+            raise sensor.value.error(message, "missing-key", hint)
+        if known[name] not in (None, sensor.dimension):
+            message = f"{sensor.name} is in {sensor.unit}, which is no unit of the model's {name}"
+            raise sensor.value.error(message, "wrong-unit")
     sensor.reads.check(known, sensor.dimension, f"sensor {sensor.name}")
 
 

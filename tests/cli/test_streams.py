@@ -76,7 +76,7 @@ def test_all_streams_may_be_closed(folder):
 
 @pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])
 def test_a_full_error_output_does_not_change_the_answer(folder, unbuffered):
-    """What it could not take may be tried once more at exit."""
+    """Python flushes a buffered standard error again at exit."""
     env = {"PYTHONUNBUFFERED": unbuffered}
     done = ended(folder, "lint", "BAD.CMD", "none.CMD", shell="2> /dev/full", env=env)
     assert done.returncode == 2

@@ -1,4 +1,4 @@
-"""What is asked again once effects of the answer are dropped: another choice, and one of them."""
+"""The passes `prefer_lower` and `readmit`, which follow once effects of the answer are dropped."""
 
 from dataclasses import replace
 

@@ -172,6 +172,28 @@ def test_a_kinematic_machine_asks_for_a_command_of_its_place(tmp_path, entry, co
     assert "[no-command]" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("quantity", "unit", "command", "rule"),
+    [
+        ("force", "N", "V", "no-command"),
+        ("speed", "mm_s", "deg", "wrong-unit"),
+        ("speed", "mm_s", "mm", ""),
+    ],
+)
+def test_a_sensor_of_no_place_and_a_command_are_told_from_each_other(
+    tmp_path, quantity, unit, command, rule
+):
+    """A speed has no error of a place: it is read, and nothing is listed in the measurement."""
+    text = FOLLOWS.replace("target_mm", f"target_{command}").replace("position_mm", f"read_{unit}")
+    text = text.replace('"position"', f'"{quantity}"')
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    speed = np.gradient(MOVES, T) + 0.02 * RNG(2).standard_normal(len(T))
+    write(tmp_path / "run.csv", {"time_s": T, f"target_{command}": MOVES, f"read_{unit}": speed})
+    done = run_here(tmp_path, "compare", "experiment.toml")
+    assert done.returncode == (2 if rule else 0), done.stderr
+    assert f"[{rule}]" in done.stderr if rule else "no disagreement" in done.stdout
+
+
 def test_an_effort_without_a_law_is_asked_for_one(tmp_path):
     """The place of the command tells the unit of the axis, as no sensor does."""
     text = (

@@ -139,7 +139,7 @@ def discard_output() -> None:
 
 
 def give_up_errors() -> None:
-    """Let what standard error could not take go nowhere: at exit it would change the exit code."""
+    """Discard what standard error could not take: a failed flush at exit changes the exit code."""
     try:
         sys.stderr.flush()
     except (OSError, ValueError):

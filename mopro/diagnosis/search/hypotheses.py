@@ -108,7 +108,7 @@ class Hypotheses:
         return min(self._complete(), key=lambda fit: (fit.rss, sorted(fit.key)))
 
     def is_noise(self, fit: Fit) -> bool:
-        """True if the residual of `fit` passes the tests of noise, white and maybe larger."""
+        """True if the residual of `fit` tests as white noise, of the stated size or larger."""
         remainder = examine(self.residuals, fit.residual, len(fit.order))
         return not remainder.significant or remainder.only_size
 

@@ -28,6 +28,8 @@ _SENSOR_KEYS = {
     "sign", "reads", "rate_hz",
 }  # fmt: skip
 _RUN_KEYS = {"data", "name", "part", "use", "columns", "inputs", "start", "without", "program"}
+# Units of a place, one of each dimension that it may have.
+_PLACES = MEASURABLES["position"].units
 _INPUT_KEYS = {"column", "formula", "unit", "hold", "feedback"}
 _FREE, _UNKNOWN = "free", "unknown"
 
@@ -201,7 +203,8 @@ def _with_unit(machine: Rig, sensors: Sequence[Sensor], runs: Sequence[RunEntry]
         return machine
     told = [s.unit for s in sensors if s.quantity.tells_place]
     if machine.kind == KINEMATIC:
-        told += [run.inputs["command"].unit for run in runs if "command" in run.inputs]
+        commands = [run.inputs["command"].unit for run in runs if "command" in run.inputs]
+        told += [u for u in commands if dimension_of_unit(u) in map(dimension_of_unit, _PLACES)]
     return replace(machine, unit=told[0] if told else "1")
 
 
