@@ -10,6 +10,7 @@ import numpy as np
 from scipy import special
 
 from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
+from mopro.diagnosis.constants import LEAST_SHARE
 from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.statistics.remainder import noise_of
 from mopro.effects import Effect, catalogue_of
@@ -76,19 +77,32 @@ def diagnose(
 
     Effects whose names are in `left_out` are no candidates and no alternatives.
 
-    The model without microsteps is diagnosed first, then the one with them if it fits
-    clearly better. Readings whose noise is below a converter's step are `thinned`.
+    The model without microsteps is diagnosed first, then the one with them if they show.
+    Readings whose noise is below a converter's step are `thinned`.
     Raises MotionError for a program that cannot be run.
     """
     experiment = thinned(experiment)
     smooth = _judged(Model(experiment), jobs, progress, left_out)
     if not any(trial.follows_motion for trial in experiment.trials):
         return smooth
-    stepped, chi2 = Model(experiment, resolved=True), _chi2(smooth, Model(experiment))
-    mean_square = max(chi2 / sum(map(len, smooth.series)), 1.0)
-    if chi2 - _chi2(smooth, stepped) < _MICROSTEP_GAIN * mean_square:
+    stepped = Model(experiment, resolved=True)
+    if not _show(smooth, stepped):
         return smooth
     return _judged(stepped, jobs, progress, left_out)
+
+
+def _show(smooth: Diagnosis, stepped: Model) -> bool:
+    """True if the data call for the microsteps of `stepped`.
+
+    They do so beside the effects of the answer, or in their place: effects may have been named
+    for them. Of what stays unexplained without them they must account for a tenth: any change
+    of the prediction may take a little off it.
+    """
+    answer, nothing = smooth.verdict.settings, smooth.verdict.base_before
+    chi2, samples = _chi2(smooth, Model(smooth.experiment), answer), sum(map(len, smooth.series))
+    gain = chi2 - min(_chi2(smooth, stepped, each) for each in (answer, nothing))
+    left = chi2 - samples if smooth.verdict.verdict == "unexplained" else 0.0
+    return gain > max(_MICROSTEP_GAIN * max(chi2 / samples, 1.0), LEAST_SHARE * left)
 
 
 def _judged(
@@ -109,10 +123,9 @@ def _judged(
     return Diagnosis(model.experiment, verdict, tuple(data), model.resolved)
 
 
-def _chi2(diagnosis: Diagnosis, model: Model) -> float:
-    """Chi-squared of `model` with the settings of the diagnosis' verdict."""
-    residuals = Residuals(model, diagnosis.series)
-    return float(np.sum(residuals.at(diagnosis.verdict.settings) ** 2))
+def _chi2(diagnosis: Diagnosis, model: Model, settings: Settings) -> float:
+    """Chi-squared of `model` with `settings` against the data of a diagnosis."""
+    return float(np.sum(Residuals(model, diagnosis.series).at(settings) ** 2))
 
 
 def _with_offset(

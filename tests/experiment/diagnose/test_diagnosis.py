@@ -34,7 +34,14 @@ COARSE = dataclasses.replace(FINE, name="coarse", noise_rms=5e-3)
 
 
 def experiment(
-    truth, seed=0, sensor=FINE, machine=MACHINE, offset=0.0, extra=lambda t, x: 0.0, phi=0.0
+    truth,
+    seed=0,
+    sensor=FINE,
+    machine=MACHINE,
+    offset=0.0,
+    extra=lambda t, x: 0.0,
+    phi=0.0,
+    resolved=False,
 ):
     """Two runs with `truth` in them, seen with seeded AR(1) noise (white unless phi is given)."""
     rng = np.random.default_rng(seed)
@@ -42,7 +49,7 @@ def experiment(
     stamps = [np.arange(int(end * sensor.rate_hz)) / sensor.rate_hz for end in ends]
     blank = [trial(i, t, np.zeros(len(t)), sensor) for i, t in enumerate(stamps)]
     bare = Experiment(Source("experiment.toml", ""), machine, tuple(blank), ())
-    seen = ForwardModel(bare, motor.FINE)(truth)
+    seen = ForwardModel(bare, motor.FINE, resolved)(truth)
     trials = [
         trial(i, t, x + extra(t, x) + offset + sensor.noise_rms * ar1(phi, rng, len(t)), sensor)
         for i, (t, x) in enumerate(zip(stamps, seen, strict=True))
@@ -303,6 +310,19 @@ def test_microsteps_do_not_show_by_taking_a_little_off_what_nothing_accounts_for
 
     found = diagnose(experiment({}, sensor=SHARP, extra=walk))
     assert (found.verdict.verdict, found.resolved) == ("unexplained", False)
+
+
+@pytest.mark.parametrize(("walk_in", "resolved"), [(0.0, True), (7e-8, False)])
+def test_microsteps_show_unless_they_are_little_of_what_nothing_accounts_for(walk_in, resolved):
+    """With them the rest would be unexplained as well, in twice the time."""
+
+    def walk(stamps, _):
+        return walk_in * np.cumsum(np.random.default_rng(5).standard_normal(len(stamps)))
+
+    sharper = dataclasses.replace(FINE, noise_rms=1e-6)
+    found = diagnose(experiment({}, sensor=sharper, extra=walk, resolved=True))
+    assert found.resolved is resolved
+    assert found.verdict.verdict == ("none" if resolved else "unexplained")
 
 
 def tolerant(**tolerances):
