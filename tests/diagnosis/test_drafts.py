@@ -1,5 +1,6 @@
 """Free-form terms: what no listed effect explains is drafted as a law, and no effect is blamed."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -198,6 +199,38 @@ def test_a_command_that_comes_late_is_drafted_with_what_its_delay_grows_with(gro
     assert (verdict.verdict, verdict.remainder.variable) == ("unexplained", "command")
     assert [draft.name for draft in verdict.drafts] == [f"late by {grows_with} in laser"]
     assert float(verdict.drafts[0].law.split(" ")[0]) == pytest.approx(-5e-5, rel=0.05)
+
+
+@pytest.mark.parametrize("steps", [True, False])
+def test_a_clock_that_steps_is_not_told_as_another_rate_with_a_delay(steps):
+    """Steps of 12 us each 0.37 s; or the rate and the delay that come nearest, which are listed."""
+    x, t, v, a = late_by(0.0)
+    taken_late = 12e-6 * (np.floor(t / 0.37 + 0.2) if steps else t / 0.37 - 0.3)
+    noise = 1e-6 * np.random.default_rng(8).standard_normal(len(t))
+    values = np.interp(t + taken_late, t, x) + noise
+    labels = {"position": x, "velocity": v, "acceleration": a}
+    data = [
+        Series("run", "laser", "m", values, 1e-6, t, t.astype(int), labels=labels, of_place=True)
+    ]
+    effects = [
+        Candidate("rate", (Parameter("e", "1", -1e-3, 1e-3, (1e-5,)),)),
+        Candidate("delay", (Parameter("d", "s", -1e-3, 1e-3, (1e-5,)),)),
+    ]
+
+    def simulate(settings):
+        rate = settings.get("rate", {"e": 0.0})["e"]
+        return [np.interp(t * (1 + rate) - settings.get("delay", {"d": 0.0})["d"], t, x)]
+
+    verdict = mopro.reconcile(simulate, effects, data)
+    if not steps:
+        assert (verdict.verdict, names(verdict)) == ("named", {"rate", "delay"})
+        return
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+    assert [draft.name for draft in verdict.drafts] == ["stepping clock in laser"]
+    size, every = (
+        float(word) for word in re.findall(r"[0-9.]+(?:e-?[0-9]+)?", verdict.drafts[0].law)[:2]
+    )
+    assert (size, every) == (pytest.approx(12e-6, rel=0.05), pytest.approx(0.37, rel=0.01))
 
 
 # What a term in the direction of motion changes with, as a function of t, x and a.

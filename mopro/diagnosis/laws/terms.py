@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 
+from mopro.diagnosis.laws.clock import stepping_clock
 from mopro.diagnosis.laws.lines import bump, line_in_position, line_in_time
 from mopro.diagnosis.laws.motion import POSITION, labelled, values_of
 from mopro.diagnosis.laws.proportional import (
@@ -46,6 +47,8 @@ def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
                 yield from fading(sensor, rows, shape)
         yield from lag_term(sensor, series)
         yield line_in_time(sensor, rows)
+        if labelled(series, "velocity"):
+            yield from stepping_clock(sensor, rows)
     if labelled(series, POSITION):
         yield line_in_position(sensor, rows)
         yield bump(sensor, rows)
