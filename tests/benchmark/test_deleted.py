@@ -13,7 +13,7 @@ from mopro.benchmark.making.case import case_instruments
 from mopro.benchmark.making.equivalent import MARGIN, equivalents, is_equivalent_set, least_left
 from mopro.benchmark.making.make import make
 from mopro.benchmark.making.sizes import NoiselessRuns
-from mopro.benchmark.reference.readings import ProgramRun
+from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.benchmark.scoring.judge import judge
 from mopro.benchmark.scoring.named_set import with_named_set
 from mopro.benchmark.scoring.run import VerdictSource, without_of
@@ -71,7 +71,9 @@ def test_a_weaker_motor_is_a_heavier_forcer_with_less_damping(runs, names, expec
     truth = {"force_constant": {"e": -0.12}}
     assert np.linalg.norm(runs.change(truth)) > 20
     named = {name: {} for name in names}
-    assert is_equivalent_set(runs, truth, named, np.random.default_rng(1)) is expected
+    assert (
+        is_equivalent_set(runs, ReferencePlant(truth), named, np.random.default_rng(1)) is expected
+    )
 
 
 @pytest.mark.parametrize(("static_N", "expected"), [(1.0, True), (2.0, False)])
@@ -84,7 +86,7 @@ def test_the_parameters_that_a_verdict_states_are_tried_as_they_are(
     stated = {"Fc": 1.0, "Fs": static_N, "vs": 0.05, "delta": 5e-6}
     assert np.linalg.norm(runs.change(truth)) > 20
     named, generator = {"stribeck_friction": stated}, np.random.default_rng(1)
-    assert is_equivalent_set(runs, truth, named, generator) is expected
+    assert is_equivalent_set(runs, ReferencePlant(truth), named, generator) is expected
 
 
 def test_all_effects_that_can_be_hidden_are_left_out_once():

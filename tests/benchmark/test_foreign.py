@@ -2,13 +2,14 @@
 
 import json
 import math
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from mopro.benchmark.grids.named import case_specs
 from mopro.benchmark.hidden.foreign_kinds import FOREIGN_KINDS, of_size
-from mopro.benchmark.hidden.spec import LASER
+from mopro.benchmark.hidden.spec import ENCODER, LASER
 from mopro.benchmark.hidden.variables import EFFECT_VARIABLES
 from mopro.benchmark.making.case import case_instruments
 from mopro.benchmark.making.make import make
@@ -21,10 +22,12 @@ from mopro.benchmark.reference.nominal import THESIS
 from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.benchmark.scoring.follow import hidden_plant
 from mopro.benchmark.scoring.judge import judge
+from mopro.benchmark.scoring.named_set import with_named_set
 from mopro.benchmark.scoring.score import Score
 
 MOVE = "UU012500/1\nVEL1 20.0\nACC1 0.25\nMRI1 4.0\nWX1\nWT300\nMRI1 -4.0\nWX1\nWT300\n"
 SPEED = 0.05
+INSTRUMENTS = case_instruments(ENCODER, "strokes")
 # Kinds that would make the axis stall at their full strength.
 MECHANICS = (
     "lugre", "hysteretic_spring", "structural_mode", "place_friction", "fading_friction",
@@ -257,6 +260,24 @@ def test_outcomes():
     assert outcome("unexplained", "hum") == "wrong"
     assert outcome("named", "viscous_drag") == "partly"
     assert outcome("none") == "none"
+
+
+@pytest.mark.parametrize(("step_s", "expected"), [(2e-6, "family"), (1e-4, "wrong")])
+def test_names_that_the_data_cannot_tell_from_what_is_foreign_are_equivalent(
+    step_s, expected, tmp_path
+):
+    """A clock that steps is one of another rate, but for a sawtooth of half a step either way."""
+    (tmp_path / "001").mkdir()
+    (tmp_path / "001" / "run1.CMD").write_text(MOVE, encoding="ascii")
+    answer = ANSWER | {
+        "effects": [], "same": [], "akin": ["sample_clock"], "variables": ["t"],
+        "foreign": {"name": "stepping_clock", "numbers": {"step": step_s, "every": 0.1}},
+        "machine": asdict(THESIS), "instruments": [asdict(i) for i in INSTRUMENTS],
+        "runs": [{"program": "run1.CMD", "payload_kg": 0.0, "until_s": None}],
+    }  # fmt: skip
+    said = {"verdict": "named", "effects": [{"name": n} for n in ("sample_clock", "start_delay")]}
+    judged = with_named_set(answer, said, tmp_path / "001", 1)
+    assert judge("001", judged, said).outcome == expected
 
 
 @pytest.mark.parametrize(

@@ -101,6 +101,7 @@ class Case:
             "files": self.files,
             **self._of_deleted(),
             **self._of_foreign(),
+            **self._of_runs(),
             **({"stated": asdict(self.stated)} if self.stated and self.spec.stated else {}),
             **({} if self.spec.noise_factor == 1 else {"noise_factor": self.spec.noise_factor}),
         }
@@ -129,11 +130,17 @@ class Case:
             "equivalent": self.equivalent,
             "variables": sorted({v for name in self.effects for v in EFFECT_VARIABLES[name]}),
             "visible_sigma": math.inf if change is None else float(np.linalg.norm(change)),
-            "runs": [
-                {"program": program_name(i), "payload_kg": r.payload_kg, "until_s": r.until_s}
-                for i, r in enumerate(self.runs, 1)
-            ],
         }
+
+    def _of_runs(self) -> dict[str, Any]:
+        """The runs, where what a verdict names may be tried on them."""
+        if not self.spec.deleted and self.foreign is None:
+            return {}
+        runs = [
+            {"program": program_name(i), "payload_kg": r.payload_kg, "until_s": r.until_s}
+            for i, r in enumerate(self.runs, 1)
+        ]
+        return {"runs": runs}
 
     def noiseless(self) -> NoiselessRuns:
         """The runs without noise."""

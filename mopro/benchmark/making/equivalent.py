@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
-from mopro.benchmark.making.sizes import NoiselessRuns
+from mopro.benchmark.making.sizes import NoiselessRuns, Plant
 from mopro.benchmark.reference.motion import Floats
 
 # Parameters to begin with, and the names of those to fit.
@@ -82,15 +82,15 @@ def equivalents(
 
 def is_equivalent_set(
     noiseless: NoiselessRuns,
-    truth: dict[str, Parameters],
+    truth: Plant,
     named: Mapping[str, Parameters],
     generator: np.random.Generator,
 ) -> bool:
-    """True if the effects `named` together are equivalent to `truth` on these runs.
+    """True if the effects `named` together are equivalent to all that is in `truth` on these runs.
 
     With their parameters in `named`, as a verdict states them, or at the best fit.
     """
-    target = noiseless.change(truth)
+    target = noiseless.change_of(truth)
     rivals = [HIDDEN_EFFECTS[name] for name in sorted(named) if name in HIDDEN_EFFECTS]
     if target is None or len(rivals) < len(named):
         return False

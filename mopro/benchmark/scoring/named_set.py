@@ -1,4 +1,4 @@
-"""Equivalence of the very set of effects that a verdict names, where the true one is left out."""
+"""Equivalence of the very set of effects that a verdict names, where the truth is no candidate."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mopro.benchmark.making.sizes import NoiselessRuns
 from mopro.benchmark.reference.nominal import Nominal
 from mopro.benchmark.reference.readings import ProgramRun
 from mopro.benchmark.reference.sensors import Instrument
+from mopro.benchmark.scoring.follow import hidden_plant
 from mopro.benchmark.scoring.outcome import UNEXPLAINED, Document
 
 
@@ -39,9 +40,8 @@ def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -
         [Instrument(**i) for i in answer["instruments"]],
         Nominal(**answer["machine"]),
     )
-    truth = {e["name"]: e["parameters"] for e in answer["effects"]}
     generator = np.random.default_rng([seed, 7, int(folder.name)])
-    if not is_equivalent_set(noiseless, truth, named, generator):
+    if not is_equivalent_set(noiseless, hidden_plant(answer), named, generator):
         return answer
     return {**answer, "equivalent_sets": [sorted(named)]}
 

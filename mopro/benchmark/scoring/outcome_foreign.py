@@ -24,7 +24,8 @@ _INTERVALS, _SHARE = 2.0, 0.10
 def outcome_foreign(answer: Document, reply: Document, named: Sequence[Document]) -> str:
     """Right if something is unexplained and no name is false.
 
-    Coloured noise is judged as nothing. A name is false if neither it nor its family is hidden,
+    Coloured noise is judged as nothing. Names that are together equivalent to all that is hidden
+    are a family. A name is false if neither it nor its family is hidden,
     the same as what is foreign, or (beside something unexplained) akin to it. Without anything
     unexplained: family for a name that is the same, partly if the effect beside is named, none.
     """
@@ -34,6 +35,8 @@ def outcome_foreign(answer: Document, reply: Document, named: Sequence[Document]
     matched = matched_names({e["name"] for e in answer["effects"]}, named)
     allowed = {*answer["same"], *(answer["akin"] if unexplained else ())}
     others = [e for e in named if e["name"] not in matched.values()]
+    if sorted(e["name"] for e in named) in (answer.get("equivalent_sets") or []):
+        return FAMILY
     if any(not allowed & {e["name"], *family(e)} for e in others):
         return WRONG
     if unexplained:
