@@ -29,7 +29,7 @@ from mopro.diagnosis.state import State
 from mopro.diagnosis.statistics.heldout import HeldOut, held_out
 from mopro.diagnosis.statistics.noise import Noise
 from mopro.diagnosis.statistics.remainder import as_noise, examine
-from mopro.diagnosis.statistics.wild import wild_samples
+from mopro.diagnosis.statistics.wild import repeated_samples, wild_samples
 from mopro.diagnosis.verdict import Rejected
 
 # Standard errors by which a variance must be below the stated one to replace it.
@@ -53,16 +53,20 @@ def search_catalogue(state: State) -> State:
 
 
 def set_wild_aside(state: State) -> State:
-    """The search again without wild samples, where there are a few: they decide nothing."""
+    """The search again without wild samples and repeated ones, where there are a few."""
     sets = state.sets
     notes, data = list(state.notes), []
     for series, own in zip(
         state.problem.data, sets.residuals.split(state.fit.residual), strict=True
     ):
-        wild = wild_samples(own, 0.0 if series.sigma is None else 1.0)
+        least = 0.0 if series.sigma is None else 1.0
+        wild, repeated = wild_samples(own, least), repeated_samples(series.values, own, least)
         if wild.any():
-            notes.append(_wild_note(series, wild))
-            series = replace(series, wild=wild)
+            notes.append(_left_out(series, wild, "wild"))
+        if repeated.any():
+            notes.append(_left_out(series, repeated, "repeated"))
+        if (out := wild | repeated).any():
+            series = replace(series, wild=out)
         data.append(series)
     if len(notes) == len(state.notes):
         return state
@@ -70,11 +74,12 @@ def set_wild_aside(state: State) -> State:
     return search_catalogue(replace(again, notes=tuple(notes)))
 
 
-def _wild_note(series: Series, wild: Mask) -> str:
-    at, count = int(np.flatnonzero(wild)[0]), int(wild.sum())
+def _left_out(series: Series, samples: Mask, kind: str) -> str:
+    """The note on samples of a series that are left out."""
+    at, count = int(np.flatnonzero(samples)[0]), int(samples.sum())
     where = f"sample {at + 1}" if series.time_s is None else f"{series.time_s[at]:.4g} s"
-    samples = f"{count} wild samples, the first" if count > 1 else "one wild sample,"
-    return f"{series.sensor} in {series.run} has {samples} at {where}: left out"
+    told = f"{count} {kind} samples, the first" if count > 1 else f"one {kind} sample,"
+    return f"{series.sensor} in {series.run} has {told} at {where}: left out"
 
 
 def refine_steps(state: State) -> State:

@@ -1,5 +1,6 @@
 """Wild samples: found, left out, and told."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import names
-from mopro.diagnosis.statistics.wild import wild_samples
+from mopro.diagnosis.statistics.wild import repeated_samples, wild_samples
 
 SIGMA = 0.1
 SERVO = Servo()
@@ -39,6 +40,47 @@ def test_samples_between_two_jumps_are_wild_and_those_of_an_oscillation_are_not(
     assert np.flatnonzero(wild_samples(moving, 1.0)).tolist() == expected
     ring = 300.0 * np.exp(-t / 0.05) * np.sin(2 * np.pi * 70.0 * t)
     assert not wild_samples(ring + rng.standard_normal(2000), 1.0).any()
+
+
+def moving_with_rests(step=0.0):
+    """Readings of an axis that goes to and fro with rests, with noise of 1, and its places.
+
+    `step`: of the converter; its readings at rest are equal if it is coarse.
+    """
+    rng, t = np.random.default_rng(4), np.arange(4000) / 1000
+    place = 500.0 * np.clip(np.abs(t % 2 - 1) * 1.5 - 0.25, 0.0, 1.0)
+    seen = place + (0.0 if step > 5 else 1.0) * rng.standard_normal(4000)
+    return (np.round(seen / step) * step if step else seen), place
+
+
+@pytest.mark.parametrize("step", [0.0, 0.5])
+def test_readings_that_repeat_while_the_axis_moves_are_left_out(step):
+    values, place = moving_with_rests(step)
+    values[600:640] = values[599]
+    values[1400:1420] = 0.0
+    found = repeated_samples(values, values - place, 1.0)
+    assert np.flatnonzero(found).tolist() == [*range(600, 640), *range(1400, 1420)]
+
+
+@pytest.mark.parametrize("step", [0.0, 0.5, 10.0])
+def test_readings_at_rest_and_those_of_a_coarse_converter_are_not_repeated(step):
+    values, place = moving_with_rests(step)
+    assert not repeated_samples(values, values - place, max(1.0, step / math.sqrt(12))).any()
+    assert not repeated_samples(np.zeros(500), np.zeros(500), 1.0).any()
+
+
+@pytest.mark.parametrize("truth", [{}, {"viscous": {"b": 1.0}}], ids=["nothing", "a drag"])
+def test_a_sensor_that_sticks_hides_no_effect(truth):
+    data = []
+    for series in SERVO.measure(truth, SIGMA, 2):
+        values = series.values.copy()
+        for at in (100, 300):
+            values[at : at + 8] = values[at - 1]
+        data.append(replace(series, values=values))
+    verdict = mopro.reconcile(SERVO.predict, CATALOGUE, data)
+    assert names(verdict) == set(truth)
+    assert verdict.remainder.variable == "sensor"
+    assert any("repeated samples" in note for note in verdict.notes)
 
 
 def test_a_shape_a_quiet_sensor_and_a_few_samples_have_no_wild_ones():

@@ -1,4 +1,4 @@
-"""Wild samples: single ones, and short dropouts, that are far from their neighbours."""
+"""Samples that decide nothing: wild ones, short dropouts, and readings that a sensor repeats."""
 
 from __future__ import annotations
 
@@ -36,16 +36,57 @@ def wild_samples(residual: Floats, least: float) -> Mask:
         return none
     neighbours = _neighbours(residual)
     low, high = neighbours[:, FEWEST - 1], neighbours[:, FEWEST]
-    distances = np.abs(residual - (low + high) / 2)
-    deviation = max(float(np.median(distances)) / _QUARTILE, least * _DEVIATION)
-    limit = -float(special.ndtri(FALSE_ALARMS / (2 * len(residual)))) * deviation
+    limit = _limit(residual, (low + high) / 2, least)
     # Beside a step, half of the neighbours are as the sample is; on the peak of an oscillation they
     # differ among themselves, the extremes left out as one of them may be wild too.
     apart = np.abs(residual - np.clip(residual, low, high))
     spread = neighbours[:, -2] - neighbours[:, 1]
     single = (apart > limit) & (spread < apart)
     wild = single | _dropouts(residual, math.sqrt(2) * limit)
-    return wild if deviation and wild.mean() < TOLERANCE else none
+    return wild if limit and wild.mean() < TOLERANCE else none
+
+
+def repeated_samples(values: Floats, residual: Floats, least: float) -> Mask:
+    """The samples of one series at which the sensor repeats a reading while the axis moves.
+
+    The run of equal `values` is longer than one in a thousand series has by chance, as often as
+    neighbours are equal elsewhere, and the `residual` moves in all of it together by more than
+    noise: of a coarse sensor, readings at rest are equal as well. None where every other reading
+    is repeated, or a tenth of the series would be left out.
+    """
+    none = np.zeros(len(values), dtype=bool)
+    first = np.flatnonzero(np.r_[True, np.diff(values) != 0])
+    lengths = np.diff(np.r_[first, len(values)])
+    longest = int(lengths.max())
+    others = len(values) - longest
+    if len(values) < LEAST_SAMPLES or not others:
+        return none
+    share = max((others - len(first) + 1) / others, 1 / len(values))
+    if share >= MAJORITY:
+        return none
+    by_chance = 1 + math.log(FALSE_ALARMS / len(values)) / math.log(share)
+    neighbours = _neighbours(residual)
+    middle = (neighbours[:, FEWEST - 1] + neighbours[:, FEWEST]) / 2
+    limit = math.sqrt(2) * _limit(residual, middle, least)
+    repeated = none.copy()
+    for at, length in zip(first.tolist(), lengths.tolist(), strict=True):
+        moved = residual[at : at + length] - residual[at]
+        if length > by_chance and np.linalg.norm(moved) > limit:
+            # A reading is where the axis was when it was taken, unless the sensor jumped to it.
+            jumped = at > 0 and abs(residual[at] - residual[at - 1]) > limit
+            repeated[at + (not jumped) : at + length] = True
+    return repeated if limit and repeated.mean() < LEAST_SHARE else none
+
+
+def _limit(residual: Floats, middle: Floats, least: float) -> float:
+    """Distance from the `middle` of its neighbours that noise exceeds in one series of a thousand.
+
+    0 where the series shows no noise.
+    """
+    deviation = float(np.median(np.abs(residual - middle))) / _QUARTILE
+    return -float(special.ndtri(FALSE_ALARMS / (2 * len(residual)))) * max(
+        deviation, least * _DEVIATION
+    )
 
 
 def _neighbours(residual: Floats) -> Floats:
