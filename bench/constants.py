@@ -3,7 +3,7 @@
     mopro blind make --seed 1 --grid small --out cases
     python bench/constants.py cases [--sample 12] [--jobs 2] [--only STRONG --only FITTED]
 
-Asks about each case with `mopro/diagnosis/constants.py` as it stands and with one number changed,
+Asks about each case with `mopro/assumed.py` as it stands and with one number changed,
 each in a process of its own, and prints for each change the cases whose verdict or names differ.
 What was simulated for a case before is read from a folder that goes with the case, so that a
 change costs its new simulations only. Exits with 1 if a change moves more than 2 % of the cases
@@ -25,8 +25,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-MODULE = "mopro.diagnosis.constants"
-SOURCE = Path(__file__).parents[1] / "mopro" / "diagnosis" / "constants.py"
+MODULE = "mopro.assumed"
+SOURCE = Path(__file__).parents[1] / "mopro" / "assumed.py"
 # Rounding, below which nothing is decided.
 ROUNDING = "# -- rounding "
 FACTORS = (0.5, 2.0)

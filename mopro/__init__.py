@@ -12,7 +12,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mopro.diagnosis import Verdict, reconcile
+    from mopro.diagnosis import reconcile
     from mopro.emulator import emulate
     from mopro.experiment.compare.comparison import Comparison
     from mopro.experiment.opened import open_experiment
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mopro.program import Program
     from mopro.program.compile import compile, compile_file  # noqa: A004
     from mopro.recording import Recording, read
+    from mopro.verdict import Verdict
 
 # Each name comes with what it needs when it is first used: a text tool loads no numpy.
 _HOMES = {

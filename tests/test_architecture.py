@@ -11,10 +11,18 @@ import pytest
 from helpers.paths import ROOT, TESTS
 
 # Room -> modules outside of the room and of the standard library that it may import.
+_ARRAYS = {"numpy", "scipy", "mopro.assumed", "mopro.series", "mopro.spectrum"}
 ALLOWED = {
-    "mopro.diagnosis": {
-        "cachetools", "mopro.jobs", "mopro.lag", "mopro.markup", "mopro.play", "numpy", "scipy",
-        "threadpoolctl",
+    "mopro.residuals": _ARRAYS,
+    "mopro.leastsquares": _ARRAYS,
+    "mopro.candidate": _ARRAYS,
+    "mopro.verdict": _ARRAYS | {"mopro.markup", "mopro.residuals"},
+    "mopro.freeform": _ARRAYS | {
+        "cachetools", "mopro.candidate", "mopro.lag", "mopro.play", "mopro.residuals",
+    },
+    "mopro.diagnosis": _ARRAYS | {
+        "cachetools", "mopro.candidate", "mopro.freeform", "mopro.jobs", "mopro.leastsquares",
+        "mopro.residuals", "mopro.verdict", "threadpoolctl",
     },
     "mopro.benchmark.reference": {"numpy", "scipy", "numba"},
     "mopro.benchmark": {

@@ -8,35 +8,17 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from mopro.candidate import Candidate, Parameter, ResidualView, Role
+from mopro.series import Series, Settings, Simulate
+
 if TYPE_CHECKING:
     from mopro.diagnosis.engine import reconcile
-    from mopro.diagnosis.model import (
-        Candidate,
-        Parameter,
-        ResidualView,
-        Role,
-        Series,
-        Settings,
-        Simulate,
-    )
-    from mopro.diagnosis.verdict import Estimate, Gap, Named, Verdict, Where
+    from mopro.verdict import Estimate, Gap, Named, Verdict, Where
 
-# Each name comes with what it needs when it is first used: effects say how they are fitted in
-# the words of `model`, and a run of the emulator loads no scipy.
+# These come with what they need when they are first used: a run of the emulator loads no scipy.
 _HOMES = {
-    "Candidate": "model",
-    "Estimate": "verdict",
-    "Gap": "verdict",
-    "ResidualView": "model",
-    "Named": "verdict",
-    "Parameter": "model",
-    "Role": "model",
-    "Series": "model",
-    "Settings": "model",
-    "Simulate": "model",
-    "Verdict": "verdict",
-    "Where": "verdict",
-    "reconcile": "engine",
+    **dict.fromkeys(("Estimate", "Gap", "Named", "Verdict", "Where"), "mopro.verdict"),
+    "reconcile": "mopro.diagnosis.engine",
 }
 
 __all__ = [
@@ -59,4 +41,4 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return getattr(importlib.import_module(_HOMES[name]), name)

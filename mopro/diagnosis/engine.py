@@ -8,14 +8,15 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from mopro.candidate import Candidate, Parameter
 from mopro.diagnosis.conclude import conclude
-from mopro.diagnosis.fitting.fit import Key
-from mopro.diagnosis.laws import WithLaws
-from mopro.diagnosis.model import Candidate, Parameter, Series, Simulate
+from mopro.diagnosis.fit import Key
 from mopro.diagnosis.passes import PASSES, better_alternative
 from mopro.diagnosis.search.hypotheses import Progress
 from mopro.diagnosis.state import Problem, State
-from mopro.diagnosis.verdict import Verdict
+from mopro.freeform import WithLaws
+from mopro.series import Series, Simulate
+from mopro.verdict import Verdict
 
 # The name of the model's own free numbers in the settings.
 BASE = "base"

@@ -8,18 +8,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from mopro.diagnosis.constants import (
-    FALSE_ALARMS,
-    LEAST_SHARE,
-    SAME,
-    STRONG,
-    TOLERANCE,
-    VERY_STRONG,
-)
-from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.fitting.residual import Residuals, difference_variance
-from mopro.diagnosis.laws import WithLaws, measurement_laws
-from mopro.diagnosis.model import Law, Mask, Series, Simulate
+from mopro.assumed import FALSE_ALARMS, LEAST_SHARE, SAME, STRONG, TOLERANCE, VERY_STRONG
+from mopro.candidate import Law
+from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.neighbours import in_other_forms
@@ -27,10 +18,18 @@ from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
 from mopro.diagnosis.stand_ins import expose_beside_drafts, expose_stand_ins
 from mopro.diagnosis.state import State
 from mopro.diagnosis.statistics.heldout import HeldOut, held_out
-from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.remainder import as_noise, examine
-from mopro.diagnosis.statistics.wild import repeated_samples, wild_samples
-from mopro.diagnosis.verdict import Rejected
+from mopro.freeform import WithLaws, measurement_laws
+from mopro.residuals import (
+    Noise,
+    Residuals,
+    as_noise,
+    difference_variance,
+    examine,
+    repeated_samples,
+    wild_samples,
+)
+from mopro.series import Mask, Series, Simulate
+from mopro.verdict import Rejected
 
 # Standard errors by which a variance must be below the stated one to replace it.
 _STANDARD_ERRORS = -float(special.ndtri(FALSE_ALARMS / 2))

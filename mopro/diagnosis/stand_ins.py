@@ -8,21 +8,16 @@ from dataclasses import replace
 import numpy as np
 from scipy import linalg
 
-from mopro.diagnosis.constants import (
-    FEWEST,
-    MAJORITY,
-    MOST_FOLDS,
-    ROUNDING,
-    VERY_STRONG,
-)
-from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.fitting.residual import projected_out
-from mopro.diagnosis.model import Candidate, Floats, Mask, Role
+from mopro.assumed import FEWEST, MAJORITY, MOST_FOLDS, ROUNDING, VERY_STRONG
+from mopro.candidate import Candidate, Role
+from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.state import State
 from mopro.diagnosis.statistics.heldout import folds
 from mopro.diagnosis.statistics.uniformity import spread
-from mopro.diagnosis.verdict import Rejected
+from mopro.residuals import projected_out
+from mopro.series import Floats, Mask
+from mopro.verdict import Rejected
 
 _STANDS_IN = "it stands in for something else"
 _SPREAD = "its size differs from part to part by {:.0%}: " + _STANDS_IN

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.fitting.residual import Residuals
-from mopro.diagnosis.model import Candidate, Series, Simulate
+from mopro.candidate import Candidate
+from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.alternatives import Alternative
 from mopro.diagnosis.search.hypotheses import Hypotheses, Progress
 from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.statistics.heldout import HeldOut
-from mopro.diagnosis.statistics.remainder import NOTHING_LEFT, Remainder
-from mopro.diagnosis.verdict import Rejected
+from mopro.residuals import NOTHING_LEFT, Remainder, Residuals
+from mopro.series import Series, Simulate
+from mopro.verdict import Rejected
 
 
 @dataclass(frozen=True)

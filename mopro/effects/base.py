@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis.model import Candidate, Role, Settings
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate, Role
+from mopro.candidate import Parameter as Fitted
+from mopro.series import Settings
 from mopro.units import to_si
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mopro.diagnosis.model import Candidate, ResidualView, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate, ResidualView, Role
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
 from mopro.effects.search import Values, residual_m, targets_m
 from mopro.formula.closures import closure_of

@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from mopro.diagnosis import Parameter, Series, Settings
-from mopro.diagnosis.fitting.residual import Residuals
+from mopro.candidate import Parameter
 from mopro.formula.evaluate import Floats
+from mopro.residuals import Residuals
 from mopro.rig.data import Reading, Run
 from mopro.rig.model import AXIS, KINEMATIC, THERMAL
 from mopro.rig.simulation import BASE, SCALE, START, Model
+from mopro.series import Series, Settings
 
 # Shares of each run that are fitted one after the other: an oscillation that is a cycle off at the
 # end of a run is told by its beginning.

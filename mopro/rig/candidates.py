@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mopro.diagnosis import Candidate, Parameter, Role, Series, Settings
-from mopro.diagnosis.model import Law
+from mopro.candidate import Candidate, Law, Parameter, Role
 from mopro.formula import Dimension, Formula, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.written import AMPLITUDE, PERIOD, EffectParameter, WrittenEffect
@@ -27,6 +26,7 @@ from mopro.rig.model import (
 from mopro.rig.names import capacity_of, inertia_of, names_of, units_of
 from mopro.rig.search import Search
 from mopro.rig.simulation import Known, Model, term_of
+from mopro.series import Series, Settings
 
 # An amplitude is looked for up to this multiple of what would make the term as large as the
 # quantity that it is added to, and simulated first at this share of it.

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from mopro.diagnosis import Parameter, ResidualView, Role
+from mopro.candidate import Parameter, ResidualView, Role
 from mopro.formula.evaluate import Floats, evaluate, over_grid
 from mopro.formula.written import WrittenEffect
 from mopro.rig.data import Reading, Run

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis import Settings
 from mopro.formula import Formula, parse
 from mopro.formula.bytecode import Assembler
 from mopro.formula.evaluate import Floats, evaluate
@@ -30,6 +29,7 @@ from mopro.rig.model import (
     THERMAL,
 )  # fmt: skip
 from mopro.rig.names import axis_law, capacity_of, effects_of, inertia_of, sensors_of, unlisted_of
+from mopro.series import Settings
 
 BASE = "base"
 SCALE = "scale of {}"

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mopro.diagnosis import Series
 from mopro.recording.envelope import Floats
+from mopro.series import Series
 from mopro.text import visible
 from mopro.units import residual_unit
 from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View

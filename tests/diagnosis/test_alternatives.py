@@ -16,10 +16,10 @@ from helpers.signals import (
     times,
 )
 from mopro.diagnosis import Candidate, Parameter, Series
-from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.screening import Screening
+from mopro.residuals import Residuals
 
 
 def test_two_effects_of_the_same_response_are_a_family():

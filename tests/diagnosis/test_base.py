@@ -6,8 +6,8 @@ import pytest
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Series
-from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.residuals import Residuals
 
 T = times(1000)
 BASE = (Parameter("k", "V", 0.0, 10.0, (1.0,)), Parameter("r", "1/s", 0.0, 2.0, (0.1,)))

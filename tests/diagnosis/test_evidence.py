@@ -8,10 +8,10 @@ from scipy import fft, signal
 
 from helpers.signals import candidates, diagnosed, measured, names, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.fitting.fit import least_squares_fit
-from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.fit import least_squares_fit
 from mopro.diagnosis.statistics.evidence import Evidence
-from mopro.diagnosis.statistics.noise import Noise, effective_samples
+from mopro.residuals import Residuals
+from mopro.residuals.noise import Noise, effective_samples
 
 
 def noise_of(*sigmas, samples):

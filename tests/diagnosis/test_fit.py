@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
+from mopro.assumed import LINEARITY_ERROR
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.constants import LINEARITY_ERROR
-from mopro.diagnosis.fitting.descent import Descent
-from mopro.diagnosis.fitting.fit import least_squares_fit
-from mopro.diagnosis.fitting.jacobian import SecantJacobian
-from mopro.diagnosis.fitting.residual import Residuals
+from mopro.diagnosis.fit import least_squares_fit
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.statistics.evidence import Evidence
-from mopro.diagnosis.statistics.noise import Noise
+from mopro.leastsquares.descent import Descent
+from mopro.leastsquares.jacobian import SecantJacobian
+from mopro.residuals import Residuals
+from mopro.residuals.noise import Noise
 
 TIME_S = np.linspace(0.0, 2.0, 400)
 SIGMA = 0.01

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from mopro.diagnosis import Candidate, Parameter, Series
-from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.statistics.heldout import folds, held_out
+from mopro.residuals import Residuals
 
 
 def test_all_sensors_of_a_run_hold_out_the_same_moves():

@@ -7,9 +7,9 @@ import pytest
 
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Parameter
-from mopro.diagnosis.laws import WithLaws
 from mopro.diagnosis.passes import set_laws_apart
 from mopro.diagnosis.state import Problem, State
+from mopro.freeform import WithLaws
 
 T = times(2000)
 # The response to something in no catalogue, and a listed one that has much in common with it.

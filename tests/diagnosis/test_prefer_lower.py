@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
-from mopro.diagnosis.laws import WithLaws
 from mopro.diagnosis.passes import FAILS_HELD_OUT, prefer_lower, readmit
 from mopro.diagnosis.state import Problem, State
-from mopro.diagnosis.verdict import Rejected
+from mopro.freeform import WithLaws
+from mopro.verdict import Rejected
 
 T = times(2000)
 NAMES = ("true", "similar", "third")

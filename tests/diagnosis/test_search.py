@@ -9,11 +9,11 @@ import pytest
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.neighbours import neighbourhood, with_rivals
 from mopro.diagnosis.search.rounds import search
 from mopro.diagnosis.search.screening import Screening
+from mopro.residuals import Residuals
 
 
 def test_a_single_effect_that_explains_all_is_fitted_alone_first():

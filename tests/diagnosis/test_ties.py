@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, diagnosed, of_size, sizes, times
-from mopro.diagnosis.fitting.fit import Fit
+from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.statistics.evidence import Evidence
-from mopro.diagnosis.statistics.noise import Noise
+from mopro.residuals.noise import Noise
 
 TWINS = ("stretched", "amplified")
 

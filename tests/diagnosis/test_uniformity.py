@@ -8,10 +8,10 @@ import pytest
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Parameter
-from mopro.diagnosis.fitting.residual import Residuals
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.statistics.heldout import folds
 from mopro.diagnosis.statistics.uniformity import spread
+from mopro.residuals import Residuals
 
 T = times(1000)
 MOVE = (T / T[-1] * 4.999).astype(int)

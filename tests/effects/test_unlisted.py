@@ -6,13 +6,13 @@ import pytest
 import mopro
 from helpers import one_run
 from helpers.laboratory import Lab
-from mopro.diagnosis.laws import measurement_laws
 from mopro.effects import Active, catalogue
 from mopro.effects.unlisted import unlisted_terms, with_unlisted
 from mopro.experiment import load_experiment
 from mopro.experiment.diagnose.candidates import unlisted
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment, SteadyTable
+from mopro.freeform import measurement_laws
 from mopro.machine import load_machine
 from mopro.plant import plan_with_effects, simulate
 from mopro.source import Source

@@ -10,7 +10,7 @@ from itertools import groupby, islice
 import numpy as np
 from scipy import special
 
-from mopro.diagnosis.constants import (
+from mopro.assumed import (
     FALSE_ALARMS,
     FITTED,
     LEAST_SHARE,
@@ -19,13 +19,14 @@ from mopro.diagnosis.constants import (
     STRONG,
     VERY_STRONG,
 )
-from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.model import Candidate, Role, Settings
+from mopro.candidate import Candidate, Role
+from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.linear_subset import LinearSubset
 from mopro.diagnosis.search.neighbours import in_other_forms, neighbourhood
 from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.search.signature import ScoreTest
+from mopro.series import Settings
 
 # Chi-squared explained below which an effect is so small that the error of its signature is less
 # than what distinguishes two explanations.

@@ -10,14 +10,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from mopro.diagnosis.constants import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, PROPORTIONAL, SAME
-from mopro.diagnosis.fitting.fit import Fit, Identity, Key, growing_fit, least_squares_fit
-from mopro.diagnosis.fitting.residual import Residuals, difference_variance
-from mopro.diagnosis.model import Candidate, Parameter, Role, Settings, Simulate
+from mopro.assumed import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, PROPORTIONAL, SAME
+from mopro.candidate import Candidate, Parameter, Role
+from mopro.diagnosis.fit import Fit, Identity, Key, growing_fit, least_squares_fit
 from mopro.diagnosis.statistics.evidence import Evidence
-from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.remainder import as_noise, examine, noise_of
 from mopro.jobs import in_threads
+from mopro.residuals import Noise, Residuals, as_noise, difference_variance, examine, noise_of
+from mopro.series import Settings, Simulate
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -9,13 +9,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis.constants import FITTED, LEAST_SHARE, MOST_EFFECTS, ROUNDING
-from mopro.diagnosis.fitting.fit import Fit, Key
-from mopro.diagnosis.fitting.jacobian import gauss_newton_step
-from mopro.diagnosis.fitting.residual import projected_out
-from mopro.diagnosis.model import Candidate, Floats, Settings
+from mopro.assumed import FITTED, LEAST_SHARE, MOST_EFFECTS, ROUNDING
+from mopro.candidate import Candidate
+from mopro.diagnosis.fit import Fit, Key
 from mopro.diagnosis.search.signature import ScoreTest, resized
 from mopro.diagnosis.statistics.evidence import Evidence
+from mopro.leastsquares import gauss_newton_step
+from mopro.residuals import projected_out
+from mopro.series import Floats, Settings
 
 # Subsets of each size from which larger ones are grown, and that are evaluated exactly. They
 # cost no simulation.

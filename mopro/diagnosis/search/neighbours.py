@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from mopro.diagnosis.constants import (
+from mopro.assumed import (
     FEWEST,
     FITTED,
     LEAST_SHARE,
@@ -15,11 +15,12 @@ from mopro.diagnosis.constants import (
     MOST_EFFECTS,
     SECOND_GUESSES,
 )
-from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.model import Candidate, Settings
+from mopro.candidate import Candidate
+from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, LinearSubsets
 from mopro.diagnosis.search.screening import Screening
+from mopro.series import Settings
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from mopro.diagnosis.constants import (
+from mopro.assumed import (
     FITTED,
     ITERATIONS,
     LINEARITY_ERROR,
@@ -17,7 +17,7 @@ from mopro.diagnosis.constants import (
     OUT_OF_REACH,
     SECOND_GUESSES,
 )
-from mopro.diagnosis.fitting.fit import Fit, Identity
+from mopro.diagnosis.fit import Fit, Identity
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, distinct
 from mopro.diagnosis.search.neighbours import (

@@ -9,9 +9,9 @@ from threading import Lock
 import numpy as np
 from cachetools import LRUCache, cachedmethod
 
-from mopro.diagnosis.constants import FITTED, STRONG, VERY_STRONG
-from mopro.diagnosis.fitting.fit import Fit, Identity
-from mopro.diagnosis.model import Candidate, Role
+from mopro.assumed import FITTED, STRONG, VERY_STRONG
+from mopro.candidate import Candidate, Role
+from mopro.diagnosis.fit import Fit, Identity
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.signature import (
     Group,

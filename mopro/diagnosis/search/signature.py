@@ -10,17 +10,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis.constants import (
-    LINEARITY_ERROR,
-    PROPORTIONAL,
-    ROUNDING,
-    SAME,
-    SECOND_GUESSES,
-    TINY,
-)
-from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.fitting.residual import Residuals, projected_out
-from mopro.diagnosis.model import Candidate, Floats, Parameter, ResidualView, Role, Settings
+from mopro.assumed import LINEARITY_ERROR, PROPORTIONAL, ROUNDING, SAME, SECOND_GUESSES, TINY
+from mopro.candidate import Candidate, Parameter, ResidualView, Role
+from mopro.diagnosis.fit import Fit
+from mopro.residuals import Residuals, projected_out
+from mopro.series import Floats, Settings
 
 _QUARTER_TURN = math.pi / 2
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import special
 
-from mopro.diagnosis.constants import (
+from mopro.assumed import (
     CLEAR,
     FIT_TOLERANCE,
     LEAST_SAMPLES,
@@ -18,9 +18,10 @@ from mopro.diagnosis.constants import (
     TINY,
     VERY_STRONG,
 )
-from mopro.diagnosis.fitting.fit import Fit, Identity
-from mopro.diagnosis.model import Candidate, Floats, Parameter, Role
-from mopro.diagnosis.statistics.noise import Noise
+from mopro.candidate import Candidate, Parameter, Role
+from mopro.diagnosis.fit import Fit, Identity
+from mopro.residuals import Noise
+from mopro.series import Floats
 
 # EBIC within which two sets are equal, so that rounding does not decide between effects whose
 # responses are the same: each fit may be so much above its minimum.

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.diagnosis.constants import FEWEST, LEAST_SAMPLES, LEAST_SHARE, MOST_FOLDS, TINY
-from mopro.diagnosis.fitting.fit import Fit, least_squares_fit
-from mopro.diagnosis.fitting.jacobian import gauss_newton_step
-from mopro.diagnosis.fitting.residual import Residuals, projected_out
-from mopro.diagnosis.model import Candidate, Floats, Mask
-from mopro.diagnosis.statistics.noise import Noise
+from mopro.assumed import FEWEST, LEAST_SAMPLES, LEAST_SHARE, MOST_FOLDS, TINY
+from mopro.candidate import Candidate
+from mopro.diagnosis.fit import Fit, least_squares_fit
+from mopro.leastsquares import gauss_newton_step
+from mopro.residuals import Noise, Residuals, projected_out
+from mopro.series import Floats, Mask
 
 # Samples up to which each fold's parameters are refitted. Beyond, a fold has enough samples to be
 # a small change: one Gauss-Newton step from the fit of all data is close.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mopro.diagnosis.constants import (
+from mopro.assumed import (
     FALSE_ALARMS,
     FEWEST,
     LEAST_SHARE,
@@ -23,10 +23,10 @@ from mopro.diagnosis.constants import (
     ROUNDING,
     TINY,
 )
-from mopro.diagnosis.fitting.fit import Fit
-from mopro.diagnosis.fitting.residual import Residuals, projected_out
-from mopro.diagnosis.model import Floats, Mask, Role
-from mopro.diagnosis.statistics.noise import Noise
+from mopro.candidate import Role
+from mopro.diagnosis.fit import Fit
+from mopro.residuals import Noise, Residuals, projected_out
+from mopro.series import Floats, Mask
 
 
 @dataclass(frozen=True)

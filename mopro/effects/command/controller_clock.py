@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.diagnosis.model import Candidate
+from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Parameter, View
 from mopro.motion import PlannedMove, Schedule
 from mopro.motion.track import Track

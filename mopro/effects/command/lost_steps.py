@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from mopro.diagnosis.model import Candidate, ResidualView, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate, ResidualView, Role
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import RUN, Domain, Effect, Parameter, View
 from mopro.effects.search import Values, residual_m, step
 from mopro.motion import PlannedMove

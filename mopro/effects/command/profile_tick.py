@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mopro.diagnosis.model import Candidate, FindStarts, ResidualView, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate, FindStarts, ResidualView, Role
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Parameter, View
 from mopro.effects.search import Values, delay_s
 

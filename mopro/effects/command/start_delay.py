@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
-from mopro.diagnosis.model import Candidate
+from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Parameter, View
 from mopro.program import Program, ir
 

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from mopro.diagnosis.model import Candidate, ResidualView, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate, ResidualView, Role
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View, ViewedReading
 from mopro.effects.search import Values
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.diagnosis.model import Candidate, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate, Role
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Effect, Parameter
 
 PRESLIDING_M = 5e-6

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.diagnosis.model import Candidate, Role
+from mopro.candidate import Candidate, Role
 from mopro.effects.base import WIDER, Domain, Effect, Parameter, View, phase
 
 # Largest plausible detent force, as a share of the pull-out force.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.diagnosis.model import Candidate
+from mopro.candidate import Candidate
 from mopro.effects.base import WIDER, Domain, Effect, Parameter, Toleranced, View
 from mopro.machine import Machine
 from mopro.machine.constants import PlantConstants

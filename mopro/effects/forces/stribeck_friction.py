@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from mopro.diagnosis.model import Candidate, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate, Role
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Parameter, View
 from mopro.effects.forces.coulomb_friction import CoulombFriction
 from mopro.effects.forces.dahl import PRESLIDING, DahlFriction, with_presliding

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.diagnosis.model import Candidate, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate, Role
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Parameter, View
 
 _FREE_END = Fitted("x_h", "m", -0.9, 0.9, (0.0,), Role.SHAPE, plausible=(-0.6, 0.6))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.diagnosis.model import Candidate
+from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from mopro.diagnosis.model import Candidate
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Parameter, View
 from mopro.instruments.quantity import Quantity
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.diagnosis.model import Candidate, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Candidate, Role
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
 
 _LVDT_HALF_RANGE_M = 0.254

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from mopro.diagnosis.constants import LEAST_SHARE
-from mopro.diagnosis.model import Candidate, ResidualView, Role
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.assumed import LEAST_SHARE
+from mopro.candidate import Candidate, ResidualView, Role
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Floats, Parameter, View, phase
 from mopro.effects.forces.coulomb_friction import PROBED_N
 from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_FITTED, DahlFriction, with_presliding

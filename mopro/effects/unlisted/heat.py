@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar
 
-from mopro.diagnosis.model import Candidate
+from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Surroundings, View
 from mopro.effects.unlisted.term import FreeFormTerm, size
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from mopro.diagnosis.model import Law
-from mopro.diagnosis.model import Parameter as Fitted
+from mopro.candidate import Law
+from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Effect, Parameter
 
 # The size at which a term is probed, as a share of the largest one. Near a stall the response is

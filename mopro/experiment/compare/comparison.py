@@ -8,9 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from mopro.diagnosis import Series
-from mopro.diagnosis.statistics.noise_tests import whiteness_p
-from mopro.diagnosis.verdict import rms
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
 from mopro.experiment.compare.noise_tests import (
     chi2_p,
@@ -20,7 +17,10 @@ from mopro.experiment.compare.noise_tests import (
 from mopro.experiment.model import Experiment, Floats, Reading, SteadyTable
 from mopro.experiment.predict.alignment import aligned
 from mopro.experiment.predict.nominal import planned, predict, predict_table
+from mopro.residuals import whiteness_p
+from mopro.series import Series
 from mopro.units import residual_unit
+from mopro.verdict import rms
 
 # Chance of any false alarm in one comparison, over all its tests together (Bonferroni).
 FALSE_ALARMS = 1e-3

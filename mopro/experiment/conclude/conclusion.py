@@ -10,8 +10,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from mopro import markup
-from mopro.diagnosis import Series, Verdict
-from mopro.diagnosis.verdict import rms
 from mopro.effects import catalogue_of
 from mopro.experiment.compare.comparison import Place, compare
 from mopro.experiment.conclude.machine_file import machine_text, machine_with
@@ -19,7 +17,9 @@ from mopro.experiment.conclude.wording import NO_PROPOSAL, reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
+from mopro.series import Series
 from mopro.source import Source
+from mopro.verdict import Verdict, rms
 
 _MOST_PLACES = 40
 # Of the generator that draws the position of a reading within a coarse converter's step.

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from mopro.diagnosis import Named, Verdict
 from mopro.effects import catalogue_of
 from mopro.effects.base import AXIS, Effect, angle_in
 from mopro.experiment.conclude.wording import origin_words, reservation
@@ -16,6 +15,7 @@ from mopro.formula.written import toml_lines
 from mopro.machine import Machine
 from mopro.machine.file import read_machine
 from mopro.source import Source
+from mopro.verdict import Named, Verdict
 
 # The heading of a section, and the key at the start of a line.
 _HEAD = re.compile(r"\s*\[+([^\]]+)\]")

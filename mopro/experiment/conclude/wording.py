@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator
 
-from mopro.diagnosis import Estimate, Named, Verdict
 from mopro.effects import catalogue
 from mopro.effects.base import RUN
 from mopro.experiment.compare.comparison import STEADY, Place
+from mopro.verdict import Estimate, Named, Verdict
 
 NO_PROPOSAL = (
     "No program was found that would distinguish them with these sensors: measure something "

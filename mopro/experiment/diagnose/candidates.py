@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
-from mopro.diagnosis import Candidate, Parameter, Role
+from mopro.candidate import Candidate, Parameter, Role
 from mopro.effects import Domain, Effect, catalogue_of
 from mopro.effects.base import AXIS, WIDER
 from mopro.effects.unlisted import unlisted_terms

@@ -9,10 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from mopro.diagnosis import Estimate, Named, Series, Settings, Verdict, reconcile
-from mopro.diagnosis.constants import LEAST_SHARE
-from mopro.diagnosis.fitting.residual import Residuals
-from mopro.diagnosis.statistics.remainder import noise_of
+from mopro.assumed import LEAST_SHARE
+from mopro.diagnosis import reconcile
 from mopro.effects import Effect, catalogue_of
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.diagnose.candidates import candidates, unlisted
@@ -24,6 +22,9 @@ from mopro.experiment.predict.steady import rises
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.plant import Stepping
+from mopro.residuals import Residuals, noise_of
+from mopro.series import Series, Settings
+from mopro.verdict import Estimate, Named, Verdict
 
 # In σ: least size of an offset that is reported.
 _OFFSET_SIGMAS = 6.0

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mopro.diagnosis import Series
 from mopro.effects import Effect
 from mopro.experiment.model import SteadyTable
 from mopro.experiment.predict.steady import rises
 from mopro.machine import Machine
+from mopro.series import Series
 
 
 def series(table: SteadyTable) -> Series:

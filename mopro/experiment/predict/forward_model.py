@@ -15,7 +15,6 @@ from threading import Lock
 import numpy as np
 from cachetools import LRUCache, cachedmethod
 
-from mopro.diagnosis import Settings
 from mopro.effects import Active, Domain, Effect, catalogue_of
 from mopro.effects.base import AXIS, RUN, angle_in
 from mopro.effects.registry import in_order
@@ -38,6 +37,7 @@ from mopro.plant import (
 )
 from mopro.program import AXES
 from mopro.recording.record import Columns
+from mopro.series import Settings
 
 # RK4 with these steps is within 0.1 µm: the axis oscillates with a period of ten
 # milliseconds, and the shortest ripple of the force is 0.25 mm long.

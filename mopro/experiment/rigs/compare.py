@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mopro.diagnosis import Series
-from mopro.diagnosis.statistics.noise_tests import whiteness_p
 from mopro.experiment.compare.comparison import (
     FALSE_ALARMS,
     Compared,
@@ -19,6 +17,8 @@ from mopro.experiment.compare.noise_tests import chi2_p, mean_p
 from mopro.experiment.rigs.study import Study
 from mopro.formula.evaluate import Floats
 from mopro.formula.signals import side
+from mopro.residuals import whiteness_p
+from mopro.series import Series
 
 NO_LINE = 0
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.diagnosis import Verdict, reconcile
+from mopro.diagnosis import reconcile
 from mopro.errors import DataError
 from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.rigs.compare import compare, worst
@@ -15,6 +15,7 @@ from mopro.experiment.rigs.repaired import machine_text, machine_with
 from mopro.experiment.rigs.study import Study
 from mopro.rig.candidates import candidates, unlisted
 from mopro.rig.simulation import BASE, Model
+from mopro.verdict import Verdict
 
 _MOST_PLACES = 40
 _ADVICE = (

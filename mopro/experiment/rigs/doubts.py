@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.diagnosis import Parameter, Series
+from mopro.candidate import Parameter
 from mopro.formula.evaluate import Floats
 from mopro.instruments.slips import UNIT_SLIPS
 from mopro.rig.base import BaseFit, base_of, fitted_base, slope_of
@@ -16,6 +16,7 @@ from mopro.rig.data import Reading
 from mopro.rig.model import KINEMATIC, THERMAL
 from mopro.rig.series import plain_series
 from mopro.rig.simulation import START, Model
+from mopro.series import Series
 
 # Factors by which a reading may be off, and what they stand for.
 _KNOWN: dict[float, str] = {

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from mopro.diagnosis import Estimate, Verdict
 from mopro.experiment.conclude.wording import interval_words
 from mopro.formula.written import toml_lines
 from mopro.rig.data import RigExperiment
@@ -15,6 +14,7 @@ from mopro.rig.file import read_rig
 from mopro.rig.model import Rig
 from mopro.rig.simulation import BASE
 from mopro.source import Source
+from mopro.verdict import Estimate, Verdict
 
 _HEAD = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]")
 _KEY = re.compile(r"\s*(?:base\s*\.\s*)?([A-Za-z_]\w*)\s*=")

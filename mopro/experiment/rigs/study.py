@@ -11,19 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from mopro.diagnosis import Parameter, Series
-from mopro.diagnosis.fitting.residual import Residuals
+from mopro.candidate import Parameter
 from mopro.errors import DataError, ModelError
 from mopro.experiment.rigs.bare import completed
 from mopro.experiment.rigs.doubts import check_scales
 from mopro.experiment.rigs.entries import RigEntries
 from mopro.experiment.rigs.read import read_rig_experiment
 from mopro.formula.evaluate import Floats
+from mopro.residuals import Residuals
 from mopro.rig.base import BaseFit, base_of, fitted_base
 from mopro.rig.data import RigExperiment
 from mopro.rig.names import check, effects_of
 from mopro.rig.series import plain_series, series_of
 from mopro.rig.simulation import Model, Simulate
+from mopro.series import Series
 
 # What a program that is somebody's model may raise.
 _OF_A_PROGRAM = (

@@ -6,8 +6,6 @@ import math
 import pytest
 
 from mopro.diagnosis import Estimate, Named, Verdict
-from mopro.diagnosis.statistics.remainder import Remainder
-from mopro.diagnosis.verdict import BelowResolution, Gap
 from mopro.experiment.compare.comparison import Place
 from mopro.experiment.conclude.wording import (
     calibration_words,
@@ -22,6 +20,8 @@ from mopro.experiment.conclude.wording import (
     undecided_words,
     value_words,
 )
+from mopro.residuals.remainder import Remainder
+from mopro.verdict import BelowResolution, Gap
 
 
 def named(name, rivals=None, **values):

@@ -9,9 +9,9 @@ from contextlib import suppress
 import numpy as np
 from scipy import optimize
 
-from mopro.diagnosis.constants import INTERIOR, ITERATIONS, REPEATS
-from mopro.diagnosis.fitting.jacobian import Iterate, SecantJacobian
-from mopro.diagnosis.model import Floats
+from mopro.assumed import INTERIOR, ITERATIONS, REPEATS
+from mopro.leastsquares.jacobian import Iterate, SecantJacobian
+from mopro.series import Floats
 
 
 class _Converged(Exception):

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from scipy import linalg
 
-from mopro.diagnosis.constants import ROUNDING
-from mopro.diagnosis.model import Floats, Mask, Series, Settings, Simulate
+from mopro.assumed import ROUNDING
+from mopro.series import Floats, Mask, Series, Settings, Simulate
 
 # Standard deviations by which a prediction that is not finite is off.
 _FAR = 1e8

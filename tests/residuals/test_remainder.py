@@ -7,10 +7,10 @@ import pytest
 from scipy import signal
 
 from mopro.diagnosis import Series
-from mopro.diagnosis.fitting.residual import Residuals
-from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.noise_tests import chi2_log_p, line_log_p
-from mopro.diagnosis.statistics.remainder import as_noise, examine, noise_of
+from mopro.residuals import Residuals
+from mopro.residuals.noise import Noise
+from mopro.residuals.noise_tests import chi2_log_p, line_log_p
+from mopro.residuals.remainder import as_noise, examine, noise_of
 
 RATE_HZ = 1000.0
 TIME = np.arange(4000) / RATE_HZ

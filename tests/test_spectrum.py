@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mopro.diagnosis.statistics.spectrum import position_spectrum
+from mopro.spectrum import position_spectrum
 
 
 def test_white_noise_has_the_power_one():

@@ -8,7 +8,8 @@ from threading import Lock
 import numpy as np
 from cachetools import LRUCache, cached
 
-from mopro.diagnosis.model import Candidate, Floats, Series, Settings, Simulate
+from mopro.candidate import Candidate
+from mopro.series import Floats, Series, Settings, Simulate
 
 # Predictions kept: a term that is fitted beside effects asks for the same ones again.
 _CACHE_SIZE = 16

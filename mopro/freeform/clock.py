@@ -8,10 +8,11 @@ from itertools import product
 import numpy as np
 from scipy import fft
 
-from mopro.diagnosis.constants import FEWEST, REPEATS
-from mopro.diagnosis.fitting.residual import projected_out
-from mopro.diagnosis.laws.motion import LARGEST, Values, motion_of, step_of, values_of
-from mopro.diagnosis.model import Candidate, Floats, Law, Parameter, ResidualView, Role, Series
+from mopro.assumed import FEWEST, REPEATS
+from mopro.candidate import Candidate, Law, Parameter, ResidualView, Role
+from mopro.freeform.motion import LARGEST, Values, motion_of, step_of, values_of
+from mopro.residuals import projected_out
+from mopro.series import Floats, Series
 
 # The spectrum's step, and an interval, are divided so often in the search for the moments of the
 # steps. Halved, the last moment in a run is off by an eighth of an interval, and a clock of many

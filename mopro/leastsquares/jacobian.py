@@ -8,14 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.diagnosis.constants import (
-    FIT_TOLERANCE,
-    INTERIOR,
-    LINEARITY_ERROR,
-    PROPORTIONAL,
-    ROUNDING,
-)
-from mopro.diagnosis.model import Floats
+from mopro.assumed import FIT_TOLERANCE, INTERIOR, LINEARITY_ERROR, PROPORTIONAL, ROUNDING
+from mopro.series import Floats
 
 
 def gauss_newton_step(jacobian: Floats, residual: Floats) -> Floats:

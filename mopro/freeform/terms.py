@@ -5,19 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 
-from mopro.diagnosis.laws.clock import stepping_clock
-from mopro.diagnosis.laws.lines import bump, line_in_position, line_in_time
-from mopro.diagnosis.laws.motion import POSITION, labelled, values_of
-from mopro.diagnosis.laws.proportional import (
-    FADING,
-    LATE,
-    SHAPES,
-    TIME,
-    fading,
-    lag_term,
-    proportional,
-)
-from mopro.diagnosis.model import Candidate, Series
+from mopro.candidate import Candidate
+from mopro.freeform.clock import stepping_clock
+from mopro.freeform.lines import bump, line_in_position, line_in_time
+from mopro.freeform.motion import POSITION, labelled, values_of
+from mopro.freeform.proportional import FADING, LATE, SHAPES, TIME, fading, lag_term, proportional
+from mopro.series import Series
 
 
 def measurement_laws(data: Sequence[Series]) -> list[Candidate]:

@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from mopro.diagnosis.constants import FIT_TOLERANCE, INTERIOR, LEAST_SHARE, REPEATS
-from mopro.diagnosis.fitting.descent import Descent
-from mopro.diagnosis.fitting.jacobian import gauss_newton_step
-from mopro.diagnosis.fitting.residual import Residuals
-from mopro.diagnosis.model import Candidate, Floats, Parameter, Role, Settings
+from mopro.assumed import FIT_TOLERANCE, INTERIOR, LEAST_SHARE, REPEATS
+from mopro.candidate import Candidate, Parameter, Role
+from mopro.leastsquares import Descent, gauss_newton_step
+from mopro.residuals import Residuals
+from mopro.series import Floats, Settings
 
 # Shares of each series that are fitted one after another where the whole one misleads: each is
 # twice the one before, so that an oscillation which the last one fits is off by less than a cycle.

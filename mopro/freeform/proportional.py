@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.diagnosis.constants import FEWEST, LEAST_SHARE
-from mopro.diagnosis.laws.motion import (
+from mopro.assumed import FEWEST, LEAST_SHARE
+from mopro.candidate import Candidate, Law, Parameter, ResidualView, Role
+from mopro.freeform.motion import (
     LARGEST,
     POSITION,
     Motion,
@@ -20,8 +21,8 @@ from mopro.diagnosis.laws.motion import (
     step_of,
     values_of,
 )
-from mopro.diagnosis.model import Candidate, Floats, Law, Parameter, ResidualView, Role, Series
 from mopro.play import follow
+from mopro.series import Floats, Series
 
 # Size at which a term is probed, as a multiple of the largest value measured.
 _PROBED = LEAST_SHARE**2

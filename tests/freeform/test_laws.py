@@ -6,12 +6,12 @@ import sys
 import numpy as np
 
 from mopro.diagnosis import Series
-from mopro.diagnosis.laws import WithLaws, measurement_laws
+from mopro.freeform import WithLaws, measurement_laws
 
 _SUM = """
 import numpy as np
 from mopro.diagnosis import Series
-from mopro.diagnosis.laws import WithLaws, measurement_laws
+from mopro.freeform import WithLaws, measurement_laws
 
 t = np.linspace(0.1, 0.9, 50)
 x, v = np.sin(3 * t), 3 * np.cos(3 * t)

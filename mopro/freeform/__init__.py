@@ -4,7 +4,7 @@ Each is added to the predictions of one sensor, in all its runs. They stand besi
 at a price of their own, and describe what is left where no listed effect does.
 """
 
-from mopro.diagnosis.laws.terms import measurement_laws
-from mopro.diagnosis.laws.with_laws import WithLaws
+from mopro.freeform.terms import measurement_laws
+from mopro.freeform.with_laws import WithLaws
 
 __all__ = ["WithLaws", "measurement_laws"]

@@ -10,8 +10,8 @@ import math
 import numpy as np
 from scipy import fft, special
 
-from mopro.diagnosis.constants import FEWEST, LEAST_SAMPLES, LEAST_SHARE
-from mopro.diagnosis.model import Floats
+from mopro.assumed import FEWEST, LEAST_SAMPLES, LEAST_SHARE
+from mopro.series import Floats
 
 # Kolmogorov distance (times √n) beyond which the first term of its series is all of it: the
 # second is e⁻⁵⁴ of it there, and the library's logarithm underflows further out.

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from mopro.diagnosis.constants import FALSE_ALARMS, LEAST_SAMPLES, TOLERANCE
-from mopro.diagnosis.fitting.residual import Residuals, difference_variance
-from mopro.diagnosis.model import Floats
-from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.noise_tests import chi2_log_p
-from mopro.diagnosis.statistics.shapes import Finding, shape_findings
+from mopro.assumed import FALSE_ALARMS, LEAST_SAMPLES, TOLERANCE
+from mopro.residuals.noise import Noise
+from mopro.residuals.noise_tests import chi2_log_p
+from mopro.residuals.shapes import Finding, shape_findings
+from mopro.residuals.whitened import Residuals, difference_variance
+from mopro.series import Floats
 
 # Standard errors by which the variance of noise with a memory may be above the stated one.
 _STANDARD_ERRORS = -float(special.ndtri(FALSE_ALARMS / 2))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.diagnosis.constants import LEAST_SHARE
-from mopro.diagnosis.model import Floats, Series
+from mopro.assumed import LEAST_SHARE
+from mopro.series import Floats, Series
 
 # Values of a term's parameters, by name.
 Values = Mapping[str, float]

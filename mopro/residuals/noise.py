@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from mopro.diagnosis.constants import FEWEST, TINY
-from mopro.diagnosis.fitting.residual import Residuals
-from mopro.diagnosis.model import Floats, Mask
+from mopro.assumed import FEWEST, TINY
+from mopro.residuals.whitened import Residuals
+from mopro.series import Floats, Mask
 
 # Ratio of the first frequencies of neighbouring bands: half an octave.
 _BAND = math.sqrt(2)

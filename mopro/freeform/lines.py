@@ -8,18 +8,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from scipy import fft
 
-from mopro.diagnosis.constants import BUMP_BINS, FEWEST
-from mopro.diagnosis.laws.motion import (
-    LARGEST,
-    POSITION,
-    Values,
-    motion_of,
-    span_of,
-    step_of,
-    values_of,
-)
-from mopro.diagnosis.model import Candidate, Floats, Law, Parameter, ResidualView, Role, Series
-from mopro.diagnosis.statistics.spectrum import position_spectrum, sinusoid
+from mopro.assumed import BUMP_BINS, FEWEST
+from mopro.candidate import Candidate, Law, Parameter, ResidualView, Role
+from mopro.freeform.motion import LARGEST, POSITION, Values, motion_of, span_of, step_of, values_of
+from mopro.series import Floats, Series
+from mopro.spectrum import position_spectrum, sinusoid
 
 # Intervals of position in which a bump is looked for: a quarter of the least that one takes.
 _BINS = 4 * max(BUMP_BINS)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import fft
 
-from mopro.diagnosis.model import Floats
+from mopro.series import Floats
 
 # Bins for each finest period: 8 keep the amplitude of a line at that period to within 3 %
 # (sinc of π/8). Halved, it loses 10 %.

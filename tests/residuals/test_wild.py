@@ -9,7 +9,7 @@ import pytest
 import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import names
-from mopro.diagnosis.statistics.wild import repeated_samples, wild_samples
+from mopro.residuals.wild import repeated_samples, wild_samples
 
 SIGMA = 0.1
 SERVO = Servo()

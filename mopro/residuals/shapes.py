@@ -10,7 +10,7 @@ from itertools import groupby
 import numpy as np
 from scipy import fft, special
 
-from mopro.diagnosis.constants import (
+from mopro.assumed import (
     BUMP_BINS,
     CLEAR,
     FALSE_ALARMS,
@@ -19,9 +19,7 @@ from mopro.diagnosis.constants import (
     LEAST_SHARE,
     TOLERANCE,
 )
-from mopro.diagnosis.fitting.residual import Residuals, difference_variance
-from mopro.diagnosis.model import Floats, Series
-from mopro.diagnosis.statistics.noise_tests import (
+from mopro.residuals.noise_tests import (
     bartlett_log_p,
     chi2_log_p,
     cumulative_periodogram,
@@ -30,7 +28,9 @@ from mopro.diagnosis.statistics.noise_tests import (
     line_log_p,
     normal_log_p,
 )
-from mopro.diagnosis.statistics.spectrum import position_spectrum, sinusoid
+from mopro.residuals.whitened import Residuals, difference_variance
+from mopro.series import Floats, Series
+from mopro.spectrum import position_spectrum, sinusoid
 
 # Standard deviations of the noise beyond which a sample is a wild one. Doubled, three wild samples
 # at the end of a record are a step.

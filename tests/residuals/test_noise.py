@@ -11,10 +11,10 @@ import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import family, names
 from mopro.diagnosis import Series
-from mopro.diagnosis.fitting.residual import Residuals, difference_variance
 from mopro.diagnosis.search.hypotheses import Hypotheses
-from mopro.diagnosis.statistics.noise import Noise
-from mopro.diagnosis.statistics.noise_tests import (
+from mopro.residuals import Residuals, difference_variance
+from mopro.residuals.noise import Noise
+from mopro.residuals.noise_tests import (
     bartlett_log_p,
     cumulative_periodogram,
     cusum_step,

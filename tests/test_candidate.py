@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mopro
+from mopro.assumed import TOLERANCE
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.constants import TOLERANCE
 
 T = np.arange(600) / 600
 POSITION = np.sin(2 * np.pi * 3 * T)

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from mopro.diagnosis.fitting.residual import Residuals
-from mopro.diagnosis.model import Floats, Series, Settings, Simulate
-from mopro.diagnosis.statistics.remainder import Remainder
 from mopro.markup import fragment, paragraph, table
+from mopro.residuals import Remainder, Residuals
+from mopro.series import Floats, Series, Settings, Simulate
 
 _EFFECTS_SHOWN = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes", "held out",

@@ -7,15 +7,8 @@ import math
 import numpy as np
 from scipy import special
 
-from mopro.diagnosis.constants import (
-    FALSE_ALARMS,
-    FEWEST,
-    LEAST_SAMPLES,
-    LEAST_SHARE,
-    MAJORITY,
-    TOLERANCE,
-)
-from mopro.diagnosis.model import Floats, Mask
+from mopro.assumed import FALSE_ALARMS, FEWEST, LEAST_SAMPLES, LEAST_SHARE, MAJORITY, TOLERANCE
+from mopro.series import Floats, Mask
 
 # Standard deviation of the distance of a sample from the median of its 2 FEWEST neighbours, for
 # white noise of variance 1: the variance of a median is π/2 that of a mean.

@@ -1,1 +1,0 @@
-"""Residuals of a model against data, and least-squares fits of sets of effects."""
