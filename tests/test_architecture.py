@@ -14,14 +14,14 @@ from helpers.paths import ROOT, TESTS
 _ARRAYS = {"numpy", "scipy", "mopro.assumed", "mopro.series", "mopro.spectrum"}
 ALLOWED = {
     "mopro.residuals": _ARRAYS,
-    "mopro.leastsquares": _ARRAYS,
+    "mopro.fits": _ARRAYS | {"mopro.candidate", "mopro.residuals"},
     "mopro.candidate": _ARRAYS,
     "mopro.verdict": _ARRAYS | {"mopro.markup", "mopro.residuals"},
     "mopro.freeform": _ARRAYS | {
         "cachetools", "mopro.candidate", "mopro.lag", "mopro.play", "mopro.residuals",
     },
     "mopro.diagnosis": _ARRAYS | {
-        "cachetools", "mopro.candidate", "mopro.freeform", "mopro.jobs", "mopro.leastsquares",
+        "cachetools", "mopro.candidate", "mopro.fits", "mopro.freeform", "mopro.jobs",
         "mopro.residuals", "mopro.verdict", "threadpoolctl",
     },
     "mopro.benchmark.reference": {"numpy", "scipy", "numba"},

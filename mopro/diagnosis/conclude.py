@@ -9,12 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from mopro.candidate import Candidate
-from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.alternatives import Alternative
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.state import State
-from mopro.diagnosis.statistics.heldout import HeldOut
+from mopro.fits import Fit, HeldOut
 from mopro.residuals import Remainder
 from mopro.series import Floats, Mask, Series
 from mopro.verdict import (

@@ -10,10 +10,10 @@ from threadpoolctl import threadpool_limits
 
 from mopro.candidate import Candidate, Parameter
 from mopro.diagnosis.conclude import conclude
-from mopro.diagnosis.fit import Key
 from mopro.diagnosis.passes import PASSES, better_alternative
 from mopro.diagnosis.search.hypotheses import Progress
 from mopro.diagnosis.state import Problem, State
+from mopro.fits import Key
 from mopro.freeform import WithLaws
 from mopro.series import Series, Simulate
 from mopro.verdict import Verdict

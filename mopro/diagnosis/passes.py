@@ -10,14 +10,13 @@ from scipy import special
 
 from mopro.assumed import FALSE_ALARMS, LEAST_SHARE, SAME, STRONG, TOLERANCE, VERY_STRONG
 from mopro.candidate import Law
-from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.neighbours import in_other_forms
 from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
 from mopro.diagnosis.stand_ins import expose_beside_drafts, expose_stand_ins
 from mopro.diagnosis.state import State
-from mopro.diagnosis.statistics.heldout import HeldOut, held_out
+from mopro.fits import Fit, HeldOut, held_out
 from mopro.freeform import WithLaws, measurement_laws
 from mopro.residuals import (
     Noise,

@@ -10,11 +10,9 @@ from scipy import linalg
 
 from mopro.assumed import FEWEST, MAJORITY, MOST_FOLDS, ROUNDING, VERY_STRONG
 from mopro.candidate import Candidate, Role
-from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.state import State
-from mopro.diagnosis.statistics.heldout import folds
-from mopro.diagnosis.statistics.uniformity import spread
+from mopro.fits import Fit, folds, spread
 from mopro.residuals import projected_out
 from mopro.series import Floats, Mask
 from mopro.verdict import Rejected

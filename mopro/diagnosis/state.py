@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from mopro.candidate import Candidate
-from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.alternatives import Alternative
 from mopro.diagnosis.search.hypotheses import Hypotheses, Progress
 from mopro.diagnosis.search.screening import Screening
-from mopro.diagnosis.statistics.heldout import HeldOut
+from mopro.fits import Fit, HeldOut
 from mopro.residuals import NOTHING_LEFT, Remainder, Residuals
 from mopro.series import Series, Simulate
 from mopro.verdict import Rejected

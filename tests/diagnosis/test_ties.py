@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, diagnosed, of_size, sizes, times
-from mopro.diagnosis.fit import Fit
-from mopro.diagnosis.statistics.evidence import Evidence
+from mopro.fits import Evidence, Fit
 from mopro.residuals.noise import Noise
 
 TWINS = ("stretched", "amplified")

@@ -7,12 +7,12 @@ import pytest
 
 import mopro
 from helpers.one_run import LASER, PROGRAM, of
-from mopro.diagnosis.fit import least_squares_fit
 from mopro.diagnosis.search.signature import searched
 from mopro.effects.currents.hold_current_reduction import EARLIEST_S
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
+from mopro.fits import least_squares_fit
 from mopro.residuals import Residuals
 
 

@@ -20,12 +20,12 @@ from mopro.assumed import (
     VERY_STRONG,
 )
 from mopro.candidate import Candidate, Role
-from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.linear_subset import LinearSubset
 from mopro.diagnosis.search.neighbours import in_other_forms, neighbourhood
 from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.search.signature import ScoreTest
+from mopro.fits import Fit
 from mopro.series import Settings
 
 # Chi-squared explained below which an effect is so small that the error of its signature is less

@@ -12,8 +12,7 @@ import numpy as np
 
 from mopro.assumed import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, PROPORTIONAL, SAME
 from mopro.candidate import Candidate, Parameter, Role
-from mopro.diagnosis.fit import Fit, Identity, Key, growing_fit, least_squares_fit
-from mopro.diagnosis.statistics.evidence import Evidence
+from mopro.fits import Evidence, Fit, Identity, Key, growing_fit, least_squares_fit
 from mopro.jobs import in_threads
 from mopro.residuals import Noise, Residuals, as_noise, difference_variance, examine, noise_of
 from mopro.series import Settings, Simulate

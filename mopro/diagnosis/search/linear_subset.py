@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from mopro.assumed import FITTED, LEAST_SHARE, MOST_EFFECTS, ROUNDING
 from mopro.candidate import Candidate
-from mopro.diagnosis.fit import Fit, Key
 from mopro.diagnosis.search.signature import ScoreTest, resized
-from mopro.diagnosis.statistics.evidence import Evidence
-from mopro.leastsquares import gauss_newton_step
+from mopro.fits import Evidence, Fit, Key, gauss_newton_step
 from mopro.residuals import projected_out
 from mopro.series import Floats, Settings
 

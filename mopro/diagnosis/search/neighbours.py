@@ -16,10 +16,10 @@ from mopro.assumed import (
     SECOND_GUESSES,
 )
 from mopro.candidate import Candidate
-from mopro.diagnosis.fit import Fit
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, LinearSubsets
 from mopro.diagnosis.search.screening import Screening
+from mopro.fits import Fit
 from mopro.series import Settings
 
 

@@ -17,7 +17,6 @@ from mopro.assumed import (
     OUT_OF_REACH,
     SECOND_GUESSES,
 )
-from mopro.diagnosis.fit import Fit, Identity
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, distinct
 from mopro.diagnosis.search.neighbours import (
@@ -28,6 +27,7 @@ from mopro.diagnosis.search.neighbours import (
     with_rivals,
 )
 from mopro.diagnosis.search.screening import Screening
+from mopro.fits import Fit, Identity
 
 # Rounds of a search before free-form terms join it: what nobody listed is described by several
 # effects, which takes long.

@@ -11,7 +11,6 @@ from cachetools import LRUCache, cachedmethod
 
 from mopro.assumed import FITTED, STRONG, VERY_STRONG
 from mopro.candidate import Candidate, Role
-from mopro.diagnosis.fit import Fit, Identity
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.signature import (
     Group,
@@ -23,6 +22,7 @@ from mopro.diagnosis.search.signature import (
     searched,
     signatures,
 )
+from mopro.fits import Fit, Identity
 
 
 def _asked(_: Screening, base: Fit, at: Fit, candidate: Candidate) -> Hashable:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mopro.assumed import LINEARITY_ERROR, PROPORTIONAL, ROUNDING, SAME, SECOND_GUESSES, TINY
 from mopro.candidate import Candidate, Parameter, ResidualView, Role
-from mopro.diagnosis.fit import Fit
+from mopro.fits import Fit
 from mopro.residuals import Residuals, projected_out
 from mopro.series import Floats, Settings
 

@@ -24,7 +24,7 @@ from mopro.assumed import (
     TINY,
 )
 from mopro.candidate import Role
-from mopro.diagnosis.fit import Fit
+from mopro.fits.fit import Fit
 from mopro.residuals import Noise, Residuals, projected_out
 from mopro.series import Floats, Mask
 

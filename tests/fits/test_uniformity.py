@@ -9,8 +9,7 @@ import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Parameter
 from mopro.diagnosis.search.hypotheses import Hypotheses
-from mopro.diagnosis.statistics.heldout import folds
-from mopro.diagnosis.statistics.uniformity import spread
+from mopro.fits import folds, spread
 from mopro.residuals import Residuals
 
 T = times(1000)

@@ -5,7 +5,7 @@ import pytest
 
 from mopro.diagnosis import Candidate, Parameter, Series
 from mopro.diagnosis.search.hypotheses import Hypotheses
-from mopro.diagnosis.statistics.heldout import folds, held_out
+from mopro.fits import folds, held_out
 from mopro.residuals import Residuals
 
 

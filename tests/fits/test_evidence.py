@@ -8,8 +8,7 @@ from scipy import fft, signal
 
 from helpers.signals import candidates, diagnosed, measured, names, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.fit import least_squares_fit
-from mopro.diagnosis.statistics.evidence import Evidence
+from mopro.fits import Evidence, least_squares_fit
 from mopro.residuals import Residuals
 from mopro.residuals.noise import Noise, effective_samples
 

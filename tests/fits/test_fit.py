@@ -9,11 +9,8 @@ import pytest
 from helpers.signals import candidates, measured, of_size, sizes, times
 from mopro.assumed import LINEARITY_ERROR
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.fit import least_squares_fit
 from mopro.diagnosis.search.hypotheses import Hypotheses
-from mopro.diagnosis.statistics.evidence import Evidence
-from mopro.leastsquares.descent import Descent
-from mopro.leastsquares.jacobian import SecantJacobian
+from mopro.fits import Descent, Evidence, SecantJacobian, least_squares_fit
 from mopro.residuals import Residuals
 from mopro.residuals.noise import Noise
 

@@ -19,7 +19,7 @@ from mopro.assumed import (
     VERY_STRONG,
 )
 from mopro.candidate import Candidate, Parameter, Role
-from mopro.diagnosis.fit import Fit, Identity
+from mopro.fits.fit import Fit, Identity
 from mopro.residuals import Noise
 from mopro.series import Floats
 

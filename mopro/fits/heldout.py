@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mopro.assumed import FEWEST, LEAST_SAMPLES, LEAST_SHARE, MOST_FOLDS, TINY
 from mopro.candidate import Candidate
-from mopro.diagnosis.fit import Fit, least_squares_fit
-from mopro.leastsquares import gauss_newton_step
+from mopro.fits.fit import Fit, least_squares_fit
+from mopro.fits.jacobian import gauss_newton_step
 from mopro.residuals import Noise, Residuals, projected_out
 from mopro.series import Floats, Mask
 

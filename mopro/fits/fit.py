@@ -10,7 +10,8 @@ import numpy as np
 
 from mopro.assumed import FIT_TOLERANCE, INTERIOR, LEAST_SHARE, REPEATS
 from mopro.candidate import Candidate, Parameter, Role
-from mopro.leastsquares import Descent, gauss_newton_step
+from mopro.fits.descent import Descent
+from mopro.fits.jacobian import gauss_newton_step
 from mopro.residuals import Residuals
 from mopro.series import Floats, Settings
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import optimize
 
 from mopro.assumed import INTERIOR, ITERATIONS, REPEATS
-from mopro.leastsquares.jacobian import Iterate, SecantJacobian
+from mopro.fits.jacobian import Iterate, SecantJacobian
 from mopro.series import Floats
 
 

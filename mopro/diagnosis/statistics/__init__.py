@@ -1,1 +1,0 @@
-"""Statistics of a fit: noise, evidence, held-out parts, and tests of what is left."""

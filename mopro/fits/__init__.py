@@ -1,0 +1,30 @@
+"""Fits of sets of effects by least squares, and the statistics of a fit.
+
+A `Fit` costs a simulation for each evaluation of its residual. `Evidence` judges fits by one noise,
+`held_out` by parts that were not fitted, and `spread` by the size that an effect has in each part.
+Knows no search.
+"""
+
+from mopro.fits.descent import Descent
+from mopro.fits.evidence import Evidence
+from mopro.fits.fit import Fit, Identity, Key, growing_fit, least_squares_fit
+from mopro.fits.heldout import HeldOut, folds, held_out
+from mopro.fits.jacobian import SecantJacobian, gauss_newton_step
+from mopro.fits.uniformity import Spread, spread
+
+__all__ = [
+    "Descent",
+    "Evidence",
+    "Fit",
+    "HeldOut",
+    "Identity",
+    "Key",
+    "SecantJacobian",
+    "Spread",
+    "folds",
+    "gauss_newton_step",
+    "growing_fit",
+    "held_out",
+    "least_squares_fit",
+    "spread",
+]
