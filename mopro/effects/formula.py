@@ -17,7 +17,14 @@ from mopro.effects.search import Values, residual_m, targets_m
 from mopro.formula.closures import closure_of
 from mopro.formula.dimension import dimension_of_unit, factor_of, words
 from mopro.formula.language import Formula
-from mopro.formula.written import AMPLITUDE, PERIOD, EffectParameter, Written, WrittenEffect
+from mopro.formula.written import (
+    AMPLITUDE,
+    PERIOD,
+    THRESHOLD,
+    EffectParameter,
+    Written,
+    WrittenEffect,
+)
 from mopro.machine.formulas import AS_FORCE, AS_FRICTION, COMMAND, MEASUREMENT
 
 # As the catalogue's laws of dry friction have it where it is not fitted.
@@ -72,7 +79,7 @@ def _parameter(p: EffectParameter) -> Parameter:
     return FormulaParameter(
         p.name, p.unit, "", start, (low, high), min(low, 0.0) if p.role == AMPLITUDE else low,
         high, "of the file", null=0.0 if p.role == AMPLITUDE else start,
-        role=Role.AMPLITUDE if p.role == AMPLITUDE else Role.SHAPE,
+        role=Role.AMPLITUDE if p.role == AMPLITUDE else _role_of_shape(p),
     )  # fmt: skip
 
 
@@ -133,8 +140,9 @@ class FormulaEffect(Effect):
         if p.start is not None:
             chosen = (sizes.number(p.start, p),)
         return Fitted(
-            p.name, p.unit, ends[0], ends[1], chosen, Role.SHAPE, null=self.parameter(p.name).null,
-            inverse=p.role == PERIOD and ends[0] > 0, difference=_DIFFERENCE[self.written.enters],
+            p.name, p.unit, ends[0], ends[1], chosen, _role_of_shape(p),
+            null=self.parameter(p.name).null, inverse=p.role == PERIOD and ends[0] > 0,
+            difference=_DIFFERENCE[self.written.enters],
         )  # fmt: skip
 
     def _amplitude(
@@ -186,7 +194,7 @@ class FormulaEffect(Effect):
         self, view: View, parameters: Sequence[Fitted]
     ) -> Callable[[ResidualView], Iterator[Values]]:
         """Search for shapes: where on a grid the term takes most of the residual away."""
-        shapes = [p for p in parameters if p.role is Role.SHAPE]
+        shapes = [p for p in parameters if p.role is not Role.AMPLITUDE]
         sizes = [p for p in parameters if p.role is Role.AMPLITUDE]
 
         def find(fit: ResidualView) -> Iterator[Values]:
@@ -224,6 +232,11 @@ class FormulaEffect(Effect):
 
 def _is_shape(p: EffectParameter) -> bool:
     return p.role != AMPLITUDE
+
+
+def _role_of_shape(p: EffectParameter) -> Role:
+    """A threshold is found on a grid: where the term jumps, no slope leads to it."""
+    return Role.SEARCHED if p.role == THRESHOLD else Role.SHAPE
 
 
 class FormulaForce(FormulaEffect):

@@ -190,6 +190,13 @@ def _plain(node: ast.expr, own: Dimension | None) -> None:
         raise FormulaError(message, *place(node))
 
 
+def _plain_all(nodes: list[ast.expr], names: Mapping[str, Dimension | None]) -> Dimension:
+    """The dimension of a number; FormulaError unless all `nodes` have it."""
+    for node in nodes:
+        _plain(node, _of(node, names))
+    return NUMBER
+
+
 _TIME = dimension_of_unit("s")
 _TEMPERATURE = dimension_of_unit("K")
 
@@ -206,7 +213,7 @@ def _of_call(
         case "sqrt":
             return None if first is None else tuple(own / 2 for own in first)
         case "sign" | "side":
-            return NUMBER
+            return _plain_all(args[1:], names)
         case "lag" | "delayed":
             _expect(args[1], _of(args[1], names), _TIME)
             return first

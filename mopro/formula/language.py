@@ -31,6 +31,8 @@ SIGNALS = {
     "lag": 2, "delayed": 2, "play": 2, "presliding": 2,
     "side": 1, "before": 1, "since_change": 1, "rate": 1, "first": 1,
 }  # fmt: skip
+# Those that may have one argument more.
+_OPTIONAL = {"side"}
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
@@ -170,7 +172,8 @@ def _arguments(node: ast.Call) -> list[ast.expr]:
         raise FormulaError(f"{name[:40]} is no function of formulas: there are {listed}",
                            *place(node.func))  # fmt: skip
     wanted, found = known[node.func.id], len(node.args)
-    if node.keywords or (found != wanted if wanted > 0 else found < 2):
+    more = found == wanted + 1 and node.func.id in _OPTIONAL
+    if node.keywords or not (more or (found == wanted if wanted > 0 else found >= 2)):
         many = f"{wanted}" if wanted > 0 else "two or more"
         message = f"{node.func.id} takes {many} argument{'' if wanted == 1 else 's'}"
         raise FormulaError(f"{message}, found {found + len(node.keywords)}", *place(node))

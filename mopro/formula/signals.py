@@ -15,7 +15,7 @@ from mopro.play import follow
 Floats = NDArray[np.float64]
 # Compiled code is kept where numba keeps it.
 _compiled: Callable[..., Any] = njit(cache=True, nogil=True)
-# Share of the largest value beyond which a signal tells its side.
+# Share of the largest value beyond which a signal tells its side, unless another one is given.
 _SIDE = 0.1
 
 
@@ -47,12 +47,12 @@ def presliding(time_s: Floats, signal: Floats, reach: float) -> Floats:
     return found
 
 
-def side(time_s: Floats, signal: Floats) -> Floats:
-    """The side (-1 or 1) on which the signal last was, by a tenth of its largest value.
+def side(time_s: Floats, signal: Floats, share: float = _SIDE) -> Floats:
+    """The side (-1 or 1) on which the signal last was, by more than a share of its largest value.
 
     0 before that.
     """
-    strong = np.where(np.abs(signal) > _SIDE * np.max(np.abs(signal), initial=0.0), 1, 0)
+    strong = np.where(np.abs(signal) > share * np.max(np.abs(signal), initial=0.0), 1, 0)
     last = np.maximum.accumulate(np.where(strong, np.arange(len(signal)), -1))
     return np.where(last >= 0, np.sign(signal)[last], 0.0)
 

@@ -14,7 +14,7 @@ from mopro.formula.language import Formula, FormulaError, check_names, parse
 from mopro.tomlfile import Value
 
 # Roles of a parameter, as a file states them.
-AMPLITUDE, SHAPE, PERIOD = ROLES = ("amplitude", "shape", "period")
+AMPLITUDE, SHAPE, PERIOD, THRESHOLD = ROLES = ("amplitude", "shape", "period", "threshold")
 
 
 @dataclass(frozen=True)

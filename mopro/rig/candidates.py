@@ -12,7 +12,13 @@ import numpy as np
 from mopro.candidate import Candidate, Law, Parameter, Role
 from mopro.formula import Dimension, Formula, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
-from mopro.formula.written import AMPLITUDE, PERIOD, EffectParameter, WrittenEffect
+from mopro.formula.written import (
+    AMPLITUDE,
+    PERIOD,
+    THRESHOLD,
+    EffectParameter,
+    WrittenEffect,
+)
 from mopro.rig.base import DIFFERENCE
 from mopro.rig.data import Run
 from mopro.rig.model import (
@@ -111,7 +117,7 @@ def _of_foreign(effect: WrittenEffect) -> Candidate:
             message = f"expected a range of {p.name}: the model is a program, and tells no sizes"
             raise effect.value[p.name].error(message, "missing-key")
         start = p.start if isinstance(p.start, float) else p.low + 0.55 * (p.high - p.low)
-        role = Role.AMPLITUDE if p.role == AMPLITUDE else Role.SHAPE
+        role = Role.AMPLITUDE if p.role == AMPLITUDE else _role_of_shape(p)
         made.append(Parameter(p.name, p.unit, p.low, p.high, (start,), role))
     return Candidate(effect.name, tuple(made), effect.form, extends=effect.extends)
 
@@ -202,6 +208,11 @@ def _sized(size: float | Formula, factor: float, sized: _Sized) -> float:
     return float(evaluate(size, sized.names, np.zeros(1))[0]) / factor
 
 
+def _role_of_shape(p: EffectParameter) -> Role:
+    """A threshold is found on a grid: where the term jumps, no slope leads to it."""
+    return Role.SEARCHED if p.role == THRESHOLD else Role.SHAPE
+
+
 def _shape(p: EffectParameter, sized: _Sized) -> Parameter:
     dimension = dimension_of_unit(p.unit)
     span = (sized.spans.get(dimension) or 1.0) / p.factor
@@ -217,8 +228,8 @@ def _shape(p: EffectParameter, sized: _Sized) -> Parameter:
     if p.start is not None:
         starts = (_sized(p.start, p.factor, sized),)
     return Parameter(
-        p.name, p.unit, low, high, tuple(min(max(s, low), high) for s in starts), Role.SHAPE,
-        inverse=p.role == PERIOD and low > 0, difference=_SHAPE_DIFFERENCE,
+        p.name, p.unit, low, high, tuple(min(max(s, low), high) for s in starts),
+        _role_of_shape(p), inverse=p.role == PERIOD and low > 0, difference=_SHAPE_DIFFERENCE,
     )  # fmt: skip
 
 

@@ -32,7 +32,7 @@ class Search:
         self, model: Model, effect: WrittenEffect, parameters: tuple[Parameter, ...], longest: float
     ) -> None:
         self._model, self._effect, self._parameters = model, effect, parameters
-        self._shapes = [p for p in parameters if p.role is Role.SHAPE]
+        self._shapes = [p for p in parameters if p.role is not Role.AMPLITUDE]
         self._sizes = [p for p in parameters if p.role is Role.AMPLITUDE]
         self._longest = longest
         self._factors = {p.name: p.factor for p in effect.parameters}

@@ -214,6 +214,10 @@ def test_signals_of_a_log():
     x = np.array([0.0, 5.0, 5.0, 0.1, 0.1, -5.0, -5.0])
     named = {"x": x}
     assert evaluate(parse("side(x)"), named, T).tolist() == [0, 1, 1, 1, 1, -1, -1]
+    assert evaluate(parse("side(x, 0.01)"), named, T).tolist() == [0, 1, 1, 1, 1, -1, -1]
+    assert evaluate(parse("side(-x, 0.01)"), named, T).tolist() == [0, -1, -1, -1, -1, 1, 1]
+    small = {"x": np.array([1.0, -0.3, 0.3, -0.6, 0.0, 0.6, -1.0])}
+    assert evaluate(parse("side(x, 0.5)"), small, T).tolist() == [1, 1, 1, -1, -1, 1, -1]
     assert evaluate(parse("before(x)"), named, T) == pytest.approx([0, 0, 5, 10, 10.1, 10.2, 5.2])
     changed = evaluate(parse("since_change(x)"), named, T)
     assert changed == pytest.approx([0, 0, 0.2, 0, 0.4, 0, 0.5])

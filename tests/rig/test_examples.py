@@ -55,13 +55,18 @@ def test_an_example_is_short(file: Path) -> None:
 # -- servos ------------------------------------------------------------------------------
 
 
-def servo_file(path: Path, servos: dict[str, int], play: float, seed: int) -> None:
-    """Servos with `play` counts of backlash; the values of `servos` are the way they turn."""
+def servo_file(
+    path: Path, servos: dict[str, int], play: float, seed: int, turned_at: float = 60
+) -> None:
+    """Servos with `play` counts of backlash; the values of `servos` are the way they turn.
+
+    The play turns over at a pull of `turned_at` counts.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(0, 40, 0.1)
     cycle = np.sin(2 * math.pi * t / 5.0)
     pull = 400 * np.sign(cycle) * np.maximum(np.abs(cycle) - 0.3, 0)
-    strong = np.where(np.abs(pull) > 60, np.sign(pull), 0)
+    strong = np.where(np.abs(pull) > turned_at, np.sign(pull), 0)
     side = strong[np.maximum.accumulate(np.where(strong != 0, np.arange(len(t)), 0))]
     columns = {"time_s": t}
     for servo, way in servos.items():
@@ -85,6 +90,17 @@ def test_servo_names_backlash_that_a_preload_takes_away(tmp_path: Path) -> None:
     assert not {n for n in names(reconciled(folder, "preloaded")) if "backlash" in n}
     pair = reconciled(folder, "pair")
     assert value(pair, "backlash_under_load", "w") == pytest.approx(6.0, abs=0.5)
+
+
+def test_the_pull_that_turns_the_play_over_is_found(tmp_path: Path) -> None:
+    """At a third of the largest pull: a tenth is assumed otherwise, and told two false effects."""
+    folder = example(tmp_path, "servo")
+    servo_file(folder / "single_sts3215.csv", {"dut": -1}, 7.0, 1, turned_at=93)
+    found = reconciled(folder, "experiment")
+    assert found["verdict"] in ("named", "ambiguous")
+    assert value(found, "backlash_under_load", "w") == pytest.approx(7.0, abs=0.5)
+    assert value(found, "backlash_under_load", "share") == pytest.approx(93 / 280, abs=0.1)
+    assert not names(found) - {"backlash_under_load", "compliance", "friction_under_load"}
 
 
 # -- telescopes --------------------------------------------------------------------------
