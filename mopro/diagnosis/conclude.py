@@ -90,6 +90,8 @@ def _named(
             for name in sorted(other.names - fit.names):
                 rivals.setdefault(name, other)
     without = sets.without(fit, candidate.name)
+    # Without it, a period of another one may grow to a bend, which is no explanation.
+    rest = min(sets.ebic(without), sets.ebic(sets.null))
     return Named(
         name=candidate.name,
         form=candidate.form,
@@ -97,7 +99,7 @@ def _named(
         indistinguishable_from=list(rivals),
         rivals={name: other.delta_ebic for name, other in rivals.items()},
         alternatives={name: other.settings for name, other in rivals.items()},
-        log10_bayes_factor=(sets.ebic(without) - sets.ebic(fit)) / (2 * math.log(10)),
+        log10_bayes_factor=(rest - sets.ebic(fit)) / (2 * math.log(10)),
         sigmas=_sigmas(sets, fit, without),
         held_out=held is not None and held.supports(candidate.name),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from mopro.assumed import FEWEST, MAJORITY, MOST_FOLDS, ROUNDING, VERY_STRONG
-from mopro.candidate import Candidate, Role
+from mopro.candidate import Candidate, Parameter, Role
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.state import State
 from mopro.fits import Fit, folds, spread
@@ -19,7 +19,7 @@ from mopro.verdict import Rejected
 
 _STANDS_IN = "it stands in for something else"
 _SPREAD = "its size differs from part to part by {:.0%}: " + _STANDS_IN
-_AT_ITS_END = "its size ends at the end of its range: " + _STANDS_IN
+_AT_ITS_END = "its size, or its period, ends at the end of its range: " + _STANDS_IN
 _MOVED = "its part changes by {:.0%} beside the free-form terms: " + _STANDS_IN
 _RESHAPED = "as a function of {}, what is there has another shape: " + _STANDS_IN
 
@@ -78,17 +78,22 @@ def _beyond_noise(sets: Hypotheses, fit: Fit) -> float:
 
 
 def _at_their_ends(sets: Hypotheses, fit: Fit) -> set[str]:
-    """Listed effects whose size the data would push beyond the largest that it may be."""
+    """Listed effects whose size the data would push beyond the largest that it may be.
+
+    Also flexible ones whose shape is the one at which their range ends.
+    """
     bounds = set(sets.evidence.at_bound(fit))
+
+    def tells(c: Candidate, p: Parameter) -> bool:
+        if p.role is not Role.AMPLITUDE:
+            return c.flexible and p.role is Role.SHAPE
+        return p.plausible is not None and p.beyond(fit.settings[c.name][p.name]) > 0
+
     return {
         c.name
         for c in fit.candidates
         for p in c.parameters
-        if not c.law
-        and p.role is Role.AMPLITUDE
-        and f"{c.name}.{p.name}" in bounds
-        and p.plausible is not None
-        and p.beyond(fit.settings[c.name][p.name]) > 0
+        if not c.law and f"{c.name}.{p.name}" in bounds and tells(c, p)
     }
 
 

@@ -129,29 +129,38 @@ class Evidence:
         }
 
     def at_bound(self, fit: Fit) -> list[str]:
-        """Parameters (`effect.parameter`) that the data would push out of their range.
+        """Parameters (`effect.parameter`) that the data would push out of their range."""
+        return [f"{effect}.{p.name}" for effect, p in self._stopped(fit)]
 
-        Those within a step of finite differences of an end of it, and by less than their standard
+    def _stopped(self, fit: Fit) -> list[tuple[str, Parameter]]:
+        """Effect and parameter of those that an end of their range stops.
+
+        They are within a step of finite differences of it, and by less than their standard
         deviation.
         """
-        names = []
+        stopped = []
         for (effect, p), value, error in self._known(fit):
             nearest = min((p.low, p.high), key=lambda bound: abs(p.scaled(value) - p.scaled(bound)))
             near = abs(p.scaled(value) - p.scaled(nearest)) < p.difference
             bounded = p.role not in (Role.PHASE, Role.CONSTANT)
             if bounded and near and abs(value - nearest) < error:
-                names.append(f"{effect}.{p.name}")
-        return names
+                stopped.append((effect, p))
+        return stopped
 
     def _implausibility(self, fit: Fit) -> float:
         """Rise of chi-squared if every value were moved into its plausible range, to first order.
 
-        It grows continuously up to its limit, so that no fit gains by passing a threshold.
+        It grows continuously up to its limit, so that no fit gains by passing a threshold. Infinite
+        where a flexible effect has the shape at which its range ends: a period that is as long as
+        the data can tell is a bend, and no period.
         """
+        stopped = self._stopped(fit)
+        flexible = {c.name for c in fit.candidates if c.flexible}
+        if any(effect in flexible and p.role is Role.SHAPE for effect, p in stopped):
+            return math.inf
         most = math.sqrt(VERY_STRONG)
         distances = (p.beyond(v) / d for (_, p), v, d in self._known(fit))
-        at_bound = VERY_STRONG * len(self.at_bound(fit))
-        return at_bound + sum(min(distance, most) ** 2 for distance in distances)
+        return VERY_STRONG * len(stopped) + sum(min(d, most) ** 2 for d in distances)
 
     def _constants(self, fit: Fit) -> float:
         """Laplace's penalty of what the data tell about assumed constants.

@@ -1,11 +1,13 @@
 """Noise with a memory, prices of parameters, and assumed constants, against closed forms."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import fft, signal
 
+import mopro
 from helpers.signals import candidates, diagnosed, measured, names, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.fits import Evidence, least_squares_fit
@@ -227,6 +229,28 @@ def test_an_effect_counts_in_full_where_the_noise_is_quieter_than_stated():
     shape -= quiet * (shape @ quiet) / (quiet @ quiet)
     assert noise.deviance(quiet + shape) == pytest.approx(14**2, rel=0.1)
     assert noise.deviance(quiet) == 0.0
+
+
+def test_a_period_as_long_as_the_data_can_tell_is_a_bend():
+    """A parabola is no ripple, however much of it the longest ripple takes away."""
+    t = times(500)
+
+    def simulate(settings):
+        own = {"size": 0.0, "period": 1.0, "turn": 0.0, **settings.get("ripple", {})}
+        return [own["size"] * np.sin(2 * np.pi * t / own["period"] + own["turn"])]
+
+    ripple = Candidate(
+        "ripple",
+        (
+            Parameter("size", "V", 0.0, 100.0, (1.0,)),
+            Parameter("period", "s", 0.1, 6.0, (1.0, 5.0), Role.SHAPE, inverse=True),
+            Parameter("turn", "rad", -math.pi, math.pi, (0.0,), Role.PHASE),
+        ),
+        flexible=True,
+    )
+    data = [replace(s, sigma=None) for s in measured((t - 2.5) ** 2, 0.5, 1)]
+    verdict = mopro.reconcile(simulate, [ripple], data)
+    assert names(verdict) == set()
 
 
 @pytest.mark.parametrize("other", ["turn", "idle"])
