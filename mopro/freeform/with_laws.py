@@ -11,8 +11,9 @@ from cachetools import LRUCache, cached
 from mopro.candidate import Candidate
 from mopro.series import Floats, Series, Settings, Simulate
 
-# Predictions kept: a term that is fitted beside effects asks for the same ones again.
-_CACHE_SIZE = 16
+# Bytes of the predictions that are kept: a term that is fitted beside effects asks for the same ones
+# again, and so do searches from several sets. Halved, an eighth of a long search is simulated twice.
+_CACHE_BYTES = 1 << 28
 
 
 class WithLaws:
@@ -24,7 +25,7 @@ class WithLaws:
         self._simulate, self._data = simulate, data
         self._terms = {c.name: c.law.of_data for c in laws if c.law and c.law.of_data}
         # Asked by several threads at once.
-        cache: LRUCache[Hashable, Sequence[Floats]] = LRUCache(_CACHE_SIZE)
+        cache: LRUCache[Hashable, Sequence[Floats]] = LRUCache(_CACHE_BYTES, _bytes)
         self._of_the_model = cached(cache, key=_key, lock=Lock())(self._predict)
 
     def __call__(self, settings: Settings) -> Sequence[Floats]:
@@ -42,6 +43,10 @@ class WithLaws:
 
     def _predict(self, settings: Settings) -> Sequence[Floats]:
         return [np.asarray(p, dtype=float) for p in self._simulate(settings)]
+
+
+def _bytes(predicted: Sequence[Floats]) -> int:
+    return sum(own.nbytes for own in predicted)
 
 
 def _key(settings: Settings) -> Hashable:
