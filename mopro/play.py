@@ -15,25 +15,28 @@ Floats = NDArray[np.float64]
 _COMPILE_FROM = 20_000
 
 
-def follow(x: Floats, half: float) -> Floats:
-    """Positions of a part that is dragged by `x` with play ± `half`, in its middle at first."""
+def follow(x: Floats, half: float, begun: float = 0.0) -> Floats:
+    """Positions of a part that is dragged by `x` with play ± `half`.
+
+    `begun`: where it is in its play at first, from -1 (driven forwards so far) to 1 (backwards).
+    """
     followed = np.empty_like(x)
     worth_it = "numba" in sys.modules or len(x) >= _COMPILE_FROM
     fill = _compiled() if worth_it else _fill
-    fill(x, half, followed)
+    fill(x, half, begun, followed)
     return followed
 
 
-def _fill(x: Floats, half: float, followed: Floats) -> None:
-    at = x[0] if len(x) else 0.0
+def _fill(x: Floats, half: float, begun: float, followed: Floats) -> None:
+    at = x[0] + begun * half if len(x) else 0.0
     for i in range(len(x)):
         at = min(max(at, x[i] - half), x[i] + half)
         followed[i] = at
 
 
 @functools.cache
-def _compiled() -> Callable[[Floats, float, Floats], None]:
+def _compiled() -> Callable[[Floats, float, float, Floats], None]:
     from mopro.jit import njit
 
-    compiled: Callable[[Floats, float, Floats], None] = njit(cache=True, nogil=True)(_fill)
+    compiled: Callable[[Floats, float, float, Floats], None] = njit(cache=True, nogil=True)(_fill)
     return compiled

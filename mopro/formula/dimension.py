@@ -218,7 +218,8 @@ def _of_call(
             _expect(args[1], _of(args[1], names), _TIME)
             return first
         case "play":
-            return _alike(args, names)
+            _plain_all(args[2:], names)
+            return _alike(args[:2], names)
         case "presliding" | "atan2":
             _alike(args, names)
             return NUMBER

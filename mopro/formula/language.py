@@ -32,7 +32,7 @@ SIGNALS = {
     "side": 1, "before": 1, "since_change": 1, "rate": 1, "first": 1,
 }  # fmt: skip
 # Those that may have one argument more.
-_OPTIONAL = {"side"}
+_OPTIONAL = {"side", "play"}
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 

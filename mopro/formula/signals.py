@@ -24,9 +24,9 @@ def delayed(time_s: Floats, signal: Floats, delay: float) -> Floats:
     return np.interp(time_s - delay, time_s, signal)
 
 
-def play(time_s: Floats, signal: Floats, width: float) -> Floats:
-    """The output of a play of full `width`, in its middle at the beginning."""
-    return follow(signal, max(width, 0.0) / 2)
+def play(time_s: Floats, signal: Floats, width: float, begun: float = 0.0) -> Floats:
+    """The output of a play of full `width`; `begun`, -1 to 1, is where in it that begins."""
+    return follow(signal, max(width, 0.0) / 2, begun)
 
 
 @_compiled

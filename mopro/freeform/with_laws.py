@@ -11,8 +11,8 @@ from cachetools import LRUCache, cached
 from mopro.candidate import Candidate
 from mopro.series import Floats, Series, Settings, Simulate
 
-# Bytes of the predictions that are kept: a term that is fitted beside effects asks for the same ones
-# again, and so do searches from several sets. Halved, an eighth of a long search is simulated twice.
+# Bytes of the predictions that are kept: a term that is fitted beside effects asks for the same
+# ones again, and so do searches from several sets. Halved, more of a search is simulated twice.
 _CACHE_BYTES = 1 << 28
 
 

@@ -225,6 +225,8 @@ def _shape(p: EffectParameter, sized: _Sized) -> Parameter:
     if p.low is not None and p.high is not None:
         low, high = (_sized(end, p.factor, sized) for end in (p.low, p.high))
         starts = tuple(low + share * (high - low) for share in _SHAPE_STARTS)
+    if p.role == THRESHOLD:
+        starts = (low, high)
     if p.start is not None:
         starts = (_sized(p.start, p.factor, sized),)
     return Parameter(

@@ -193,6 +193,10 @@ def test_a_lag_of_a_ramp_at_irregular_times_is_exact():
 def test_a_play_follows_at_half_its_width():
     x = np.array([0.0, 1.0, 2.0, 1.5, 1.0, 0.0, -1.0])
     assert evaluate(parse("play(x, 1)"), {"x": x}, T).tolist() == [0, 0.5, 1.5, 1.5, 1.5, 0.5, -0.5]
+    behind = evaluate(parse("play(x, 1, -1)"), {"x": x}, T)
+    assert behind.tolist() == [-0.5, 0.5, 1.5, 1.5, 1.5, 0.5, -0.5]
+    ahead = evaluate(parse("play(x, 4, 1)"), {"x": x}, T)
+    assert ahead.tolist() == [2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 1.0]
 
 
 @pytest.mark.parametrize("width", [-1.0, 0.0, 0.3, 50.0])

@@ -67,17 +67,20 @@ TURNS = (
 )
 
 
-def table(reach_deg):
-    """An axis that steps there and back twice, with an eccentric encoder and backlash."""
+def table(reach_deg, noise=0.0015, begun=0.0):
+    """An axis that steps there and back twice, with an eccentric encoder and backlash.
+
+    `begun`: the place in its play where the axis begins, in deg.
+    """
     there = np.arange(0.0, reach_deg + 1, 2.0)
     command = np.concatenate([there, there[-2:0:-1], there, there[-2::-1]])
-    played, x = [], command[0]
+    played, x = [], command[0] + begun
     for target in command.tolist():
         x = min(max(x, target - 0.004), target + 0.004)
         played.append(x)
     angle = np.deg2rad(command)
     measured = np.array(played) + 0.02 * np.sin(angle + 1) + 0.006 * np.sin(2 * angle - 0.4)
-    measured += 0.0015 * RNG(31).standard_normal(len(command))
+    measured += noise * RNG(31).standard_normal(len(command))
     return {
         "time_s": np.arange(float(len(command))), "target_deg": command, "position_deg": measured,
     }  # fmt: skip
@@ -94,6 +97,18 @@ def test_an_eccentric_encoder_is_named_from_one_turn(tmp_path):
     assert first == pytest.approx(0.02 * np.exp(1j), rel=0.03)
     assert second == pytest.approx(0.006 * np.exp(-0.4j), rel=0.05)
     assert "backlash" in {play["name"], *play["indistinguishable_from"]}
+
+
+@pytest.mark.parametrize("begun", [-0.004, 0.004])
+def test_a_play_that_is_taken_up_when_the_data_begin_is_named(tmp_path, begun):
+    """By a precise instrument: in its middle at first, a play leaves the first station far off."""
+    answer = reconciled(tmp_path, TURNS.replace("0.0015", "0.0003"), table(360.0, 0.0003, begun))
+    assert answer["verdict"] == "named"
+    assert {e["name"] for e in answer["effects"]} == {"backlash", "periodic_error"}
+    found = sizes(answer)
+    assert found["backlash.w"] == pytest.approx(0.008, rel=0.02)
+    assert found["backlash.begun"] == np.sign(begun)
+    assert answer["gap"]["after_rms"] < 1.05 * 0.0003
 
 
 def test_less_than_a_turn_shows_no_period_of_one(tmp_path):
@@ -230,6 +245,7 @@ def test_four_slow_effects_of_a_stage_are_named_together(tmp_path, noise):
         "scale.k": pytest.approx(2e-4, rel=0.01),
         "drift.r": pytest.approx(1.5e-6, rel=0.01),
         "backlash.w": pytest.approx(1.2e-3, rel=0.01),
+        "backlash.begun": -1.0,
         "periodic_error.P": pytest.approx(2.5, rel=1e-3),
         "periodic_error.s": pytest.approx(4e-4 * math.cos(0.3), rel=0.05),
         "periodic_error.c": pytest.approx(4e-4 * math.sin(0.3), rel=0.1),
