@@ -25,8 +25,14 @@ def delayed(time_s: Floats, signal: Floats, delay: float) -> Floats:
 
 
 def play(time_s: Floats, signal: Floats, width: float, begun: float = 0.0) -> Floats:
-    """The output of a play of full `width`; `begun`, -1 to 1, is where in it that begins."""
-    return follow(signal, max(width, 0.0) / 2, begun)
+    """The output of a play of full `width`.
+
+    `begun`: the place in it at the beginning, from -1, taken up in the direction of the first
+    motion, over 0, its middle, to 1.
+    """
+    moved = np.diff(signal)
+    first_way = float(np.sign(moved[moved != 0][:1]).sum())
+    return follow(signal, max(width, 0.0) / 2, begun * first_way)
 
 
 @_compiled

@@ -197,6 +197,9 @@ def test_a_play_follows_at_half_its_width():
     assert behind.tolist() == [-0.5, 0.5, 1.5, 1.5, 1.5, 0.5, -0.5]
     ahead = evaluate(parse("play(x, 4, 1)"), {"x": x}, T)
     assert ahead.tolist() == [2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 1.0]
+    down = evaluate(parse("play(-x, 1, -1)"), {"x": x}, T)
+    assert down.tolist() == (-behind).tolist()
+    assert evaluate(parse("play(x, 1, -1)"), {"x": np.zeros(7)}, T).tolist() == [0] * 7
 
 
 @pytest.mark.parametrize("width", [-1.0, 0.0, 0.3, 50.0])

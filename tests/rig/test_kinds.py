@@ -67,13 +67,13 @@ TURNS = (
 )
 
 
-def table(reach_deg, noise=0.0015, begun=0.0):
+def table(reach_deg, noise=0.0015, begun=0.0, way=1):
     """An axis that steps there and back twice, with an eccentric encoder and backlash.
 
-    `begun`: the place in its play where the axis begins, in deg.
+    `begun`: the place in its play where the axis begins, in deg. `way`: its first direction.
     """
     there = np.arange(0.0, reach_deg + 1, 2.0)
-    command = np.concatenate([there, there[-2:0:-1], there, there[-2::-1]])
+    command = way * np.concatenate([there, there[-2:0:-1], there, there[-2::-1]])
     played, x = [], command[0] + begun
     for target in command.tolist():
         x = min(max(x, target - 0.004), target + 0.004)
@@ -97,6 +97,15 @@ def test_an_eccentric_encoder_is_named_from_one_turn(tmp_path):
     assert first == pytest.approx(0.02 * np.exp(1j), rel=0.03)
     assert second == pytest.approx(0.006 * np.exp(-0.4j), rel=0.05)
     assert "backlash" in {play["name"], *play["indistinguishable_from"]}
+
+
+def test_runs_whose_play_is_taken_up_on_either_side_share_it(tmp_path):
+    """Each in the direction of its first motion, as stations of a calibration are approached."""
+    write(tmp_path / "down.csv", table(360.0, 0.0003, 0.004, way=-1))
+    text = TURNS.replace("0.0015", "0.0003") + '[[run]]\ndata = "down.csv"\n'
+    answer = reconciled(tmp_path, text, table(360.0, 0.0003, -0.004))
+    assert sizes(answer)["backlash.w"] == pytest.approx(0.008, rel=0.02)
+    assert answer["verdict"] == "named"
 
 
 @pytest.mark.parametrize("begun", [-0.004, 0.004])
