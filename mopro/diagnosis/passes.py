@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy import special
 
 from mopro.assumed import FALSE_ALARMS, LEAST_SHARE, SAME, STRONG, TOLERANCE, VERY_STRONG
 from mopro.candidate import Law
-from mopro.diagnosis.search.alternatives import alternatives
+from mopro.diagnosis.search.alternatives import Alternative, alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.neighbours import in_other_forms
 from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
@@ -303,16 +303,36 @@ def _main_law(sets: Hypotheses, drafted: Fit) -> Law:
 def find_alternatives(state: State) -> State:
     """Other sets that the data cannot distinguish from the answer.
 
-    A set with a free-form term is none of them, as what somebody has listed has the benefit of
-    the doubt, but is told.
+    One that explains them equally well takes its place if its effects are listed before. A set with
+    a free-form term is none of them, as what somebody has listed has the benefit of the doubt, but
+    is told.
     """
     if not state.fit.candidates:
         return state
     every = alternatives(state.sets, state.screening, state.fit)
+    if (first := _listed_first(state, every)) is not state:
+        state = first
+        every = alternatives(state.sets, state.screening, state.fit)
     listed = tuple(other for other in every if not other.laws)
     drafts = [other for other in every if other.laws]
     notes = [f"{' + '.join(sorted(other.names))} would do as well" for other in drafts[:1]]
     return replace(state, alternatives=listed, notes=(*state.notes, *notes))
+
+
+def _listed_first(state: State, every: Sequence[Alternative]) -> State:
+    """The state with that one of equal sets whose effects are listed first.
+
+    Which of them the search meets first is up to rounding. With drafts beside it the answer stays.
+    """
+    sets, names = state.sets, {other.names for other in every if not other.laws}
+    equal = [fit for fit in sets.ranked() if fit.names in names]
+    first = sets.evidence.lowest([state.fit, *equal])
+    if state.drafted is not None or first is state.fit:
+        return state
+    held = _held(sets, first)
+    if held is None or not all(map(held.supports, first.names)):
+        return state
+    return replace(state, fit=first, held=held)
 
 
 def better_alternative(state: State) -> Fit | None:

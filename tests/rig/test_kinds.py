@@ -261,6 +261,19 @@ def test_four_slow_effects_of_a_stage_are_named_together(tmp_path, noise):
     }
 
 
+def test_of_equal_explanations_the_one_that_is_listed_first_is_named(tmp_path):
+    """One pass at one pace tells no period of place from one in time; a machine has the former."""
+    x = np.arange(0, 12.001, 0.05)
+    measured = x + 0.020 * np.sin(2 * np.pi * x + 0.7) + 0.004 * np.sin(4 * np.pi * x + 1)
+    measured += 0.0015 * ((x - 6) / 6) ** 2 + 0.0005 * RNG(3).standard_normal(len(x))
+    columns = {"time_s": 2.0 * np.arange(len(x)), "target_mm": x, "position_mm": measured}
+    answer = reconciled(tmp_path, FOLLOWS.replace("0.02", '"unknown"'), columns)
+    (period,) = (e for e in answer["effects"] if e["name"].startswith("periodic"))
+    assert period["name"] == "periodic_error"
+    assert "periodic_in_time" in period["indistinguishable_from"]
+    assert period["parameters"]["P"]["value"] == pytest.approx(1.0, rel=2e-3)
+
+
 def test_no_effect_is_named_where_there_is_none(tmp_path):
     measured = MOVES + 0.02 * RNG(2).standard_normal(len(T))
     columns = {"time_s": T, "target_mm": MOVES, "position_mm": measured}
