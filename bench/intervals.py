@@ -1,4 +1,4 @@
-"""How often 95 % intervals contain the true value, in white and in coloured noise.
+"""Coverage of 95 % intervals in white and in coloured noise.
 
     python bench/intervals.py [--seeds 200]
 

@@ -175,7 +175,9 @@ def _arguments(node: ast.Call) -> list[ast.expr]:
     more = found == wanted + 1 and node.func.id in _OPTIONAL
     if node.keywords or not (more or (found == wanted if wanted > 0 else found >= 2)):
         many = f"{wanted}" if wanted > 0 else "two or more"
-        message = f"{node.func.id} takes {many} argument{'' if wanted == 1 else 's'}"
+        if node.func.id in _OPTIONAL:
+            many += f" or {wanted + 1}"
+        message = f"{node.func.id} takes {many} argument{'' if many == '1' else 's'}"
         raise FormulaError(f"{message}, found {found + len(node.keywords)}", *place(node))
     return node.args
 

@@ -60,6 +60,7 @@ def test_what_has_no_number_is_not_finite_and_raises_nothing(text):
         ("lambda: 1", "lambda", 0),
         ("1 +", "no formula", 0),
         ("2 * sin(1, 2)", "takes 1 argument, found 2", 4),
+        ("side(x, 1, 2)", "side takes 1 or 2 arguments, found 3", 0),
         ("sin", "is a function", 0),
         ("x < y < z", "a chain", 0),
         ("'text'", "this value", 0),
