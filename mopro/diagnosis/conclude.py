@@ -90,8 +90,10 @@ def _named(
             for name in sorted(other.names - fit.names):
                 rivals.setdefault(name, other)
     without = sets.without(fit, candidate.name)
-    # Without it, a period of another one may grow to a bend, which is no explanation.
-    rest = min(sets.ebic(without), sets.ebic(sets.null))
+    rest = sets.ebic(without)
+    if not math.isfinite(rest):
+        # Without it, the period of another one grew to a bend, which explains nothing.
+        rest = sets.ebic(sets.null)
     return Named(
         name=candidate.name,
         form=candidate.form,
