@@ -322,9 +322,11 @@ def find_alternatives(state: State) -> State:
 def _listed_first(state: State, every: Sequence[Alternative]) -> State:
     """The state with that one of equal sets whose effects are listed first.
 
-    Which of them the search meets first is up to rounding. With drafts beside it the answer stays.
+    Which of them the search meets first is up to rounding. With drafts beside it the answer stays,
+    and what was dropped from it stays away.
     """
-    sets, names = state.sets, {other.names for other in every if not other.laws}
+    sets, dropped = state.sets, {r.name for r in state.rejected}
+    names = {other.names for other in every if not other.laws and not dropped & other.names}
     equal = [fit for fit in sets.ranked() if fit.names in names]
     first = sets.evidence.lowest([state.fit, *equal])
     if state.drafted is not None or first is state.fit:

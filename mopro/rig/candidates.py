@@ -226,6 +226,7 @@ def _shape(p: EffectParameter, sized: _Sized) -> Parameter:
         low, high = (_sized(end, p.factor, sized) for end in (p.low, p.high))
         starts = tuple(low + share * (high - low) for share in _SHAPE_STARTS)
     if p.role == THRESHOLD:
+        # A term that is not searched for is tried at both ends.
         starts = (low, high)
     if p.start is not None:
         starts = (_sized(p.start, p.factor, sized),)

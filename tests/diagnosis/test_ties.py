@@ -1,13 +1,18 @@
 """Explanations that only rounding parts: the catalogue's order decides which is named."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from helpers.signals import candidates, diagnosed, of_size, sizes, times
+from helpers.signals import candidates, diagnosed, measured, of_size, sizes, times
+from mopro.diagnosis.passes import find_alternatives
+from mopro.diagnosis.state import Problem, State
 from mopro.fits import Evidence, Fit
+from mopro.freeform import WithLaws
 from mopro.residuals.noise import Noise
+from mopro.verdict import Rejected
 
 TWINS = ("stretched", "amplified")
 
@@ -42,3 +47,21 @@ def test_beyond_a_fiftieth_of_chi_squared_the_lower_one_is_taken(lower_by, lowes
 
     fits = [left(second, 5.0 - lower_by), left(first, 5.0)]
     assert evidence.lowest(fits).names == {lowest}
+
+
+@pytest.mark.parametrize(("dropped", "named"), [((), "stretched"), (("stretched",), "amplified")])
+def test_an_equal_set_takes_the_answer_s_place_unless_it_was_dropped(dropped, named):
+    """The search met the second of two twins first; the other one is listed before it."""
+    t = times()
+
+    def simulate(settings):
+        stretched, amplified = sizes(settings, *TWINS)
+        return [(stretched + amplified) * np.sin(7 * t)]
+
+    data = tuple(measured(simulate(of_size(stretched=1.0))[0], 0.2, 1))
+    model, effects = WithLaws(simulate, data, ()), tuple(candidates(*TWINS))
+    state = State.of(Problem(model, None, effects, (), (), data, 1, lambda _: None))
+    fit = state.sets.fitted([effects[1]], of_size(amplified=0.5))
+    rejected = tuple(Rejected(name, 1.0, "a reason") for name in dropped)
+    found = find_alternatives(replace(state, fit=fit, rejected=rejected))
+    assert found.fit.names == {named}
