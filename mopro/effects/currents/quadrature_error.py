@@ -23,7 +23,10 @@ class QuadratureError(Effect):
 
     @staticmethod
     def setpoint(theta: float, ia: float, ib: float, phi: float) -> tuple[float, float]:
-        return ia, ib + math.sin(theta + phi) - math.sin(theta)
+        # As sin(θ + phi) - sin θ: only what does not change in a run is a sine of another angle.
+        half = math.sin(0.5 * phi)
+        more = math.cos(theta) * math.sin(phi) - 2.0 * half * half * math.sin(theta)
+        return ia, ib + more
 
     def forms(self, view: View) -> Iterator[Candidate]:
         yield self.form(self.fitted("phi", 0.02))

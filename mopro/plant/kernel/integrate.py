@@ -58,7 +58,7 @@ def axis_and_drive(plant: Plant, factors: Sequence[float]) -> tuple[AxisNumbers,
     """
     k, mass, amps = plant[0], plant[3], plant[5]
     drive = (factors[0], factors[3], amps, plant[6], plant[7], plant[4])
-    return (k, factors[1], factors[2], mass), drive
+    return (k, factors[1], factors[2], mass, 1.0 / mass), drive
 
 
 def rates_of(parts: Parts) -> Rates:

@@ -40,8 +40,9 @@ FLAT_U = 1e-6
 
 # What pulls the forcer: the command (m) of an ideal drive, or the currents (ia, ib) over I.
 Field = Any
-# k (1/m), the motor's greatest force over m (m/s²), c_s/m (1/s), m (kg).
-AxisNumbers = tuple[float, float, float, float]
+# k (1/m), the motor's greatest force over m (m/s²), c_s/m (1/s), m (kg), 1/m (1/kg), as a division
+# takes longer than the rest of a force.
+AxisNumbers = tuple[float, float, float, float, float]
 # Position (m), velocity (m/s), the states that follow the path and those of the drive.
 State = tuple[float, float, Path, Electric]
 # The command as polynomials of the time since `begin`: begin (s), the coefficients of the
@@ -109,10 +110,10 @@ def acceleration_of(
         axis: AxisNumbers, numbers: Numbers,
     ) -> float:  # fmt: skip
         """ẍ in m/s² at x (m) and v (m/s); w is ẋ_c (m/s), and z the states dx (m) before x."""
-        k, strength, damping, mass = axis
+        k, strength, damping, mass, per_kg = axis
         a = strength * sin(k * (field - x)) if direct else pull(field, x, k, strength)
         if has_others:
-            a += others(mass * a, x, v, z, dx, numbers) / mass
+            a += others(mass * a, x, v, z, dx, numbers) * per_kg
         return a + damping * (w - v)
 
     return acceleration
