@@ -44,7 +44,8 @@ class Trace:
 class Stepping:
     """Limits of an integration step: time (s), and travel of the axis or the command (m).
 
-    Between ripples of the force the motion is smooth, so at low speed steps may be long.
+    Between ripples of the force the motion is smooth, so at low speed steps may be long. Currents
+    behind a lag, whose setpoints are parabolas in a step, go half as far.
     """
 
     max_s: float
@@ -75,6 +76,8 @@ class Engine:
         self._scaling = scaling
         terms = TermSet.of(active)
         self._numbers = terms.numbers(active)
+        lagging = terms.lag is not None and self._numbers[terms.lag][0] > 0
+        self._most_m = stepping.max_m / 2 if lagging else stepping.max_m
         self._nominal = is_nominal(terms, scaling)
         self._strengths = _strengths(plant, scaling, terms.direct)
         self._kernel = kernel(terms, self._nominal, compiled)
@@ -113,7 +116,7 @@ class Engine:
         ]
         motion = np.full((len(knots), 4), math.nan)
         electrical = np.full((len(knots) if recorded else 0, 5), math.nan)
-        limits = (self._stepping.max_s, self._stepping.max_m, REST_M)
+        limits = (self._stepping.max_s, self._most_m, REST_M)
         scalars = (_plant(self._plant), limits, self._resolved, self._numbers, self._state)
         if self._compiled:
             _, self._state = self._kernel(*arrays, *scalars, motion, electrical)

@@ -41,7 +41,7 @@ from mopro.series import Settings
 
 # RK4 with these steps is within 0.1 µm: the axis oscillates with a period of ten
 # milliseconds, and the shortest ripple of the force is 0.25 mm long.
-COARSE = Stepping(2.5e-4, 5e-5)
+COARSE = Stepping(2.5e-4, 1e-4)
 FINE = Stepping(2.5e-5)
 # Cubic interpolation between such samples is within 0.03 µm at a step of acceleration.
 DENSE_HZ = 4000.0
