@@ -218,7 +218,8 @@ def test_a_verdict_that_cannot_be_read_is_asked_again(made, monkeypatch, content
     said = {"verdict": "none", "effects": [], "seconds": 1.0, "exit_code": 0, "stderr": ""}
     asked = []
     monkeypatch.setattr(
-        "mopro.benchmark.scoring.run._reconcile", lambda *a: asked.append(a) or dict(said)
+        "mopro.benchmark.scoring.run.VerdictSource._reconciled",
+        lambda *a: asked.append(a) or dict(said),
     )
     kept = made / "003" / "verdict.json"
     kept.write_bytes(content)

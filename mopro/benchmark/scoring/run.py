@@ -114,12 +114,13 @@ class VerdictSource:
 
     A verdict is kept beside its experiment and reused as long as the experiment's files stay
     the same, unless `again` is set. A process that gives no verdict within `patience_s` has
-    failed; failures are not kept.
+    failed; failures are not kept. `simulations`: how many each process may do at once.
     """
 
     again: bool = False
     patience_s: float = 600.0
     replies: Path | None = None
+    simulations: int = 1
 
     def ask(self, number: str, experiment: Path, without: Sequence[str] = ()) -> Reply:
         """The reply to one experiment, with `seconds`; DataError for a bad recorded reply.
@@ -134,31 +135,31 @@ class VerdictSource:
         asked = {"files": files, "without": list(without)}
         if known is not None and asked == {"files": known["files"], "without": without_of(known)}:
             return known
-        reply = {**_reconcile(experiment, self.patience_s, without), **asked}
+        reply = {**self._reconciled(experiment, without), **asked}
         if reply["verdict"] != FAILED:
             write(file, (json.dumps(reply, indent=1) + "\n").encode())
         return reply
 
-
-def _reconcile(experiment: Path, patience_s: float, without: Sequence[str]) -> Reply:
-    """The JSON that `mopro reconcile` prints, with its time (s), exit code and messages."""
-    start = time.perf_counter()
-    command = [sys.executable, "-m", "mopro", "reconcile", str(experiment), "--json"]
-    command += [part for name in without for part in ("--without", name)]
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=patience_s
-        )
-    except subprocess.TimeoutExpired:
-        return {"verdict": FAILED, "stderr": f"no answer within {patience_s:g} s"}
-    try:
-        reply = json.loads(done.stdout)
-    except ValueError:
-        reply = {}
-    if not isinstance(reply, dict) or "verdict" not in reply:
-        reply = {"verdict": FAILED}
-    seconds, messages = time.perf_counter() - start, done.stderr[-_STDERR_KEPT:]
-    return {**reply, "seconds": seconds, "exit_code": done.returncode, "stderr": messages}
+    def _reconciled(self, experiment: Path, without: Sequence[str]) -> Reply:
+        """The JSON that `mopro reconcile` prints, with its time (s), exit code and messages."""
+        start = time.perf_counter()
+        command = [sys.executable, "-m", "mopro", "reconcile", str(experiment), "--json"]
+        command += ["--jobs", str(self.simulations)]
+        command += [part for name in without for part in ("--without", name)]
+        try:
+            done = subprocess.run(
+                command, capture_output=True, text=True, check=False, timeout=self.patience_s
+            )
+        except subprocess.TimeoutExpired:
+            return {"verdict": FAILED, "stderr": f"no answer within {self.patience_s:g} s"}
+        try:
+            reply = json.loads(done.stdout)
+        except ValueError:
+            reply = {}
+        if not isinstance(reply, dict) or "verdict" not in reply:
+            reply = {"verdict": FAILED}
+        seconds, messages = time.perf_counter() - start, done.stderr[-_STDERR_KEPT:]
+        return {**reply, "seconds": seconds, "exit_code": done.returncode, "stderr": messages}
 
 
 def _read_kept(path: Path) -> Reply | None:

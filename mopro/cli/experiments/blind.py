@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import click
@@ -133,7 +134,9 @@ def score(
     keep_inputs([("--report", report)], [("FOLDER", file) for file in found.files])
     if follow:
         found.refuse_foreign_follow_ups()
-    source = VerdictSource(again, patience, answers_from)
+    # The processes share the cores: more threads than those would only wait for each other.
+    simulations = max((os.cpu_count() or 1) // jobs, 1)
+    source = VerdictSource(again, patience, answers_from, simulations)
     with claimed(report):
         asked = judge_cases(found, source, jobs)
         judged = each_counted(asked, len(found.cases), "asking", "cases")
