@@ -40,7 +40,7 @@ class Parameter:
     this tolerance, which is a calibration and no finding. `inverse`: the fit's coordinate is
     one over the value (a corner frequency, a period). `difference`: step of finite differences
     as a share of the range, small against the curvature of the response and large against the
-    rounding of a simulation.
+    rounding of a simulation. `run`: the only run whose readings the number changes, by name.
     """
 
     name: str
@@ -54,6 +54,7 @@ class Parameter:
     inverse: bool = False
     difference: float = 1e-3
     tolerated: tuple[float, float] | None = None
+    run: str | None = None
 
     def scaled(self, value: float) -> float:
         """`value` as a share of the range, 0 to 1."""
@@ -111,8 +112,7 @@ class ResidualView:
     `residuals`: one array a series, in standard deviations of the noise. `sigmas`: those
     standard deviations, in the units of the series. `predictions`: the model's values with
     all that is fitted, in their units. `settings`: those of the effects, without laws.
-    `rss(settings)`: sum of squares of the
-    whole whitened residual with `settings` added.
+    `rss(settings)`: sum of squares of the whole whitened residual with `settings` added.
     """
 
     data: Sequence[Series]

@@ -125,9 +125,9 @@ class Parameter:
         )  # fmt: skip
 
 
-def phase(name: str, *starts: float) -> Fitted:
-    """An angle (rad) to fit from `starts`."""
-    return Fitted(name, "rad", -math.pi, math.pi, starts, Role.PHASE)
+def phase(name: str, *starts: float, run: str | None = None) -> Fitted:
+    """An angle (rad) to fit from `starts`; of one run only if that is named."""
+    return Fitted(name, "rad", -math.pi, math.pi, starts, Role.PHASE, run=run)
 
 
 @dataclass
@@ -168,6 +168,9 @@ class Scene:
 
 class ViewedRun(Protocol):
     """One run of an experiment; one that followed a logged command has no program."""
+
+    @property
+    def name(self) -> str: ...
 
     @property
     def program(self) -> Program | None: ...

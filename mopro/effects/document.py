@@ -61,6 +61,7 @@ This page is printed by `mopro machine effects`.
 class _ProgrammedRun:
     program: Program | None
     payload_kg: float = 0.0
+    name: str = "run"
 
 
 @dataclass(frozen=True)

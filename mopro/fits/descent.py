@@ -11,7 +11,7 @@ from scipy import optimize
 
 from mopro.assumed import INTERIOR, ITERATIONS, REPEATS
 from mopro.fits.jacobian import Iterate, SecantJacobian
-from mopro.series import Floats
+from mopro.series import Floats, Mask
 
 
 class _Converged(Exception):
@@ -23,14 +23,18 @@ class Descent:
 
     Parameters `x` are shares of their ranges, residuals are in standard deviations.
     `differences`: steps of finite differences in `x`. `rss_limit`: a descent that cannot come
-    down to this sum of squares is `abandoned`.
+    down to this sum of squares is `abandoned`. `parts`: the samples that each parameter changes.
     """
 
     def __init__(
-        self, residual: Callable[[Floats], Floats], differences: Sequence[float], rss_limit: float
+        self,
+        residual: Callable[[Floats], Floats],
+        differences: Sequence[float],
+        rss_limit: float,
+        parts: Sequence[Mask | None] = (),
     ) -> None:
         self._residual = residual
-        self._jacobian = SecantJacobian(residual, differences)
+        self._jacobian = SecantJacobian(residual, differences, parts)
         self._rss_limit = rss_limit
         self._last_rss = math.inf
         self._cuts = 0

@@ -163,7 +163,9 @@ class _Problem:
         if not self._order:
             residual = self._residual(scaled)
             return self._fit(scaled, residual, np.zeros((len(residual), 0)))
-        descent = Descent(self._residual, [p.difference for _, p in self._order], rss_limit)
+        differences = [p.difference for _, p in self._order]
+        parts = [self._residuals.part(p.run) for _, p in self._order]
+        descent = Descent(self._residual, differences, rss_limit, parts)
         tolerance = FIT_TOLERANCE / max(self._residuals.count, 1)
         reached = descent.run(scaled, low, high, tolerance)
         fit = self._fit(reached.x, reached.residual, reached.jacobian)

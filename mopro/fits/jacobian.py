@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mopro.assumed import FIT_TOLERANCE, INTERIOR, LINEARITY_ERROR, PROPORTIONAL, ROUNDING
-from mopro.series import Floats
+from mopro.series import Floats, Mask
 
 
 def gauss_newton_step(jacobian: Floats, residual: Floats) -> Floats:
@@ -32,17 +32,25 @@ class Iterate:
 class SecantJacobian:
     """Jacobian (samples x parameters) of `residual`, asked for along the path of a fit.
 
-    `differences` are the steps of finite differences, one for each parameter. Where the
-    Jacobian predicted a step well, the next one is a secant update of it, which costs no
-    evaluation (Broyden 1965; here the correction is shared out by what each parameter
-    contributed to the predicted change); else it is taken by differences, one evaluation a
-    parameter. `updated` is True if the last one is a secant update: good for a step, and not
-    for the errors of the parameters.
+    `differences` are the steps of finite differences, one for each parameter, and `parts` the
+    samples that it changes, None for all. Where the Jacobian predicted a step well, the next one
+    is a secant update of it, which costs no evaluation (Broyden 1965; here the correction is shared
+    out by what each parameter contributed to the predicted change); else it is taken by
+    differences, one evaluation for parameters whose parts do not overlap (Curtis, Powell and Reid
+    1974). `updated` is True if the last one is a secant update: good for a step, and not for the
+    errors of the parameters.
     """
 
-    def __init__(self, residual: Callable[[Floats], Floats], differences: Sequence[float]) -> None:
+    def __init__(
+        self,
+        residual: Callable[[Floats], Floats],
+        differences: Sequence[float],
+        parts: Sequence[Mask | None] = (),
+    ) -> None:
         self._residual = residual
         self._differences = differences
+        self._parts = list(parts) or [None] * len(differences)
+        self._together = _apart(self._parts)
         self.last: Iterate | None = None
         self.updated = False
         self._missed = 0.0
@@ -90,10 +98,27 @@ class SecantJacobian:
 
     def _finite_differences(self, x: Floats, residual: Floats) -> Floats:
         """Forward differences, backward in the upper half of a range."""
-        columns = np.empty((len(residual), len(x)))
-        for i, difference in enumerate(self._differences):
-            step = -difference if x[i] > 0.5 else difference
+        columns = np.zeros((len(residual), len(x)))
+        for together in self._together:
+            steps = {i: -d if x[i] > 0.5 else d for i in together for d in [self._differences[i]]}
             moved = x.copy()
-            moved[i] += step
-            columns[:, i] = (self._residual(moved) - residual) / step
+            moved[together] += list(steps.values())
+            change = self._residual(moved) - residual
+            for i, step in steps.items():
+                part = self._parts[i]
+                own = slice(None) if part is None else part
+                columns[own, i] = change[own] / step
         return columns
+
+
+def _apart(parts: Sequence[Mask | None]) -> list[list[int]]:
+    """Groups of parameters whose parts do not overlap, each of which is in one group."""
+    groups: list[tuple[list[int], Mask | None]] = []
+    for i, part in enumerate(parts):
+        for place, (together, taken) in enumerate(groups):
+            if part is not None and taken is not None and not (taken & part).any():
+                groups[place] = [*together, i], taken | part
+                break
+        else:
+            groups.append(([i], part))
+    return [together for together, _ in groups]

@@ -46,7 +46,7 @@ def line_in_time(sensor: str, rows: Mapping[int, Series]) -> Candidate:
     slowest = min(FEWEST / longest, fastest / 2) if longest else fastest / 2
     f = Parameter("f", "Hz", slowest, fastest, role=Role.SHAPE, difference=1e-7)
     unit = next(iter(rows.values())).unit
-    sizes = [Parameter(n, unit, -size, size) for pair in names.values() for n in pair]
+    sizes = [Parameter(n, unit, -size, size, run=run) for run, pair in names.items() for n in pair]
     law = Law(
         "measurement", "t", unit,
         lambda values: f"{math.hypot(values['s0'], values['c0']):.4g} * "

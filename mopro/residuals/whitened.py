@@ -51,6 +51,13 @@ class Residuals:
         """This problem restricted to the samples in `mask`."""
         return Residuals(self._simulate, self.data, mask, self.sigmas)
 
+    def part(self, run: str | None) -> Mask | None:
+        """The samples of one run among those in the mask; None for all runs."""
+        if run is None:
+            return None
+        own = [np.full(len(series), series.run == run) for series in self.data]
+        return np.concatenate(own)[self.mask]
+
     def beginnings(self, share: float) -> Mask:
         """The samples in this `share` of each series, from its first one on."""
         return np.concatenate([np.arange(len(s)) < share * len(s) for s in self.data])

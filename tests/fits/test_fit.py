@@ -287,3 +287,23 @@ def test_the_answer_has_the_jacobian_of_its_own_place():
     assert settled.rss <= fit.rss
     assert settled.jacobian[:, 1] == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())
     assert sets.fitted(effects, truth) is settled
+
+
+def test_numbers_of_different_runs_share_a_finite_difference():
+    """One evaluation for the two angles, one for the size that both runs have, and the first."""
+    t, asked = np.linspace(0.0, 1.0, 50), []
+    first = np.arange(100) < 50
+
+    def residual(x):
+        asked.append(x)
+        size, one, two = x
+        return size * np.concatenate([np.sin(7 * t + one), np.sin(7 * t + two)])
+
+    x = np.array([0.4, 0.2, 0.7])
+    jacobian = SecantJacobian(residual, (1e-6,) * 3, [None, first, ~first]).at(x)
+    assert len(asked) == 3
+    one, two = (0.4 * np.cos(7 * t + angle) for angle in x[1:])
+    zero = np.zeros(50)
+    assert jacobian[:, 1] == pytest.approx(np.concatenate([one, zero]), abs=1e-5)
+    assert jacobian[:, 2] == pytest.approx(np.concatenate([zero, two]), abs=1e-5)
+    assert jacobian[:, 0] == pytest.approx(residual(x) / 0.4, abs=1e-5)

@@ -58,7 +58,7 @@ class Hum(Effect):
 
     def forms(self, view: View) -> Iterator[Candidate]:
         """50 and 60 Hz alone, with both harmonics and with each of them."""
-        runs = range(len(view.runs))
+        runs = [run.name for run in view.runs]
         lines = {n: _line(f"A{n}", f"phi{n}", runs) for n in _HARMONICS}
         main = _line("A", "phi", runs)
         for mains, harmonics in product(_MAINS_HZ, ((), _HARMONICS, *combinations(_HARMONICS, 1))):
@@ -72,9 +72,10 @@ class Hum(Effect):
             )  # fmt: skip
 
 
-def _line(amplitude: str, angle: str, runs: range) -> tuple[Fitted, ...]:
-    """The fitted amplitude of a line, and its angle in each run."""
-    return replace(_AMPLITUDE, name=amplitude), *(phase(angle_in(run, angle)) for run in runs)
+def _line(amplitude: str, angle: str, runs: Sequence[str]) -> tuple[Fitted, ...]:
+    """The fitted amplitude of a line, and its angle in each of the runs of these names."""
+    angles = (phase(angle_in(i, angle), run=name) for i, name in enumerate(runs))
+    return replace(_AMPLITUDE, name=amplitude), *angles
 
 
 def _search(view: View, mains_hz: float, harmonics: Sequence[int]) -> FindStarts:
