@@ -113,9 +113,20 @@ def _fit_likely(
     likely = _first_of_each_size([subset for _, subset in close])
     proposals: list[Proposal] = [(s.candidates, [*s.starts, _as_in(best, s)]) for s in likely]
     proposals += [wider for s in likely if (wider := _in_forms_of(sets, best, s))]
-    for fit in sets.fit_all(proposals, limit):
+    for fit in sets.fit_all(_affordable(sets, best, proposals), limit):
         if not fit.abandoned:
-            sets.fit_all(in_other_forms(sets, fit), limit)
+            sets.fit_all(_affordable(sets, best, in_other_forms(sets, fit)), limit)
+
+
+def _affordable(sets: Hypotheses, best: Fit, proposals: Sequence[Proposal]) -> list[Proposal]:
+    """Those of the proposals that may come within the margin, by the penalty of their parameters.
+
+    Beside an answer that leaves noise none explains strongly more, or the search had found it.
+    """
+    if not sets.is_noise(best):
+        return list(proposals)
+    most = sets.evidence.of_joining(best.candidates, best.count, 0) + VERY_STRONG + STRONG
+    return [p for p in proposals if sets.evidence.of_joining(p[0], best.count, 0) <= most]
 
 
 def _in_forms_of(sets: Hypotheses, best: Fit, subset: LinearSubset) -> Proposal | None:
