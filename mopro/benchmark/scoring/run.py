@@ -143,8 +143,8 @@ class VerdictSource:
     def _reconciled(self, experiment: Path, without: Sequence[str]) -> Reply:
         """The JSON that `mopro reconcile` prints, with its time (s), exit code and messages."""
         start = time.perf_counter()
-        command = [sys.executable, "-m", "mopro", "reconcile", str(experiment), "--json"]
-        command += ["--jobs", str(self.simulations)]
+        jobs = ["--jobs", str(self.simulations)]
+        command = [sys.executable, "-m", "mopro", "reconcile", *jobs, str(experiment), "--json"]
         command += [part for name in without for part in ("--without", name)]
         try:
             done = subprocess.run(
