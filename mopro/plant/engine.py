@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -72,12 +72,11 @@ class Engine:
         self._plant = plant
         self._command = command
         self._resolved = resolved
-        self._stepping = stepping
         self._scaling = scaling
         terms = TermSet.of(active)
         self._numbers = terms.numbers(active)
         lagging = terms.lag is not None and self._numbers[terms.lag][0] > 0
-        self._most_m = stepping.max_m / 2 if lagging else stepping.max_m
+        self._stepping = replace(stepping, max_m=stepping.max_m / 2) if lagging else stepping
         self._nominal = is_nominal(terms, scaling)
         self._strengths = _strengths(plant, scaling, terms.direct)
         self._kernel = kernel(terms, self._nominal, compiled)
@@ -116,7 +115,7 @@ class Engine:
         ]
         motion = np.full((len(knots), 4), math.nan)
         electrical = np.full((len(knots) if recorded else 0, 5), math.nan)
-        limits = (self._stepping.max_s, self._most_m, REST_M)
+        limits = (self._stepping.max_s, self._stepping.max_m, REST_M)
         scalars = (_plant(self._plant), limits, self._resolved, self._numbers, self._state)
         if self._compiled:
             _, self._state = self._kernel(*arrays, *scalars, motion, electrical)

@@ -25,7 +25,7 @@ from mopro.recording import Recording
 from mopro.recording.record import Columns
 
 # Share of the interval of samples within which a stamp is on one: more than the rounding of times
-# of an hour, and at 10 m/s less than a nanometre.
+# of an hour, and at 10 m/s less than a nanometre. Halved or doubled, no reading changes.
 _ON_A_SAMPLE = 1e-7
 
 

@@ -24,8 +24,9 @@ class CurrentThirdHarmonic(Effect):
     @staticmethod
     def setpoint(theta: float, ia: float, ib: float, s: float) -> tuple[float, float]:
         # Of the angle's own sine and cosine, which compiled code has at hand.
-        c, d = math.cos(theta), math.sin(theta)
-        return ia - s * c * (4.0 * c * c - 3.0), ib + s * d * (3.0 - 4.0 * d * d)
+        cosine, sine = math.cos(theta), math.sin(theta)
+        cosine_3 = cosine * (4.0 * cosine * cosine - 3.0)
+        return ia - s * cosine_3, ib + s * sine * (3.0 - 4.0 * sine * sine)
 
     def forms(self, view: View) -> Iterator[Candidate]:
         yield self.form(self.fitted("s", 0.01))
