@@ -181,17 +181,21 @@ def eliminate(state: State) -> State:
 
 
 def hold_out(state: State) -> State:
-    """The answer without effects that held-out parts do not support, the worst dropped first."""
-    fit, rejected = state.fit, list(state.rejected)
+    """The answer without effects that held-out parts do not support.
+
+    Of several the one is dropped first that the data miss least: one whose absence leaves
+    much may fail for what another one does beside it.
+    """
+    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
     while fit.candidates:
-        held = _held(state.sets, fit)
+        held = _held(sets, fit)
         failing = [n for n in sorted(fit.names) if held is not None and not held.supports(n)]
         if held is None or not failing:
             return replace(state, fit=fit, held=held, rejected=tuple(rejected))
-        worst = min(failing, key=lambda name: held.gains[name])
-        without = state.sets.without(fit, worst)
-        rejected.append(Rejected(worst, without.rss - fit.rss, FAILS_HELD_OUT))
-        fit = without
+        without = {name: sets.without(fit, name) for name in failing}
+        worst = min(failing, key=lambda name: sets.ebic(without[name]))
+        rejected.append(Rejected(worst, without[worst].rss - fit.rss, FAILS_HELD_OUT))
+        fit = without[worst]
     return replace(state, fit=fit, held=None, rejected=tuple(rejected))
 
 

@@ -1,4 +1,4 @@
-"""The passes `prefer_lower` and `readmit`, which follow once effects of the answer are dropped."""
+"""The passes that drop effects, and those that follow once some are dropped."""
 
 from dataclasses import replace
 
@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
-from mopro.diagnosis.passes import FAILS_HELD_OUT, prefer_lower, readmit
+from mopro.diagnosis import passes
+from mopro.diagnosis.passes import FAILS_HELD_OUT, hold_out, prefer_lower, readmit
 from mopro.diagnosis.state import Problem, State
+from mopro.fits import HeldOut
 from mopro.freeform import WithLaws
 from mopro.verdict import Rejected
 
@@ -31,6 +33,22 @@ def state():
     fits = {c.name: state.sets.fitted([c], of_size(**{c.name: 0.5})) for c in effects}
     assert state.sets.ebic(fits["true"]) < state.sets.ebic(fits["similar"])
     return replace(state, fit=fits["similar"])
+
+
+def test_of_effects_that_held_out_parts_deny_the_one_that_is_missed_least_goes(monkeypatch, state):
+    """Beside `third` the held-out parts deny `true` more, and without it support that."""
+    both = [c for c in state.sets.catalogue if c.name in ("true", "third")]
+    fit = state.sets.fitted(both, of_size(true=1.0, third=0.1))
+    gains = {frozenset({"true", "third"}): {"true": -100.0, "third": -1.0}}
+
+    def held_out(sets, fit):
+        own = gains.get(fit.names, dict.fromkeys(fit.names, 1.0))
+        return HeldOut(2.0, 1.0, own, fit.residual)
+
+    monkeypatch.setattr(passes, "_held", held_out)
+    answer = hold_out(replace(state, fit=fit))
+    assert answer.fit.names == {"true"}
+    assert [(r.name, r.reason) for r in answer.rejected] == [("third", FAILS_HELD_OUT)]
 
 
 def answer(state, *dropped):
