@@ -113,6 +113,8 @@ class ResidualView:
     standard deviations, in the units of the series. `predictions`: the model's values with
     all that is fitted, in their units. `settings`: those of the effects, without laws.
     `rss(settings)`: sum of squares of the whole whitened residual with `settings` added.
+    `alone(settings)`: change of that residual (samples of all series) if `settings` are added to
+    the model without effects, which is simulated once whatever was fitted.
     """
 
     data: Sequence[Series]
@@ -121,6 +123,7 @@ class ResidualView:
     predictions: Sequence[Floats]
     settings: Settings
     rss: Callable[[Settings], float]
+    alone: Callable[[Settings], Floats]
 
 
 FindStarts = Callable[[ResidualView], Iterable[Mapping[str, float]]]

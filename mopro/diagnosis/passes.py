@@ -144,9 +144,11 @@ def add_laws(state: State) -> State:
     repeated = [(term, state.screening.listed_like(term)) for term in terms]
     sets.leave_out({term.name for term, listed in repeated if listed})
     state = replace(state, terms={name: term for term, listed in repeated for name in listed})
-    # Several effects may make up for one that nobody listed beside a single one.
-    single = [fit for fit in sets.ranked() if len(fit.candidates) == 1]
-    fronts = [state.fit, *(single[:1] if len(state.fit.candidates) > 1 else [])]
+    # Several effects may make up for one that nobody listed beside a single one. Where they leave
+    # noise, what may stand beside one of them is found from their own neighbourhood.
+    single = next((fit for fit in sets.ranked() if len(fit.candidates) == 1), state.fit)
+    part = single.key <= state.fit.key
+    fronts = [state.fit, *([] if part and sets.is_noise(state.fit) else [single])]
     search(sets, state.screening, fronts, only_laws=sets.is_noise(state.fit))
     best, listed = sets.best(), sets.best_listed()
     # What somebody has listed has the benefit of the doubt, if it is no more.

@@ -15,7 +15,7 @@ from helpers.signals import (
     sizes,
     times,
 )
-from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.search.alternatives import alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.screening import Screening
@@ -190,3 +190,40 @@ def test_a_weak_alternative_that_does_a_little_worse_is_found_at_its_own_size():
     verdict = diagnosed(simulate, effects, of_size(straight=0.1), 0.25, seed=2)
     assert verdict.verdict == "ambiguous"
     assert family(verdict.effects[0]) == {"straight", "bent"}
+
+
+def test_an_alternative_has_the_form_of_the_effect_that_it_replaces():
+    """`falling` is `dry` and `drag` in one, and 0.4 rad late; the plain forms take 0.2 for granted.
+
+    In its plain form `dry` is 60 standard deviations off, and its fit given up.
+    """
+    t = times()
+
+    def dry(size, late):
+        return size * np.sin(7 * t - late)
+
+    def simulate(settings):
+        told = 0.0 * t
+        for name in settings.keys() & {"dry", "falling"}:
+            told = told + dry(settings[name]["size"], settings[name]["late"])
+        for name in settings.keys() & {"drag", "falling"}:
+            more = settings[name]["more"]
+            told = told + (more + 2.0 * (more - 0.9) ** 2) * np.sin(11 * t)
+        return [told]
+
+    size, more = (Parameter(name, "V", -10.0, 10.0, (0.9,)) for name in ("size", "more"))
+    late = Parameter("late", "1", 0.0, 1.0, (0.2,), Role.SHAPE)
+    both = {"form": "late fitted", "extends": ""}
+    effects = [
+        Candidate("falling", (size, more), fixed={"late": 0.2}),
+        falling := Candidate("falling", (size, more, late), **both),
+        Candidate("dry", (size,), fixed={"late": 0.2}),
+        Candidate("dry", (size, late), **both),
+        Candidate("drag", (more,)),
+    ]
+    truth = {"falling": {"size": 1.0, "more": 0.8, "late": 0.4}}
+    sets = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.1, 1)), effects)
+    best = sets.fitted([falling], truth)
+    (other,) = alternatives(sets, Screening(sets), best)
+    assert other.names == {"dry", "drag"}
+    assert other.settings["dry"]["late"] == pytest.approx(0.4, abs=0.02)

@@ -38,6 +38,43 @@ def test_a_single_effect_that_explains_all_is_fitted_alone_first():
     assert fitted == ["fitting bent"]
 
 
+def fits_of(simulate, effects, truth, sigma):
+    """The sets in the order in which they are fitted, and the names in the verdict."""
+    progress = []
+    verdict = diagnosed(simulate, effects, truth, sigma, 2, progress=progress.append)
+    prefix = "fitting "
+    return [line[len(prefix) :] for line in progress if line.startswith(prefix)], names(verdict)
+
+
+def test_single_effects_that_are_predicted_as_well_are_all_fitted_first():
+    """At 1 V, where it is probed, `bent` has less of the cosine than at 2.5 V, and `mimic` more."""
+    t = times()
+
+    def simulate(settings):
+        bent, mimic = sizes(settings, "bent", "mimic")
+        like = np.sin(7 * t) + 0.012 * np.cos(11 * t)
+        return [bent * np.sin(7 * t) + 0.004 * bent**2 * np.cos(11 * t) + mimic * like]
+
+    effects = candidates("mimic", "bent")
+    fitted, named = fits_of(simulate, effects, of_size(bent=2.5), 0.01)
+    assert set(fitted[:2]) == {"mimic", "bent"}
+    assert named == {"bent"}
+
+
+def test_what_joins_an_effect_that_signatures_misjudge_is_predicted_from_its_fit():
+    """`dry` at 2.5 V has another shape than at 1 V, where it is probed: it predicts 80 %."""
+    t = times()
+
+    def simulate(settings):
+        dry, other = sizes(settings, "dry", "other")
+        return [dry * np.sin(7 * t) + 0.5 * dry**2 * np.cos(11 * t) + other * np.cos(13 * t)]
+
+    truth = of_size(dry=2.5, other=0.3)
+    fitted, named = fits_of(simulate, candidates("dry", "other"), truth, 0.2)
+    assert fitted[:3] == ["dry", "other", "dry + other"]
+    assert named == {"dry", "other"}
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_signature_is_simulated_again_at_the_size_that_it_asks_for(seed):
     """`bent` is probed at 0.1 V and 2.8 V and is there with 1 V, where its shape is another.

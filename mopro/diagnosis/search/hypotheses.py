@@ -14,7 +14,15 @@ from mopro.assumed import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, PROPORTIONAL, S
 from mopro.candidate import Candidate, Parameter, Role
 from mopro.fits import Evidence, Fit, Identity, Key, growing_fit, least_squares_fit
 from mopro.jobs import in_threads
-from mopro.residuals import Noise, Residuals, as_noise, difference_variance, examine, noise_of
+from mopro.residuals import (
+    Noise,
+    Remainder,
+    Residuals,
+    as_noise,
+    difference_variance,
+    examine,
+    noise_of,
+)
 from mopro.series import Settings, Simulate
 
 T = TypeVar("T")
@@ -49,6 +57,7 @@ class Hypotheses:
         self._fits: dict[Key, Fit] = {}
         self._limits: dict[Key, float] = {}
         self._stepped: set[tuple[Identity, str]] = set()
+        self._remainders: dict[Identity, Remainder] = {}
         self.residuals = residuals
         self.null = self._fit_null()
         if base and not residuals.known_noise:
@@ -107,15 +116,21 @@ class Hypotheses:
 
     def is_noise(self, fit: Fit) -> bool:
         """True if the residual of `fit` tests as white noise, of the stated size or larger."""
-        remainder = examine(self.residuals, fit.residual, len(fit.order))
+        remainder = self._remainder(fit)
         return not remainder.significant or remainder.only_size
 
     def leaves_noise(self, fit: Fit) -> bool:
         """True if what `fit` leaves may be noise, of whatever size and memory."""
-        remainder = examine(self.residuals, fit.residual, len(fit.order))
+        remainder = self._remainder(fit)
         return not remainder.significant or bool(
             as_noise(self.residuals, self.evidence.noise, fit.residual, remainder)
         )
+
+    def _remainder(self, fit: Fit) -> Remainder:
+        """What `fit` leaves, examined once: the tests take longer than a simulation."""
+        if fit.identity not in self._remainders:
+            self._remainders[fit.identity] = examine(self.residuals, fit.residual, len(fit.order))
+        return self._remainders[fit.identity]
 
     def judge_by(self, fit: Fit) -> None:
         """Judge by noise like the remainder of `fit`, unless that is as stated."""

@@ -76,13 +76,15 @@ class LinearSubsets:
         self._scores = [s for s in scores if s.group]
         ends = np.cumsum([0, *(len(s.group) for s in self._scores)])
         self._columns = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
-        changes = [np.zeros((len(base.residual), 0))]
-        changes += [probe.change[:, None] for s in self._scores for probe in s.group]
-        apart = projected_out(base.tangent, np.hstack(changes))
+        changes = [probe.change for s in self._scores for probe in s.group]
+        # One change after the other in memory, as they come.
+        columns = np.array(changes).T if changes else np.zeros((len(base.residual), 0))
+        apart = projected_out(base.tangent, columns)
         self._penalty, self._findings = evidence.penalty(base), evidence.findings(base)
         self._sums = evidence.noise.sums(base.residual)
         # By series, as those of unknown noise are judged each by itself.
-        parts = np.split(np.arange(len(base.residual)), evidence.noise.starts[1:])
+        series = (*evidence.noise.starts, len(base.residual))
+        parts = [slice(a, b) for a, b in pairwise(series)]
         self._grams = np.array([apart[p].T @ apart[p] for p in parts])
         self._products = np.array([apart[p].T @ base.residual[p] for p in parts])
         self._gram, self._product = self._grams.sum(axis=0), self._products.sum(axis=0)

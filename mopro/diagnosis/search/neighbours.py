@@ -17,7 +17,7 @@ from mopro.assumed import (
 )
 from mopro.candidate import Candidate
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
-from mopro.diagnosis.search.linear_subset import LinearSubset, LinearSubsets
+from mopro.diagnosis.search.linear_subset import LinearSubset
 from mopro.diagnosis.search.screening import Screening
 from mopro.fits import Fit
 from mopro.series import Settings
@@ -45,13 +45,12 @@ def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbour
     subsets: list[LinearSubset] = []
     bases = list(_reduced(sets, fit))
     for reduced, unabsorbed, dropped in bases:
-        scores = screening.beside(reduced, fit, unabsorbed)
         room = min(
             min(dropped, 2) + _more(reduced, fit),
             MOST_EFFECTS - len(reduced.candidates),
         )
         closer = [base.key for base, *_ in bases if reduced.key < base.key]
-        found = LinearSubsets(reduced, scores, sets.white).best(room)
+        found = screening.subsets(reduced, fit, unabsorbed, room)
         subsets += [s for s in found if not any(key <= s.key for key in closer)]
     return Neighbourhood(fit, tuple(sorted(subsets, key=lambda subset: subset.ebic)))
 
@@ -115,7 +114,7 @@ def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
         proposals += [
             (
                 (*base.candidates, form),
-                [{**subset.start, **_in_form(form, subset.start[form.name])}],
+                [{**subset.start, **in_form(form, subset.start[form.name])}],
             )
             for form in _neighbouring_forms(member.candidate, sets.catalogue)
             if form.name == member.candidate.name and form.name not in near.fit.names
@@ -151,11 +150,11 @@ def with_rivals(sets: Hypotheses, fit: Fit) -> list[Proposal]:
 
 def _in_another_form(fit: Fit, candidate: Candidate, form: Candidate) -> Proposal:
     others = [c for c in fit.candidates if c is not candidate]
-    start = _in_form(form, fit.settings[candidate.name])
+    start = in_form(form, fit.settings[candidate.name])
     return (*others, form), [{**fit.settings_without(frozenset({candidate.name})), **start}]
 
 
-def _in_form(form: Candidate, known: Mapping[str, float]) -> Settings:
+def in_form(form: Candidate, known: Mapping[str, float]) -> Settings:
     """Settings of a form: values of its parameters that are `known`, else its first starts."""
     values = {p.name: p.null for p in form.parameters}
     start = {**values, **{p.name: p.starts[0] for p in form.parameters if p.starts}}

@@ -107,6 +107,9 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
         for fit in _in_reach(sets, best):
             _fit_forms(sets, fit)
         best = sets.best()
+    if not sets.is_noise(best):
+        # A fit that ended in a narrow valley calls for effects that are not there.
+        sets.settled(best)
 
 
 def _in_reach(sets: Hypotheses, best: Fit) -> list[Fit]:
@@ -147,8 +150,9 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
 
     Both for white noise: of what noise with a memory allows, the fit itself is the judge.
 
-    Where a single effect is predicted to leave next to nothing it is fitted alone: a signature
-    may misjudge a strong effect by more than a second one would gain.
+    Where a single effect is predicted to leave next to nothing only such are fitted, those that
+    are predicted as well: a signature may misjudge a strong effect by more than a second one would
+    gain. So are they where one of them explains more than the larger sets are predicted to.
     """
     best = sets.best()
     limit = sets.white.ebic(best)
@@ -160,15 +164,33 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
         # A set that contains the best one is predicted better from that, or from a larger part.
         and (best.key <= near.fit.key or not best.key < s.key)
     ]
-    first = next((s for s in near.subsets if len(s.members) == 1), None)
-    if not near.fit.candidates and first is not None and first.ebic < limit:
+    single = [s for s in near.subsets if len(s.members) == 1]
+    if not near.fit.candidates and single and single[0].ebic < limit:
+        first = single[0]
+        error = LINEARITY_ERROR * first.reduction
         excess = near.fit.rss - near.fit.count * sets.scale(near.fit)
-        if excess - first.reduction <= LINEARITY_ERROR * first.reduction:
-            return [first]
+        if excess - first.reduction <= error:
+            return distinct([s for s in single if s.ebic < first.ebic + error], FITTED)
+    if not near.fit.candidates and single and _misled(sets, near, single[0], hopeful):
+        return distinct(single, SECOND_GUESSES)
     chosen = distinct(hopeful, FITTED)
     if near.fit.far_from_linear:
         chosen += distinct([s for s in hopeful if len(s.members) == 1], 2 * FITTED)
     return list(dict.fromkeys([*chosen, *distinct(_simpler(near), FITTED)]))
+
+
+def _misled(
+    sets: Hypotheses, near: Neighbourhood, first: LinearSubset, hopeful: Sequence[LinearSubset]
+) -> bool:
+    """True if the likeliest single effect explains more than any larger set is predicted to.
+
+    Beside a dry friction nothing is linear, and what joins it is predicted from its own fit.
+    """
+    larger = [s.reduction for s in hopeful if len(s.members) > 1]
+    if not larger:
+        return False
+    fit = sets.fitted(first.candidates, first.start)
+    return near.fit.rss - fit.rss > max(larger)
 
 
 def _simpler(near: Neighbourhood) -> list[LinearSubset]:

@@ -12,10 +12,12 @@ from cachetools import LRUCache, cachedmethod
 from mopro.assumed import FITTED, STRONG, VERY_STRONG
 from mopro.candidate import Candidate, Role
 from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.search.linear_subset import LinearSubset, LinearSubsets
 from mopro.diagnosis.search.signature import (
     Group,
     ScoreTest,
     alike,
+    beside,
     far_from_probes,
     probed_at,
     score_test,
@@ -36,6 +38,9 @@ def _own_bytes(score: ScoreTest) -> int:
 # Bytes of the arrays of score tests that are kept: the null model, and what is left of the best set
 # without each of its effects, are asked for again in every round.
 _KEPT_BYTES = 1 << 28
+# Bases whose subsets are kept: those of one neighbourhood, which the alternatives ask for again.
+# Halved, those of a set of four effects are predicted twice.
+_KEPT_BASES = 16
 
 
 class Screening:
@@ -46,16 +51,18 @@ class Screening:
         # Asked by several threads at once.
         self._lock = Lock()
         self._tests: LRUCache[Hashable, ScoreTest] = LRUCache(_KEPT_BYTES, _own_bytes)
+        self._subsets: LRUCache[Hashable, list[LinearSubset]] = LRUCache(_KEPT_BASES)
         self._groups: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
         self._searched: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
 
     def beside(self, base: Fit, at: Fit, unabsorbed: Fit | None = None) -> list[ScoreTest]:
         """Score tests of all candidates that may join `base`, the lowest predicted EBIC first.
 
-        Signatures are those at the null model. If `base` is `at` itself, those of the
-        likeliest candidates that may come within the margin of alternatives are simulated
-        there, and all of them where the null model is far from linear or `at` leaves more than
-        noise: beside a dry friction, another one has quite another signature. Starts are searched
+        Signatures are those at the null model. If `base` is `at` itself and leaves more than
+        noise, they are simulated there: beside a dry friction, another one has quite another
+        signature. If it leaves noise, what joins it is weak, and the best of the known probes
+        are: of the likeliest candidates that may come within the margin of alternatives, and of
+        all where the null model is far from linear. Starts are searched
         in the residual of `base` and of `unabsorbed`, in which other effects have not adapted to
         what was dropped.
         """
@@ -63,6 +70,21 @@ class Screening:
         if unabsorbed is None:
             return scores
         return self._sorted(base, [self._with_starts_from(unabsorbed, base, s) for s in scores])
+
+    def subsets(self, base: Fit, at: Fit, unabsorbed: Fit | None, most: int) -> list[LinearSubset]:
+        """Subsets of up to `most` candidates `beside` base, the lowest predicted EBIC first.
+
+        Beside the null model, and beside a set that is expanded again, they are known.
+        """
+        sets = self._sets
+        others = None if unabsorbed is None else unabsorbed.identity
+        there = at.identity if base.key == at.key else None
+        known = tuple(c.key for c in sets.catalogue), sets.white.noise.stated
+        key = (base.identity, there, others, most, known)
+        if key not in self._subsets:
+            scores = self.beside(base, at, unabsorbed)
+            self._subsets[key] = LinearSubsets(base, scores, sets.white).best(most)
+        return self._subsets[key]
 
     def _with_starts_from(self, other: Fit, base: Fit, score: ScoreTest) -> ScoreTest:
         groups = self._found(other, score.candidate)
@@ -78,14 +100,20 @@ class Screening:
         ]
         if base.key != at.key:
             return self._scores(base, null, joining)
-        if at.key == null.key or null.far_from_linear or not self._sets.is_noise(at):
+        if at.key == null.key or not self._sets.is_noise(at):
             return self._scores(base, at, joining)
         known = self._scores(base, null, joining)
         limit = self._sets.white.ebic(at) + VERY_STRONG
-        promising = [s.candidate for s in known if self.predicted_ebic(base, s) < limit]
-        promising = promising[: 2 * FITTED]
-        others = [s for s in known if s.candidate not in promising]
-        return self._sorted(base, [*self._scores(base, at, promising), *others])
+        likely = sum(self.predicted_ebic(base, s) < limit for s in known)
+        count = len(known) if null.far_from_linear else min(likely, 2 * FITTED)
+        closer = self._sets.each(lambda score: self._closer(base, score), known[:count])
+        return self._sorted(base, [*closer, *known[count:]])
+
+    def _closer(self, at: Fit, known: ScoreTest) -> ScoreTest:
+        """A score test at the null model with the best of its probes simulated at `at`."""
+        again = beside(self._sets.residuals, at, known.candidate, known.group)
+        groups = [*([again] if again else []), *self._found(at, known.candidate)]
+        return score_test(at, at.tangent, known.candidate, groups)
 
     def _scores(self, base: Fit, at: Fit, candidates: Sequence[Candidate]) -> list[ScoreTest]:
         scores = self._sets.each(lambda candidate: self._score(base, at, candidate), candidates)
@@ -146,7 +174,7 @@ class Screening:
             for group in self._signatures(null, candidate)
             for other in group
             for (one, *_) in own
-            if alike(one.change, other.change)
+            if alike(one, other)
         }
 
     def predicted_ebic(self, base: Fit, score: ScoreTest) -> float:
@@ -167,5 +195,5 @@ class Screening:
         """Starts from the candidate's own search in the residual of `base`."""
         key = (base.identity, candidate.key)
         if key not in self._searched:
-            self._searched[key] = searched(self._sets.residuals, base, candidate)
+            self._searched[key] = searched(self._sets.residuals, self._sets.null, base, candidate)
         return self._searched[key]

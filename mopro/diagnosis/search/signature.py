@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -56,6 +57,11 @@ class Probe:
     moved: Moved
     change: Floats
 
+    @cached_property
+    def square(self) -> float:
+        """Sum of squares of the change."""
+        return float(self.change @ self.change)
+
 
 # Probes whose changes add up: one for each amplitude and each quarter turn of an angle.
 Group = tuple[Probe, ...]
@@ -69,6 +75,16 @@ def signatures(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Gr
         return Probe(values, moved, base.residual - residuals.at(settings))
 
     return [tuple(probe(values, moved) for values, moved in group) for group in _groups(candidate)]
+
+
+def beside(residuals: Residuals, base: Fit, candidate: Candidate, known: Group) -> Group:
+    """The probes of a known group of a candidate, simulated at `base`."""
+
+    def probe(own: Probe) -> Probe:
+        settings = {**base.settings, **candidate.settings(own.values)}
+        return replace(own, change=base.residual - residuals.at(settings))
+
+    return tuple(map(probe, known))
 
 
 def _groups(candidate: Candidate) -> Iterator[list[tuple[dict[str, float], Moved]]]:
@@ -185,10 +201,10 @@ def resized(candidate: Candidate, group: Group, sizes: Floats) -> tuple[dict[str
     return values, allowed
 
 
-def alike(one: Floats, other: Floats) -> bool:
-    """True if two changes are multiples of each other, as far as they are linear."""
-    product = float(one @ other) ** 2
-    return product > (1 - LINEARITY_ERROR**2) * float(one @ one) * float(other @ other)
+def alike(one: Probe, other: Probe) -> bool:
+    """True if the changes of two probes are multiples of each other, as far as they are linear."""
+    product = float(one.change @ other.change) ** 2
+    return product > (1 - LINEARITY_ERROR**2) * one.square * other.square
 
 
 def far_from_probes(score: ScoreTest) -> bool:
@@ -212,8 +228,11 @@ def probed_at(residuals: Residuals, base: Fit, candidate: Candidate, start: Sett
     return (Probe(values, (amplitude, None), change),)
 
 
-def searched(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Group]:
-    """The starts that the candidate's own search finds in the residual of `base`, as probes."""
+def searched(residuals: Residuals, null: Fit, base: Fit, candidate: Candidate) -> list[Group]:
+    """The starts that the candidate's own search finds in the residual of `base`, as probes.
+
+    `null`: the fit without effects.
+    """
     if candidate.find_starts is None:
         return []
     amplitude = next((p for p in candidate.parameters if p.role is Role.AMPLITUDE), None)
@@ -238,11 +257,11 @@ def searched(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Grou
         lower = float(by_other @ by_other) < float(by_start @ by_start)
         return other if lower else replace(start, moved=("", None))
 
-    starts = candidate.find_starts(_view(residuals, base))
+    starts = candidate.find_starts(_view(residuals, null, base))
     return [(as_found_or_resized(probe(values)),) for values in starts]
 
 
-def _view(residuals: Residuals, base: Fit) -> ResidualView:
+def _view(residuals: Residuals, null: Fit, base: Fit) -> ResidualView:
     predicted = residuals.predicted(base.settings)
     whitened = (residuals.measured - predicted) * residuals.weights
     return ResidualView(
@@ -252,4 +271,5 @@ def _view(residuals: Residuals, base: Fit) -> ResidualView:
         residuals.split(predicted),
         base.settings_without(frozenset(c.name for c in base.candidates if c.law)),
         lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
+        lambda settings: residuals.at({**null.settings, **settings}) - null.residual,
     )

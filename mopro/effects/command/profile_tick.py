@@ -17,7 +17,9 @@ _DELAY_SIGMAS = 5.0
 # Size of the grid's sags in σ from which the tick is refined: only close values then keep
 # the phase of the grid over the whole run.
 _GRID_SIGMAS = 2.0
+# Most ticks that are tried, and the least step of their number in a run.
 _TICKS_TRIED = 21
+_STEP = 0.1
 _SHORTEST_S, _LONGEST_S = 1e-4, 0.015
 _TICK = Fitted(
     "T", "s", _SHORTEST_S, _LONGEST_S, role=Role.SHAPE, plausible=(2.5e-4, 0.0125), difference=1e-6
@@ -70,19 +72,28 @@ class ProfileTick(Effect):
             if _grid_sigmas(view, fit, tick_s) < _GRID_SIGMAS:
                 yield {"T": tick_s}
                 return
+            # Beside any effects a tick changes what it changes alone, to within what they do to it.
+            left = np.concatenate(fit.residuals)
             trials = _around(view, tick_s, ticks * 2 * error_s)
-            sums = [fit.rss({self.name: {"T": t, **fixed}}) for t in trials]
-            yield {"T": trials[int(np.argmin(sums))]}
+            changed = (left + fit.alone({self.name: {"T": t, **fixed}}) for t in trials)
+            yield {"T": trials[int(np.argmin([float(own @ own) for own in changed]))]}
 
         return find_tick
 
 
 def _around(view: View, tick_s: float, error_s: float) -> list[float]:
-    """Ticks within `error_s`, or within the change that shifts the grid by one tick at the end."""
+    """Ticks within `error_s`, or within the change that shifts the grid by one tick at the end.
+
+    Their numbers in the longest run are multiples of one step, so that ticks which were tried
+    before are tried again: a tenth, or that doubled until there are few enough.
+    """
     last_s = max(float(reading.time_s[-1]) for _, reading in view.positions().values())
-    reach_s = max(error_s, tick_s**2 / last_s)
-    around = np.linspace(tick_s - reach_s, tick_s + reach_s, _TICKS_TRIED)
-    trials = (float(t) for t in (*around, *_round_numbers(tick_s)))
+    number = last_s / tick_s
+    reach = number * max(error_s / tick_s, 1 / number)
+    step = _STEP * 2 ** max(math.ceil(math.log2(2 * reach / (_TICKS_TRIED * _STEP))), 0)
+    first, last = math.ceil((number - reach) / step), math.floor((number + reach) / step)
+    shared = (last_s / (step * n) for n in range(max(first, 1), last + 1))
+    trials = (*shared, *_round_numbers(tick_s))
     return [t for t in trials if _SHORTEST_S < t < _LONGEST_S]
 
 
