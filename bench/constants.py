@@ -98,11 +98,12 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
     from mopro.experiment.check.load import load_experiment
     from mopro.experiment.diagnose import diagnosis
 
-    def reconcile(model: Any, *args: Any, finer: Any, **how: Any) -> Any:
+    def reconcile(model: Any, *args: Any, finer: Any, coarse: Any, **how: Any) -> Any:
         about = f"resolved {model.resolved}"
         kept = Remembered(model, about, folder)
         fine = Remembered(finer, f"{about}, finer", folder)
-        return plain(kept, *args, finer=fine, **how)
+        rough = Remembered(coarse, f"{about}, coarse", folder)
+        return plain(kept, *args, finer=fine, coarse=rough, **how)
 
     vars(diagnosis)["reconcile"] = reconcile
     verdict = diagnosis.diagnose(load_experiment(experiment)).verdict

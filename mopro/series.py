@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,6 +14,11 @@ Mask = NDArray[np.bool_]
 
 # effect name -> parameter name -> value; an effect that is absent is off.
 Settings = Mapping[str, Mapping[str, float]]
+
+
+def key_of(settings: Settings) -> Hashable:
+    """The settings as a key of what is kept about them, in whatever order they are stated."""
+    return tuple(sorted((name, tuple(sorted(own.items()))) for name, own in settings.items()))
 
 
 @dataclass(frozen=True)

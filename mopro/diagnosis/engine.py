@@ -30,6 +30,7 @@ def reconcile(
     unlisted: Sequence[Candidate] = (),
     base: Sequence[Parameter] = (),
     finer: Simulate | None = None,
+    coarse: Simulate | None = None,
     jobs: int = 1,
     progress: Progress = lambda _: None,
 ) -> Verdict:
@@ -40,7 +41,7 @@ def reconcile(
     that compete beside those of the measurement. `base` are free numbers of the model itself,
     found in `settings["base"]`: fitted with every set of effects, from their `starts`. `finer`
     is the same model with smaller steps of integration, asked before anything is called
-    unexplained.
+    unexplained, and `coarse` with larger ones, by which changes of the prediction are told.
     `jobs` simulations run at once, in threads, and `progress` is called with a line about each
     fit. The passes are taken again from an alternative that the data support strongly over the
     answer. Raises ValueError for data or predictions that are not finite numbers and for
@@ -48,9 +49,9 @@ def reconcile(
     """
     _check(effects, data)
     own = (Candidate(BASE, tuple(base)),) if base else ()
-    simulate = WithLaws(simulate, data, ())
+    simulate, coarse = WithLaws(simulate, data, ()), coarse and WithLaws(coarse, data, ())
     problem = Problem(
-        simulate, finer, tuple(effects), tuple(unlisted), own, tuple(data), jobs, progress
+        simulate, finer, coarse, tuple(effects), tuple(unlisted), own, tuple(data), jobs, progress
     )
     # The matrices are tall and narrow: threads of the linear algebra take longer to meet than
     # they save, and the sums would depend on their number.

@@ -87,7 +87,9 @@ def refine_steps(state: State) -> State:
         return state
     state.problem.progress("refitting with a finer simulation")
     finer = WithLaws(finer, state.problem.data, ())
-    again = State.of(replace(state.problem, simulate=finer, finer=None))
+    again = State.of(
+        replace(state.problem, simulate=finer, finer=None, coarse=state.problem.simulate)
+    )
     return search_catalogue(replace(again, notes=state.notes))
 
 
@@ -140,7 +142,8 @@ def add_laws(state: State) -> State:
     problem = state.problem
     laws = measurement_laws(problem.data)
     sets, terms = state.sets, (*laws, *problem.unlisted)
-    sets.join(terms, WithLaws(problem.simulate, problem.data, laws))
+    coarse = problem.coarse and WithLaws(problem.coarse, problem.data, laws)
+    sets.join(terms, WithLaws(problem.simulate, problem.data, laws), coarse)
     repeated = [(term, state.screening.listed_like(term)) for term in terms]
     sets.leave_out({term.name for term, listed in repeated if listed})
     state = replace(state, terms={name: term for term, listed in repeated for name in listed})

@@ -17,13 +17,14 @@ from mopro.verdict import Rejected
 
 @dataclass(frozen=True)
 class Problem:
-    """The question: a model, also with smaller steps, a catalogue, data and free numbers.
+    """The question: a model, also with other steps, a catalogue, data and free numbers.
 
     `unlisted`: free-form terms that the model knows.
     """
 
     simulate: Simulate
     finer: Simulate | None
+    coarse: Simulate | None
     catalogue: tuple[Candidate, ...]
     unlisted: tuple[Candidate, ...]
     base: tuple[Candidate, ...]
@@ -33,7 +34,7 @@ class Problem:
 
     def sets(self) -> Hypotheses:
         first = {c.name: {p.name: p.starts[0] for p in c.parameters} for c in self.base}
-        residuals = Residuals(self.simulate, self.data, scaled_at=first)
+        residuals = Residuals(self.simulate, self.data, scaled_at=first, coarse=self.coarse)
         return Hypotheses(residuals, self.catalogue, self.base, self.jobs, self.progress)
 
 

@@ -24,6 +24,7 @@ class Descent:
     Parameters `x` are shares of their ranges, residuals are in standard deviations.
     `differences`: steps of finite differences in `x`. `rss_limit`: a descent that cannot come
     down to this sum of squares is `abandoned`. `parts`: the samples that each parameter changes.
+    `change(x, moved)`: that of the residual; by the residual itself unless given.
     """
 
     def __init__(
@@ -32,9 +33,10 @@ class Descent:
         differences: Sequence[float],
         rss_limit: float,
         parts: Sequence[Mask | None] = (),
+        change: Callable[[Floats, Floats], Floats] | None = None,
     ) -> None:
         self._residual = residual
-        self._jacobian = SecantJacobian(residual, differences, parts)
+        self._jacobian = SecantJacobian(residual, differences, parts, change)
         self._rss_limit = rss_limit
         self._last_rss = math.inf
         self._cuts = 0

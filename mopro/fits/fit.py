@@ -165,7 +165,7 @@ class _Problem:
             return self._fit(scaled, residual, np.zeros((len(residual), 0)))
         differences = [p.difference for _, p in self._order]
         parts = [self._residuals.part(p.run) for _, p in self._order]
-        descent = Descent(self._residual, differences, rss_limit, parts)
+        descent = Descent(self._residual, differences, rss_limit, parts, self._change)
         tolerance = FIT_TOLERANCE / max(self._residuals.count, 1)
         reached = descent.run(scaled, low, high, tolerance)
         fit = self._fit(reached.x, reached.residual, reached.jacobian)
@@ -215,6 +215,11 @@ class _Problem:
         if self._last is None or self._last[0] != point:
             self._last = point, self._residuals.at(self._settings(self._values(point)))
         return self._last[1]
+
+    def _change(self, x: Floats, moved: Floats) -> Floats:
+        """Change of the residual between two points."""
+        before, after = (self._settings(self._values(p.tolist())) for p in (x, moved))
+        return self._residuals.change(before, after)
 
 
 def _searched_values(candidate: Candidate, start: Settings) -> Mapping[str, float]:

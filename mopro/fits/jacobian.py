@@ -33,7 +33,8 @@ class SecantJacobian:
     """Jacobian (samples x parameters) of `residual`, asked for along the path of a fit.
 
     `differences` are the steps of finite differences, one for each parameter, and `parts` the
-    samples that it changes, None for all. Where the Jacobian predicted a step well, the next one
+    samples that it changes, None for all. `change(x, moved)` is that of the residual, which may
+    be told by a model that costs less. Where the Jacobian predicted a step well, the next one
     is a secant update of it, which costs no evaluation (Broyden 1965; here the correction is shared
     out by what each parameter contributed to the predicted change); else it is taken by
     differences, one evaluation for parameters whose parts do not overlap (Curtis, Powell and Reid
@@ -46,8 +47,10 @@ class SecantJacobian:
         residual: Callable[[Floats], Floats],
         differences: Sequence[float],
         parts: Sequence[Mask | None] = (),
+        change: Callable[[Floats, Floats], Floats] | None = None,
     ) -> None:
         self._residual = residual
+        self._change = change
         self._differences = differences
         self._parts = list(parts) or [None] * len(differences)
         self._together = _apart(self._parts)
@@ -103,7 +106,10 @@ class SecantJacobian:
             steps = {i: -d if x[i] > 0.5 else d for i in together for d in [self._differences[i]]}
             moved = x.copy()
             moved[together] += list(steps.values())
-            change = self._residual(moved) - residual
+            if self._change is None:
+                change = self._residual(moved) - residual
+            else:
+                change = self._change(x, moved)
             for i, step in steps.items():
                 part = self._parts[i]
                 own = slice(None) if part is None else part

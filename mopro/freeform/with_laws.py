@@ -9,7 +9,7 @@ import numpy as np
 from cachetools import LRUCache, cached
 
 from mopro.candidate import Candidate
-from mopro.series import Floats, Series, Settings, Simulate
+from mopro.series import Floats, Series, Settings, Simulate, key_of
 
 # Bytes of the predictions that are kept: a term that is fitted beside effects asks for the same
 # ones again, and so do searches from several sets. Halved, more of a search is simulated twice.
@@ -26,7 +26,7 @@ class WithLaws:
         self._terms = {c.name: c.law.of_data for c in laws if c.law and c.law.of_data}
         # Asked by several threads at once.
         cache: LRUCache[Hashable, Sequence[Floats]] = LRUCache(_CACHE_BYTES, _bytes)
-        self._of_the_model = cached(cache, key=_key, lock=Lock())(self._predict)
+        self._of_the_model = cached(cache, key=key_of, lock=Lock())(self._predict)
 
     def __call__(self, settings: Settings) -> Sequence[Floats]:
         plain = {name: values for name, values in settings.items() if name not in self._terms}
@@ -47,7 +47,3 @@ class WithLaws:
 
 def _bytes(predicted: Sequence[Floats]) -> int:
     return sum(own.nbytes for own in predicted)
-
-
-def _key(settings: Settings) -> Hashable:
-    return tuple(sorted((name, tuple(sorted(own.items()))) for name, own in settings.items()))

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from itertools import pairwise
+from threading import Lock
 
 import numpy as np
+from cachetools import LRUCache, cached
 from scipy import linalg
 
 from mopro.assumed import ROUNDING
-from mopro.series import Floats, Mask, Series, Settings, Simulate
+from mopro.series import Floats, Mask, Series, Settings, Simulate, key_of
 
 # Standard deviations by which a prediction that is not finite is off.
 _FAR = 1e8
+# Residuals that are kept as the beginnings of changes: those of a few sets, each of whose
+# neighbours asks for many. Halved, some are worked out again.
+_KEPT_BEGINNINGS = 8
 
 
 class Residuals:
@@ -24,7 +29,8 @@ class Residuals:
     estimate it, so that results do not depend on the units. `mask`: the samples that count; a
     subset of them is a problem of its own for held-out tests, with the `sigmas` of the whole.
     `weights`: 1/sigma of each sample, 0 for wild ones. `count`: samples that count, less the
-    nuisances.
+    nuisances. `coarse`: the same model in larger steps, by which changes are told; the model
+    itself if there is none.
     """
 
     def __init__(
@@ -34,8 +40,9 @@ class Residuals:
         mask: Mask | None = None,
         sigmas: Sequence[float] = (),
         scaled_at: Settings | None = None,
+        coarse: Simulate | None = None,
     ) -> None:
-        self._simulate = simulate
+        self._simulate, self._coarse = simulate, coarse
         self.data = data
         self.known_noise = all(series.sigma is not None for series in data)
         self.mask = np.ones(sum(map(len, data)), dtype=bool) if mask is None else mask
@@ -46,10 +53,13 @@ class Residuals:
         ])  # fmt: skip
         self.basis = self.nuisance_basis(self.mask)
         self.count = int(np.count_nonzero(self.weights[self.mask])) - self.basis.shape[1]
+        # Asked by several threads at once.
+        kept: LRUCache[Hashable, Floats] = LRUCache(_KEPT_BEGINNINGS)
+        self._beginning = cached(kept, key=key_of, lock=Lock())(self._roughly_at)
 
     def subset(self, mask: Mask) -> Residuals:
         """This problem restricted to the samples in `mask`."""
-        return Residuals(self._simulate, self.data, mask, self.sigmas)
+        return Residuals(self._simulate, self.data, mask, self.sigmas, coarse=self._coarse)
 
     def part(self, run: str | None) -> Mask | None:
         """The samples of one run among those in the mask; None for all runs."""
@@ -62,13 +72,15 @@ class Residuals:
         """The samples in this `share` of each series, from its first one on."""
         return np.concatenate([np.arange(len(s)) < share * len(s) for s in self.data])
 
-    def of_model(self, simulate: Simulate) -> Residuals:
+    def of_model(self, simulate: Simulate, coarse: Simulate | None) -> Residuals:
         """These data and another model of them."""
-        return Residuals(simulate, self.data, self.mask, self.sigmas)
+        return Residuals(simulate, self.data, self.mask, self.sigmas, coarse=coarse)
 
     def scaled_at(self, settings: Settings) -> Residuals:
         """These data, noise that is not stated taken from the residual at `settings`."""
-        return Residuals(self._simulate, self.data, self.mask, scaled_at=settings)
+        return Residuals(
+            self._simulate, self.data, self.mask, scaled_at=settings, coarse=self._coarse
+        )
 
     def _scales(self, settings: Settings) -> tuple[float, ...]:
         stated = [series.sigma for series in self.data]
@@ -86,7 +98,22 @@ class Residuals:
 
         Where the model with these effects is not finite, it is far from the data.
         """
-        whitened = (self.measured - self.predicted(settings)) * self.weights
+        return self._whitened(self.predicted(settings))
+
+    def change(self, before: Settings, after: Settings) -> Floats:
+        """Change of the whitened residual (samples in the mask) from `before` to `after`.
+
+        By the coarse model: what its steps are off by is nearly the same in both.
+        """
+        return self._roughly_at(after) - self._beginning(before)
+
+    def _roughly_at(self, settings: Settings) -> Floats:
+        """As `at`, by the coarse model."""
+        return self._whitened(self._predicted(self._coarse or self._simulate, settings))
+
+    def _whitened(self, predicted: Floats) -> Floats:
+        """Whitened residual of the samples in the mask for a prediction of all."""
+        whitened = (self.measured - predicted) * self.weights
         finite = np.isfinite(whitened)
         residual = self.without_nuisances(np.where(finite, whitened, 0.0))
         return residual if finite.all() else np.where(finite[self.mask], residual, _FAR)
@@ -96,7 +123,10 @@ class Residuals:
 
         Raises ValueError where the model predicts another number of values than were measured.
         """
-        predictions = [np.asarray(p, dtype=float) for p in self._simulate(settings)]
+        return self._predicted(self._simulate, settings)
+
+    def _predicted(self, simulate: Simulate, settings: Settings) -> Floats:
+        predictions = [np.asarray(p, dtype=float) for p in simulate(settings)]
         predicted = np.concatenate(predictions) if predictions else np.zeros(0)
         if [len(own) for own in predictions] != [len(series) for series in self.data]:
             message = (

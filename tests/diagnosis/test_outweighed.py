@@ -52,7 +52,7 @@ def test_it_is_asked_again_by_the_noise_that_the_listed_effects_leave():
     (values,) = model(of_size(unlisted=1.0))
     data, listed = measured(values, 0.05, seed=1), candidates("listed")
     simulate = WithLaws(model, data, ())
-    problem = Problem(simulate, None, tuple(listed), (), (), tuple(data), 1, lambda _: None)
+    problem = Problem(simulate, None, None, tuple(listed), (), (), tuple(data), 1, lambda _: None)
     state = State.of(problem)
     fit = state.sets.fitted(listed, of_size(listed=0.5))
     apart = set_laws_apart(replace(state, fit=fit))

@@ -28,7 +28,7 @@ def state():
     data = tuple(measured(model(of_size(true=1.0))[0], 0.1, seed=3))
     simulate = WithLaws(model, data, ())
     effects = tuple(candidates(*NAMES))
-    problem = Problem(simulate, None, effects, (), (), data, 1, lambda _: None)
+    problem = Problem(simulate, None, None, effects, (), (), data, 1, lambda _: None)
     state = State.of(problem)
     fits = {c.name: state.sets.fitted([c], of_size(**{c.name: 0.5})) for c in effects}
     assert state.sets.ebic(fits["true"]) < state.sets.ebic(fits["similar"])

@@ -314,6 +314,32 @@ def test_the_finer_simulation_is_used_where_it_could_account_for_a_tenth_of_the_
     assert (len(asked) > 1) == searched
 
 
+def test_a_coarse_model_tells_changes_and_no_residual():
+    """One that is off by 50 σ, and by 1 % in all that effects change, gives the same answer."""
+    t = np.linspace(0, 1, 2000)
+    shapes = {"slope": t, "wave": np.sin(9 * t), "bend": t**2}
+    effects = [Candidate(n, (Parameter("b", "N", -9, 9, (0.1,)),)) for n in shapes]
+    noise = SIGMA * np.random.default_rng(1).standard_normal(2000)
+    data = [Series("run", "force", "N", 2 * t + noise, SIGMA, t, np.arange(2000) // 200)]
+
+    def asked(error, answered):
+        def simulate(settings):
+            answered.append(settings)
+            changed = sum(own["b"] * shapes[name] for name, own in settings.items())
+            return [(1 + error) * changed + 5000 * SIGMA * error * np.cos(7 * t)]
+
+        return simulate
+
+    alone, beside, rough = [], [], []
+    exact = mopro.reconcile(asked(0.0, alone), effects, data)
+    verdict = mopro.reconcile(asked(0.0, beside), effects, data, coarse=asked(0.01, rough))
+    (own,), (known) = verdict.effects, exact.effects[0].parameters["b"]
+    assert own.name == "slope"
+    assert own.parameters["b"].value == pytest.approx(known.value, abs=1e-3)
+    assert own.parameters["b"].ci95 == pytest.approx(known.ci95, abs=2e-3)
+    assert len(beside) < len(alone) < len(beside) + len(rough)
+
+
 class TestTable:
     """Few numbers of unknown noise, as in a table of steady states."""
 

@@ -60,7 +60,7 @@ def test_an_equal_set_takes_the_answer_s_place_unless_it_was_dropped(dropped, na
 
     data = tuple(measured(simulate(of_size(stretched=1.0))[0], 0.2, 1))
     model, effects = WithLaws(simulate, data, ()), tuple(candidates(*TWINS))
-    state = State.of(Problem(model, None, effects, (), (), data, 1, lambda _: None))
+    state = State.of(Problem(model, None, None, effects, (), (), data, 1, lambda _: None))
     fit = state.sets.fitted([effects[1]], of_size(amplified=0.5))
     rejected = tuple(Rejected(name, 1.0, "a reason") for name in dropped)
     found = find_alternatives(replace(state, fit=fit, rejected=rejected))

@@ -80,10 +80,10 @@ class Hypotheses:
         self._fits[fit.key] = fit
         return fit
 
-    def join(self, laws: Sequence[Candidate], simulate: Simulate) -> None:
-        """Let free-form terms compete, which `simulate` knows beside the catalogue."""
+    def join(self, laws: Sequence[Candidate], simulate: Simulate, coarse: Simulate | None) -> None:
+        """Let free-form terms compete, which `simulate` and `coarse` know beside the catalogue."""
         self.catalogue = (*self.catalogue, *laws)
-        self.residuals = self.residuals.of_model(simulate)
+        self.residuals = self.residuals.of_model(simulate, coarse)
 
     def leave_out(self, names: Collection[str]) -> None:
         """Let candidates of these names compete no more."""

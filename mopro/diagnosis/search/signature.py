@@ -72,7 +72,7 @@ def signatures(residuals: Residuals, base: Fit, candidate: Candidate) -> list[Gr
 
     def probe(values: dict[str, float], moved: Moved) -> Probe:
         settings = {**base.settings, **candidate.settings(values)}
-        return Probe(values, moved, base.residual - residuals.at(settings))
+        return Probe(values, moved, -residuals.change(base.settings, settings))
 
     return [tuple(probe(values, moved) for values, moved in group) for group in _groups(candidate)]
 
@@ -82,7 +82,7 @@ def beside(residuals: Residuals, base: Fit, candidate: Candidate, known: Group) 
 
     def probe(own: Probe) -> Probe:
         settings = {**base.settings, **candidate.settings(own.values)}
-        return replace(own, change=base.residual - residuals.at(settings))
+        return replace(own, change=-residuals.change(base.settings, settings))
 
     return tuple(map(probe, known))
 
@@ -224,7 +224,7 @@ def probed_at(residuals: Residuals, base: Fit, candidate: Candidate, start: Sett
     """The signature of a candidate at the size and shape of `start`, beside `base`."""
     values = dict(start[candidate.name])
     amplitude = next(p.name for p in candidate.parameters if p.role is Role.AMPLITUDE)
-    change = base.residual - residuals.at({**base.settings, **start})
+    change = -residuals.change(base.settings, {**base.settings, **start})
     return (Probe(values, (amplitude, None), change),)
 
 
@@ -240,7 +240,7 @@ def searched(residuals: Residuals, null: Fit, base: Fit, candidate: Candidate) -
 
     def probe(values: Mapping[str, float]) -> Probe:
         settings = {**base.settings, **candidate.settings(values)}
-        return Probe(dict(values), (moved, None), base.residual - residuals.at(settings))
+        return Probe(dict(values), (moved, None), -residuals.change(base.settings, settings))
 
     def as_found_or_resized(start: Probe) -> Probe:
         """The start, fixed in size where the size that its signature asks for leaves more."""
@@ -271,5 +271,5 @@ def _view(residuals: Residuals, null: Fit, base: Fit) -> ResidualView:
         residuals.split(predicted),
         base.settings_without(frozenset(c.name for c in base.candidates if c.law)),
         lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
-        lambda settings: residuals.at({**null.settings, **settings}) - null.residual,
+        lambda settings: residuals.change(null.settings, {**null.settings, **settings}),
     )

@@ -17,7 +17,7 @@ from mopro.experiment.diagnose.candidates import candidates, unlisted
 from mopro.experiment.diagnose.quantisation import thinned
 from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.model import Experiment, Floats
-from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
+from mopro.experiment.predict.forward_model import COARSE, FINE, ROUGH, ForwardModel
 from mopro.experiment.predict.steady import rises
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
@@ -116,6 +116,7 @@ def _judged(
         data,
         unlisted=unlisted(model.forward),
         finer=Model(model.experiment, FINE, model.resolved),
+        coarse=Model(model.experiment, ROUGH, model.resolved),
         jobs=jobs,
         progress=progress,
     )

@@ -43,7 +43,11 @@ from mopro.series import Settings
 # milliseconds, and the shortest ripple of the force is 0.25 mm long.
 COARSE = Stepping(2.5e-4, 1e-4)
 FINE = Stepping(2.5e-5)
-# Cubic interpolation between such samples is within 0.03 µm at a step of acceleration.
+# For changes of a prediction, which are told to 2 % (`assumed.LINEARITY_ERROR`): those of an
+# oscillation that rings for half a second are within 0.3 %.
+ROUGH = Stepping(5e-4, 1e-4)
+# Most samples of the motion in a second; not more than steps. Cubic interpolation between them is
+# within 0.03 µm at a step of acceleration.
 DENSE_HZ = 4000.0
 _CACHE_SIZE = 96
 # Stall margins are taken at every step of the integration, so few samples are enough.
@@ -189,7 +193,8 @@ class ForwardModel:
         simulation = self._simulation(index, self._padded(active))
         sensors = [r.sensor for r in trial.readings if r.sensor.quantity.follows_motion]
         end_s = trial.duration_s * _CLOCK_REACH if sensors else 0.0
-        times = np.arange(math.ceil(end_s * DENSE_HZ) + 2) / DENSE_HZ
+        rate_hz = min(DENSE_HZ, 1 / self._stepping.max_s)
+        times = np.arange(math.ceil(end_s * rate_hz) + 2) / rate_hz
         columns: Columns = {"time_s": times}
         if all(sensor.quantity.sees_place for sensor in sensors):
             columns |= _places(simulation, times, {sensor.axis for sensor in sensors})

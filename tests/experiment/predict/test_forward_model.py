@@ -7,8 +7,9 @@ import pytest
 
 import mopro
 from helpers.one_run import of
+from mopro.experiment.diagnose.candidates import candidates, unlisted
 from mopro.experiment.predict import forward_model
-from mopro.experiment.predict.forward_model import COARSE, ForwardModel
+from mopro.experiment.predict.forward_model import COARSE, ROUGH, ForwardModel
 from mopro.machine import load_machine
 from mopro.plant import Stepping, simulate
 
@@ -34,6 +35,28 @@ def test_a_motion_is_simulated_once_for_all_effects_of_its_sensor(monkeypatch):
     assert offset - plain == pytest.approx(1e-3 / 0.0254)
     model({"viscous_drag": {"b": 5.0}})
     assert len(made) == 2
+
+
+def _first_starts(candidate):
+    values = {p.name: p.starts[0] if p.starts else p.null for p in candidate.parameters}
+    return candidate.settings(values)
+
+
+def test_rough_steps_tell_the_change_by_any_effect_within_two_percent():
+    """Of 1 nm (RMS) and more: what changes less is seen by no sensor."""
+    normal, rough = (ForwardModel(of(np.zeros(3200)), stepping) for stepping in (COARSE, ROUGH))
+    off, seen = {}, 0
+    every = [*candidates(normal), *unlisted(normal)]
+    for candidate in (c for c in every if c.find_starts is None):
+        own = _first_starts(candidate)
+        change_um, rough_um = (25400 * (m(own)[0] - m({})[0]) for m in (normal, rough))
+        size_um = float(np.sqrt(np.mean(change_um**2)))
+        seen += size_um > 1e-3
+        error_um = float(np.sqrt(np.mean((rough_um - change_um) ** 2)))
+        if error_um > max(0.02 * size_um, 2e-5):
+            off[candidate.key] = (size_um, error_um)
+    assert seen > 30
+    assert off == {}
 
 
 @pytest.mark.parametrize(
