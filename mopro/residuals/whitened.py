@@ -52,6 +52,7 @@ class Residuals:
             s.counted / sigma for s, sigma in zip(data, self.sigmas, strict=True)
         ])  # fmt: skip
         self.basis = self.nuisance_basis(self.mask)
+        self._shapes = [_support(column) for column in self.basis.T]
         self.count = int(np.count_nonzero(self.weights[self.mask])) - self.basis.shape[1]
         # Asked by several threads at once.
         kept: LRUCache[Hashable, Floats] = LRUCache(_KEPT_BEGINNINGS)
@@ -137,7 +138,11 @@ class Residuals:
 
     def without_nuisances(self, whitened: Floats) -> Floats:
         """The samples of a whitened vector in the mask, nuisances projected out."""
-        return projected_out(self.basis, whitened[self.mask])
+        left = whitened[self.mask]
+        for rows, shape in self._shapes:
+            own = left[rows]
+            own -= shape * (shape @ own)
+        return left
 
     def split(self, joined: Floats) -> list[Floats]:
         """A vector over all series as one array for each."""
@@ -163,6 +168,13 @@ class Residuals:
                 column[own[mask[own]]] = shape
                 columns.append(column[mask])
         return np.array(columns).T if columns else np.zeros((int(mask.sum()), 0))
+
+
+def _support(column: Floats) -> tuple[slice, Floats]:
+    """The samples from the first to the last one at which a column is not 0, and it there."""
+    rows = np.flatnonzero(column)
+    own = slice(int(rows[0]), int(rows[-1]) + 1)
+    return own, np.ascontiguousarray(column[own])
 
 
 def projected_out(basis: Floats, vector: Floats) -> Floats:
