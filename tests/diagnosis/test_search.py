@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.search.hypotheses import Hypotheses
+from mopro.diagnosis.search.linear_subset import LinearSubsets
 from mopro.diagnosis.search.neighbours import neighbourhood, with_rivals
 from mopro.diagnosis.search.rounds import search
 from mopro.diagnosis.search.screening import Screening
@@ -176,6 +178,35 @@ def test_a_form_that_is_wider_makes_another_effect_superfluous(seed):
     verdict = diagnosed(simulate, effects, truth, 0.5, seed)
     assert names(verdict) == {"conduction"}
     assert verdict.effects[0].form == "moving and steady"
+
+
+def test_subsets_of_known_noise_are_those_of_an_exhaustive_search():
+    """The thirty best of 120 pairs and their EBIC, as they follow from least squares of each."""
+    t, generator = times(), np.random.default_rng(5)
+    shapes = {
+        f"e{i}": generator.standard_normal(4) @ np.cos(np.outer(range(4), t)) for i in range(16)
+    }
+
+    def simulate(settings):
+        return [sum((settings[n]["size"] * shapes[n] for n in settings), 0 * t)]
+
+    (values,) = simulate(of_size(e3=0.3, e8=-0.2))
+    sets = Hypotheses(Residuals(simulate, measured(values, 1.0, 3)), candidates(*shapes))
+    scores = Screening(sets).of(sets.null, sets.catalogue)
+    found = LinearSubsets(sets.null, scores, sets.white).best(2)
+    pairs = [s for s in found if len(s.members) == 2]
+    (series,) = sets.residuals.data
+    expected = []
+    for one, other in combinations(shapes, 2):
+        columns = np.column_stack([shapes[one], shapes[other], np.ones(len(t))])
+        rss = float(np.linalg.lstsq(columns, series.values, rcond=None)[1][0])
+        expected.append((rss, {one, other}))
+    expected.sort(key=lambda pair: pair[0])
+    assert [s.names for s in pairs] == [names for _, names in expected[: len(pairs)]]
+    assert len(pairs) == 30
+    assert [sets.null.rss - s.reduction for s in pairs] == pytest.approx(
+        [rss for rss, _ in expected[:30]]
+    )
 
 
 def test_two_effects_are_swapped_at_once_where_neither_swap_alone_lowers_the_ebic():

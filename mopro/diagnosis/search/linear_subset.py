@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,29 +95,40 @@ class LinearSubsets:
         A beam search: larger subsets grow from the best smaller ones.
         """
         found: list[LinearSubset] = []
-        beam: list[Rows] = [()]
+        beam: dict[Rows, float] = {(): 0.0}
+        noise = self._evidence.noise
         for _ in range(most):
-            evaluated = [(s, rows) for rows in self._larger(beam) if (s := self._subset(rows))]
-            evaluated.sort(key=lambda pair: pair[0].ebic)
-            found += [subset for subset, _ in evaluated[:_BEAM_WIDTH]]
-            beam = [rows for _, rows in evaluated[:_BEAM_WIDTH]]
+            larger = self._larger(beam)
+            valid = ((rows, s) for rows in larger if (s := self._subset(rows)))
+            # Where the noise is known they come in the order of their EBIC.
+            first = islice(valid, _BEAM_WIDTH) if noise.exact and all(noise.stated) else valid
+            evaluated = sorted(first, key=lambda pair: pair[1].ebic)[:_BEAM_WIDTH]
+            found += [subset for _, subset in evaluated]
+            beam = {rows: subset.reduction for rows, subset in evaluated}
         return sorted(found, key=lambda subset: subset.ebic)
 
-    def _larger(self, beam: Sequence[Rows]) -> Iterator[Rows]:
-        """Each of the subsets with the candidates more that reduce the sum of squares most."""
+    def _larger(self, beam: Mapping[Rows, float]) -> list[Rows]:
+        """Each of the subsets with the candidates more that reduce the sum of squares most.
+
+        `beam`: the subsets and the reduction by each. Those come first of which the most is
+        left, net of the parameters' penalty.
+        """
         names = [s.candidate.name for s in self._scores]
-        seen: set[Rows] = set()
-        for rows in beam:
+        penalties = [self._added_penalty([s]) for s in self._scores]
+        net: dict[Rows, float] = {}
+        for rows, so_far in beam.items():
             taken = {names[i] for i in rows}
             gains = self._gains(rows)
-            for i in sorted(range(len(names)), key=lambda i: -gains[i])[:_BEAM_WIDTH]:
+            order = sorted(range(len(names)), key=lambda i: penalties[i] - gains[i])
+            for i in order[:_BEAM_WIDTH]:
                 larger = tuple(sorted((*rows, i)))
-                if names[i] not in taken and larger not in seen:
-                    seen.add(larger)
-                    yield larger
+                if names[i] not in taken and larger not in net:
+                    members = [self._scores[j] for j in larger]
+                    net[larger] = so_far + float(gains[i]) - self._added_penalty(members)
+        return sorted(net, key=lambda rows: -net[rows])
 
     def _gains(self, rows: Rows) -> Floats:
-        """Reduction by each candidate beside those in `rows`, net of the parameters' penalty."""
+        """Reduction of the sum of squares by each candidate beside those in `rows`."""
         at = self._at(rows)
         gram, product = self._gram, self._product
         if len(at):
@@ -127,12 +138,12 @@ class LinearSubsets:
         left = np.diag(gram) > ROUNDING * np.diag(self._gram)
         single = np.where(left, product**2 / np.where(left, np.diag(gram), 1.0), 0.0)
         gains = np.empty(len(self._scores))
-        for i, (score, own) in enumerate(zip(self._scores, self._columns, strict=True)):
+        for i, own in enumerate(self._columns):
             gain = float(single[own[0]])
             if len(own) > 1:
                 own = own[left[own]]
                 gain = float(product[own] @ np.linalg.pinv(gram[np.ix_(own, own)]) @ product[own])
-            gains[i] = gain - self._added_penalty([score])
+            gains[i] = gain
         return gains
 
     def _added_penalty(self, members: Sequence[ScoreTest]) -> float:
