@@ -35,11 +35,16 @@ _UNIFORM = 1 / 12
 
 @dataclass(frozen=True)
 class Evidence:
-    """Judges fits by one noise, out of a `catalogue` (the keys of the candidates)."""
+    """Judges fits by one noise, out of a `catalogue` (the keys of the candidates).
+
+    What was asked about a fit is kept: noise with a memory takes a cosine transform of its
+    residual, and of its Jacobian.
+    """
 
     noise: Noise
     catalogue: Sequence[tuple[str, str]]
     _covariances: dict[Identity, Floats] = field(default_factory=dict)
+    _ebics: dict[Identity, float] = field(default_factory=dict)
 
     def ebic(self, fit: Fit) -> float:
         """Extended Bayesian information criterion (Chen and Chen 2008); lower is better.
@@ -48,6 +53,11 @@ class Evidence:
         effects out of the catalogue, plus a penalty for implausible values. Infinite where the
         noise is unknown and the samples are too few to estimate it.
         """
+        if fit.identity not in self._ebics:
+            self._ebics[fit.identity] = self._ebic(fit)
+        return self._ebics[fit.identity]
+
+    def _ebic(self, fit: Fit) -> float:
         if not all(self.noise.stated) and len(fit.order) >= fit.count - 1:
             return math.inf
         return self.noise.deviance(fit.residual) + self.penalty(fit)
@@ -138,14 +148,15 @@ class Evidence:
         They are within a step of finite differences of it, and by less than their standard
         deviation.
         """
-        stopped = []
-        for (effect, p), value, error in self._known(fit):
+        near = []
+        for i, ((_, p), value) in enumerate(zip(fit.order, fit.values.tolist(), strict=True)):
             nearest = min((p.low, p.high), key=lambda bound: abs(p.scaled(value) - p.scaled(bound)))
-            near = abs(p.scaled(value) - p.scaled(nearest)) < p.difference
             bounded = p.role not in (Role.PHASE, Role.CONSTANT)
-            if bounded and near and abs(value - nearest) < error:
-                stopped.append((effect, p))
-        return stopped
+            if bounded and abs(p.scaled(value) - p.scaled(nearest)) < p.difference:
+                near.append((i, abs(value - nearest)))
+        # Errors take a covariance, which most fits need for nothing.
+        errors = self.deviations(fit) if near else ()
+        return [fit.order[i] for i, distance in near if distance < errors[i]]
 
     def _implausibility(self, fit: Fit) -> float:
         """Rise of chi-squared if every value were moved into its plausible range, to first order.
@@ -158,9 +169,10 @@ class Evidence:
         flexible = {c.name for c in fit.candidates if c.flexible}
         if any(effect in flexible and p.role is Role.SHAPE for effect, p in stopped):
             return math.inf
-        most = math.sqrt(VERY_STRONG)
-        distances = (p.beyond(v) / d for (_, p), v, d in self._known(fit))
-        return VERY_STRONG * len(stopped) + sum(min(d, most) ** 2 for d in distances)
+        beyond = [p.beyond(v) for (_, p), v in zip(fit.order, fit.values.tolist(), strict=True)]
+        distances = np.array(beyond) / self.deviations(fit) if any(beyond) else np.zeros(0)
+        nearer = np.minimum(distances, math.sqrt(VERY_STRONG))
+        return VERY_STRONG * len(stopped) + float(nearer @ nearer)
 
     def _constants(self, fit: Fit) -> float:
         """Laplace's penalty of what the data tell about assumed constants.
@@ -168,6 +180,8 @@ class Evidence:
         2 ln(prior / posterior standard deviation) each, which is 0 where they tell nothing, as
         where parameters are not identifiable.
         """
+        if not any(p.role is Role.CONSTANT for _, p in fit.order):
+            return 0.0
         return sum(
             max(2 * math.log(math.sqrt(_UNIFORM) * (p.high - p.low) / d), 0.0)
             for (_, p), _, d in self._known(fit)
