@@ -13,7 +13,7 @@ from helpers.paths import ROOT, TESTS
 # Room -> modules outside of the room and of the standard library that it may import.
 _ARRAYS = {"numpy", "scipy", "mopro.assumed", "mopro.series", "mopro.spectrum"}
 ALLOWED = {
-    "mopro.residuals": _ARRAYS,
+    "mopro.residuals": _ARRAYS | {"cachetools"},
     "mopro.fits": _ARRAYS | {"mopro.candidate", "mopro.residuals"},
     "mopro.candidate": _ARRAYS,
     "mopro.verdict": _ARRAYS | {"mopro.markup", "mopro.residuals"},
