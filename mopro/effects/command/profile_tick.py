@@ -17,10 +17,14 @@ _DELAY_SIGMAS = 5.0
 # Size of the grid's sags in σ from which the tick is refined: only close values then keep
 # the phase of the grid over the whole run.
 _GRID_SIGMAS = 2.0
-# Most ticks that are tried, and the least step of their number in a run.
+# Most ticks that are tried, and the least step of their number in a run: at its end the grid is off
+# by a tenth of a tick at the most, from where a fit finds the rest. Halved, twice as many are
+# simulated; doubled, a fifth of a tick is left.
 _TICKS_TRIED = 21
-_STEP = 0.1
-_SHORTEST_S, _LONGEST_S = 1e-4, 0.015
+_STEP = 0.2
+# Four fifths of the shortest plausible tick, and more than the longest: what is farther outside is
+# clearly implausible, and neither an answer nor an alternative.
+_SHORTEST_S, _LONGEST_S = 2e-4, 0.015
 _TICK = Fitted(
     "T", "s", _SHORTEST_S, _LONGEST_S, role=Role.SHAPE, plausible=(2.5e-4, 0.0125), difference=1e-6
 )
@@ -85,7 +89,7 @@ def _around(view: View, tick_s: float, error_s: float) -> list[float]:
     """Ticks within `error_s`, or within the change that shifts the grid by one tick at the end.
 
     Their numbers in the longest run are multiples of one step, so that ticks which were tried
-    before are tried again: a tenth, or that doubled until there are few enough.
+    before are tried again: a fifth, or that doubled until there are few enough.
     """
     last_s = max(float(reading.time_s[-1]) for _, reading in view.positions().values())
     number = last_s / tick_s
