@@ -16,9 +16,9 @@ from mopro.series import Floats, Mask, Series, Settings, Simulate, key_of
 
 # Standard deviations by which a prediction that is not finite is off.
 _FAR = 1e8
-# Residuals that are kept as the beginnings of changes: those of a few sets, each of whose
-# neighbours asks for many. Halved, some are worked out again.
-_KEPT_BEGINNINGS = 8
+# Residuals by the coarse model that are kept: those of the few sets from which many changes are
+# taken in turn. Halved, some are worked out again.
+_KEPT_COARSE = 8
 
 
 class Residuals:
@@ -55,8 +55,8 @@ class Residuals:
         self._shapes = [_support(column) for column in self.basis.T]
         self.count = int(np.count_nonzero(self.weights[self.mask])) - self.basis.shape[1]
         # Asked by several threads at once.
-        kept: LRUCache[Hashable, Floats] = LRUCache(_KEPT_BEGINNINGS)
-        self._beginning = cached(kept, key=key_of, lock=Lock())(self._roughly_at)
+        kept: LRUCache[Hashable, Floats] = LRUCache(_KEPT_COARSE)
+        self._known_coarse_at = cached(kept, key=key_of, lock=Lock())(self._coarse_at)
 
     def subset(self, mask: Mask) -> Residuals:
         """This problem restricted to the samples in `mask`."""
@@ -106,9 +106,9 @@ class Residuals:
 
         By the coarse model: what its steps are off by is nearly the same in both.
         """
-        return self._roughly_at(after) - self._beginning(before)
+        return self._coarse_at(after) - self._known_coarse_at(before)
 
-    def _roughly_at(self, settings: Settings) -> Floats:
+    def _coarse_at(self, settings: Settings) -> Floats:
         """As `at`, by the coarse model."""
         return self._whitened(self._predicted(self._coarse or self._simulate, settings))
 

@@ -108,10 +108,10 @@ class LinearSubsets:
         return sorted(found, key=lambda subset: subset.ebic)
 
     def _larger(self, beam: Mapping[Rows, float]) -> list[Rows]:
-        """Each of the subsets with the candidates more that reduce the sum of squares most.
+        """The subsets of `beam` with one more candidate, of those that reduce the residual most.
 
-        `beam`: the subsets and the reduction by each. Those come first of which the most is
-        left, net of the parameters' penalty.
+        `beam`: the subsets and the reduction by each. In the order of the reduction by all members
+        less the penalty of their parameters, the largest first.
         """
         names = [s.candidate.name for s in self._scores]
         penalties = [self._added_penalty([s]) for s in self._scores]
