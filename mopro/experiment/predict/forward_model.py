@@ -43,8 +43,8 @@ from mopro.series import Settings
 # milliseconds, and the shortest ripple of the force is 0.25 mm long.
 COARSE = Stepping(2.5e-4, 1e-4)
 FINE = Stepping(2.5e-5)
-# For changes of a prediction, which are told to 2 % (`assumed.LINEARITY_ERROR`): those of an
-# oscillation that rings for half a second are within 0.3 %.
+# For changes of a prediction, which are told to 2 % (`assumed.LINEARITY_ERROR`), as a test holds
+# for the catalogue. Halved, they take as long as predictions; doubled, ringing is off by more.
 ROUGH = Stepping(5e-4, 1e-4)
 # Most samples of the motion in a second; not more than steps. Cubic interpolation between them is
 # within 0.03 µm at a step of acceleration.
