@@ -41,6 +41,7 @@ class Parameter:
     one over the value (a corner frequency, a period). `difference`: step of finite differences
     as a share of the range, small against the curvature of the response and large against the
     rounding of a simulation. `run`: the only run whose readings the number changes, by name.
+    `cyclic`: the ends of the range are the same, as for an angle.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Parameter:
     difference: float = 1e-3
     tolerated: tuple[float, float] | None = None
     run: str | None = None
+    cyclic: bool = False
 
     def scaled(self, value: float) -> float:
         """`value` as a share of the range, 0 to 1."""

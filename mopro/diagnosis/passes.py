@@ -9,7 +9,7 @@ import numpy as np
 from scipy import special
 
 from mopro.assumed import FALSE_ALARMS, LEAST_SHARE, SAME, STRONG, TOLERANCE, VERY_STRONG
-from mopro.candidate import Law
+from mopro.candidate import Candidate, Law
 from mopro.diagnosis.search.alternatives import Alternative, alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.neighbours import in_other_forms
@@ -134,16 +134,22 @@ def restate_quiet_noise(state: State) -> State:
 def add_laws(state: State) -> State:
     """The search continued with free-form terms beside the catalogue, where something is left.
 
-    A set that needs several effects, or a flexible one, may stand for one that nobody listed.
+    A set that needs several effects, or a flexible one, may stand for one that nobody listed. So
+    may a single one in whose place a term of the measurement, which costs no simulation, is
+    predicted to do better.
     """
-    doubtful = len(state.fit.candidates) > 1 or any(c.flexible for c in state.fit.candidates)
-    if state.sets.is_noise(state.fit) and not doubtful:
+    noise = state.sets.is_noise(state.fit)
+    if noise and not state.fit.candidates:
         return state
     problem = state.problem
     laws = measurement_laws(problem.data)
     sets, terms = state.sets, (*laws, *problem.unlisted)
     coarse = problem.coarse and WithLaws(problem.coarse, problem.data, laws)
     sets.join(terms, WithLaws(problem.simulate, problem.data, laws), coarse)
+    doubtful = len(state.fit.candidates) > 1 or any(c.flexible for c in state.fit.candidates)
+    if noise and not doubtful and not _outdone(state, laws):
+        sets.leave_out({term.name for term in terms})
+        return state
     repeated = [(term, state.screening.listed_like(term)) for term in terms]
     sets.leave_out({term.name for term, listed in repeated if listed})
     state = replace(state, terms={name: term for term, listed in repeated for name in listed})
@@ -151,13 +157,21 @@ def add_laws(state: State) -> State:
     # noise, what may stand beside one of them is found from their own neighbourhood.
     single = next((fit for fit in sets.ranked() if len(fit.candidates) == 1), state.fit)
     part = single.key <= state.fit.key
-    fronts = [state.fit, *([] if part and sets.is_noise(state.fit) else [single])]
-    search(sets, state.screening, fronts, only_laws=sets.is_noise(state.fit))
+    fronts = [state.fit, *([] if part and noise else [single])]
+    search(sets, state.screening, fronts, only_laws=noise)
     best, listed = sets.best(), sets.best_listed()
     # What somebody has listed has the benefit of the doubt, if it is no more.
     doubt = 0.0 if len(best.candidates) < len(listed.candidates) else VERY_STRONG
     stays = sets.ebic(listed) - sets.ebic(best) < doubt
     return replace(state, fit=listed if stays else best)
+
+
+def _outdone(state: State, laws: Sequence[Candidate]) -> bool:
+    """True if the data are predicted to support one of `laws` very strongly over the answer."""
+    sets, screening = state.sets, state.screening
+    scores = screening.of(sets.null, laws)
+    limit = sets.white.ebic(state.fit) - VERY_STRONG
+    return any(screening.predicted_ebic(sets.null, score) < limit for score in scores)
 
 
 def settle(state: State) -> State:

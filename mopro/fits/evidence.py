@@ -88,7 +88,7 @@ class Evidence:
         """
         if parameter.role is Role.CONSTANT:
             return 0.0
-        if parameter.role is Role.PHASE:
+        if parameter.role is Role.PHASE or parameter.cyclic:
             return PHASE_PENALTY
         if not self.noise.exact and parameter.role is Role.AMPLITUDE:
             return math.log(max(float(self.noise.samples.sum()), LEAST_SAMPLES))

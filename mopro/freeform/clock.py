@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from itertools import product
 
 import numpy as np
 from scipy import fft
 
-from mopro.assumed import FEWEST, REPEATS
+from mopro.assumed import FEWEST, FITTED
 from mopro.candidate import Candidate, Law, Parameter, ResidualView, Role
 from mopro.freeform.motion import LARGEST, Values, motion_of, step_of, values_of
 from mopro.residuals import projected_out
 from mopro.series import Floats, Series
 
-# The spectrum's step, and an interval, are divided so often in the search for the moments of the
-# steps. Halved, the last moment in a run is off by an eighth of an interval, and a clock of many
-# small steps is missed; doubled, the search takes four times as long.
+# Parts of an interval at which the steps are tried to begin, and multiples of their rate that tell
+# of them. Halved, a tenth of what steps explain is missed; doubled, the search takes four times as
+# long.
 _DIVIDED = 8
+# Rates that are tried, in the inverse of a run's length. Halved, steps late in a run are missed.
+_OVERSAMPLED = 4
 
 
 def stepping_clock(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
@@ -43,16 +46,17 @@ def stepping_clock(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidat
                  view.residuals[row])
             for row, own in rows.items()
         ]  # fmt: skip
-        if (found := _strongest_line(runs, FEWEST / longest, 1 / shortest)) is None:
-            return
-        every, at = _moments(runs, *found)
-        yield {"c": _explained(runs, every, at)[1], "T": every, "begun": at}
+        likely, step = _likely(runs, FEWEST / longest, 1 / shortest)
+        found = [_moments(runs, rate, begun, step) for rate, begun in likely]
+        every, at = max(found, key=lambda each: _explained(runs, *each)[0], default=(0.0, 0.0))
+        if every:
+            yield {"c": _explained(runs, every, at)[1], "T": every, "begun": at}
 
     size = LARGEST * longest
     parameters = (
         Parameter("c", "s", -size, size),
         Parameter("T", "s", shortest, longest, role=Role.SEARCHED),
-        Parameter("begun", "1", 0.0, 1.0, role=Role.SEARCHED),
+        Parameter("begun", "1", 0.0, 1.0, role=Role.SEARCHED, cyclic=True),
     )
     law = Law(
         "measurement", "t", series[0].unit,
@@ -70,50 +74,74 @@ def _steps(time_s: Floats, every: float, begun: float) -> Floats:
 class _Run:
     """Speed over noise (1/s) and whitened residual of one run, both samples.
 
-    What a delay and another rate would explain is projected out: a stepping clock differs from
-    those by a sawtooth.
+    `jumpy`: the residual less what a delay and another rate would explain; a stepping clock
+    differs from those by a sawtooth.
     """
 
     def __init__(self, own: Series, velocity: Floats, residual: Floats) -> None:
-        self.time_s = values_of(own, "")
-        self.velocity = velocity
-        steady = np.column_stack([own.nuisance_shapes(), velocity, velocity * self.time_s])
-        self.basis, _ = np.linalg.qr(steady)
-        self.left = projected_out(self.basis, residual)
+        self.time_s, self.interval_s = values_of(own, ""), step_of(own)
+        self.velocity, self.left = velocity, residual
+        nuisances = own.nuisance_shapes()
+        self._basis, _ = np.linalg.qr(nuisances)
+        steady = np.column_stack([nuisances, velocity, velocity * self.time_s])
+        self.jumpy = projected_out(np.linalg.qr(steady)[0], residual)
 
     def part(self, every: float, begun: float) -> Floats:
-        """The whitened change (samples) by delays of 1 s a step that steady ones do not explain."""
-        steps = self.velocity * _steps(self.time_s, every, begun)
-        return projected_out(self.basis, steps)
+        """The whitened change (samples) by delays of 1 s a step, nuisances projected out."""
+        return projected_out(self._basis, self.velocity * _steps(self.time_s, every, begun))
 
 
-def _strongest_line(runs: list[_Run], least: float, most: float) -> tuple[float, float] | None:
-    """Rate (1/s) of the strongest line in the delay, `least` to `most`, and the spectrum's step.
+def _likely(runs: list[_Run], least: float, most: float) -> tuple[list[tuple[float, float]], float]:
+    """Rates (1/s) and beginnings of the sawteeth that explain most, and the spectrum's step (1/s).
 
-    None where no delay shows.
+    Rates are `least` to `most`, and equally likely by their logarithm. With u = t / T + b,
+    floor(u) - u + 1/2 is the sum over k of sin(2 pi k u) / (pi k): its product with the residual is
+    a sum over the spectrum of that, at the multiples of a rate.
     """
-    length = fft.next_fast_len(2 * max(len(run.left) for run in runs))
-    step = 1 / (length * min(float(np.median(np.diff(run.time_s))) for run in runs))
-    power = np.zeros(length // 2)
-    for run in runs:
-        power += np.abs(fft.rfft(run.velocity * run.left, length)[1 : length // 2 + 1]) ** 2
-    rates = step * np.arange(1, len(power) + 1)
-    power[(rates < least) | (rates > most)] = 0.0
-    return (float(rates[int(np.argmax(power))]), step) if power.any() else None
+    interval = min(run.interval_s for run in runs)
+    even = [run for run in runs if math.isclose(run.interval_s, interval, rel_tol=1e-3)]
+    length = fft.next_fast_len(_OVERSAMPLED * max(len(run.left) for run in even))
+    step = 1 / (length * interval)
+    rates = step * np.arange(length // 2 + 1)
+    # Beyond its end there is nothing.
+    spectrum = np.append(np.zeros(len(rates), dtype=complex), 0.0)
+    square = 0.0
+    for run in even:
+        turned = np.exp(-2j * np.pi * rates * run.time_s[0])
+        spectrum[:-1] += turned * fft.rfft(run.velocity * run.jumpy, length)
+        square += float(run.velocity @ run.velocity) / 12
+    number = np.flatnonzero((rates >= least) & (rates <= most))
+    if not len(number) or not spectrum.any():
+        return [], step
+    begun = np.arange(_DIVIDED) / _DIVIDED
+    explained = np.zeros((_DIVIDED, len(number)))
+    for k in range(1, _DIVIDED + 1):
+        multiple = spectrum[np.minimum(k * number, len(rates))]
+        turned = np.exp(2j * np.pi * k * begun)[:, None]
+        explained += (turned * multiple.conj()).imag / (np.pi * k)
+    likelihood = explained**2 / square - 2 * np.log(rates[number])
+    chosen: list[tuple[float, float]] = []
+    while len(chosen) < FITTED and np.isfinite(likelihood).any():
+        row, column = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
+        chosen.append((float(rates[number[column]]), float(begun[row])))
+        likelihood[:, np.abs(number - number[column]) <= _OVERSAMPLED // 2] = -math.inf
+    return chosen, step
 
 
-def _moments(runs: list[_Run], rate: float, step: float) -> tuple[float, float]:
-    """Interval (s) and beginning of the steps that explain most, within `step` (1/s) of `rate`."""
-    around = np.arange(-_DIVIDED, _DIVIDED + 1) / _DIVIDED
-    best, finest = (rate, 0.0), np.array([step, 1.0]) / _DIVIDED
-    tried = product((rate + step * around).tolist(), (np.arange(_DIVIDED) / _DIVIDED).tolist())
-    for _ in range(REPEATS):
-        best = max(tried, key=lambda each: _explained(runs, 1 / each[0], each[1])[0])
-        finest = finest / 2
-        tried = product(
-            *((b + f * np.arange(-1, 2)).tolist() for b, f in zip(best, finest, strict=True))
-        )
-    return 1 / best[0], best[1] % 1.0
+def _moments(runs: list[_Run], rate: float, begun: float, step: float) -> tuple[float, float]:
+    """Interval (s) and beginning of the steps that explain most, near `rate` (1/s) and `begun`.
+
+    They are tried a `step` of the rate around, and at closer ones around the best so far.
+    """
+    best = 1 / rate, begun
+    for halvings in range(_DIVIDED // 2):
+        near = np.arange(-1, 2) / 2**halvings
+        tried = [
+            (1 / (1 / best[0] + df), (best[1] + db) % 1.0)
+            for df, db in product((step * near).tolist(), (near / _DIVIDED).tolist())
+        ]
+        best = max(tried, key=lambda each: _explained(runs, *each)[0])
+    return best
 
 
 def _explained(runs: list[_Run], every: float, begun: float) -> tuple[float, float]:
