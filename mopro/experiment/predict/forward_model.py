@@ -1,7 +1,7 @@
 """Forward model for the diagnosis: predicts every reading from settings of effects.
 
-Command and motion (domains C and D) are simulated and cached; measurement (domain M) is
-computed anew for each call, as it takes little time.
+Command and motion (domains C and D) and temperature (domain H) are simulated and cached;
+measurement (domain M) is computed anew for each call, as it takes little time.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from mopro.effects.unlisted import with_unlisted
 from mopro.errors import RunError
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
+from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import (
@@ -79,6 +80,7 @@ class ForwardModel:
         self._motions: LRUCache[object, Columns] = LRUCache(_CACHE_SIZE)
         self._schedules: LRUCache[object, Schedule] = LRUCache(_CACHE_SIZE)
         self._intervals: LRUCache[object, HeatIntervals] = LRUCache(_CACHE_SIZE)
+        self._temperatures: LRUCache[object, Floats] = LRUCache(_CACHE_SIZE)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [self._reading(run, reading, settings) for run, reading in self.readings()]
@@ -189,12 +191,8 @@ class ForwardModel:
     @cachedmethod(attrgetter("_motions"), lock=attrgetter("_lock"))
     def _motion(self, index: int, active: tuple[Active, ...]) -> Columns:
         """The true motion of run `index`: columns as a recording has them."""
-        trial = self.experiment.trials[index]
         simulation = self._simulation(index, self._padded(active))
-        sensors = [r.sensor for r in trial.readings if r.sensor.quantity.follows_motion]
-        end_s = trial.duration_s * _CLOCK_REACH if sensors else 0.0
-        rate_hz = min(DENSE_HZ, 1 / self._stepping.max_s)
-        times = np.arange(math.ceil(end_s * rate_hz) + 2) / rate_hz
+        sensors, times = self._motion_sensors(index), self._dense_times(index)
         columns: Columns = {"time_s": times}
         if all(sensor.quantity.sees_place for sensor in sensors):
             columns |= _places(simulation, times, {sensor.axis for sensor in sensors})
@@ -202,9 +200,26 @@ class ForwardModel:
             wanted = {s.recorded_column for s in sensors} | {f"position_{axis}_m" for axis in AXES}
             of_all = simulation.advance(times, float(times[-1]))
             columns |= {name: of_all[name] for name in sorted(wanted)}
-        grid = _every_second(float(times[-1]))
-        columns["temperature_C"] = np.interp(times, grid, simulation.temperature_C(grid))
+        columns["temperature_C"] = self._dense_temperature(index, _warming(active))
         return columns
+
+    @cachedmethod(attrgetter("_temperatures"), lock=attrgetter("_lock"))
+    def _dense_temperature(self, index: int, warming: tuple[Active, ...]) -> Floats:
+        """The forcer's temperature at the samples of the motion of run `index`."""
+        times = self._dense_times(index)
+        columns = self._temperature(index, float(times[-1]), warming)
+        return np.interp(times, columns["time_s"], columns["temperature_C"])
+
+    def _dense_times(self, index: int) -> Floats:
+        """The times (s) at which the motion of run `index` is sampled."""
+        end_s = self.experiment.trials[index].duration_s if self._motion_sensors(index) else 0.0
+        rate_hz = min(DENSE_HZ, 1 / self._stepping.max_s)
+        return np.arange(math.ceil(end_s * _CLOCK_REACH * rate_hz) + 2) / rate_hz
+
+    def _motion_sensors(self, index: int) -> list[Sensor]:
+        """The sensors of run `index` that follow the motion."""
+        readings = self.experiment.trials[index].readings
+        return [r.sensor for r in readings if r.sensor.quantity.follows_motion]
 
     def _simulation(self, index: int, active: tuple[Active, ...]) -> Simulation:
         trial, machine = self.experiment.trials[index], self.experiment.machine
@@ -263,6 +278,12 @@ def _every_second(end_s: float) -> Floats:
 def _commanding(active: Iterable[Active]) -> tuple[Active, ...]:
     """The effects of the command domain."""
     return tuple(a for a in active if a.effect.domain is Domain.COMMAND)
+
+
+def _warming(active: Iterable[Active]) -> tuple[Active, ...]:
+    """The effects that change the forcer's temperature: of commands, currents held, and heat."""
+    domains = Domain.COMMAND, Domain.HEAT
+    return tuple(a for a in active if a.effect.domain in domains or a.effect.hold(*a.values))
 
 
 def _places(simulation: Simulation, times: Floats, seen: Collection[int]) -> Columns:

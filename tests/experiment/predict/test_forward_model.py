@@ -22,6 +22,7 @@ def positions_um(settings, stepping):
 
 
 def test_a_motion_is_simulated_once_for_all_effects_of_its_sensor(monkeypatch):
+    """And a temperature once for all effects that leave it as it is."""
     made = []
 
     def counted(*arguments, **options):
@@ -31,10 +32,10 @@ def test_a_motion_is_simulated_once_for_all_effects_of_its_sensor(monkeypatch):
     monkeypatch.setattr(forward_model, "simulate", counted)
     model = ForwardModel(of(np.zeros(3200)))
     (plain,), (offset,) = model({}), model({"sensor_offset": {"o": 1e-3}})
-    assert len(made) == 1
+    assert len(made) == 2, "a motion and a temperature"
     assert offset - plain == pytest.approx(1e-3 / 0.0254)
     model({"viscous_drag": {"b": 5.0}})
-    assert len(made) == 2
+    assert len(made) == 3, "another motion"
 
 
 def _first_starts(candidate):
