@@ -91,6 +91,12 @@ class Fit:
         ]
         return np.asarray(self.jacobian @ np.nan_to_num(off, posinf=0.0, neginf=0.0))
 
+    def residual_without(self, name: str) -> Floats:
+        """The residual (samples) if `name` were off and the others adapted, to first order."""
+        own = np.array([effect == name for effect, _ in self.order], dtype=bool)
+        others, change = self.jacobian[:, ~own], self.linear_part(name)
+        return np.asarray(self.residual + change + others @ gauss_newton_step(others, change))
+
     def stepped_without(self, name: str) -> Settings:
         """Settings of the other effects if `name` were off: one Gauss-Newton step."""
         own = np.array([effect == name for effect, _ in self.order], dtype=bool)

@@ -246,11 +246,13 @@ def test_the_others_without_an_effect_are_those_of_a_linear_fit_of_them():
     )  # fmt: skip
     residuals = Residuals(model, [series])
     start = {name: {"v": 0.0} for name in shapes}
-    predicted = least_squares_fit(residuals, [a, b, c], [start]).stepped_without("c")
-    alone = least_squares_fit(residuals, [a, b], [{"a": {"v": 0.0}, "b": {"v": 0.0}}]).settings
+    fit = least_squares_fit(residuals, [a, b, c], [start])
+    alone = least_squares_fit(residuals, [a, b], [{"a": {"v": 0.0}, "b": {"v": 0.0}}])
+    predicted = fit.stepped_without("c")
     assert set(predicted) == {"a", "b"}
     for name in predicted:
-        assert predicted[name]["v"] == pytest.approx(alone[name]["v"], abs=1e-6)
+        assert predicted[name]["v"] == pytest.approx(alone.settings[name]["v"], abs=1e-6)
+    assert fit.residual_without("c") == pytest.approx(alone.residual, abs=1e-5)
 
 
 @pytest.mark.parametrize("rate", [1.0, 3.0, 5.5])

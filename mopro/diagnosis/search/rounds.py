@@ -53,9 +53,10 @@ def search(
     expanded: set[Identity] = set()
     others, least = 0, math.inf
     for start in (sets.null, *also):
-        expanded.add(start.identity)
-        least = min(least, start.rss)
-        _round(sets, screening, start, only_laws)
+        if start.identity not in expanded:
+            expanded.add(start.identity)
+            least = min(least, start.rss)
+            _round(sets, screening, start, only_laws)
     for number in range(ITERATIONS):
         best, fullest = sets.best(), sets.fullest()
         front: Fit | None
@@ -96,7 +97,8 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
     proposed = _proposed(sets, near)
     sets.fit_all(_proposals(proposed[:SECOND_GUESSES]))
     limit = sets.limit(sets.best())
-    if sets.null.far_from_linear:
+    if sets.null.far_from_linear and not sets.is_noise(sets.best()):
+        # What is predicted badly may be expanded next; where the best set leaves noise, nothing is.
         limit = max(limit, LINEARITY_ERROR * sets.null.rss)
     others = [*in_wider_forms(sets, near), *([] if only_laws else with_rivals(sets, front))]
     sets.fit_all([*_proposals(proposed[SECOND_GUESSES:]), *others], limit)
@@ -134,10 +136,15 @@ def _fit_forms(sets: Hypotheses, fit: Fit) -> None:
     # Another form may make an effect superfluous, which saves the penalty of that.
     saved = max((sets.evidence.added_penalty(sets.null, [c]) for c in fit.candidates), default=0.0)
     limit, deviance = sets.limit(fit, saved), sets.evidence.noise.deviance
+    most = deviance(fit.residual) + saved
     for trial in sets.fit_all(in_other_forms(sets, fit), limit):
         # What the form has more is at its null there, where the fit needs it for nothing yet.
-        if not trial.abandoned and deviance(trial.residual) < deviance(fit.residual) + saved:
-            for name in sorted(trial.names):
+        if trial.abandoned or (room := most - deviance(trial.residual)) <= 0:
+            continue
+        for name in sorted(trial.names):
+            rise = deviance(trial.residual_without(name)) - deviance(trial.residual)
+            # One that is predicted to explain more than twice of that is not superfluous.
+            if sets.null.far_from_linear or MAJORITY * rise < room:
                 sets.without(trial, name, limit)
 
 

@@ -9,7 +9,7 @@ from threading import Lock
 import numpy as np
 from cachetools import LRUCache, cachedmethod
 
-from mopro.assumed import FITTED, STRONG, VERY_STRONG
+from mopro.assumed import FITTED, LINEARITY_ERROR, STRONG, VERY_STRONG
 from mopro.candidate import Candidate, Role
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.linear_subset import LinearSubset, LinearSubsets
@@ -123,7 +123,9 @@ class Screening:
     def _score(self, base: Fit, at: Fit, candidate: Candidate) -> ScoreTest:
         groups = [*self._signatures(at, candidate), *self._found(base, candidate)]
         first = score_test(base, base.tangent, candidate, groups)
-        if first.predicted_reduction < STRONG or not far_from_probes(first):
+        # Beside a set that lost an effect, less than the prediction of what is left is off by.
+        error = 0.0 if base.key == at.key else LINEARITY_ERROR * (base.rss - base.count)
+        if first.predicted_reduction < max(STRONG, error) or not far_from_probes(first):
             return first
         closer = probed_at(self._sets.residuals, at, candidate, first.starts[0])
         return score_test(base, base.tangent, candidate, [*groups, closer])

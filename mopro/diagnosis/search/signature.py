@@ -264,12 +264,17 @@ def searched(residuals: Residuals, null: Fit, base: Fit, candidate: Candidate) -
 def _view(residuals: Residuals, null: Fit, base: Fit) -> ResidualView:
     predicted = residuals.predicted(base.settings)
     whitened = (residuals.measured - predicted) * residuals.weights
+
+    def rss(settings: Settings) -> float:
+        change = residuals.change(base.settings, {**base.settings, **settings})
+        return float(np.sum((base.residual + change) ** 2))
+
     return ResidualView(
         residuals.data,
         residuals.split(projected_out(residuals.basis, whitened)),
         residuals.sigmas,
         residuals.split(predicted),
         base.settings_without(frozenset(c.name for c in base.candidates if c.law)),
-        lambda settings: float(np.sum(residuals.at({**base.settings, **settings}) ** 2)),
+        rss,
         lambda settings: residuals.change(null.settings, {**null.settings, **settings}),
     )
