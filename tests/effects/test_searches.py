@@ -16,14 +16,20 @@ from mopro.fits import least_squares_fit
 from mopro.residuals import Residuals
 
 
-def starts(name, truth, fitted=(), seed=0, program=PROGRAM, noise_in=LASER.noise_rms, form=""):
-    """The starts that the search of candidate `name` finds in a run with `truth` in it."""
+def starts(
+    name, truth, fitted=(), seed=0, program=PROGRAM, noise_in=LASER.noise_rms, form="", stated=1.0
+):
+    """The starts that the search of candidate `name` finds in a run with `truth` in it.
+
+    `stated`: the noise that the sensor states, as a multiple of its own.
+    """
     (clean,) = ForwardModel(of(np.zeros(3200), program), FINE)(truth)
     noise = noise_in * np.random.default_rng(seed).standard_normal(len(clean))
     experiment = of(clean + noise, program)
     (trial,) = experiment.trials
     (reading,) = trial.readings
-    seen = dataclasses.replace(reading, sensor=dataclasses.replace(LASER, noise_rms=noise_in))
+    sensor = dataclasses.replace(LASER, noise_rms=stated * noise_in)
+    seen = dataclasses.replace(reading, sensor=sensor)
     trial = dataclasses.replace(trial, readings=(seen,))
     motor = ForwardModel(dataclasses.replace(experiment, trials=(trial,)), COARSE)
     residuals = Residuals(motor, series_of(motor))
@@ -60,6 +66,14 @@ def test_the_moment_when_current_falls_is_found_from_the_ring(h, t_h):
     """To within a quarter of the tooth's period: further off least squares end elsewhere."""
     found = starts("hold_current_reduction", {"hold_current_reduction": {"h": h, "t_h": t_h}})
     assert max(abs(values["t_h"] - t_h) for values in found) < 0.003
+
+
+@pytest.mark.parametrize("stated", [0.3, 3.0])
+def test_the_moment_when_current_falls_is_found_where_the_noise_is_stated_wrong(stated):
+    truth = {"hold_current_reduction": {"h": 0.4, "t_h": 0.15}}
+    found = starts("hold_current_reduction", truth, stated=stated)
+    assert found, "an excess at rest over the noise that the data show"
+    assert max(abs(values["t_h"] - 0.15) for values in found) < 0.003
 
 
 def test_an_axis_that_never_moves_shows_no_moment():

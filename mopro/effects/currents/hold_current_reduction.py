@@ -131,11 +131,15 @@ class HoldCurrentStartFinder:
 
         Each series contributes its rests up to the first one with an excess, as the effect also
         changes the start of the next move. None without an excess, or if the first moves show
-        one as well: then another effect is the cause.
+        one as well: then another effect is the cause. An excess is that over the white noise in the
+        data themselves, as the stated one may be wrong.
         """
+        from mopro.residuals import difference_variance  # loads scipy
+
         first_moves, rests = [np.empty(0)], [np.empty((2, 0))]
         for row, (_, reading) in self._view.positions().items():
-            excess = fit.residuals[row] ** 2 - 1
+            noise = difference_variance(fit.residuals[row]) or 1.0
+            excess = fit.residuals[row] ** 2 / noise - 1
             for number, (samples, end_s) in enumerate(self._since[row]):
                 rested_s, own = reading.time_s[samples] - end_s, excess[samples]
                 if not number:
