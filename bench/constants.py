@@ -7,7 +7,7 @@ Asks about each case with `mopro/assumed.py` as it stands and with one number ch
 each in a process of its own, and prints for each change the cases whose verdict or names differ.
 What was simulated for a case before is read from a folder that goes with the case, so that a
 change costs its new simulations only. Exits with 1 if a change moves more than 2 % of the cases
-(and more than one).
+(and more than one). Interrupted, it prints the table of the cases asked about so far.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ import argparse
 import ast
 import hashlib
 import json
-import subprocess
+import multiprocessing
+import os
 import sys
 import tempfile
 import types
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,9 @@ ROUNDING = "# -- rounding "
 FACTORS = (0.5, 2.0)
 MOST_CHANGED = 0.02
 PATIENCE_S = 600.0
+# What every process needs and no constant changes: loaded once, where the others are forked from.
+PRELOADED = ["numba", "numpy", "scipy.fft", "scipy.linalg", "scipy.optimize", "scipy.signal",
+             "scipy.special", "scipy.stats"]  # fmt: skip
 # Verdict and names of the effects.
 Answer = tuple[str, list[str]]
 # A constant and a factor on it; "" leaves all as they stand.
@@ -85,12 +90,15 @@ class Remembered:
             with np.load(file) as kept:
                 return [kept[name] for name in kept.files]
         predicted = self._model(settings)
-        np.savez(file, *predicted)
+        # Another process may be about to read it.
+        beside = file.with_suffix(f".{os.getpid()}.npz")
+        np.savez(beside, *predicted)
+        beside.replace(file)
         return predicted
 
 
 def answer(change: Change, experiment: Path, folder: Path) -> Answer:
-    """The answer about an experiment with one constant changed, in this process."""
+    """The answer about an experiment with one constant changed, in a process that has none yet."""
     name, factor = change
     if name:
         sys.modules[MODULE] = changed_module(name, factor)
@@ -110,34 +118,25 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
     return verdict.verdict, sorted(effect.name for effect in verdict.effects)
 
 
-def asked(change: Change, experiment: Path, folder: Path) -> Answer:
-    """As `answer`, in a process of its own."""
-    name, factor = change
-    child = [sys.executable, __file__, "--child", name, str(factor), str(experiment), str(folder)]
-    done = subprocess.run(child, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-    if done.returncode:
-        raise SystemExit(f"{experiment}, {name} x {factor:g}: {done.stderr.strip()[-500:]}")
-    word, own = json.loads(done.stdout)
-    return word, own
-
-
-def moved(experiment: Path, changes: Sequence[Change]) -> list[Change]:
+def moved(experiment: Path, changes: Sequence[Change], jobs: int) -> list[Change]:
     """The changes that alter the answer about one experiment."""
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        before = asked(("", 1.0), experiment, folder)
-        return [change for change in changes if asked(change, experiment, folder) != before]
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    with (
+        tempfile.TemporaryDirectory() as temporary,
+        ProcessPoolExecutor(jobs, context, max_tasks_per_child=1) as pool,
+    ):
+        ask = partial(answer, experiment=experiment, folder=Path(temporary))
+        before = pool.submit(ask, ("", 1.0)).result(PATIENCE_S)
+        after = list(pool.map(ask, changes, timeout=PATIENCE_S * len(changes)))
+        return [change for change, own in zip(changes, after, strict=True) if own != before]
 
 
 def main() -> int:
-    if sys.argv[1:2] == ["--child"]:
-        _, _, own, times, experiment, folder = sys.argv
-        print(json.dumps(answer((own, float(times)), Path(experiment), Path(folder))))
-        return 0
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("cases", type=Path, help="folder of `mopro blind make`")
     parser.add_argument("--sample", type=int, help="so many cases, evenly spread")
-    parser.add_argument("--jobs", type=int, default=2, help="cases at a time")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--only", action="append", choices=list(names()))
     chosen = parser.parse_args()
     every = sorted(chosen.cases.glob("*/experiment.toml"))
@@ -145,11 +144,12 @@ def main() -> int:
     experiments = every[::step]
     changes = [(name, factor) for name in chosen.only or names() for factor in FACTORS]
     by_case = []
-    with ThreadPoolExecutor(chosen.jobs) as pool:
-        found = pool.map(lambda each: moved(each, changes), experiments)
-        for experiment, altered in zip(experiments, found, strict=True):
-            print(f"{experiment.parent.name}: {len(altered)} of {len(changes)} changes", flush=True)
-            by_case.append(altered)
+    try:
+        for experiment in experiments:
+            by_case.append(moved(experiment, changes, chosen.jobs))
+            print(f"{experiment.parent.name}: {len(by_case[-1])} of {len(changes)}", flush=True)
+    except KeyboardInterrupt:
+        experiments = experiments[: len(by_case)]
     print(f"{len(experiments)} cases; {'constant':18} {'factor':>6} {'changed':>8}")
     worst = 0
     for name, factor in changes:
