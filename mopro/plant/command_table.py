@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import fields
 from operator import attrgetter
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.effects import Active
-from mopro.motion import Segment
+from mopro.motion import Schedule, Segment
 from mopro.motion.track import Track
 
 Floats = NDArray[np.float64]
@@ -31,6 +32,19 @@ class CommandTable:
         rows = np.array([_ROW(segment) for segment in _with_rests(track)])
         self.starts_s: Floats = rows[:, 0]
         self.coefficients: Floats = np.ascontiguousarray(rows[:, 2:].T)
+
+    @classmethod
+    def of(
+        cls, schedule: Schedule, axis: int, active: Iterable[Active], microstep_m: float
+    ) -> CommandTable:
+        """The command of `axis` in a schedule, as the `active` effects on that axis change it."""
+        table = cls(schedule.tracks[axis])
+        for a in active:
+            table = table.changed(a, microstep_m, schedule.duration_s)
+            interval_s, interpolate = a.effect.tick_s(*a.values)
+            if interval_s > 0:
+                table = table.ticked(interval_s, interpolate, schedule.duration_s)
+        return table
 
     def ticked(self, interval_s: float, interpolate: bool, until_s: float) -> CommandTable:
         """The command of a controller that updates it every `interval_s`.

@@ -8,7 +8,7 @@ each made from what stands before it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -48,6 +48,8 @@ _FEW_CHANGES = 20
 
 Heat = HeatHistory | SteppedHeat
 Scalings = Mapping[int, DriveScaling]
+# The command of an axis by its number.
+CommandOf = Callable[[int], CommandTable]
 
 
 def simulate(
@@ -61,6 +63,7 @@ def simulate(
     compiled: bool | None = None,
     trips: bool = False,
     heat_intervals: HeatIntervals | None = None,
+    command_of: CommandOf | None = None,
 ) -> Simulation:
     """`machine` at rest at the start of `schedule`, to be taken through time.
 
@@ -68,15 +71,17 @@ def simulate(
     `payload_kg` rides on the forcer; `resolved` false lets the drive follow the command
     smoothly instead of in microsteps; `compiled` forces the kernel to be compiled or not.
     With `trips`, limit switches and overheating end the run; without, they are the
-    caller's to act upon. `heat_intervals` are those of the schedule's moves, from a caller
-    who simulates the same moves many times. Raises ModelError for unusable effects.
+    caller's to act upon. `heat_intervals` are those of the schedule's moves, and
+    `command_of(axis)` its `CommandTable.of`, from a caller who simulates the same moves
+    many times. Raises ModelError for unusable effects.
     """
     if active is None:
         active = active_effects(machine, catalogue_of(machine))
     settings = PlantSettings(machine, payload_kg, resolved, stepping, compiled)
     if trips:
         return Simulation(settings, _prepare_tripped_run(schedule, machine, tuple(active)))
-    return Simulation(settings, prepare_run(schedule, machine, tuple(active), heat_intervals))
+    run = prepare_run(schedule, machine, tuple(active), heat_intervals)
+    return Simulation(settings, replace(run, command_of=command_of))
 
 
 @dataclass(frozen=True)
@@ -92,13 +97,17 @@ class PlantSettings:
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """Inputs of a run, known before its equation of motion is integrated."""
+    """Inputs of a run, known before its equation of motion is integrated.
+
+    `command_of`: the command of each axis, if it is known.
+    """
 
     schedule: Schedule
     active: tuple[Active, ...]
     scalings: Scalings
     heat: Heat
     trip: Trip | None = None
+    command_of: CommandOf | None = None
 
 
 class Simulation:
@@ -318,7 +327,10 @@ def _axis(
     if plant.mass_kg <= 0:
         message = f"axis {number} has a mass of {plant.mass_kg:g} kg with payload and effects"
         raise _unusable(settings.machine, message, active)
-    command = _command(schedule, number, active, settings.machine.microstep_m)
+    if run.command_of is None:
+        command = CommandTable.of(schedule, number, active, settings.machine.microstep_m)
+    else:
+        command = run.command_of(number)
     scaling = with_heat(run.scalings[number], run.heat.temperature_C, schedule.duration_s, active)
     moves = [m for m in schedule.moves if number in m.axes]
     terms = TermSet.of(active)
@@ -341,18 +353,6 @@ def _unusable(machine: Machine, message: str, active: Sequence[Active]) -> Model
     span = next((named[a.name] for a in active if a.name in named), Span(1, 1, 2))
     source = machine.source or Source(machine.name, "")
     return ModelError(source, [Diagnostic("unstable", message, span)])
-
-
-def _command(
-    schedule: Schedule, number: int, active: Sequence[Active], microstep_m: float
-) -> CommandTable:
-    table = CommandTable(schedule.tracks[number])
-    for a in active:
-        table = table.changed(a, microstep_m, schedule.duration_s)
-        interval_s, interpolate = a.effect.tick_s(*a.values)
-        if interval_s > 0:
-            table = table.ticked(interval_s, interpolate, schedule.duration_s)
-    return table
 
 
 def _engine(

@@ -95,7 +95,8 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
     if only_laws:
         near = near.with_laws()
     proposed = _proposed(sets, near)
-    sets.fit_all(_proposals(proposed[:SECOND_GUESSES]))
+    reachable = sets.limit(before) if sets.is_noise(before) else math.inf
+    sets.fit_all(_proposals(proposed[:SECOND_GUESSES]), reachable)
     limit = sets.limit(sets.best())
     if sets.null.far_from_linear and not sets.is_noise(sets.best()):
         # What is predicted badly may be expanded next; where the best set leaves noise, nothing is.

@@ -15,7 +15,7 @@ from threading import Lock
 import numpy as np
 from cachetools import LRUCache, cachedmethod
 
-from mopro.effects import Active, Domain, Effect, catalogue_of
+from mopro.effects import Active, Domain, Effect, catalogue_of, on_axis
 from mopro.effects.base import AXIS, RUN, angle_in
 from mopro.effects.registry import in_order
 from mopro.effects.resolve import active_effects, with_values
@@ -27,6 +27,7 @@ from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import (
+    CommandTable,
     HeatIntervals,
     Simulation,
     Stepping,
@@ -81,6 +82,7 @@ class ForwardModel:
         self._schedules: LRUCache[object, Schedule] = LRUCache(_CACHE_SIZE)
         self._intervals: LRUCache[object, HeatIntervals] = LRUCache(_CACHE_SIZE)
         self._temperatures: LRUCache[object, Floats] = LRUCache(_CACHE_SIZE)
+        self._commands: LRUCache[object, CommandTable] = LRUCache(_CACHE_SIZE)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [self._reading(run, reading, settings) for run, reading in self.readings()]
@@ -222,12 +224,19 @@ class ForwardModel:
         return [r.sensor for r in readings if r.sensor.quantity.follows_motion]
 
     def _simulation(self, index: int, active: tuple[Active, ...]) -> Simulation:
-        trial, machine = self.experiment.trials[index], self.experiment.machine
+        trial, commanding = self.experiment.trials[index], _commanding(active)
         return simulate(
-            self._schedule(index, active), machine, active, self._stepping,
+            self._schedule(index, active), self.experiment.machine, active, self._stepping,
             payload_kg=trial.payload_kg, resolved=self._resolved, compiled=True,
-            heat_intervals=self._heat_intervals(index, _commanding(active)),
+            heat_intervals=self._heat_intervals(index, commanding),
+            command_of=lambda axis: self._command(index, axis, commanding),
         )  # fmt: skip
+
+    @cachedmethod(attrgetter("_commands"), lock=attrgetter("_lock"))
+    def _command(self, index: int, axis: int, commanding: tuple[Active, ...]) -> CommandTable:
+        """The command of an axis in run `index`, whose schedule has the same effects."""
+        schedule, own = self._schedule(index, commanding), on_axis(commanding, axis)
+        return CommandTable.of(schedule, axis, own, self.experiment.machine.microstep_m)
 
     def _padded(self, active: tuple[Active, ...]) -> tuple[Active, ...]:
         """`active` with the rest of each kernel group that it has a part of, at neutral values."""
