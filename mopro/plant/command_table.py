@@ -35,15 +35,39 @@ class CommandTable:
 
     @classmethod
     def of(
-        cls, schedule: Schedule, axis: int, active: Iterable[Active], microstep_m: float
+        cls,
+        schedule: Schedule,
+        axis: int,
+        active: Iterable[Active],
+        microstep_m: float,
+        averaged_s: float = 0.0,
     ) -> CommandTable:
-        """The command of `axis` in a schedule, as the `active` effects on that axis change it."""
+        """The command of `axis` in a schedule, as the `active` effects on that axis change it.
+
+        Ticks up to `averaged_s` between which it moves evenly are `averaged`.
+        """
         table = cls(schedule.tracks[axis])
         for a in active:
             table = table.changed(a, microstep_m, schedule.duration_s)
             interval_s, interpolate = a.effect.tick_s(*a.values)
-            if interval_s > 0:
+            if interpolate and 0 < interval_s <= averaged_s:
+                table = table.averaged(interval_s)
+            elif interval_s > 0:
                 table = table.ticked(interval_s, interpolate, schedule.duration_s)
+        return table
+
+    def averaged(self, interval_s: float) -> CommandTable:
+        """As `ticked` with even motion in each tick, less what that sways about its own average.
+
+        Chords of a motion that is late by the tick T are a T²/12 beyond it on average.
+        """
+        anchor, x, v, a, j = self.coefficients
+        sag = interval_s**2 / 12
+        moved = np.array([anchor + interval_s, x + sag * a, v + sag * j, a, j])
+        still = np.array([0.0, float(self.position_u(np.zeros(1))[0]), 0.0, 0.0, 0.0])
+        table = CommandTable.__new__(CommandTable)
+        table.starts_s = np.append(0.0, self.starts_s + interval_s)
+        table.coefficients = np.column_stack([still, moved])
         return table
 
     def ticked(self, interval_s: float, interpolate: bool, until_s: float) -> CommandTable:

@@ -67,6 +67,7 @@ def test_rough_steps_tell_the_change_by_any_effect_within_two_percent():
         {"current_third_harmonic": {"s": 0.02}},
         {"coulomb_friction": {"Fc": 2.0}},
         {"current_loop_lag": {"tau": 5e-5}},
+        {"profile_tick": {"T": 1e-3, "interpolate": 1.0}},
         {"voltage_saturation": {"Vb": 45.0}},
         {"voltage_saturation": {"Vb": 60.0}, "phase_gain_imbalance": {"eps": 0.05}},
         {"voltage_saturation": {"Vb": 50.0}, "hold_current_reduction": {"h": 0.5, "t_h": 0.1}},
