@@ -110,6 +110,9 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
         for fit in _in_reach(sets, best):
             _fit_forms(sets, fit)
         best = sets.best()
+    for fit in _in_reach(sets, best):
+        _fit_parts(sets, fit)
+    best = sets.best()
     if not sets.is_noise(best):
         # A fit that ended in a narrow valley calls for effects that are not there.
         sets.settled(best)
@@ -147,6 +150,23 @@ def _fit_forms(sets: Hypotheses, fit: Fit) -> None:
             # One that is predicted to explain more than twice of that is not superfluous.
             if sets.null.far_from_linear or MAJORITY * rise < room:
                 sets.without(trial, name, limit)
+
+
+def _fit_parts(sets: Hypotheses, fit: Fit) -> None:
+    """Fit `fit` without each effect that it hardly needs, where that may bring it below the best.
+
+    An effect that another one takes the place of may have made up for what it lacked. What one is
+    needed for is told by the fit's Jacobian, so of those that are off at a size only.
+    """
+    evidence, best = sets.evidence, sets.best()
+    deviance, above = evidence.noise.deviance, sets.ebic(fit) - sets.ebic(best)
+    others = max(evidence.findings(fit) - 1, 0)
+    for candidate in sorted(fit.candidates, key=lambda c: c.key):
+        if len(fit.candidates) == 1 or not fit.linear_part(candidate.name).any():
+            continue
+        rise = deviance(fit.residual_without(candidate.name)) - deviance(fit.residual)
+        if above + rise < evidence.of_joining([candidate], fit.count, others):
+            sets.without(fit, candidate.name, sets.limit(best))
 
 
 def _proposals(subsets: Sequence[LinearSubset]) -> list[Proposal]:
