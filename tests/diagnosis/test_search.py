@@ -463,3 +463,27 @@ def test_what_shows_only_beside_another_effect_is_seen_there():
     scores = {s.candidate.name: s for s in Screening(sets).beside(grip, grip)}
     expected = 4000 / 2 * (0.3 * np.tanh(1.0) / 0.2) ** 2
     assert scores["slip"].predicted_reduction == pytest.approx(expected, rel=0.1)
+
+
+def test_what_made_up_for_another_effect_goes_when_that_is_replaced():
+    """`bent` has a shape that its signature takes for 0, and `straight` is like it there.
+
+    `bent` is first fitted in place of `straight`, beside `rest`, which it then needs no more.
+    """
+    t, absent = times(1000), [f"absent {f}" for f in range(30, 38)]
+
+    def simulate(settings):
+        straight, rest, *others = sizes(settings, "straight", "rest", *absent)
+        bent = settings.get("bent", {"size": 0.0, "shape": 0.0})
+        one = straight + bent["size"]
+        other = rest + bent["size"] * bent["shape"]
+        lines = (c * np.sin(f * t) for f, c in enumerate(others, start=30))
+        return [one * np.sin(7 * t) + other * np.sin(11 * t) + sum(lines)]
+
+    size = Parameter("size", "V", -9.0, 9.0, (1.0,))
+    shape = Parameter("shape", "1", -5.0, 5.0, (0.0,), Role.SHAPE)
+    effects = [*candidates("straight", "rest", *absent), Candidate("bent", (size, shape))]
+    truth = {"bent": {"size": 1.0, "shape": 1.5}}
+    sets = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.3, 1)), effects)
+    search(sets, Screening(sets))
+    assert sets.best().names == {"bent"}
