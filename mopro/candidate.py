@@ -114,7 +114,8 @@ class ResidualView:
     `residuals`: one array a series, in standard deviations of the noise. `sigmas`: those
     standard deviations, in the units of the series. `predictions`: the model's values with
     all that is fitted, in their units. `settings`: those of the effects, without laws.
-    `rss(settings)`: sum of squares of the whole whitened residual with `settings` added.
+    `rss(settings)`: sum of squares of the whole whitened residual with `settings` added, whose
+    change is told by the coarse model.
     `alone(settings)`: change of that residual (samples of all series) if `settings` are added to
     the model without effects, which is simulated once whatever was fitted.
     """

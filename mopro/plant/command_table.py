@@ -34,6 +34,13 @@ class CommandTable:
         self.coefficients: Floats = np.ascontiguousarray(rows[:, 2:].T)
 
     @classmethod
+    def _of_rows(cls, starts_s: Floats, coefficients: Floats) -> CommandTable:
+        """A table of these rows, which are no track's."""
+        table = cls.__new__(cls)
+        table.starts_s, table.coefficients = starts_s, coefficients
+        return table
+
+    @classmethod
     def of(
         cls,
         schedule: Schedule,
@@ -65,10 +72,9 @@ class CommandTable:
         sag = interval_s**2 / 12
         moved = np.array([anchor + interval_s, x + sag * a, v + sag * j, a, j])
         still = np.array([0.0, float(self.position_u(np.zeros(1))[0]), 0.0, 0.0, 0.0])
-        table = CommandTable.__new__(CommandTable)
-        table.starts_s = np.append(0.0, self.starts_s + interval_s)
-        table.coefficients = np.column_stack([still, moved])
-        return table
+        return self._of_rows(
+            np.append(0.0, self.starts_s + interval_s), np.column_stack([still, moved])
+        )
 
     def ticked(self, interval_s: float, interpolate: bool, until_s: float) -> CommandTable:
         """The command of a controller that updates it every `interval_s`.
@@ -89,14 +95,11 @@ class CommandTable:
         )
         here = self.position_u(ticks * interval_s)
         before = self.position_u(np.maximum(ticks - 1, 0) * interval_s)
-        table = CommandTable.__new__(CommandTable)
-        table.starts_s = ticks * interval_s
-        still = np.zeros_like(here)
+        starts_s, still = ticks * interval_s, np.zeros_like(here)
         start, speed = (before, (here - before) / interval_s) if interpolate else (here, still)
         if not interpolate:
             start = np.floor(start + 0.5)
-        table.coefficients = np.array([table.starts_s, start, speed, still, still])
-        return table
+        return self._of_rows(starts_s, np.array([starts_s, start, speed, still, still]))
 
     def changed(self, active: Active, microstep_m: float, until_s: float) -> CommandTable:
         """The command as an effect changes it, by cubics between close samples; see Effect.command.
@@ -114,10 +117,8 @@ class CommandTable:
         slope, bend = np.diff(x) / h, v[:-1] + v[1:]
         a = 2 * (3 * slope - bend - v[:-1]) / h
         j = 6 * (bend - 2 * slope) / (h * h)
-        table = CommandTable.__new__(CommandTable)
-        table.starts_s = time_s
-        table.coefficients = np.array([time_s, x, v, np.append(a, 0.0), np.append(j, 0.0)])
-        return table
+        rows = np.array([time_s, x, v, np.append(a, 0.0), np.append(j, 0.0)])
+        return self._of_rows(time_s, rows)
 
     def rows(self, microstep_m: float) -> Floats:
         """A row for each segment, as the kernel takes it (see kernel.motion.Segment).

@@ -119,7 +119,7 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
 
 
 def _in_reach(sets: Hypotheses, best: Fit) -> list[Fit]:
-    """The best set, and those of no more effects that another form may bring below it.
+    """The best set, and those of no more effects that come below it in another form or without one.
 
     An effect in its plainest form may lose to one that has a number more.
     """

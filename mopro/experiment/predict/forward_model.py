@@ -1,6 +1,6 @@
 """Forward model for the diagnosis: predicts every reading from settings of effects.
 
-Command and motion (domains C and D) and temperature (domain H) are simulated and cached;
+Command and motion (domains C and D) and temperature (domain T) are simulated and cached;
 measurement (domain M) is computed anew for each call, as it takes little time.
 """
 
@@ -49,8 +49,8 @@ FINE = Stepping(2.5e-5)
 # for the catalogue. Halved, they take as long as predictions; doubled, ringing is off by more.
 ROUGH = Stepping(5e-4, 1e-4)
 # Ticks of the command so short, in periods of the axis, are as good as their average: it follows
-# what they add by less than a hundredth. Halved, a case with a tick of half a millisecond takes
-# twice as long; doubled, ticks are off by more than a tenth of a micrometre.
+# what they add by less than a hundredth. Halved, a tick of a millisecond makes a thousand steps a
+# second more; doubled, one is off by more than a tenth of a micrometre.
 _FAST_TICK = 0.1
 # Most samples of the motion in a second; not more than steps. Cubic interpolation between them is
 # within 0.03 µm at a step of acceleration.
