@@ -413,6 +413,29 @@ def test_an_effect_in_its_plain_form_does_not_lose_to_one_with_more_numbers():
     assert verdict.effects[0].parameters["delta"].value == pytest.approx(0.4, abs=0.02)
 
 
+def test_the_noise_is_what_the_set_in_another_form_leaves():
+    """`late` in its plain form leaves a wave of 0.6 V beside one that nobody listed, of 0.8 V."""
+    t = times()
+
+    def simulate(settings):
+        late = settings.get("late", {"size": 0.0, "share": 0.0})
+        return [late["size"] * (np.sin(7 * t) + late["share"] * np.sin(11 * t))]
+
+    size = Parameter("size", "V", -9.0, 9.0, (1.0,))
+    share = Parameter("share", "1", 0.0, 1.0, (0.2,), Role.SHAPE)
+    plain = Candidate("late", (size,), fixed={"share": 0.2})
+    wide = Candidate("late", (size, share), form="share fitted", extends="")
+    truth = {"late": {"size": 3.0, "share": 0.4}}
+    data = measured(simulate(truth)[0] + 0.8 * np.sin(17 * t), 0.1, 1)
+    sets = Hypotheses(Residuals(simulate, data), [plain, wide])
+    search(sets, Screening(sets), rounds=0)
+    fullest = sets.fullest()
+    assert fullest.candidates == (wide,)
+    judged = sets.ebic(fullest)
+    sets.judge_by(fullest)
+    assert sets.ebic(fullest) == judged
+
+
 def test_a_size_beyond_which_an_effect_saturates_is_left_again():
     """The signature at 3 V asks for 1.5 V, and beyond 1 V nothing depends on the size."""
     t = times()
