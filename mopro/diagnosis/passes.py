@@ -8,7 +8,15 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from mopro.assumed import FALSE_ALARMS, LEAST_SHARE, SAME, STRONG, TOLERANCE, VERY_STRONG
+from mopro.assumed import (
+    FALSE_ALARMS,
+    LEAST_SHARE,
+    LINEARITY_ERROR,
+    SAME,
+    STRONG,
+    TOLERANCE,
+    VERY_STRONG,
+)
 from mopro.candidate import Candidate, Law
 from mopro.diagnosis.search.alternatives import Alternative, alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
@@ -51,9 +59,13 @@ def search_catalogue(state: State) -> State:
 
 
 def set_wild_aside(state: State) -> State:
-    """The search again without wild samples and repeated ones, where there are a few."""
+    """The search again without wild samples and repeated ones, where there are a few.
+
+    Where those are less of what is left than a prediction is off by, the sets are only fitted
+    again: the search would propose the same ones.
+    """
     sets = state.sets
-    notes, data = list(state.notes), []
+    notes, data, decided = list(state.notes), [], 0.0
     for series, own in zip(
         state.problem.data, sets.residuals.split(state.fit.residual), strict=True
     ):
@@ -65,11 +77,16 @@ def set_wild_aside(state: State) -> State:
             notes.append(_left_out(series, repeated, "repeated"))
         if (out := wild | repeated).any():
             series = replace(series, wild=out)
+            decided += float(own[out] @ own[out])
         data.append(series)
     if len(notes) == len(state.notes):
         return state
     again = State.of(replace(state.problem, data=tuple(data)))
-    return search_catalogue(replace(again, notes=tuple(notes)))
+    again = replace(again, notes=tuple(notes))
+    if decided > LINEARITY_ERROR * (state.fit.rss - sets.noise_rss(state.fit)):
+        return search_catalogue(again)
+    again.sets.fit_again(sets)
+    return replace(again, fit=again.sets.best())
 
 
 def _left_out(series: Series, samples: Mask, kind: str) -> str:

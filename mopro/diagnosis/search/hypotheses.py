@@ -153,6 +153,11 @@ class Hypotheses:
         )
         return [self._kept(fit, limit) for fit in fits]
 
+    def fit_again(self, others: Hypotheses) -> None:
+        """Fit the sets that were fitted to other data, each from where it ended there."""
+        self.fit_all([(fit.candidates, [fit.settings]) for fit in others.ranked()])
+        self.judge_by(self.fullest())
+
     def knows(self, candidates: Sequence[Candidate], ebic: float) -> bool:
         """True if the set is fitted, and no more than `OUT_OF_REACH` above the predicted `ebic`."""
         known = self._fits.get(frozenset(candidate.key for candidate in candidates))
