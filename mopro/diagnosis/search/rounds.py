@@ -16,6 +16,7 @@ from mopro.assumed import (
     MAJORITY,
     OUT_OF_REACH,
     SECOND_GUESSES,
+    VERY_STRONG,
 )
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, distinct
@@ -27,7 +28,7 @@ from mopro.diagnosis.search.neighbours import (
     with_rivals,
 )
 from mopro.diagnosis.search.screening import Screening
-from mopro.fits import Fit, Identity
+from mopro.fits import Fit, Identity, Key
 
 # Rounds of a search before free-form terms join it: what nobody listed is described by several
 # effects, which takes long.
@@ -186,13 +187,14 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
     """
     best = sets.best()
     limit = sets.white.ebic(best)
+    # A set that contains the best one is predicted better from that, or from a larger part.
+    parts = [part for part in _as_good(sets, best) if not part <= near.fit.key]
     hopeful = [
         s
         for s in near.subsets
         if s.ebic - LINEARITY_ERROR * s.reduction < limit
         and not sets.knows(s.candidates, s.ebic)
-        # A set that contains the best one is predicted better from that, or from a larger part.
-        and (best.key <= near.fit.key or not best.key < s.key)
+        and not any(part < s.key for part in parts)
     ]
     single = [s for s in near.subsets if len(s.members) == 1]
     if not near.fit.candidates and single and single[0].ebic < limit:
@@ -207,6 +209,18 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
     if near.fit.far_from_linear:
         chosen += distinct([s for s in hopeful if len(s.members) == 1], 2 * FITTED)
     return list(dict.fromkeys([*chosen, *distinct(_simpler(near), FITTED)]))
+
+
+def _as_good(sets: Hypotheses, best: Fit) -> list[Key]:
+    """The best set, and where it leaves noise those that the data cannot tell from it.
+
+    What may join one of these is weak, and is found beside the best one: they leave the same.
+    """
+    if not sets.is_noise(best):
+        return [best.key]
+    limit, count = sets.ebic(best) + VERY_STRONG, len(best.candidates)
+    near = (fit for fit in sets.ranked() if sets.ebic(fit) < limit)
+    return [fit.key for fit in near if len(fit.candidates) >= count]
 
 
 def _misled(
