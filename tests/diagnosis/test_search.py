@@ -470,6 +470,25 @@ def test_what_may_join_a_set_is_simulated_once():
     assert not asked
 
 
+def test_what_may_join_a_set_as_good_as_the_best_is_looked_for_beside_the_best():
+    """`second` is `first` within 10 in chi-squared, and 2 % of what it explains is 2000."""
+    t, absent, said = times(), [f"absent {f}" for f in range(30, 38)], []
+
+    def simulate(settings):
+        first, second, *others = sizes(settings, "first", "second", *absent)
+        lines = (c * np.sin(f * t) for f, c in enumerate(others, start=30))
+        slightly_other = second * (np.sin(7 * t) + 5e-3 * np.cos(3 * t))
+        return [first * np.sin(7 * t) + slightly_other + sum(lines)]
+
+    data = measured(simulate(of_size(first=1.0))[0], 0.1, seed=1)
+    effects = candidates("first", "second", *absent)
+    sets = Hypotheses(Residuals(simulate, data), effects, progress=said.append)
+    search(sets, Screening(sets))
+    assert sets.best().names == {"first"}
+    assert "fitting second" in said
+    assert not [line for line in said if line.startswith("fitting") and "absent" in line]
+
+
 def test_what_shows_only_beside_another_effect_is_seen_there():
     """At the null model, which is near linear, `slip` has no signature, as there is no grip."""
     t, absent = times(4000), [f"absent {f}" for f in range(30, 40)]

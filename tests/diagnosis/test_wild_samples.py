@@ -19,7 +19,7 @@ def simulate(settings):
 
 @pytest.mark.parametrize(("unlisted_V", "searched"), [(1.0, False), (0.0, True)])
 def test_the_search_is_repeated_where_wild_samples_are_much_of_what_is_left(unlisted_V, searched):
-    """One sample of 4 V, beside 0.2 V of noise, and 1000 V² of a wave that nobody listed."""
+    """One sample of 4 V beside 0.2 V of noise, with and without a wave that nobody listed."""
     (series,) = measured(
         simulate(of_size(up=2.0))[0] + unlisted_V * np.sin(17 * times()), 0.2, seed=1
     )
