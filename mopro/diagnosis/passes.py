@@ -245,11 +245,13 @@ def drop_outweighed(state: State) -> State:
     """The answer without effects that explain less than stays unexplained, the least dropped first.
 
     What nobody listed is there and is the larger: by itself it looks like several listed effects
-    as well, in every part of the data. Calibrations, which name nothing, stay.
+    as well, in every part of the data. What free-form terms describe, also as drafts, does not
+    stay unexplained. Calibrations, which name nothing, stay.
     """
     sets = state.sets
-    while not sets.leaves_noise(fit := state.fit):
-        left = fit.rss - sets.noise_rss(fit)
+    while not sets.leaves_noise(described := state.drafted or state.fit):
+        left = described.rss - sets.noise_rss(described)
+        fit = state.fit
         listed = sorted(
             c.name for c in fit.candidates if not c.law and not sets.evidence.calibrated(fit, c)
         )
@@ -258,7 +260,10 @@ def drop_outweighed(state: State) -> State:
         if name is None or reduced[name].rss - fit.rss >= left:
             break
         dropped = Rejected(name, reduced[name].rss - fit.rss, _OUTWEIGHED)
-        state = replace(state, fit=reduced[name], rejected=(*state.rejected, dropped))
+        drafted = state.drafted and sets.without(state.drafted, name)
+        state = replace(
+            state, fit=reduced[name], drafted=drafted, rejected=(*state.rejected, dropped)
+        )
     return state
 
 
@@ -303,9 +308,10 @@ def set_laws_apart(state: State) -> State:
         # Beside the terms an effect may have had another form.
         fit = sets.evidence.lowest([fit, *sets.fit_all(in_other_forms(sets, fit))])
         apart = expose_beside_drafts(replace(state, fit=fit, drafted=state.fit))
-        assert apart.drafted is not None, "the drafts stay"
-        held = state.held if apart.drafted is state.fit else _held(sets, apart.drafted)
-        return hold_out(drop_outweighed(eliminate(replace(apart, drafted_held=held))))
+        weighed = drop_outweighed(eliminate(apart))
+        assert weighed.drafted is not None, "the drafts stay"
+        held = state.held if weighed.drafted is state.fit else _held(sets, weighed.drafted)
+        return hold_out(replace(weighed, drafted_held=held))
     # What passed for noise with a memory may not, by the noise that the listed effects leave.
     outweighed = drop_outweighed(state)
     return hold_out(outweighed) if outweighed.fit is not state.fit else state

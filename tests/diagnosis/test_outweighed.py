@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
-from mopro.diagnosis import Parameter
+from mopro.diagnosis import Parameter, reconcile
 from mopro.diagnosis.passes import set_laws_apart
 from mopro.diagnosis.state import Problem, State
 from mopro.freeform import WithLaws
@@ -37,6 +37,26 @@ def test_what_explains_more_than_stays_unexplained_is_named():
     truth = of_size(listed=2.0, unlisted=0.5)
     verdict = diagnosed(model, candidates("listed"), truth, 0.05, seed=1)
     assert (verdict.verdict, names(verdict)) == ("unexplained", {"listed"})
+
+
+def test_what_a_draft_describes_does_not_stay_unexplained():
+    """A mass of 90 sigma is named beside a dry friction of 160 sigma that nobody listed."""
+    speed = 0.6 * np.cos(6.0 * T) + 0.5 * np.cos(17.0 * T)
+    acceleration = -3.6 * np.sin(6.0 * T) - 8.5 * np.sin(17.0 * T)
+
+    def force(settings):
+        mass, friction = sizes(settings, "mass", "friction")
+        return [mass * acceleration + friction * np.sign(speed)]
+
+    (values,) = force(of_size(mass=0.05, friction=0.5))
+    (series,) = measured(values, 0.14, seed=1)
+    labelled = replace(series, labels={"velocity": speed, "acceleration": acceleration})
+    verdict = reconcile(force, candidates("mass"), [labelled])
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"mass"})
+    (draft,) = verdict.drafts
+    assert draft.of == "sgn v"
+    low, high = verdict.effects[0].parameters["size"].ci95
+    assert low <= 0.05 <= high
 
 
 def test_a_calibration_names_nothing_and_stays():
