@@ -45,9 +45,10 @@ def search(
     """Fit sets of effects to `sets` until none near the best one has a lower EBIC.
 
     Begins with the null model and the sets in `also`. After so many `rounds` it ends unless
-    the best set leaves noise, or less than half of what those expanded so far leave. Another one
-    that leaves less than half of what the best and those leave is expanded in any case: several
-    slow effects together may show that what each of them leaves is no noise with a memory.
+    the best set leaves noise, or less than half of what those expanded so far leave. Of unknown
+    noise that half may be all. Another set that leaves less than half of what the best and those
+    leave is expanded in any case: several slow effects together may show that what each of them
+    leaves is no noise with a memory.
     `only_laws`: the listed effects have been searched, and only sets with a free-form term are
     fitted.
     """
@@ -60,10 +61,11 @@ def search(
             _round(sets, screening, start, only_laws)
     for number in range(ITERATIONS):
         best, fullest = sets.best(), sets.fullest()
+        leads_on = sets.residuals.known_noise and best.rss < MAJORITY * least
         front: Fit | None
         if fullest.rss < MAJORITY * min(least, best.rss):
             front = fullest
-        elif number >= rounds and best.rss >= MAJORITY * least and not sets.is_noise(best):
+        elif number >= rounds and not leads_on and not sets.is_noise(best):
             break
         else:
             front = best if best.identity not in expanded else _next(sets, best, expanded)
