@@ -398,24 +398,17 @@ def better_alternative(state: State) -> Fit | None:
     return next((fit for fit in state.sets.ranked() if fit.names in better), None)
 
 
-def until_none_drops(*passes: Pass) -> Pass:
-    """The passes one after another, again and again until the answer stays as it is.
+def drop_unsupported(state: State) -> State:
+    """The three passes that drop what is not there, again and again until none drops an effect.
 
     What one of them drops may be what another one was satisfied with.
     """
-
-    def repeated(state: State) -> State:
-        while True:
-            before = state.fit
-            for each in passes:
-                state = each(state)
-            if state.fit.key == before.key:
-                return state
-
-    return repeated
-
-
-_drop_unsupported = until_none_drops(expose_stand_ins, drop_outweighed, hold_out)
+    while True:
+        before = state.fit
+        for each in (expose_stand_ins, drop_outweighed, hold_out):
+            state = each(state)
+        if state.fit.key == before.key:
+            return state
 
 
 def readmit(state: State) -> State:
@@ -434,7 +427,7 @@ def readmit(state: State) -> State:
         if state.sets.ebic(joined) > state.sets.ebic(state.fit) - STRONG:
             continue
         others = tuple(r for r in state.rejected if r.name != name)
-        again = _drop_unsupported(replace(state, fit=joined, rejected=others))
+        again = drop_unsupported(replace(state, fit=joined, rejected=others))
         if name in again.fit.names:
             state = again
     return state
@@ -458,7 +451,7 @@ PASSES: tuple[Pass, ...] = (
     expose_stand_ins,
     drop_outweighed,
     prefer_lower,
-    _drop_unsupported,
+    drop_unsupported,
     readmit,
     set_laws_apart,
     examine_remainder,

@@ -40,7 +40,7 @@ def test_what_explains_more_than_stays_unexplained_is_named():
 
 
 def test_what_a_draft_describes_does_not_stay_unexplained():
-    """A mass of 90 sigma is named beside a dry friction of 160 sigma that nobody listed."""
+    """A mass of 0.33 N rms is named beside a dry friction of 0.5 N; the noise is 0.14 N."""
     speed = 0.6 * np.cos(6.0 * T) + 0.5 * np.cos(17.0 * T)
     acceleration = -3.6 * np.sin(6.0 * T) - 8.5 * np.sin(17.0 * T)
 

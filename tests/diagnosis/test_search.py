@@ -542,8 +542,8 @@ def test_what_made_up_for_another_effect_goes_when_that_is_replaced():
 def test_a_search_goes_on_while_its_best_set_leaves_less_than_half(b, c, known, found):
     """`b` shows only beside `a`, and `c` only beside `b`, so that each takes a round of its own.
 
-    Of what `a` leaves, `b` takes the share 1 / (1 + c²). The rest may be noise, if
-    that is unknown.
+    Of what `a` leaves, `b` takes the share 1 / (1 + c²). The rest may be noise where its
+    size is unknown.
     """
     t = times()
 
