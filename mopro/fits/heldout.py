@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from mopro.assumed import FEWEST, LEAST_SAMPLES, LEAST_SHARE, MOST_FOLDS, TINY
-from mopro.candidate import Candidate
+from mopro.candidate import Candidate, Role
 from mopro.fits.fit import Fit, least_squares_fit
 from mopro.fits.jacobian import gauss_newton_step
 from mopro.residuals import Noise, Residuals, projected_out
@@ -172,13 +173,24 @@ def _by_refit(residuals: Residuals, fit: Fit, mask: Mask) -> Floats:
     if fit.candidates or any(own.parameters for own in base):
         others = residuals.subset(~mask)
         settings = least_squares_fit(others, fit.candidates, [settings], base=base).settings
-    return _extrapolated(residuals, residuals.at(settings), np.zeros((len(mask), 0)), mask)
+    none = np.zeros((len(mask), 0))
+    return _extrapolated(residuals, residuals.at(settings), none, none[:2], mask)
 
 
 def _by_step(residuals: Residuals, fit: Fit, mask: Mask) -> Floats:
     """Residual of the fold after one Gauss-Newton step to the fit of the other folds."""
     fitted = ~_of_the_fold(fit, fit.jacobian, mask)
-    return _extrapolated(residuals, fit.residual, fit.jacobian[:, fitted], mask)
+    jacobian, room = fit.jacobian[:, fitted], _room(fit)[:, fitted]
+    return _extrapolated(residuals, fit.residual, jacobian, room, mask)
+
+
+def _room(fit: Fit) -> Floats:
+    """Steps (2 x parameters) that lead to the lower and the upper end of each parameter's range.
+
+    An angle has none.
+    """
+    ranges = [(-np.inf, np.inf) if p.role is Role.PHASE else (p.low, p.high) for _, p in fit.order]
+    return np.array(ranges).reshape(-1, 2).T - fit.values
 
 
 def _of_the_fold(fit: Fit, jacobian: Floats, mask: Mask) -> Mask:
@@ -198,11 +210,14 @@ def _frozen(base: Candidate, fit: Fit, frozen: Mask) -> Candidate:
     return replace(base, parameters=parameters, fixed={**base.fixed, **fixed})
 
 
-def _extrapolated(residuals: Residuals, residual: Floats, jacobian: Floats, mask: Mask) -> Floats:
+def _extrapolated(
+    residuals: Residuals, residual: Floats, jacobian: Floats, room: Floats, mask: Mask
+) -> Floats:
     """`residual` of the fold, parameters and nuisances fitted to the others (one linear step).
 
-    A nuisance that the other folds tell nothing of, as that of a run that is held out as a
-    whole, is fitted in the fold.
+    `room`: the least and the greatest step (2 x parameters) of each parameter. A nuisance that
+    the other folds tell nothing of, as that of a run that is held out as a whole, is fitted in the
+    fold.
     """
     basis = residuals.basis
     outside = np.sum(basis[~mask] ** 2, axis=0)
@@ -212,9 +227,27 @@ def _extrapolated(residuals: Residuals, residual: Floats, jacobian: Floats, mask
     if columns.shape[1]:
         others, _ = np.linalg.qr(own[~mask]) if own.shape[1] else (own[~mask], None)
         fitted = projected_out(others, columns[~mask])
-        step = gauss_newton_step(fitted, projected_out(others, residual[~mask]))
+        free = np.tile([[-np.inf], [np.inf]], known.shape[1])
+        ends = np.hstack([room, free])
+        step = _bounded_step(fitted, projected_out(others, residual[~mask]), ends)
         left = left + columns[mask] @ step
     if own.shape[1]:
         inner, _ = np.linalg.qr(own[mask])
         left = projected_out(inner, left)
     return left
+
+
+def _bounded_step(jacobian: Floats, residual: Floats, room: Floats) -> Floats:
+    """The Gauss-Newton step, or the best one that leaves no parameter's range (bounded-variable
+    least squares), where that would.
+    """
+    step = gauss_newton_step(jacobian, residual)
+    if ((room[0] <= step) & (step <= room[1])).all():
+        return step
+    ends = np.array([np.minimum(room[0], 0.0), np.maximum(room[1], 0.0)])
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    basis, triangle = np.linalg.qr(jacobian / scale)
+    bounded = lsq_linear(triangle, -basis.T @ residual, ends * scale, method="bvls")
+    inside: Floats = bounded.x / scale
+    return inside
