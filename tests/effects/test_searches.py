@@ -76,6 +76,16 @@ def test_the_moment_when_current_falls_is_found_where_the_noise_is_stated_wrong(
     assert max(abs(values["t_h"] - 0.15) for values in found) < 0.003
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_moment_when_current_falls_is_found_where_all_rests_drown_it_in_noise(seed):
+    """Four times the noise: the excess shows in the few periods after that moment only."""
+    truth = {"hold_current_reduction": {"h": 0.4, "t_h": 0.15}}
+    noise_in = 4 * LASER.noise_rms
+    found = starts("hold_current_reduction", truth, seed=seed, noise_in=noise_in)
+    assert found
+    assert max(abs(values["t_h"] - 0.15) for values in found) < 0.003
+
+
 def test_an_axis_that_never_moves_shows_no_moment():
     program = mopro.compile("UU012500/1\nACC2 0.2\nVEL2 10.0\nMRI2 6.0\nWX2\nWT400\n")
     assert starts("hold_current_reduction", {}, program=program) == []

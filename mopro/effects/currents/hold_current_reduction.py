@@ -148,14 +148,17 @@ class HoldCurrentStartFinder:
                 if _is_excessive(rests[-1][1]):
                     break
         rested_s, excess = np.concatenate(rests, axis=1)
-        if not _is_excessive(excess) or _is_excessive(np.concatenate(first_moves)):
+        if not len(excess) or _is_excessive(np.concatenate(first_moves)):
             return None
         order = np.argsort(rested_s, kind="stable")
-        times = rested_s[order]
-        so_far = np.concatenate(([0.0], np.cumsum(excess[order])))
+        times, excess = rested_s[order], excess[order]
+        so_far = np.concatenate(([0.0], np.cumsum(excess)))
         lasts = np.searchsorted(times, times + _BEFORE * self._period_s)
         within = so_far[lasts] - so_far[:-1]
-        return float(times[int(np.argmax(within))])
+        first = int(np.argmax(within))
+        # A faint one drowns in the noise of all rests, and not in that of a few periods.
+        shown = _is_excessive(excess) or _is_excessive(excess[first : lasts[first]])
+        return float(times[first]) if shown else None
 
 
 def _is_excessive(excess: Floats) -> bool:
