@@ -399,13 +399,14 @@ def better_alternative(state: State) -> Fit | None:
 
 
 def drop_unsupported(state: State) -> State:
-    """The three passes that drop what is not there, again and again until none drops an effect.
+    """The passes that drop what is not there, again and again until the answer stays.
 
-    What one of them drops may be what another one was satisfied with.
+    What one of them drops may be what another one was satisfied with, and may have led to a
+    choice among others (`prefer_lower`), which they judge as well.
     """
     while True:
         before = state.fit
-        for each in (expose_stand_ins, drop_outweighed, hold_out):
+        for each in (expose_stand_ins, drop_outweighed, hold_out, prefer_lower):
             state = each(state)
         if state.fit.key == before.key:
             return state

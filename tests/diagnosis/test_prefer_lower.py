@@ -7,7 +7,13 @@ import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
 from mopro.diagnosis import passes
-from mopro.diagnosis.passes import FAILS_HELD_OUT, hold_out, prefer_lower, readmit
+from mopro.diagnosis.passes import (
+    FAILS_HELD_OUT,
+    drop_unsupported,
+    hold_out,
+    prefer_lower,
+    readmit,
+)
 from mopro.diagnosis.state import Problem, State
 from mopro.fits import HeldOut
 from mopro.freeform import WithLaws
@@ -49,6 +55,22 @@ def test_of_effects_that_held_out_parts_deny_the_one_that_is_missed_least_goes(m
     answer = hold_out(replace(state, fit=fit))
     assert answer.fit.names == {"true"}
     assert [(r.name, r.reason) for r in answer.rejected] == [("third", FAILS_HELD_OUT)]
+
+
+def test_once_held_out_parts_deny_an_effect_the_others_are_chosen_anew(monkeypatch, state):
+    """Beside `third` the worse of two single effects was the better one."""
+    both = [c for c in state.sets.catalogue if c.name in ("similar", "third")]
+    fit = state.sets.fitted(both, of_size(similar=1.0, third=0.1))
+
+    def held_out(sets, fit):
+        gains = {name: -1.0 if name == "third" else 1.0 for name in fit.names}
+        return HeldOut(2.0, 1.0, gains, fit.residual)
+
+    monkeypatch.setattr(passes, "_held", held_out)
+    answer = drop_unsupported(replace(state, fit=fit))
+    assert answer.fit.names == {"true"}
+    assert [r.name for r in answer.rejected] == ["third"]
+    assert answer.held.residual is answer.fit.residual
 
 
 def answer(state, *dropped):
