@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from mopro.assumed import FEWEST, LEAST_SAMPLES, LEAST_SHARE, MOST_FOLDS, TINY
 from mopro.candidate import Candidate, Role
 from mopro.fits.fit import Fit, least_squares_fit
-from mopro.fits.jacobian import gauss_newton_step
+from mopro.fits.jacobian import bounded_step
 from mopro.residuals import Noise, Residuals, projected_out
 from mopro.series import Floats, Mask
 
@@ -229,25 +228,9 @@ def _extrapolated(
         fitted = projected_out(others, columns[~mask])
         free = np.tile([[-np.inf], [np.inf]], known.shape[1])
         ends = np.hstack([room, free])
-        step = _bounded_step(fitted, projected_out(others, residual[~mask]), ends)
+        step = bounded_step(fitted, projected_out(others, residual[~mask]), ends)
         left = left + columns[mask] @ step
     if own.shape[1]:
         inner, _ = np.linalg.qr(own[mask])
         left = projected_out(inner, left)
     return left
-
-
-def _bounded_step(jacobian: Floats, residual: Floats, room: Floats) -> Floats:
-    """The Gauss-Newton step, or the best one that leaves no parameter's range (bounded-variable
-    least squares), where that would.
-    """
-    step = gauss_newton_step(jacobian, residual)
-    if ((room[0] <= step) & (step <= room[1])).all():
-        return step
-    ends = np.array([np.minimum(room[0], 0.0), np.maximum(room[1], 0.0)])
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0] = 1.0
-    basis, triangle = np.linalg.qr(jacobian / scale)
-    bounded = lsq_linear(triangle, -basis.T @ residual, ends * scale, method="bvls")
-    inside: Floats = bounded.x / scale
-    return inside

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import optimize
 
 from mopro.assumed import FIT_TOLERANCE, INTERIOR, LINEARITY_ERROR, PROPORTIONAL, ROUNDING
 from mopro.series import Floats, Mask
@@ -14,10 +15,34 @@ from mopro.series import Floats, Mask
 
 def gauss_newton_step(jacobian: Floats, residual: Floats) -> Floats:
     """The step of the parameters that minimises |residual + jacobian @ step|² (samples x them)."""
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0] = 1.0
+    scale = _norms(jacobian)
     step: Floats = np.linalg.lstsq(jacobian / scale, -residual, rcond=ROUNDING)[0] / scale
     return step
+
+
+def bounded_step(jacobian: Floats, residual: Floats, room: Floats) -> Floats:
+    """The Gauss-Newton step, or the best one within `room` where that leaves it.
+
+    `room`: the least and the greatest step (2 x parameters) of each parameter, infinite where
+    there is none. Bounded-variable least squares (Stark and Parker 1995), by SciPy.
+    """
+    step = gauss_newton_step(jacobian, residual)
+    if ((room[0] <= step) & (step <= room[1])).all():
+        return step
+    # Rounding may have left a parameter just outside of its range.
+    ends = np.array([np.minimum(room[0], 0.0), np.maximum(room[1], 0.0)])
+    scale = _norms(jacobian)
+    basis, triangle = np.linalg.qr(jacobian / scale)
+    bounded = optimize.lsq_linear(triangle, -basis.T @ residual, ends * scale, method="bvls")
+    inside: Floats = bounded.x / scale
+    return inside
+
+
+def _norms(jacobian: Floats) -> Floats:
+    """Length of each column (samples x parameters), 1 for one of zeros."""
+    norms: Floats = np.linalg.norm(jacobian, axis=0)
+    norms[norms == 0] = 1.0
+    return norms
 
 
 @dataclass

@@ -50,7 +50,6 @@ def test_parts_are_predicted_within_the_ranges_of_the_parameters():
     """Two of three moves tell a product of slope and zero only: the range of the zero ends it."""
     rng = np.random.default_rng(6)
     x = np.concatenate([20 + 0.0005 * rng.standard_normal(8000), np.full(4000, 24.0)])
-
     swing = np.sin(np.arange(len(x)))
 
     def model(settings):
@@ -66,6 +65,6 @@ def test_parts_are_predicted_within_the_ranges_of_the_parameters():
     sets = Hypotheses(residuals, [bend])
     fit = sets.fitted([bend], {"bend": {"slope": 0.01, "zero": 18.5}})
     held = held_out(residuals, sets.evidence.noise, sets.null, fit, {"bend": sets.null})
-    # Without them the last move is predicted with an error that is several times the effect.
+    # A step that leaves the ranges predicts the last move worse than no effect does.
     assert held.after < held.before
     assert held.supports("bend")

@@ -130,9 +130,9 @@ class HoldCurrentStartFinder:
         """Time after a move (s) at which the periods of largest excess residual begin.
 
         Each series contributes its rests up to the first one with an excess, as the effect also
-        changes the start of the next move. None without an excess, or if the first moves show
-        one as well: then another effect is the cause. An excess is that over the white noise in the
-        data themselves, as the stated one may be wrong.
+        changes the start of the next move. None without an excess, over all rests or over
+        those periods, or if the first moves show one as well: then another effect is the cause. An
+        excess is that over the white noise in the data themselves, as the stated one may be wrong.
         """
         from mopro.residuals import difference_variance  # loads scipy
 
