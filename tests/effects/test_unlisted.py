@@ -6,6 +6,9 @@ import pytest
 import mopro
 from helpers import one_run
 from helpers.laboratory import Lab
+from mopro.benchmark.reference.foreign import Foreign
+from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
+from mopro.benchmark.reference.sensors import Instrument
 from mopro.effects import Active, catalogue
 from mopro.effects.unlisted import unlisted_terms, with_unlisted
 from mopro.experiment import load_experiment
@@ -19,6 +22,7 @@ from mopro.source import Source
 
 PITCH_M = load_machine("chow1992").axis.pitch_m
 AIR_C = load_machine("chow1992").heat.ambient_C
+BOTH_WAYS = "UU012500/1\nACC1 0.1\nVEL1 5\nMRI1 0.5\nWX1\nWT200\nMRI1 -0.5\nWX1\nWT200\n"
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +54,8 @@ def shift(model, settings):
             "coulomb_friction",
             {"Fc": 3.0},
         ),
+        # Over a presliding longer than any path, no friction builds up.
+        ("force of v in presliding", {"c": -8.0, "delta": 1e9}, "viscous_drag", {"b": 8.0}),
         ("steady force", {"c": 2.0}, "constant_force", {"F_b": 2.0}),
         ("force of x", {"c": -20.0}, "umbilical_spring", {"k_h": 20.0}),
         ("force of a", {"c": -0.5}, "payload_mass", {"dm": 0.5}),
@@ -76,6 +82,16 @@ def test_a_motor_that_is_stronger_forwards_lags_less_while_it_accelerates(motion
     lag = axis.moving_mass_kg * a / axis.stiffness_N_m
     gained = shift(motion, {"motor's force of sgn v": {"c": 0.1}})[ramp].mean() * 0.0254
     assert gained == pytest.approx(lag * (1 - 1 / 1.1), rel=0.15)
+
+
+def test_a_damping_in_presliding_ends_once_the_axis_slides(motion):
+    """Over 5 um it acts on the ring at rest, and not on the lag while the axis moves evenly."""
+    time = np.arange(3000) / 2000
+    even, rest = (time > 0.25) & (time < 0.3), time > 1.3
+    damped = shift(motion, {"force of v in presliding": {"c": -30.0}})
+    drag = shift(motion, {"viscous_drag": {"b": 30.0}})
+    assert np.abs(damped[even]).max() < 0.01 * np.abs(drag[even]).max()
+    assert np.abs(damped[rest]).max() > 0.3 * np.abs(drag[rest]).max()
 
 
 @pytest.mark.parametrize("power", [2, 3])
@@ -135,12 +151,11 @@ def test_no_term_has_the_name_of_an_effect_and_each_states_its_law():
     names = {term.name for term in terms}
     assert len(names) == len(terms)
     assert not names & set(catalogue())
-    written = {
-        term.name: term.law.formula({"c": 2.0, "p": 1e-3, "phi": 0.1, "s": 3.0, "vs": 0.05})
-        for term in terms
-    }
+    values = {"c": 2.0, "p": 1e-3, "phi": 0.1, "s": 3.0, "vs": 0.05, "delta": 4e-6}
+    written = {term.name: term.law.formula(values) for term in terms}
     assert written["force of v|v|"] == "2 * v * abs(v)"
     assert written["falling force of sgn v"] == "(2 + 3 * exp(-abs(v) / 0.05)) * sign(v)"
+    assert written["force of v in presliding"] == "2 * (v - abs(v) * presliding(x, 4e-06))"
     assert written["steady force"] == "2"
     assert written["force of x mod"] == "2 * sin(2 * pi * x / 0.001 + 0.1)"
     assert {t.law.of for t in terms} == {"v", "sgn v", "x", "x mod", "a", "T", "t"}
@@ -168,6 +183,26 @@ def test_a_force_that_nobody_listed_is_drafted_and_no_effect_is_named(tmp_path, 
     assert [e.name for e in verdict.effects] == []
     assert [draft.of for draft in verdict.drafts] == [of]
     assert verdict.drafts[0].enters == "force"
+
+
+def test_a_friction_whose_bristles_damp_is_told_by_that_and_not_by_what_makes_up_for_it():
+    """LuGre's friction on the reference plant: it damps the ring at rest, and hardly anything else.
+
+    A dry friction with a fall of the current at rest, both listed, leave noise as well.
+    """
+    law = {"N": 0.03, "presliding": 1.5e-5, "static": 1.3, "vs": 0.05, "inner": 0.2}
+    own = one_run.LASER
+    laser = Instrument(
+        own.name, "position", 1, own.column, 0.0254, own.rate_hz, own.noise_rms, 0.0
+    )  # fmt: skip
+    plant = ReferencePlant({}, foreign=Foreign("lugre", law))
+    _, (exact,) = plant.readings(ProgramRun(BOTH_WAYS), [laser], np.random.default_rng(1))
+    noise = own.noise_rms * np.random.default_rng(2).standard_normal(len(exact))
+    verdict = diagnose(one_run.of(exact + noise, mopro.compile(BOTH_WAYS))).verdict
+    assert (verdict.verdict, verdict.effects) == ("unexplained", ())
+    (draft,) = verdict.drafts
+    assert (draft.name, draft.of, draft.held_out) == ("force of v in presliding", "v", True)
+    assert draft.sigmas > 20
 
 
 def test_a_force_that_grows_with_the_speed_is_probed_where_it_does_not_run_away(motion):

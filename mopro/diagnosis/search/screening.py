@@ -62,9 +62,11 @@ class Screening:
         noise, they are simulated there: beside a dry friction, another one has quite another
         signature. If it leaves noise, what joins it is weak, and the best of the known probes
         are: of the likeliest candidates that may come within the margin of alternatives, and of
-        all where the null model is far from linear. Starts are searched
-        in the residual of `base` and of `unabsorbed`, in which other effects have not adapted to
-        what was dropped.
+        all where the null model is far from linear. A free-form term that takes the place of a
+        single effect of such a set is simulated beside the others, as it may be that one of them
+        has another form: a damping in the presliding of a friction is nothing without that. Starts
+        are searched in the residual of `base` and of `unabsorbed`, in which other effects have not
+        adapted to what was dropped.
         """
         scores = self._beside(base, at)
         if unabsorbed is None:
@@ -78,7 +80,7 @@ class Screening:
         """
         sets = self._sets
         others = None if unabsorbed is None else unabsorbed.identity
-        there = at.identity if base.key == at.key else None
+        there = at.identity if base.key == at.key else self._substitutes(base, at)
         known = tuple(c.key for c in sets.catalogue), sets.white.noise.stated
         key = (base.identity, there, others, most, known)
         if key not in self._subsets:
@@ -99,7 +101,10 @@ class Screening:
             if c.name not in base.names and (c.extends is None or c.can_enter_first)
         ]
         if base.key != at.key:
-            return self._scores(base, null, joining)
+            laws = [c for c in joining if c.law and self._substitutes(base, at)]
+            others = [c for c in joining if c not in laws]
+            scores = [*self._scores(base, base, laws), *self._scores(base, null, others)]
+            return self._sorted(base, scores)
         if at.key == null.key or not self._sets.is_noise(at):
             return self._scores(base, at, joining)
         known = self._scores(base, null, joining)
@@ -108,6 +113,10 @@ class Screening:
         count = len(known) if null.far_from_linear else min(likely, 2 * FITTED)
         closer = self._sets.each(lambda score: self._closer(base, score), known[:count])
         return self._sorted(base, [*closer, *known[count:]])
+
+    def _substitutes(self, base: Fit, at: Fit) -> bool:
+        """True if what joins `base` takes the place of one of several effects that leave noise."""
+        return 0 < len(base.candidates) == len(at.candidates) - 1 and self._sets.is_noise(at)
 
     def _closer(self, at: Fit, known: ScoreTest) -> ScoreTest:
         """A score test at the null model with the best of its probes simulated at `at`."""

@@ -138,6 +138,29 @@ class _FallingOfDirection(_Force):
         yield self.form(largest, replace(largest, name="s"), speed, PRESLIDING_FITTED, law=self.law)
 
 
+class _OfSpeedInPresliding(_Force):
+    """A damping while a dry friction builds up, which ends when it slides.
+
+    c (v - |v| z), with z of Dahl's model: c times the presliding times dz/dt.
+    """
+
+    name, of = "force of v in presliding", "v"
+    slide = staticmethod(DahlFriction.slide)
+    parameters = (size("N s/m"), PRESLIDING)
+
+    @staticmethod
+    def force(x: float, v: float, z: float, c: float, delta: float) -> float:
+        return c * (v - abs(v) * z)
+
+    def written(self, values: Mapping[str, float]) -> str:
+        return f"{values['c']:.4g} * (v - abs(v) * presliding(x, {values['delta']:.3g}))"
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        axis = view.machine.axis
+        critical = 2.0 * math.sqrt(axis.stiffness_N_m * axis.moving_mass_kg)
+        yield from with_presliding(self.form(_against_motion(self.size(critical)), law=self.law))
+
+
 class _MotorOfDirection(_Force):
     """A motor that is stronger in one direction: a force in proportion to its own."""
 
@@ -268,6 +291,7 @@ FORCES: tuple[type[FreeFormTerm], ...] = (
     _OfSpeedSquared,
     _OfDirection,
     _FallingOfDirection,
+    _OfSpeedInPresliding,
     _MotorOfDirection,
     _FrictionUnderLoad,
     _Steady,
