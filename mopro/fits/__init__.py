@@ -10,15 +10,18 @@ from mopro.fits.evidence import Evidence
 from mopro.fits.fit import Fit, Identity, Key, growing_fit, least_squares_fit
 from mopro.fits.heldout import HeldOut, folds, held_out
 from mopro.fits.jacobian import SecantJacobian, gauss_newton_step
+from mopro.fits.limit import NO_LIMIT, Limit
 from mopro.fits.uniformity import Spread, spread
 
 __all__ = [
+    "NO_LIMIT",
     "Descent",
     "Evidence",
     "Fit",
     "HeldOut",
     "Identity",
     "Key",
+    "Limit",
     "SecantJacobian",
     "Spread",
     "folds",

@@ -11,6 +11,7 @@ from scipy import optimize
 
 from mopro.assumed import INTERIOR, ITERATIONS, REPEATS
 from mopro.fits.jacobian import Iterate, SecantJacobian
+from mopro.fits.limit import NO_LIMIT, Limit
 from mopro.series import Floats, Mask
 
 
@@ -22,8 +23,8 @@ class Descent:
     """Minimises |residual(x)|² over a box, by SciPy's trust regions (`dogbox`).
 
     Parameters `x` are shares of their ranges, residuals are in standard deviations.
-    `differences`: steps of finite differences in `x`. `rss_limit`: a descent that cannot come
-    down to this sum of squares is `abandoned`. `parts`: the samples that each parameter changes.
+    `differences`: steps of finite differences in `x`. A descent that cannot come down to
+    `limit` is `abandoned`. `parts`: the samples that each parameter changes.
     `change(x, moved)`: that of the residual; by the residual itself unless given.
     """
 
@@ -31,14 +32,14 @@ class Descent:
         self,
         residual: Callable[[Floats], Floats],
         differences: Sequence[float],
-        rss_limit: float,
+        limit: Limit = NO_LIMIT,
         parts: Sequence[Mask | None] = (),
         change: Callable[[Floats, Floats], Floats] | None = None,
     ) -> None:
         self._residual = residual
         self._jacobian = SecantJacobian(residual, differences, parts, change)
-        self._rss_limit = rss_limit
-        self._last_rss = math.inf
+        self._limit = limit
+        self._last_missed = math.inf
         self._cuts = 0
         self.abandoned = False
 
@@ -47,6 +48,8 @@ class Descent:
         x = np.clip(start, low + INTERIOR, high - INTERIOR)
         for _ in range(REPEATS):
             reached = self._round(x, low, high, tolerance)
+            # The slopes here are those at its end.
+            self.abandoned |= self._leads_nowhere(self._limit.missed(reached.residual), low, high)
             if self.abandoned or not self._jacobian.updated:
                 break
             self._jacobian.forget()
@@ -64,7 +67,7 @@ class Descent:
             return self._jacobian.at(x)
 
         def abandon(intermediate_result: optimize.OptimizeResult) -> None:
-            if self._out_of_reach(2 * float(intermediate_result.cost), low, high):
+            if self._out_of_reach(intermediate_result.fun, low, high):
                 self.abandoned = True
                 raise StopIteration
 
@@ -86,13 +89,19 @@ class Descent:
         decrease = -float(change @ (2 * last.residual + change))
         return self._cuts > REPEATS or decrease < tolerance * float(last.residual @ last.residual)
 
-    def _out_of_reach(self, rss: float, low: Floats, high: Floats) -> bool:
+    def _out_of_reach(self, residual: Floats, low: Floats, high: Floats) -> bool:
         """True if neither steps nor slopes lead down to the limit.
 
-        That is: as many further steps as the budget allows, each as good as the last, do not,
-        and twice the predicted reduction does not. (A step may be short because the path bends.)
+        As many further steps as the budget allows, each as good as the last, do not. (A step may
+        be short because the path bends.)
         """
-        decrease, self._last_rss = self._last_rss - rss, rss
-        missing = rss - self._rss_limit
-        slow = decrease * ITERATIONS < missing
-        return slow and 2 * self._jacobian.predicted_reduction(low, high) < missing
+        missed = self._limit.missed(residual)
+        decrease, self._last_missed = self._last_missed - missed, missed
+        return decrease * ITERATIONS < missed and self._leads_nowhere(missed, low, high)
+
+    def _leads_nowhere(self, missed: float, low: Floats, high: Floats) -> bool:
+        """True if twice the reduction that the slopes predict is less than what is `missed`."""
+        if missed <= 0:
+            return False
+        predicted = self._limit.missed(self._jacobian.linear_minimum(low, high))
+        return 2 * (missed - predicted) < missed

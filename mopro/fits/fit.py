@@ -12,6 +12,7 @@ from mopro.assumed import FIT_TOLERANCE, INTERIOR, LEAST_SHARE, REPEATS
 from mopro.candidate import Candidate, Parameter, Role
 from mopro.fits.descent import Descent
 from mopro.fits.jacobian import gauss_newton_step
+from mopro.fits.limit import NO_LIMIT, Limit
 from mopro.residuals import Residuals
 from mopro.series import Floats, Settings
 
@@ -112,23 +113,23 @@ def least_squares_fit(
     residuals: Residuals,
     candidates: Sequence[Candidate],
     starts: Sequence[Settings],
-    rss_limit: float = np.inf,
+    limit: Limit = NO_LIMIT,
     base: Sequence[Candidate] = (),
 ) -> Fit:
     """The best fit of `candidates` and `base` from any of `starts`, each parameter in its range.
 
     A start has a value for every parameter; those that are searched keep it. A fit that
-    cannot come down to a sum of squares of `rss_limit` is `abandoned`.
+    cannot come down to `limit` is `abandoned`.
     """
     problems = [_Problem(residuals, candidates, base, start) for start in starts]
-    return min((problem.solve(rss_limit) for problem in problems), key=lambda fit: fit.rss)
+    return min((problem.solve(limit) for problem in problems), key=lambda fit: fit.rss)
 
 
 def growing_fit(
     residuals: Residuals,
     candidates: Sequence[Candidate],
     start: Settings,
-    rss_limit: float,
+    limit: Limit,
     base: Sequence[Candidate],
 ) -> Fit:
     """As `least_squares_fit`, after fits of the beginning of each series, longer every time.
@@ -139,7 +140,7 @@ def growing_fit(
     for share in _GROWING:
         part = residuals.subset(residuals.beginnings(share))
         start = least_squares_fit(part, candidates, [start], base=base).settings
-    return least_squares_fit(residuals, candidates, [start], rss_limit, base)
+    return least_squares_fit(residuals, candidates, [start], limit, base)
 
 
 class _Problem:
@@ -163,7 +164,7 @@ class _Problem:
         self._begun = [(p.scaled(v), v) for (_, p), v in zip(self._order, values, strict=True)]
         self._last: tuple[tuple[float, ...], Floats] | None = None
 
-    def solve(self, rss_limit: float) -> Fit:
+    def solve(self, limit: Limit) -> Fit:
         scaled = np.array([share for share, _ in self._begun])
         low, high = self._box()
         if not self._order:
@@ -171,7 +172,7 @@ class _Problem:
             return self._fit(scaled, residual, np.zeros((len(residual), 0)))
         differences = [p.difference for _, p in self._order]
         parts = [self._residuals.part(p.run) for _, p in self._order]
-        descent = Descent(self._residual, differences, rss_limit, parts, self._change)
+        descent = Descent(self._residual, differences, limit, parts, self._change)
         tolerance = FIT_TOLERANCE / max(self._residuals.count, 1)
         reached = descent.run(scaled, low, high, tolerance)
         fit = self._fit(reached.x, reached.residual, reached.jacobian)

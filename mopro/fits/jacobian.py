@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +9,7 @@ import numpy as np
 from scipy import optimize
 
 from mopro.assumed import FIT_TOLERANCE, INTERIOR, LINEARITY_ERROR, PROPORTIONAL, ROUNDING
+from mopro.residuals import projected_out
 from mopro.series import Floats, Mask
 
 
@@ -96,16 +96,15 @@ class SecantJacobian:
         self.last = Iterate(x.copy(), residual, jacobian)
         return jacobian
 
-    def predicted_reduction(self, low: Floats, high: Floats) -> float:
-        """Fall of the sum of squares at the minimum of the linearised problem.
+    def linear_minimum(self, low: Floats, high: Floats) -> Floats:
+        """Residual at the minimum of the problem that is linear as at the last Jacobian.
 
         A parameter at an end of its range, from `low` to `high`, stays there.
         """
-        if self.last is None:
-            return math.inf
+        assert self.last is not None, "the Jacobian is taken at the start"
         inside = (self.last.x > low + INTERIOR) & (self.last.x < high - INTERIOR)
         basis, _ = np.linalg.qr(self.last.jacobian[:, inside])
-        return float(np.sum((basis.T @ self.last.residual) ** 2))
+        return projected_out(basis, self.last.residual)
 
     def _secant_update(self, x: Floats, residual: Floats) -> Floats | None:
         """The last Jacobian corrected by the step to `x`; None if it predicted that badly."""

@@ -10,7 +10,7 @@ from helpers.signals import candidates, measured, of_size, sizes, times
 from mopro.assumed import LINEARITY_ERROR
 from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.search.hypotheses import Hypotheses
-from mopro.fits import Descent, Evidence, SecantJacobian, least_squares_fit
+from mopro.fits import Descent, Evidence, Limit, SecantJacobian, least_squares_fit
 from mopro.residuals import Residuals
 from mopro.residuals.noise import Noise
 
@@ -98,14 +98,14 @@ def test_a_fit_that_cannot_come_down_to_its_limit_is_abandoned_and_fitted_again_
     assert not whole.abandoned
     assert whole.rss > 100 * best.rss
     fits = Hypotheses(residuals, [DECAY, FAST])
-    abandoned = fits.fitted([FAST], start, best.rss + 100)
+    abandoned = fits.fitted([FAST], start, Limit(best.rss + 100))
     assert abandoned.abandoned
     assert abandoned.rss >= whole.rss
-    assert fits.fitted([FAST], start, best.rss + 100) is abandoned
+    assert fits.fitted([FAST], start, Limit(best.rss + 100)) is abandoned
     again = fits.fitted([FAST], start)
     assert not again.abandoned
     assert again.rss == pytest.approx(whole.rss)
-    near = fits.fitted([DECAY], {"decay": {"height": 9.0, "rate": 0.2}}, best.rss + 100)
+    near = fits.fitted([DECAY], {"decay": {"height": 9.0, "rate": 0.2}}, Limit(best.rss + 100))
     assert not near.abandoned
     assert math.isclose(near.rss, best.rss, rel_tol=1e-3)
 
@@ -117,7 +117,7 @@ def test_the_minimum_at_a_kink_is_found_in_few_evaluations():
         asked.append(x)
         return np.array([100 * abs(x[0] - 0.3) + 10, 50 * (x[0] - 0.5)])
 
-    reached = Descent(residual, (1e-4,), math.inf).run(
+    reached = Descent(residual, (1e-4,)).run(
         np.array([0.9]), np.zeros(1), np.ones(1), tolerance=1e-4
     )
     assert reached.x[0] == pytest.approx(0.3, abs=0.03)
@@ -162,10 +162,10 @@ def test_a_fit_abandoned_for_one_limit_is_fitted_again_for_a_wider_one():
     best = least_squares_fit(residuals, [DECAY], [TRUTH])
     start = {"decay": {"height": 9.0, "rate": 19.0}}
     fits = Hypotheses(residuals, [DECAY, FAST])
-    assert fits.fitted([FAST], start, best.rss + 100).abandoned
-    wider = fits.fitted([FAST], start, 1e12)
+    assert fits.fitted([FAST], start, Limit(best.rss + 100)).abandoned
+    wider = fits.fitted([FAST], start, Limit(1e12))
     assert not wider.abandoned
-    assert fits.fitted([FAST], start, best.rss + 100) is wider
+    assert fits.fitted([FAST], start, Limit(best.rss + 100)) is wider
 
 
 def test_a_value_within_the_tolerance_of_the_model_has_no_penalty_of_choice():
@@ -310,3 +310,26 @@ def test_numbers_of_different_runs_share_a_finite_difference():
     assert jacobian[:, 1] == pytest.approx(np.concatenate([one, zero]), abs=1e-5)
     assert jacobian[:, 2] == pytest.approx(np.concatenate([zero, two]), abs=1e-5)
     assert jacobian[:, 0] == pytest.approx(residual(x) / 0.4, abs=1e-5)
+
+
+def test_a_limit_of_the_deviance_is_that_of_the_noise_and_not_of_the_sum_of_squares():
+    """Where the noise is a thousand times as strong as stated, so may a misfit be."""
+    residuals = problem(decaying)
+    start = {"decay": {"height": 9.0, "rate": 19.0}}
+    whole = least_squares_fit(residuals, [FAST], [start])
+    stated = Noise.as_stated(residuals)
+    strong = stated.like(1000.0 * np.random.default_rng(5).standard_normal(len(whole.residual)))
+    for noise, expected in ((stated, True), (strong, False)):
+        limit = Limit.of_deviance(noise.deviance(whole.residual) / 2 + 100, noise)
+        assert least_squares_fit(residuals, [FAST], [start], limit).abandoned is expected
+
+
+def test_a_limit_includes_closer_ones_by_the_same_noise():
+    """White noise of the stated size makes the deviance a sum of squares."""
+    stated = Noise.as_stated(problem(decaying))
+    other = stated.like(np.ones(400))
+    assert Limit.of_deviance(50.0, stated) == Limit(50.0)
+    assert Limit(50.0).includes(Limit(40.0))
+    assert not Limit(50.0).includes(Limit(60.0))
+    assert Limit.of_deviance(50.0, other).includes(Limit.of_deviance(40.0, other))
+    assert not Limit.of_deviance(50.0, other).includes(Limit(40.0))

@@ -12,7 +12,16 @@ import numpy as np
 
 from mopro.assumed import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, PROPORTIONAL, SAME
 from mopro.candidate import Candidate, Parameter, Role
-from mopro.fits import Evidence, Fit, Identity, Key, growing_fit, least_squares_fit
+from mopro.fits import (
+    NO_LIMIT,
+    Evidence,
+    Fit,
+    Identity,
+    Key,
+    Limit,
+    growing_fit,
+    least_squares_fit,
+)
 from mopro.jobs import in_threads
 from mopro.residuals import (
     Noise,
@@ -55,7 +64,8 @@ class Hypotheses:
         self._keys = [candidate.key for candidate in catalogue]
         self.white = self.evidence = Evidence(Noise.as_stated(residuals), self._keys)
         self._fits: dict[Key, Fit] = {}
-        self._limits: dict[Key, float] = {}
+        self._limits: dict[Key, Limit] = {}
+        self._judged_by: Identity | None = None
         self._stepped: set[tuple[Identity, str]] = set()
         self._remainders: dict[Identity, Remainder] = {}
         self.residuals = residuals
@@ -71,9 +81,9 @@ class Hypotheses:
             {c.name: {name: v for of, name, v in values if of == c.name} for c in self.base}
             for values in product(*ranges)
         ]
-        fits = [least_squares_fit(self.residuals, (), starts, math.inf, self.base)]
+        fits = [least_squares_fit(self.residuals, (), starts, NO_LIMIT, self.base)]
         if self.base:
-            fits.append(self._from((), self._lowest(starts), math.inf))
+            fits.append(self._from((), self._lowest(starts), NO_LIMIT))
         fit = min(fits, key=lambda f: f.rss)
         if not np.isfinite(self.residuals.predicted(fit.settings)).all():
             raise ValueError("the model without effects predicts values that are not finite")
@@ -134,6 +144,9 @@ class Hypotheses:
 
     def judge_by(self, fit: Fit) -> None:
         """Judge by noise like the remainder of `fit`, unless that is as stated."""
+        if fit.identity == self._judged_by:
+            return
+        self._judged_by = fit.identity
         noise = noise_of(self.residuals, fit.residual, len(fit.order))
         self.evidence = Evidence(noise, self._keys)
         white = noise if noise.exact else Noise.as_stated(self.residuals)
@@ -141,17 +154,25 @@ class Hypotheses:
 
     # -- fitting ------------------------------------------------------------------------
 
-    def fit_all(self, proposals: Iterable[Proposal], limit: float = math.inf) -> list[Fit]:
+    def fit_all(
+        self,
+        proposals: Sequence[Proposal],
+        limit: Limit | Callable[[Sequence[Candidate]], Limit] = NO_LIMIT,
+    ) -> list[Fit]:
         """The fits of several sets, each from the lowest of its own starts; see `fitted`.
 
-        Each is fitted as if it were the only one, so that neither their order nor the number of
-        jobs matters.
+        `limit` is that of all of them, or tells that of a set. Each is fitted as if it were the
+        only one, so that neither their order nor the number of jobs matters.
         """
         known = dict(self._fits)
-        fits = self.each(
-            lambda each: self._fit(each[0], self._lowest(each[1]), limit, known), proposals
-        )
-        return [self._kept(fit, limit) for fit in fits]
+        limits = [limit if isinstance(limit, Limit) else limit(own) for own, _ in proposals]
+
+        def fitted(each: tuple[Proposal, Limit]) -> Fit:
+            (candidates, starts), own = each
+            return self._fit(candidates, self._lowest(starts), own, known)
+
+        fits = self.each(fitted, zip(proposals, limits, strict=True))
+        return [self._kept(fit, own) for fit, own in zip(fits, limits, strict=True)]
 
     def fit_again(self, others: Hypotheses) -> None:
         """Fit the sets that were fitted to other data, each from where it ended there."""
@@ -172,11 +193,11 @@ class Hypotheses:
         return min(starts, key=lambda s: float(np.sum(self.residuals.at(s) ** 2)))
 
     def fitted(
-        self, candidates: Sequence[Candidate], start: Settings, limit: float = math.inf
+        self, candidates: Sequence[Candidate], start: Settings, limit: Limit = NO_LIMIT
     ) -> Fit:
         """The fit of a set of effects; one that cannot come down to `limit` is abandoned.
 
-        `limit` is a sum of squares. An abandoned set is fitted again for a wider limit.
+        An abandoned set is fitted again for another limit that is no closer.
         """
         return self._kept(self._fit(candidates, start, limit, self._fits), limit)
 
@@ -184,13 +205,13 @@ class Hypotheses:
         self,
         candidates: Sequence[Candidate],
         start: Settings,
-        limit: float,
+        limit: Limit,
         fits: Mapping[Key, Fit],
     ) -> Fit:
         """As `fitted`, where `fits` are known; they are not changed."""
         key = frozenset(candidate.key for candidate in candidates)
         known = fits.get(key)
-        if known is not None and known.abandoned and limit <= self._limits[key]:
+        if known is not None and known.abandoned and self._limits[key].includes(limit):
             return known
         if known is not None and not known.abandoned and not self._begins_lower(start, known):
             return known
@@ -203,7 +224,7 @@ class Hypotheses:
         again = least_squares_fit(self.residuals, candidates, [faint], limit, self.base)
         return min(fit, again, key=lambda f: f.rss)
 
-    def _from(self, candidates: Sequence[Candidate], start: Settings, limit: float) -> Fit:
+    def _from(self, candidates: Sequence[Candidate], start: Settings, limit: Limit) -> Fit:
         """The fit from `start`; where it leaves much of a model with free numbers, a growing one.
 
         Of the two the lower one is taken.
@@ -234,7 +255,7 @@ class Hypotheses:
         weaker = p.within(p.multiplied(value, 1 / PROPORTIONAL))
         return {**fit.settings, name: {**fit.settings[name], p.name: weaker}}
 
-    def _kept(self, fit: Fit, limit: float) -> Fit:
+    def _kept(self, fit: Fit, limit: Limit) -> Fit:
         """`fit`, or the one that is known of its set and no worse."""
         known = self._fits.get(fit.key)
         if fit is known:
@@ -250,11 +271,11 @@ class Hypotheses:
         the beginning of the data onwards.
         """
         if self.base:
-            grown = growing_fit(self.residuals, fit.candidates, fit.settings, math.inf, self.base)
-            fit = self._kept(grown, math.inf)
+            grown = growing_fit(self.residuals, fit.candidates, fit.settings, NO_LIMIT, self.base)
+            fit = self._kept(grown, NO_LIMIT)
         for _ in range(ITERATIONS):
             again = least_squares_fit(
-                self.residuals, fit.candidates, [fit.settings], math.inf, self.base
+                self.residuals, fit.candidates, [fit.settings], base=self.base
             )
             stands = again.rss > fit.rss - SAME * self.scale(fit)
             if again.rss <= fit.rss:
@@ -269,7 +290,7 @@ class Hypotheses:
         rss = float(np.sum(self.residuals.at(start) ** 2))
         return rss < known.rss - SAME * self.scale(known)
 
-    def without(self, fit: Fit, name: str, limit: float = math.inf) -> Fit:
+    def without(self, fit: Fit, name: str, limit: Limit = NO_LIMIT) -> Fit:
         """`fit` without the effect `name`, from where a Gauss-Newton step leads, or as it stands.
 
         Of the two starts the lower one is taken.
@@ -306,16 +327,16 @@ class Hypotheses:
         """Variance of the noise in units of the stated one, by the evidence's noise."""
         return float(np.mean(self.evidence.noise.variances(fit.residual)))
 
-    def limit(self, fit: Fit, delta_ebic: float = OUT_OF_REACH) -> float:
-        """Sum of squares above which no set comes within `delta_ebic` of the EBIC of `fit`."""
-        noise, more = self.evidence.noise, self.evidence.penalty(fit) + delta_ebic
+    def limit(self, fit: Fit) -> Limit:
+        """Sum of squares above which any set is out of reach of the EBIC of `fit`."""
+        noise, more = self.evidence.noise, self.evidence.penalty(fit) + OUT_OF_REACH
         if noise.exact and all(noise.stated):
-            return fit.rss + more
+            return Limit(fit.rss + more)
         if noise.exact:
-            return fit.rss * math.exp(more / sum(noise.counts))
+            return Limit(fit.rss * math.exp(more / sum(noise.counts)))
         # Where the noise is strongest, an excess counts least.
         strongest = max(float(density.max()) for *_, density in noise.bands)
-        return max(fit.rss + more * strongest, 2 * fit.rss)
+        return Limit(max(fit.rss + more * strongest, 2 * fit.rss))
 
     def each(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         """`function` of all items, in several threads if there is more than one job."""

@@ -18,6 +18,7 @@ from mopro.assumed import (
     SECOND_GUESSES,
     VERY_STRONG,
 )
+from mopro.candidate import Candidate
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, distinct
 from mopro.diagnosis.search.neighbours import (
@@ -28,7 +29,7 @@ from mopro.diagnosis.search.neighbours import (
     with_rivals,
 )
 from mopro.diagnosis.search.screening import Screening
-from mopro.fits import Fit, Identity, Key
+from mopro.fits import NO_LIMIT, Fit, Identity, Key, Limit
 
 # Rounds of a search before free-form terms join it: what nobody listed is described by several
 # effects, which takes long.
@@ -83,10 +84,9 @@ def search(
 
 def _next(sets: Hypotheses, best: Fit, expanded: set[Identity]) -> Fit | None:
     """The next best set that was not expanded and explains the data otherwise."""
-    limit = sets.limit(best)
+    limit = max(sets.limit(best).most, LINEARITY_ERROR * sets.null.rss)
     for fit in sets.ranked():
-        near = fit.rss < max(limit, LINEARITY_ERROR * sets.null.rss)
-        if near and fit.candidates and fit.identity not in expanded:
+        if fit.rss < limit and fit.candidates and fit.identity not in expanded:
             return fit
     return None
 
@@ -98,12 +98,12 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
     if only_laws:
         near = near.with_laws()
     proposed = _proposed(sets, near)
-    reachable = sets.limit(before) if sets.is_noise(before) else math.inf
+    reachable = sets.limit(before) if sets.is_noise(before) else NO_LIMIT
     sets.fit_all(_proposals(proposed[:SECOND_GUESSES]), reachable)
     limit = sets.limit(sets.best())
     if sets.null.far_from_linear and not sets.is_noise(sets.best()):
         # What is predicted badly may be expanded next; where the best set leaves noise, nothing is.
-        limit = max(limit, LINEARITY_ERROR * sets.null.rss)
+        limit = Limit(max(limit.most, LINEARITY_ERROR * sets.null.rss))
     others = [*in_wider_forms(sets, near), *([] if only_laws else with_rivals(sets, front))]
     sets.fit_all([*_proposals(proposed[SECOND_GUESSES:]), *others], limit)
     sets.judge_by(sets.fullest())
@@ -141,20 +141,37 @@ def _in_reach(sets: Hypotheses, best: Fit) -> list[Fit]:
 
 
 def _fit_forms(sets: Hypotheses, fit: Fit) -> None:
-    """Fit `fit` in other forms, and each of those that come near without one of its effects."""
+    """Fit `fit` in other forms, and each of those that come near without one of its effects.
+
+    A form of fewer free numbers is given up where it cannot do as well by what they cost.
+    """
+    evidence = sets.evidence
     # Another form may make an effect superfluous, which saves the penalty of that.
-    saved = max((sets.evidence.added_penalty(sets.null, [c]) for c in fit.candidates), default=0.0)
-    limit, deviance = sets.limit(fit, saved), sets.evidence.noise.deviance
-    most = deviance(fit.residual) + saved
+    saved = max((evidence.added_penalty(sets.null, [c]) for c in fit.candidates), default=0.0)
+    deviance = evidence.noise.deviance
+    wide = Limit.of_deviance(sets.ebic(fit) + saved, evidence.noise)
+
+    def limit(candidates: Sequence[Candidate]) -> Limit:
+        if not _narrower(candidates, fit):
+            return wide
+        penalty = evidence.of_joining(candidates, fit.count, 0)
+        return Limit.of_deviance(sets.ebic(fit) + VERY_STRONG - penalty, evidence.noise)
+
     for trial in sets.fit_all(in_other_forms(sets, fit), limit):
         # What the form has more is at its null there, where the fit needs it for nothing yet.
-        if trial.abandoned or (room := most - deviance(trial.residual)) <= 0:
+        room = deviance(fit.residual) + saved - deviance(trial.residual)
+        if trial.abandoned or room <= 0:
             continue
         for name in sorted(trial.names):
             rise = deviance(trial.residual_without(name)) - deviance(trial.residual)
             # One that is predicted to explain more than twice of that is not superfluous.
             if sets.null.far_from_linear or MAJORITY * rise < room:
-                sets.without(trial, name, limit)
+                sets.without(trial, name, wide)
+
+
+def _narrower(candidates: Sequence[Candidate], fit: Fit) -> bool:
+    """True if the set is that of `fit` with some of its free numbers fixed."""
+    return any(own.nests(other) for own in fit.candidates for other in candidates)
 
 
 def _fit_parts(sets: Hypotheses, fit: Fit) -> None:

@@ -1,0 +1,34 @@
+"""Limits of fits: what a set of effects may leave at most to be worth fitting to its minimum."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mopro.residuals import Noise
+from mopro.series import Floats
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The most that a fit may leave: of the deviance by `noise`, of the sum of squares without."""
+
+    most: float = math.inf
+    noise: Noise | None = None
+
+    @staticmethod
+    def of_deviance(most: float, noise: Noise) -> Limit:
+        """A limit of the deviance, which is the sum of squares of white noise of stated size."""
+        return Limit(most, None if noise.exact and all(noise.stated) else noise)
+
+    def missed(self, residual: Floats) -> float:
+        """What a whitened residual leaves beyond the limit; below 0 within it."""
+        left = self.noise.deviance(residual) if self.noise else float(residual @ residual)
+        return left - self.most
+
+    def includes(self, other: Limit) -> bool:
+        """True if a fit that cannot come down to this limit cannot come down to `other`."""
+        return self.noise is other.noise and other.most <= self.most
+
+
+NO_LIMIT = Limit()
