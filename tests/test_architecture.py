@@ -19,6 +19,7 @@ ALLOWED = {
     "mopro.verdict": _ARRAYS | {"mopro.markup", "mopro.residuals"},
     "mopro.freeform": _ARRAYS | {
         "cachetools", "mopro.candidate", "mopro.lag", "mopro.play", "mopro.residuals",
+        "mopro.swing",
     },
     "mopro.diagnosis": _ARRAYS | {
         "cachetools", "mopro.candidate", "mopro.fits", "mopro.freeform", "mopro.jobs",

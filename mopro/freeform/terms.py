@@ -10,6 +10,7 @@ from mopro.freeform.clock import stepping_clock
 from mopro.freeform.lines import bump, line_in_position, line_in_time
 from mopro.freeform.motion import POSITION, labelled, values_of
 from mopro.freeform.proportional import FADING, LATE, SHAPES, TIME, fading, lag_term, proportional
+from mopro.freeform.resonance import resonance
 from mopro.series import Series
 
 
@@ -40,6 +41,7 @@ def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
                 yield from fading(sensor, rows, shape)
         yield from lag_term(sensor, series)
         yield line_in_time(sensor, rows)
+        yield from resonance(sensor, rows)
         if labelled(series, "velocity"):
             yield from stepping_clock(sensor, rows)
     if labelled(series, POSITION):
