@@ -1,4 +1,4 @@
-"""Limits of fits: what a set of effects may leave at most to be worth fitting to its minimum."""
+"""Limits of fits: a set of effects that leaves more is not worth fitting to its minimum."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mopro.series import Floats
 
 @dataclass(frozen=True)
 class Limit:
-    """The most that a fit may leave: of the deviance by `noise`, of the sum of squares without."""
+    """Largest deviance by `noise` that a fit may leave; largest sum of squares without a noise."""
 
     most: float = math.inf
     noise: Noise | None = None
@@ -22,7 +22,7 @@ class Limit:
         return Limit(most, None if noise.exact and all(noise.stated) else noise)
 
     def missed(self, residual: Floats) -> float:
-        """What a whitened residual leaves beyond the limit; below 0 within it."""
+        """Excess of a whitened residual (samples) over the limit; below 0 within it."""
         left = self.noise.deviance(residual) if self.noise else float(residual @ residual)
         return left - self.most
 

@@ -313,7 +313,7 @@ def test_numbers_of_different_runs_share_a_finite_difference():
 
 
 def test_a_limit_of_the_deviance_is_that_of_the_noise_and_not_of_the_sum_of_squares():
-    """Where the noise is a thousand times as strong as stated, so may a misfit be."""
+    """Noise a thousand times as strong as stated hides as large a misfit."""
     residuals = problem(decaying)
     start = {"decay": {"height": 9.0, "rate": 19.0}}
     whole = least_squares_fit(residuals, [FAST], [start])

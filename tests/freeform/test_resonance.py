@@ -1,4 +1,4 @@
-"""What swings on a spring: its answer against closed forms, and that it is found and told."""
+"""Resonances: the answer of an oscillator in closed form, and drafts of one that is hidden."""
 
 import re
 
