@@ -48,7 +48,7 @@ class Descent:
         x = np.clip(start, low + INTERIOR, high - INTERIOR)
         for _ in range(REPEATS):
             reached = self._round(x, low, high, tolerance)
-            # The slopes here are those at its end.
+            # The last Jacobian is that of where the round ended.
             self.abandoned |= self._leads_nowhere(self._limit.missed(reached.residual), low, high)
             if self.abandoned or not self._jacobian.updated:
                 break

@@ -34,8 +34,8 @@ class Fit:
     `jacobian`, those of the base first. `residual`: whitened, nuisances projected out
     (samples). `jacobian`: its derivative (samples x parameters, per unit of each). `count`:
     samples less nuisances. `searched`: number of parameters that a search found and least
-    squares did not fit. `abandoned`: the fit was given up before its minimum, as it could not
-    come near the limit asked for.
+    squares did not fit. `abandoned`: the fit was given up, mostly before its minimum, as it
+    could not come near the limit asked for.
     """
 
     candidates: tuple[Candidate, ...]
