@@ -113,7 +113,9 @@ class ResidualView:
 
     `residuals`: one array a series, in standard deviations of the noise. `sigmas`: those
     standard deviations, in the units of the series. `predictions`: the model's values with
-    all that is fitted, in their units. `settings`: those of the effects, without laws.
+    all that is fitted, in their units. `tangents`: what the fitted numbers make up for, an
+    orthonormal basis over all series of which each has its rows (samples x numbers).
+    `settings`: those of the effects, without laws.
     `rss(settings)`: sum of squares of the whole whitened residual with `settings` added, whose
     change is told by the coarse model.
     `alone(settings)`: change of that residual (samples of all series) if `settings` are added to
@@ -124,6 +126,7 @@ class ResidualView:
     residuals: Sequence[Floats]
     sigmas: Sequence[float]
     predictions: Sequence[Floats]
+    tangents: Sequence[Floats]
     settings: Settings
     rss: Callable[[Settings], float]
     alone: Callable[[Settings], Floats]

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from scipy import fft
 
-from mopro.assumed import FEWEST, FITTED
+from mopro.assumed import FEWEST, FITTED, ROUNDING
 from mopro.candidate import Candidate, Law, Parameter, ResidualView, Role
 from mopro.freeform.motion import LARGEST, Values, motion_of, step_of, values_of
 from mopro.residuals import projected_out
@@ -43,13 +43,11 @@ def stepping_clock(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidat
     def find(view: ResidualView) -> Iterator[Values]:
         runs = [
             _Run(own, motion_of(own, view.predictions[row]).velocity / view.sigmas[row],
-                 view.residuals[row])
+                 view.residuals[row], view.tangents[row])
             for row, own in rows.items()
         ]  # fmt: skip
         likely, step = _likely(runs, FEWEST / longest, 1 / shortest)
-        found = [_moments(runs, rate, begun, step) for rate, begun in likely]
-        every, at = max(found, key=lambda each: _explained(runs, *each)[0], default=(0.0, 0.0))
-        if every:
+        for every, at in dict.fromkeys(_moments(runs, *each, step) for each in likely):
             yield {"c": _explained(runs, every, at)[1], "T": every, "begun": at}
 
     size = LARGEST * longest
@@ -74,17 +72,18 @@ def _steps(time_s: Floats, every: float, begun: float) -> Floats:
 class _Run:
     """Speed over noise (1/s) and whitened residual of one run, both samples.
 
-    `jumpy`: the residual less what a delay and another rate would explain; a stepping clock
-    differs from those by a sawtooth.
+    `tangent`: its rows of what other effects make up for. `steady`: what a delay of 1 s and a rate
+    of 1 s/s change, nuisances projected out, as columns. `jumpy`: the residual less what those
+    would explain; a stepping clock differs from them by a sawtooth.
     """
 
-    def __init__(self, own: Series, velocity: Floats, residual: Floats) -> None:
+    def __init__(self, own: Series, velocity: Floats, residual: Floats, tangent: Floats) -> None:
         self.time_s, self.interval_s = values_of(own, ""), step_of(own)
-        self.velocity, self.left = velocity, residual
-        nuisances = own.nuisance_shapes()
-        self._basis, _ = np.linalg.qr(nuisances)
-        steady = np.column_stack([nuisances, velocity, velocity * self.time_s])
-        self.jumpy = projected_out(np.linalg.qr(steady)[0], residual)
+        self.velocity, self.left, self.tangent = velocity, residual, tangent
+        self._basis, _ = np.linalg.qr(own.nuisance_shapes())
+        steady = np.column_stack([velocity, velocity * self.time_s])
+        self.steady = projected_out(self._basis, steady)
+        self.jumpy = projected_out(np.linalg.qr(self.steady)[0], residual)
 
     def part(self, every: float, begun: float) -> Floats:
         """The whitened change (samples) by delays of 1 s a step, nuisances projected out."""
@@ -92,11 +91,11 @@ class _Run:
 
 
 def _likely(runs: list[_Run], least: float, most: float) -> tuple[list[tuple[float, float]], float]:
-    """Rates (1/s) and beginnings of the sawteeth that explain most, and the spectrum's step (1/s).
+    """Rates (1/s) and beginnings of the steps that explain most, and the spectrum's step (1/s).
 
-    Rates are `least` to `most`, and equally likely by their logarithm. With u = t / T + b,
-    floor(u) - u + 1/2 is the sum over k of sin(2 pi k u) / (pi k): its product with the residual is
-    a sum over the spectrum of that, at the multiples of a rate.
+    Rates are `least` to `most`, and equally likely by their logarithm. With u = t / T + b, steps
+    are u - 1/2 and a sawtooth: floor(u) - u + 1/2, the sum over k of sin(2 pi k u) / (pi k), whose
+    product with the residual is a sum over the spectrum of that, at the multiples of a rate.
     """
     interval = min(run.interval_s for run in runs)
     even = [run for run in runs if math.isclose(run.interval_s, interval, rel_tol=1e-3)]
@@ -105,6 +104,7 @@ def _likely(runs: list[_Run], least: float, most: float) -> tuple[list[tuple[flo
     rates = step * np.arange(length // 2 + 1)
     # Beyond its end there is nothing.
     spectrum = np.append(np.zeros(len(rates), dtype=complex), 0.0)
+    steady, gram = _products(even, [run.steady for run in even])
     square = 0.0
     for run in even:
         turned = np.exp(-2j * np.pi * rates * run.time_s[0])
@@ -119,7 +119,11 @@ def _likely(runs: list[_Run], least: float, most: float) -> tuple[list[tuple[flo
         multiple = spectrum[np.minimum(k * number, len(rates))]
         turned = np.exp(2j * np.pi * k * begun)[:, None]
         explained += (turned * multiple.conj()).imag / (np.pi * k)
-    likelihood = explained**2 / square - 2 * np.log(rates[number])
+    # Their delay and their rate, by beginning and rate.
+    own = np.stack(np.broadcast_arrays(begun[:, None] - 0.5, rates[number]))
+    explained += np.tensordot(steady, own, 1)
+    whole = square + (own * np.tensordot(gram, own, 1)).sum(axis=0)
+    likelihood = explained**2 / whole - 2 * np.log(rates[number])
     chosen: list[tuple[float, float]] = []
     while len(chosen) < FITTED and np.isfinite(likelihood).any():
         row, column = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
@@ -131,22 +135,40 @@ def _likely(runs: list[_Run], least: float, most: float) -> tuple[list[tuple[flo
 def _moments(runs: list[_Run], rate: float, begun: float, step: float) -> tuple[float, float]:
     """Interval (s) and beginning of the steps that explain most, near `rate` (1/s) and `begun`.
 
-    They are tried a `step` of the rate around, and at closer ones around the best so far.
+    The neighbours are tried a `step` of the rate around, and at closer ones, until none is better.
     """
-    best = 1 / rate, begun
+    best, most = (1 / rate, begun), 0.0
     for halvings in range(_DIVIDED // 2):
         near = np.arange(-1, 2) / 2**halvings
-        tried = [
-            (1 / (1 / best[0] + df), (best[1] + db) % 1.0)
-            for df, db in product((step * near).tolist(), (near / _DIVIDED).tolist())
-        ]
-        best = max(tried, key=lambda each: _explained(runs, *each)[0])
+        while True:
+            tried = [
+                (1 / (1 / best[0] + df), (best[1] + db) % 1.0)
+                for df, db in product((step * near).tolist(), (near / _DIVIDED).tolist())
+                if 1 / best[0] + df > 0
+            ]
+            explained, better = max((_explained(runs, *each)[0], each) for each in tried)
+            if explained <= most:
+                break
+            best, most = better, explained
     return best
 
 
 def _explained(runs: list[_Run], every: float, begun: float) -> tuple[float, float]:
     """The fall of chi-squared by steps of the best size, and that size (s)."""
     parts = [run.part(every, begun) for run in runs]
-    square = sum(float(part @ part) for part in parts)
-    product = sum(float(part @ run.left) for part, run in zip(parts, runs, strict=True))
-    return (product**2 / square, product / square) if square else (0.0, 0.0)
+    product, square = map(float, _products(runs, parts))
+    told = square > ROUNDING * sum(float(part @ part) for part in parts)
+    return (product**2 / square, product / square) if told else (0.0, 0.0)
+
+
+def _products(runs: list[_Run], parts: list[Floats]) -> tuple[Floats, Floats]:
+    """Products of `parts` (one of each run, columns) with the residual, and with each other.
+
+    Less what other effects make up for.
+    """
+    pairs = list(zip(runs, parts, strict=True))
+    absorbed = np.sum([run.tangent.T @ part for run, part in pairs], axis=0)
+    fitted = np.sum([run.tangent.T @ run.left for run in runs], axis=0)
+    whole = np.sum([part.T @ run.left for run, part in pairs], axis=0)
+    gram = np.sum([part.T @ part for part in parts], axis=0)
+    return whole - absorbed.T @ fitted, gram - absorbed.T @ absorbed

@@ -262,6 +262,27 @@ def test_steps_of_a_clock_that_no_sample_shows_are_not_told_as_another_rate(step
     assert drafted_steps(verdict) == (pytest.approx(12e-6, rel=0.05), pytest.approx(0.37, rel=0.01))
 
 
+@pytest.mark.parametrize("sigma_m", [1e-6, 3e-6])
+def test_a_clock_that_steps_is_found_beside_an_effect_that_makes_up_for_most_of_it(sigma_m):
+    """A drag in v|v|, whose best fit alone takes more than half of the steps."""
+    t = np.arange(4000) / 1000
+    data, simulate, effects = taken_late(12e-6 * np.floor(t / 0.37), sigma_m)
+    drag = Candidate("drag", (Parameter("c", "s2/m", -0.1, 0.1, (1e-4,)),))
+    *_, v, _ = late_by(0.0)
+
+    def with_drag(settings):
+        (x,) = simulate({name: own for name, own in settings.items() if name != "drag"})
+        return [x + settings.get("drag", {"c": 0.0})["c"] * v * np.abs(v)]
+
+    data = [replace(data[0], values=data[0].values + 1e-3 * v * np.abs(v))]
+    verdict = mopro.reconcile(with_drag, [effects[0], drag], data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"drag"})
+    assert [draft.name for draft in verdict.drafts] == ["stepping clock in laser"]
+    size, every = re.findall(r"[0-9.]+(?:e-?[0-9]+)?", verdict.drafts[0].law)[:2]
+    assert float(size) == pytest.approx(12e-6, rel=0.05)
+    assert float(every) == pytest.approx(0.37, rel=0.01)
+
+
 # What a term in the direction of motion changes with, as a function of t, x and a.
 CHANGING = {
     "fading sgn v": lambda t, x, a: np.exp(-t / 0.8),

@@ -44,7 +44,7 @@ def test_a_delay_is_known_from_the_speed_at_which_it_shows():
     view = types.SimpleNamespace(positions=lambda: {0: (0, reading), 1: (1, single)})
     residuals = [(apart - apart.mean()) / sigma, np.array([99.0])]
     left = ResidualView(
-        (), residuals, [sigma, sigma], [x, x[:1]], {}, lambda _: 0.0, lambda _: np.zeros(1)
+        (), residuals, [sigma, sigma], [x, x[:1]], [], {}, lambda _: 0.0, lambda _: np.zeros(1)
     )
     found_s, error_s = delay_s(view, left)
     assert found_s == pytest.approx(late_s, rel=1e-3)
@@ -73,7 +73,7 @@ def driven_by_a_force_over_the_place(force_N, period_m, payload_kg):
         positions=lambda: {0: (0, reading)}, targets=lambda settings: [x],
     )  # fmt: skip
     left = ResidualView(
-        (), [residual / sigma_m], [sigma_m], [x], {}, lambda _: 0.0, lambda _: np.zeros(1)
+        (), [residual / sigma_m], [sigma_m], [x], [], {}, lambda _: 0.0, lambda _: np.zeros(1)
     )
     return view, left
 
@@ -112,7 +112,7 @@ def test_a_line_does_not_depend_on_the_units_of_the_sensors():
             targets=lambda settings: [x / unit for unit in units_si],
         )
         sigmas = [sigma / unit for sigma, unit in zip(sigmas_m, units_si, strict=True)]
-        left = ResidualView((), residuals, sigmas, [], {}, lambda _: 0.0, lambda _: np.zeros(1))
+        left = ResidualView((), residuals, sigmas, [], [], {}, lambda _: 0.0, lambda _: np.zeros(1))
         return [period_m for *_, period_m in strongest_lines(view, left, 1e-4, 2)]
 
     in_metres = periods(1.0, 1.0)

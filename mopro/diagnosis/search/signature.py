@@ -274,6 +274,7 @@ def _view(residuals: Residuals, null: Fit, base: Fit) -> ResidualView:
         residuals.split(projected_out(residuals.basis, whitened)),
         residuals.sigmas,
         residuals.split(predicted),
+        residuals.split(base.tangent),
         base.settings_without(frozenset(c.name for c in base.candidates if c.law)),
         rss,
         lambda settings: residuals.change(null.settings, {**null.settings, **settings}),
