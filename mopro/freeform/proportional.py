@@ -56,6 +56,9 @@ SHAPES = (
     Shape("x³", (POSITION,), "x", "x**3", lambda m: m.position**3),
     Shape("other x", ("other_position",), "x", "y", lambda m: m.label("other_position")),
     Shape("v t", ("velocity",), "t", "v * t", lambda m: m.velocity * m.time_s),
+    # A scale and a bend that grow with time, as a frame that warms has.
+    Shape("x t", (POSITION,), "x", "x * t", lambda m: m.position * m.time_s),
+    Shape("x² t", (POSITION,), "x", "x**2 * t", lambda m: m.position**2 * m.time_s),
     Shape("T", ("temperature",), "T", "T", lambda m: m.label("temperature")),
     # What has the direction of motion may change with the place or with the load.
     Shape("sgn v x", ("velocity", POSITION), "sgn v", "sign(v) * x",

@@ -283,6 +283,23 @@ def test_a_clock_that_steps_is_found_beside_an_effect_that_makes_up_for_most_of_
     assert float(every) == pytest.approx(0.37, rel=0.01)
 
 
+@pytest.mark.parametrize("power", [1, 2])
+def test_a_scale_or_a_bend_that_grows_with_time_is_drafted_as_such(power):
+    x, t, v, a = late_by(0.0)
+    grown = 1e-5 * t * (x if power == 1 else 30 * x**2)
+    noise = 5e-7 * np.random.default_rng(5).standard_normal(len(t))
+    labels = {"position": x, "velocity": v, "acceleration": a}
+    data = [
+        Series("run", "laser", "m", x + grown + noise, 5e-7, t, t.astype(int), labels=labels,
+               of_place=True)
+    ]  # fmt: skip
+    verdict = mopro.reconcile(lambda settings: [x], [], data)
+    assert (verdict.verdict, verdict.remainder.variable) == ("unexplained", "x")
+    (draft,) = verdict.drafts
+    found = values_of(draft, t, x)
+    np.testing.assert_allclose(found, grown, atol=0.03 * np.max(np.abs(grown)))
+
+
 # What a term in the direction of motion changes with, as a function of t, x and a.
 CHANGING = {
     "fading sgn v": lambda t, x, a: np.exp(-t / 0.8),
