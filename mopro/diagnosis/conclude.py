@@ -43,7 +43,7 @@ def conclude(state: State) -> Verdict:
     dropped = frozenset(r.name for r in state.rejected)
     unseen, rejected = _not_found(sets, state.screening, fit, dropped)
     return Verdict(
-        verdict=verdict_of(effects, state.remainder, others),
+        verdict=_verdict_of(effects, state.remainder, [*others, *filter(None, [state.rival])]),
         effects=effects,
         rejected=(*state.rejected, *rejected),
         below_resolution=unseen,
@@ -59,15 +59,15 @@ def conclude(state: State) -> Verdict:
         alternatives=tuple(tuple(sorted(other.names)) for other in others),
         base={p: e for c in fit.base for p, e in _estimates(sets, fit, c).items()},
         base_before=sets.null.settings,
-        drafts=() if state.drafted is None else _drafts(sets, state.drafted, state.drafted_held),
-        notes=state.notes,
+        drafts=_drafts(state),
+        notes=(*state.notes, *_rival_words(state.rival)),
         nuisances=tuple(_nuisances(sets, fit, sets.residuals.data)),
         correlations=_correlations(sets, fit),
     )
 
 
-def verdict_of(
-    effects: Sequence[Named], remainder: Remainder, others: Sequence[Alternative]
+def _verdict_of(
+    effects: Sequence[Named], remainder: Remainder, others: Sequence[Alternative | Fit]
 ) -> str:
     """`unexplained`, `none`, `ambiguous` or `named`."""
     if remainder.significant:
@@ -112,8 +112,11 @@ def _sigmas(sets: Hypotheses, fit: Fit, without: Fit) -> float:
     return math.sqrt(max(without.rss - fit.rss, 0.0) / sets.scale(fit))
 
 
-def _drafts(sets: Hypotheses, drafted: Fit, held: HeldOut | None) -> tuple[Draft, ...]:
-    """The free-form terms of a fit."""
+def _drafts(state: State) -> tuple[Draft, ...]:
+    """The free-form terms beside the answer or, without any, of what does as well."""
+    sets, drafted, held = state.sets, state.drafted or state.rival, state.drafted_held
+    if drafted is None:
+        return ()
     return tuple(
         Draft(
             name=c.name,
@@ -127,6 +130,10 @@ def _drafts(sets: Hypotheses, drafted: Fit, held: HeldOut | None) -> tuple[Draft
         for c in drafted.candidates
         if c.law is not None
     )
+
+
+def _rival_words(rival: Fit | None) -> list[str]:
+    return [] if rival is None else [f"{' + '.join(sorted(rival.names))} would do as well"]
 
 
 def _estimates(sets: Hypotheses, fit: Fit, candidate: Candidate) -> dict[str, Estimate]:

@@ -153,7 +153,7 @@ def add_laws(state: State) -> State:
 
     A set that needs several effects, or a flexible one, may stand for one that nobody listed. So
     may a single one in whose place a term of the measurement, which costs no simulation, is
-    predicted to do better.
+    predicted to do as well, or beside which it is predicted to do better.
     """
     noise = state.sets.is_noise(state.fit)
     if noise and not state.fit.candidates:
@@ -164,7 +164,7 @@ def add_laws(state: State) -> State:
     coarse = problem.coarse and WithLaws(problem.coarse, problem.data, laws)
     sets.join(terms, WithLaws(problem.simulate, problem.data, laws), coarse)
     doubtful = len(state.fit.candidates) > 1 or any(c.flexible for c in state.fit.candidates)
-    if noise and not doubtful and not _outdone(state, laws):
+    if noise and not doubtful and not _rivalled(state, laws):
         sets.leave_out({term.name for term in terms})
         return state
     repeated = [(term, state.screening.listed_like(term)) for term in terms]
@@ -183,12 +183,16 @@ def add_laws(state: State) -> State:
     return replace(state, fit=listed if stays else best)
 
 
-def _outdone(state: State, laws: Sequence[Candidate]) -> bool:
-    """True if the data are predicted to support one of `laws` very strongly over the answer."""
-    sets, screening = state.sets, state.screening
-    scores = screening.of(sets.null, laws)
-    limit = sets.white.ebic(state.fit) - VERY_STRONG
-    return any(screening.predicted_ebic(sets.null, score) < limit for score in scores)
+def _rivalled(state: State, laws: Sequence[Candidate]) -> bool:
+    """True if one of `laws` is predicted to do as well as the answer, or very well beside it."""
+    sets, screening, fit = state.sets, state.screening, state.fit
+    own = [law for law in laws if not screening.listed_like(law)]
+    limit = sets.white.ebic(fit)
+    return any(
+        screening.predicted_ebic(base, score) < limit + margin
+        for base, margin in ((sets.null, VERY_STRONG), (fit, -VERY_STRONG))
+        for score in screening.of(base, own)
+    )
 
 
 def settle(state: State) -> State:
@@ -349,9 +353,9 @@ def _main_law(sets: Hypotheses, drafted: Fit) -> Law:
 def find_alternatives(state: State) -> State:
     """Other sets that the data cannot distinguish from the answer.
 
-    One that explains them equally well takes its place if its effects are listed before. A set with
-    a free-form term is none of them, as what somebody has listed has the benefit of the doubt, but
-    is told.
+    One that explains them equally well takes its place if its effects are listed before. Of those
+    with free-form terms the best is told apart: what somebody has listed has the benefit of the
+    doubt.
     """
     if not state.fit.candidates:
         return state
@@ -360,9 +364,12 @@ def find_alternatives(state: State) -> State:
         state = first
         every = alternatives(state.sets, state.screening, state.fit)
     listed = tuple(other for other in every if not other.laws)
-    drafts = [other for other in every if other.laws]
-    notes = [f"{' + '.join(sorted(other.names))} would do as well" for other in drafts[:1]]
-    return replace(state, alternatives=listed, notes=(*state.notes, *notes))
+    names = next((other.names for other in every if other.laws), None)
+    rival = next((fit for fit in state.sets.ranked() if fit.names == names), None)
+    state = replace(state, alternatives=listed, rival=rival)
+    if rival is None or state.drafted is not None:
+        return state
+    return replace(state, drafted_held=_held(state.sets, rival))
 
 
 def _listed_first(state: State, every: Sequence[Alternative]) -> State:

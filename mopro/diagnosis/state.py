@@ -44,7 +44,8 @@ class State:
 
     `drafted`: the answer with the free-form terms that stand beside it. `terms`: the free-form
     terms that do what a listed effect does, by the name of that. `stand_ins`: the effects that
-    turned out to stand for something that nobody listed.
+    turned out to stand for something that nobody listed. `rival`: a set with free-form terms that
+    does as well as the answer.
     """
 
     problem: Problem
@@ -57,6 +58,7 @@ class State:
     drafted_held: HeldOut | None = None
     remainder: Remainder = NOTHING_LEFT
     alternatives: tuple[Alternative, ...] = ()
+    rival: Fit | None = None
     rejected: tuple[Rejected, ...] = ()
     stand_ins: frozenset[str] = frozenset()
     notes: tuple[str, ...] = ()

@@ -262,6 +262,14 @@ def test_outcomes():
     assert outcome("none") == "none"
 
 
+@pytest.mark.parametrize(("of", "expected"), [("sgn v", "family"), ("t", "wrong")])
+def test_a_false_name_is_not_clean_if_a_term_of_the_right_variable_would_do_as_well(of, expected):
+    rival = [{"of": of, "law": "2 * sign(v)", "unit": "N"}]
+    assert outcome("ambiguous", "hum", drafts=rival) == expected
+    # Beside something unexplained a draft excuses no name.
+    assert outcome("unexplained", "hum", drafts=rival) == "wrong"
+
+
 @pytest.mark.parametrize(("step_s", "expected"), [(2e-6, "family"), (1e-4, "wrong")])
 def test_names_that_the_data_cannot_tell_from_what_is_foreign_are_equivalent(
     step_s, expected, tmp_path

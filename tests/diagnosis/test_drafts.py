@@ -88,6 +88,17 @@ def test_no_law_is_fitted_where_one_listed_effect_leaves_noise_and_none_is_likel
     assert not any("fitting" in line and " in force" in line for line in lines)
 
 
+def test_a_weak_term_beside_a_single_effect_that_leaves_noise_is_drafted():
+    """No test of the remainder tells of a bend of up to 0.06 N in noise of 0.1 N."""
+    truth = {"viscous": {"b": 3.0}, "bend": {"c": 4.0}}
+    verdict = mopro.reconcile(SERVO.predict, CATALOGUE, measured(truth))
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"viscous"})
+    (draft,) = verdict.drafts
+    assert (draft.of, draft.held_out) == ("x", True)
+    bent = values_of(draft, np.zeros(2), np.array([0.0, 1.0]))
+    assert bent[1] - bent[0] == pytest.approx(4.0, rel=0.2)
+
+
 def with_cube(settings):
     """The servo on a spring, with a term in the cube of the position that nobody listed."""
     stiffness = settings.get("spring", {"k": 0.0})["k"]
@@ -260,6 +271,18 @@ def test_steps_of_a_clock_that_no_sample_shows_are_not_told_as_another_rate(step
         assert (verdict.verdict, names(verdict)) == ("named", {"rate"})
         return
     assert drafted_steps(verdict) == (pytest.approx(12e-6, rel=0.05), pytest.approx(0.37, rel=0.01))
+
+
+def test_a_term_that_does_as_well_as_a_listed_effect_is_told_beside_it():
+    """Those steps in noise of 4.5 um: likelier than the rate, but by less than its benefit."""
+    t = np.arange(4000) / 1000
+    data, simulate, effects = taken_late(12e-6 * np.floor(t / 0.37), 4.5e-6)
+    verdict = mopro.reconcile(simulate, effects[:1], data)
+    assert (verdict.verdict, names(verdict)) == ("ambiguous", {"rate"})
+    assert verdict.notes == ("stepping clock in laser would do as well",)
+    (draft,) = verdict.drafts
+    assert (draft.of, draft.held_out) == ("t", True)
+    assert (verdict.alternatives, verdict.remainder.significant) == ((), False)
 
 
 @pytest.mark.parametrize("sigma_m", [1e-6, 3e-6])

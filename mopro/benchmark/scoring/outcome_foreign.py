@@ -15,6 +15,7 @@ from mopro.benchmark.scoring.outcome import (
     family,
     matched_names,
     outcome,
+    variables_said,
 )
 
 # A size is right within this many times its 95 % interval, or within this share of it.
@@ -27,7 +28,8 @@ def outcome_foreign(answer: Document, reply: Document, named: Sequence[Document]
     Coloured noise is judged as nothing. Names that are together equivalent to all that is hidden
     are a family. A name is false if neither it nor its family is hidden,
     the same as what is foreign, or (beside something unexplained) akin to it. Without anything
-    unexplained: family for a name that is the same, partly if the effect beside is named, none.
+    unexplained: family for a name that is the same, or beside which the verdict drafts a term of
+    the right variable that does as well; partly if the effect beside is named, none.
     """
     if answer["coloured"]:
         return outcome(answer, reply, named)
@@ -38,7 +40,9 @@ def outcome_foreign(answer: Document, reply: Document, named: Sequence[Document]
     if sorted(e["name"] for e in named) in (answer.get("equivalent_sets") or []):
         return FAMILY
     if any(not allowed & {e["name"], *family(e)} for e in others):
-        return WRONG
+        # Beside a verdict without anything unexplained a draft is a rival of what is named.
+        rivalled = not unexplained and {*variables_said(reply)} & {*answer["variables"]}
+        return FAMILY if rivalled else WRONG
     if unexplained:
         return RIGHT
     return FAMILY if others else (PARTLY if matched else NONE)

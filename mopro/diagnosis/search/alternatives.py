@@ -197,7 +197,7 @@ def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[
     """Single effects that do as well at the size that their signature asks for.
 
     A weak effect has many alternatives, nearly all of them linear: they are simulated once, and
-    fitted only if they do not do as well there.
+    fitted only if they do not do as well there. What nobody listed is fitted, to tell how it is.
     """
     limit, answer = sets.limit(best), []
     for subset in subsets:
@@ -208,7 +208,7 @@ def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[
         penalty = sets.evidence.penalty(subset.base)
         joined = [member.candidate for member in subset.members]
         ebic = deviance + penalty + sets.evidence.added_penalty(subset.base, joined)
-        if ebic < sets.ebic(best) + VERY_STRONG:
+        if ebic < sets.ebic(best) + VERY_STRONG and not any(c.law for c in joined):
             delta = ebic - sets.ebic(best)
             answer.append(Alternative.of(subset.candidates, delta, subset.start))
         else:

@@ -13,7 +13,7 @@ from mopro import markup
 from mopro.effects import catalogue_of
 from mopro.experiment.compare.comparison import Place, compare
 from mopro.experiment.conclude.machine_file import machine_text, machine_with
-from mopro.experiment.conclude.wording import NO_PROPOSAL, reservations
+from mopro.experiment.conclude.wording import advice, reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
@@ -64,7 +64,7 @@ class Conclusion:
     `rerun_rms` is the RMS residual of each series, in its unit, when the experiment is
     simulated again on the machine that `machine_text` describes. `left_out` are the effects
     that were no candidates, `tried` those that were.
-    `advice`: what else to do where alternatives are left and no next experiment is proposed.
+    `advice`: what else to do if the verdict is ambiguous and no next experiment is proposed.
     """
 
     experiment: Examined
@@ -74,9 +74,9 @@ class Conclusion:
     machine_text: str
     rerun_rms: tuple[float, ...]
     next_experiment: Proposal | None
+    advice: str
     left_out: tuple[str, ...] = ()
     tried: tuple[str, ...] = ()
-    advice: str = NO_PROPOSAL
 
     @property
     def runs(self) -> tuple[str, ...]:
@@ -145,6 +145,7 @@ def conclude(
             for s, own in zip(series, again({}), strict=True)
         ),
         next_experiment=proposal,
+        advice=advice(verdict),
         left_out=tuple(sorted(left_out)),
         tried=tuple(name for name in catalogue_of(experiment.machine) if name not in left_out),
     )

@@ -14,6 +14,10 @@ NO_PROPOSAL = (
     "No program was found that would distinguish them with these sensors: measure something "
     "else, such as another quantity, another sensor, or the controller's own start."
 )
+_MORE_DATA = (
+    "More data of this kind, such as a longer run, may tell the effects from the term that is not "
+    "listed."
+)
 _FEWEST_DIGITS, _MOST_DIGITS = 4, 15
 _DIRECTIONS = {1: "forward", -1: "backward"}
 
@@ -31,7 +35,8 @@ def sentence(verdict: Verdict) -> str:
         return f"None: with {corrected} calibrated, simulation and data agree."
     if verdict.verdict == "none":
         return "None: simulation and data agree within the sensors' noise."
-    return f"{verdict.verdict.capitalize()}: {names}."
+    other = ", or a term that is not listed" if verdict.drafts else ""
+    return f"{verdict.verdict.capitalize()}: {names}{other}."
 
 
 def _share_words(verdict: Verdict) -> str:
@@ -43,13 +48,19 @@ def _share_words(verdict: Verdict) -> str:
     return f", {share:.1%} of the disagreement explained{held}"
 
 
+def advice(verdict: Verdict, on_alternatives: str = NO_PROPOSAL) -> str:
+    """What else to do after an ambiguous verdict: `on_alternatives`, if any of them is listed."""
+    return on_alternatives if verdict.alternatives else _MORE_DATA
+
+
 def draft_words(verdict: Verdict) -> Iterator[str]:
     """A line for each free-form term, for each free number of the model and each note."""
+    standing = ", would do as well" if verdict.verdict == "ambiguous" else ""
     for draft in verdict.drafts:
         held = ", held out" if draft.held_out else ""
         yield (
-            f"Not listed: a term of {draft.of} in the {draft.enters}, {draft.law} {draft.unit} "
-            f"({draft.sigmas:.3g} σ in all{held})."
+            f"Not listed{standing}: a term of {draft.of} in the {draft.enters}, {draft.law} "
+            f"{draft.unit} ({draft.sigmas:.3g} σ in all{held})."
         )
     for name, estimate in verdict.base.items():
         yield f"Fitted: {name} = {value_words(estimate)} ({interval_words(estimate)})."

@@ -10,6 +10,7 @@ import numpy as np
 from mopro.diagnosis import reconcile
 from mopro.errors import DataError
 from mopro.experiment.conclude.conclusion import Conclusion
+from mopro.experiment.conclude.wording import advice
 from mopro.experiment.rigs.compare import compare, worst
 from mopro.experiment.rigs.repaired import machine_text, machine_with
 from mopro.experiment.rigs.study import Study
@@ -53,7 +54,7 @@ def conclude(
         rerun_rms=_rerun(study, verdict),
         next_experiment=None,
         left_out=tuple(sorted({c.name for c in every} & set(left_out))),
-        advice=_ADVICE,
+        advice=advice(verdict, _ADVICE),
         tried=tuple(dict.fromkeys(c.name for c in tried)),
     )
 

@@ -8,7 +8,9 @@ import pytest
 from mopro.diagnosis import Estimate, Named, Verdict
 from mopro.experiment.compare.comparison import Place
 from mopro.experiment.conclude.wording import (
+    advice,
     calibration_words,
+    draft_words,
     effect_words,
     faint_words,
     interval_words,
@@ -21,7 +23,7 @@ from mopro.experiment.conclude.wording import (
     value_words,
 )
 from mopro.residuals.remainder import Remainder
-from mopro.verdict import BelowResolution, Gap
+from mopro.verdict import BelowResolution, Draft, Gap
 
 
 def named(name, rivals=None, **values):
@@ -79,6 +81,21 @@ def test_what_is_calibrated_is_told_as_such():
     ]
     assert effect_words(weaker, calibrated) == "force_constant (calibration)"
     assert effect_words(weaker, verdict("named", weaker)) == "force_constant"
+
+
+def test_a_term_that_would_do_as_well_is_told_with_what_may_decide():
+    steps = Draft("stepping clock in laser", "measurement", "t", "1e-06 * v", "in", 49.5, True)
+    either = dataclasses.replace(verdict("ambiguous", DRAG), drafts=(steps,))
+    assert sentence(either) == "Ambiguous: viscous_drag, or a term that is not listed."
+    assert list(draft_words(either)) == [
+        "Not listed, would do as well: a term of t in the measurement, 1e-06 * v in "
+        "(49.5 σ in all, held out)."
+    ]
+    assert "longer run" in advice(either)
+    listed = dataclasses.replace(either, alternatives=(("current_loop_lag",),))
+    assert advice(listed, "Turn it round.") == "Turn it round."
+    beside = dataclasses.replace(verdict("unexplained", left="a law in t"), drafts=(steps,))
+    assert [line.split(":")[0] for line in draft_words(beside)] == ["Not listed"]
 
 
 def test_alternatives_are_listed_with_their_ebic():
