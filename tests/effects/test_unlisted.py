@@ -6,6 +6,7 @@ import pytest
 import mopro
 from helpers import one_run
 from helpers.laboratory import Lab
+from helpers.signals import names
 from mopro.benchmark.reference.foreign import Foreign
 from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
@@ -185,21 +186,27 @@ def test_a_force_that_nobody_listed_is_drafted_and_no_effect_is_named(tmp_path, 
     assert verdict.drafts[0].enters == "force"
 
 
-def test_a_friction_whose_bristles_damp_is_told_by_that_and_not_by_what_makes_up_for_it():
+@pytest.mark.parametrize("drag", [0.0, 4.0])
+def test_a_friction_whose_bristles_damp_is_told_by_that_and_not_by_what_makes_up_for_it(drag):
     """LuGre's friction on the reference plant: it damps the ring at rest, and hardly anything else.
 
-    A dry friction with a fall of the current at rest, both listed, leave noise as well.
+    A dry friction with a fall of the current at rest, both listed, leave noise as well. A viscous
+    drag beside it is no part of that damping, and is named.
     """
     law = {"N": 0.03, "presliding": 1.5e-5, "static": 1.3, "vs": 0.05, "inner": 0.2}
     own = one_run.LASER
     laser = Instrument(
         own.name, "position", 1, own.column, 0.0254, own.rate_hz, own.noise_rms, 0.0
     )  # fmt: skip
-    plant = ReferencePlant({}, foreign=Foreign("lugre", law))
+    hidden = {"viscous_drag": {"b": drag}} if drag else {}
+    plant = ReferencePlant(hidden, foreign=Foreign("lugre", law))
     _, (exact,) = plant.readings(ProgramRun(BOTH_WAYS), [laser], np.random.default_rng(1))
     noise = own.noise_rms * np.random.default_rng(2).standard_normal(len(exact))
     verdict = diagnose(one_run.of(exact + noise, mopro.compile(BOTH_WAYS))).verdict
-    assert (verdict.verdict, verdict.effects) == ("unexplained", ())
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set(hidden))
+    # The friction itself, of 0.03 N at 0.1 m/s, looks like a little more of the drag.
+    for effect in verdict.effects:
+        assert effect.parameters["b"].value == pytest.approx(drag, abs=0.5)
     (draft,) = verdict.drafts
     assert (draft.name, draft.of, draft.held_out) == ("force of v in presliding", "v", True)
     assert draft.sigmas > 20

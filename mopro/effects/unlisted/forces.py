@@ -144,7 +144,7 @@ class _OfSpeedInPresliding(_Force):
     c (v - |v| z), with z of Dahl's model: c times the presliding times dz/dt.
     """
 
-    name, of = "force of v in presliding", "v"
+    name, of, remembers = "force of v in presliding", "v", True
     slide = staticmethod(DahlFriction.slide)
     parameters = (size("N s/m"), PRESLIDING)
 
