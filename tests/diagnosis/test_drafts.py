@@ -80,6 +80,32 @@ def test_a_law_that_predicts_the_same_as_a_listed_effect_is_no_alternative():
     assert (verdict.alternatives, verdict.drafts, verdict.notes) == ((), (), ())
 
 
+def test_a_law_in_other_words_is_no_alternative_beside_an_effect_that_was_extended():
+    """A drift that bends at a large size has not the signature of `t`, and is the same when small.
+
+    The two sines beside it are a form that was extended to fit; both sets have it.
+    """
+    t = np.arange(2000) / 1000
+    sines = {"A": np.sin(40 * t), "A3": np.sin(120 * t)}
+    sizes = {name: Parameter(name, "N", -9.0, 9.0, (0.1,)) for name in sines}
+    catalogue = [
+        Candidate("hum", (sizes["A"],), form="one", fixed={"A3": 0.0}),
+        Candidate("hum", (sizes["A"], sizes["A3"]), form="both", extends="one"),
+        Candidate("drift", (Parameter("rate", "N/s", -5.0, 5.0, (2.0,)),)),
+    ]
+
+    def predict(settings):
+        hum, drift = settings.get("hum", {}), settings.get("drift", {"rate": 0.0})["rate"] * t
+        return [drift + drift**2 + sum(size * sines[name] for name, size in hum.items())]
+
+    (exact,) = predict({"hum": {"A": 0.5, "A3": 0.2}, "drift": {"rate": 0.03}})
+    values = exact + SIGMA * np.random.default_rng(3).standard_normal(len(t))
+    data = [Series("run", "probe", "N", values, SIGMA, t, np.arange(len(t)) // 200)]
+    verdict = mopro.reconcile(predict, catalogue, data)
+    assert (verdict.verdict, names(verdict)) == ("named", {"hum", "drift"})
+    assert (verdict.notes, verdict.drafts) == ((), ())
+
+
 def test_no_law_is_fitted_where_one_listed_effect_leaves_noise_and_none_is_likelier():
     lines = []
     data = measured({"viscous": {"b": 3.0}})
@@ -304,6 +330,13 @@ def test_a_clock_that_steps_is_found_beside_an_effect_that_makes_up_for_most_of_
     size, every = re.findall(r"[0-9.]+(?:e-?[0-9]+)?", verdict.drafts[0].law)[:2]
     assert float(size) == pytest.approx(12e-6, rel=0.05)
     assert float(every) == pytest.approx(0.37, rel=0.01)
+    # Its size is that beside the steps: alone it would make up for some of them.
+    (effect,) = verdict.effects
+    told = effect.parameters["c"]
+    assert told.ci95[0] < 1e-3 < told.ci95[1]
+    assert told.ci95[1] - told.ci95[0] < 2e-4
+    assert verdict.settings == {"drag": {"c": told.value}}
+    assert list(verdict.correlations) == ["drag.c"]
 
 
 @pytest.mark.parametrize("power", [1, 2])

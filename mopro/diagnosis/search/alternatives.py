@@ -241,14 +241,15 @@ def _is_alternative(sets: Hypotheses, fit: Fit, best: Fit) -> bool:
 def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
     """True if `wider` has more parameters and predicts the same, as far as noise tells.
 
-    It is then the same explanation with parameters to spare, and no alternative. A form that
-    was extended for its fit needs its parameters. Assumed constants do not count, as in the EBIC.
-    A free-form term that predicts the same is a listed effect in other words.
+    It is then the same explanation with parameters to spare, and no alternative. A form of its own
+    that was extended for its fit needs its parameters. Assumed constants do not count, as in the
+    EBIC. A free-form term that predicts the same is a listed effect in other words.
     """
     extra = _chosen(wider) - _chosen(fit)
     if any(c.law for c in wider.candidates):
         extra = max(extra, 1)
-    if extra <= 0 or any(c.extends and not c.can_enter_first for c in wider.candidates):
+    own = [c for c in wider.candidates if c.key not in fit.key]
+    if extra <= 0 or any(c.extends and not c.can_enter_first for c in own):
         return False
     difference = wider.residual - fit.residual
     chi2 = float(np.sum(difference**2 / sets.evidence.noise.variances(fit.residual)))
