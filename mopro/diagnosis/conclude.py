@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,9 +14,9 @@ from mopro.diagnosis.search.alternatives import Alternative
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.state import State
-from mopro.fits import Fit, HeldOut
+from mopro.fits import Evidence, Fit, HeldOut
 from mopro.residuals import Remainder
-from mopro.series import Floats, Mask, Series
+from mopro.series import Floats, Mask, Series, Settings
 from mopro.verdict import (
     BelowResolution,
     Draft,
@@ -37,7 +38,8 @@ _NO_EVIDENCE = "lowers chi-squared by less than the penalty of its parameters"
 def conclude(state: State) -> Verdict:
     """The verdict on the final state, with all that the evidence says for and against."""
     sets, fit, held, others = state.sets, state.fit, state.held, state.alternatives
-    believed = [(c, _named(sets, fit, held, c, others)) for c in fit.candidates]
+    sizes = _Sizes.of(state)
+    believed = [(c, _named(sets, fit, held, c, others, sizes)) for c in fit.candidates]
     calibrated = sets.evidence.calibrated
     effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
     dropped = frozenset(r.name for r in state.rejected)
@@ -50,20 +52,72 @@ def conclude(state: State) -> Verdict:
         where=tuple(_where(sets)),
         gap=_gap(sets, fit, held),
         remainder=state.remainder,
-        settings=fit.settings,
+        settings=sizes.settings,
         before=tuple(_in_units(sets, sets.null.residual)),
         after=tuple(_in_units(sets, fit.residual)),
         signatures=tuple(_signature(sets, fit, name) for name in sorted(fit.names)),
         calibration=tuple(effect for c, effect in believed if calibrated(fit, c)),
         explained=_explained(sets, fit, held),
         alternatives=tuple(tuple(sorted(other.names)) for other in others),
-        base={p: e for c in fit.base for p, e in _estimates(sets, fit, c).items()},
+        base={p: e for c in fit.base for p, e in sizes.estimates(c).items()},
         base_before=sets.null.settings,
         drafts=_drafts(state),
         notes=(*state.notes, *_rival_words(state.rival)),
-        nuisances=tuple(_nuisances(sets, fit, sets.residuals.data)),
-        correlations=_correlations(sets, fit),
+        nuisances=tuple(_nuisances(sets, sizes.settings)),
+        correlations=sizes.correlations(),
     )
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """The estimates of the effects `told`: their values, intervals and correlations, by a `fit`.
+
+    Beside drafts those of the fit with the free-form terms: without, an effect makes up for a part
+    of what the terms describe.
+    """
+
+    told: Fit
+    fit: Fit
+    evidence: Evidence
+
+    @staticmethod
+    def of(state: State) -> _Sizes:
+        sets, told, drafted = state.sets, state.fit, state.drafted
+        if drafted is None or not told.key <= drafted.key:
+            return _Sizes(told, told, sets.evidence)
+        return _Sizes(told, drafted, sets.evidence_by(drafted))
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of the effects, and of the model's free numbers."""
+        return self.fit.settings_without(self.fit.names - self.told.names)
+
+    def estimates(self, candidate: Candidate) -> dict[str, Estimate]:
+        """The parameters of an effect, by name."""
+        fit, evidence = self.fit, self.evidence
+        intervals = dict(zip(fit.order, evidence.intervals(fit), strict=True))
+        values, bounds = fit.settings[candidate.name], evidence.at_bound(fit)
+        estimates = {}
+        for p in candidate.parameters:
+            # A value that a search found has no interval.
+            interval = intervals.get((candidate.name, p), (math.nan, math.nan))
+            at_bound = f"{candidate.name}.{p.name}" in bounds
+            estimates[p.name] = Estimate(float(values[p.name]), p.unit, interval, at_bound)
+        return estimates
+
+    def correlations(self) -> dict[str, dict[str, float]]:
+        """Correlations of the estimates; empty where a parameter is not identifiable."""
+        covariance = self.evidence.covariance(self.fit)
+        deviations = np.sqrt(np.diag(covariance))
+        if not np.isfinite(covariance).all() or not deviations.all():
+            return {}
+        own = [effect in self.settings for effect, _ in self.fit.order]
+        correlation = (covariance / np.outer(deviations, deviations))[np.ix_(own, own)]
+        names = [f"{effect}.{p.name}" for effect, p in self.fit.order if effect in self.settings]
+        return {
+            one: dict(zip(names, row, strict=True))
+            for one, row in zip(names, correlation.round(4).tolist(), strict=True)
+        }
 
 
 def _verdict_of(
@@ -83,6 +137,7 @@ def _named(
     held: HeldOut | None,
     candidate: Candidate,
     others: Sequence[Alternative],
+    sizes: _Sizes,
 ) -> Named:
     rivals: dict[str, Alternative] = {}
     for other in others:
@@ -97,7 +152,7 @@ def _named(
     return Named(
         name=candidate.name,
         form=candidate.form,
-        parameters=_estimates(sets, fit, candidate),
+        parameters=sizes.estimates(candidate),
         indistinguishable_from=list(rivals),
         rivals={name: other.delta_ebic for name, other in rivals.items()},
         alternatives={name: other.settings for name, other in rivals.items()},
@@ -136,32 +191,6 @@ def _rival_words(rival: Fit | None) -> list[str]:
     return [] if rival is None else [f"{' + '.join(sorted(rival.names))} would do as well"]
 
 
-def _estimates(sets: Hypotheses, fit: Fit, candidate: Candidate) -> dict[str, Estimate]:
-    intervals = dict(zip(fit.order, sets.evidence.intervals(fit), strict=True))
-    values, bounds = fit.settings[candidate.name], sets.evidence.at_bound(fit)
-    estimates = {}
-    for p in candidate.parameters:
-        # A value that a search found has no interval.
-        interval = intervals.get((candidate.name, p), (math.nan, math.nan))
-        at_bound = f"{candidate.name}.{p.name}" in bounds
-        estimates[p.name] = Estimate(float(values[p.name]), p.unit, interval, at_bound)
-    return estimates
-
-
-def _correlations(sets: Hypotheses, fit: Fit) -> dict[str, dict[str, float]]:
-    """Correlations of the estimates; empty where a parameter is not identifiable."""
-    covariance = sets.evidence.covariance(fit)
-    deviations = np.sqrt(np.diag(covariance))
-    if not np.isfinite(covariance).all() or not deviations.all():
-        return {}
-    correlation = covariance / np.outer(deviations, deviations)
-    names = [f"{effect}.{p.name}" for effect, p in fit.order]
-    return {
-        one: dict(zip(names, row, strict=True))
-        for one, row in zip(names, correlation.round(4).tolist(), strict=True)
-    }
-
-
 def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
     """Share of the excess over the noise that the listed effects take away.
 
@@ -183,13 +212,13 @@ def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
     return Explained(share(fit.rss, before), held_share)
 
 
-def _nuisances(sets: Hypotheses, fit: Fit, data: Sequence[Series]) -> list[Floats]:
+def _nuisances(sets: Hypotheses, settings: Settings) -> list[Floats]:
     """Coefficients of the nuisances of each series, in its unit, by least squares."""
     residuals = sets.residuals
-    raw = residuals.split(residuals.measured - residuals.predicted(fit.settings))
+    raw = residuals.split(residuals.measured - residuals.predicted(settings))
     return [
         np.asarray(np.linalg.lstsq(s.nuisance_shapes(), own, rcond=None)[0], dtype=float)
-        for s, own in zip(data, raw, strict=True)
+        for s, own in zip(residuals.data, raw, strict=True)
     ]
 
 

@@ -147,10 +147,14 @@ class Hypotheses:
         if fit.identity == self._judged_by:
             return
         self._judged_by = fit.identity
-        noise = noise_of(self.residuals, fit.residual, len(fit.order))
-        self.evidence = Evidence(noise, self._keys)
+        self.evidence = self.evidence_by(fit)
+        noise = self.evidence.noise
         white = noise if noise.exact else Noise.as_stated(self.residuals)
         self.white = Evidence(white, self._keys)
+
+    def evidence_by(self, fit: Fit) -> Evidence:
+        """What judges by noise like the remainder of `fit`, unless that is as stated."""
+        return Evidence(noise_of(self.residuals, fit.residual, len(fit.order)), self._keys)
 
     # -- fitting ------------------------------------------------------------------------
 
