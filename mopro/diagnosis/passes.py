@@ -186,12 +186,12 @@ def add_laws(state: State) -> State:
 def _rivalled(state: State, laws: Sequence[Candidate]) -> bool:
     """True if one of `laws` is predicted to do as well as the answer, or very well beside it."""
     sets, screening, fit = state.sets, state.screening, state.fit
-    own = [law for law in laws if not screening.listed_like(law)]
     limit = sets.white.ebic(fit)
     return any(
         screening.predicted_ebic(base, score) < limit + margin
+        and not screening.listed_like(score.candidate)
         for base, margin in ((sets.null, VERY_STRONG), (fit, -VERY_STRONG))
-        for score in screening.of(base, own)
+        for score in screening.of(base, laws, at=sets.null)
     )
 
 

@@ -72,22 +72,22 @@ def _steps(time_s: Floats, every: float, begun: float) -> Floats:
 class _Run:
     """Speed over noise (1/s) and whitened residual of one run, both samples.
 
-    `tangent`: its rows of what other effects make up for. `steady`: what a delay of 1 s and a rate
-    of 1 s/s change, nuisances projected out, as columns. `jumpy`: the residual less what those
-    would explain; a stepping clock differs from them by a sawtooth.
+    `tangent`: its rows of what other effects make up for. `basis`: its nuisances. `steady`: what a
+    delay of 1 s and a rate of 1 s/s change, as columns. `jumpy`: the residual less what those would
+    explain; a stepping clock differs from them by a sawtooth.
     """
 
     def __init__(self, own: Series, velocity: Floats, residual: Floats, tangent: Floats) -> None:
         self.time_s, self.interval_s = values_of(own, ""), step_of(own)
         self.velocity, self.left, self.tangent = velocity, residual, tangent
-        self._basis, _ = np.linalg.qr(own.nuisance_shapes())
-        steady = np.column_stack([velocity, velocity * self.time_s])
-        self.steady = projected_out(self._basis, steady)
-        self.jumpy = projected_out(np.linalg.qr(self.steady)[0], residual)
+        self.basis, _ = np.linalg.qr(own.nuisance_shapes())
+        self.steady = np.column_stack([velocity, velocity * self.time_s])
+        apart = np.linalg.qr(projected_out(self.basis, self.steady))[0]
+        self.jumpy = projected_out(apart, residual)
 
     def part(self, every: float, begun: float) -> Floats:
-        """The whitened change (samples) by delays of 1 s a step, nuisances projected out."""
-        return projected_out(self._basis, self.velocity * _steps(self.time_s, every, begun))
+        """The whitened change (samples) by delays of 1 s a step."""
+        return self.velocity * _steps(self.time_s, every, begun)
 
 
 def _likely(runs: list[_Run], least: float, most: float) -> tuple[list[tuple[float, float]], float]:
@@ -137,14 +137,15 @@ def _moments(runs: list[_Run], rate: float, begun: float, step: float) -> tuple[
 
     The neighbours are tried a `step` of the rate around, and at closer ones, until none is better.
     """
-    best, most = (1 / rate, begun), 0.0
+    best = 1 / rate, begun
+    most, _ = _explained(runs, *best)
     for halvings in range(_DIVIDED // 2):
         near = np.arange(-1, 2) / 2**halvings
         while True:
             tried = [
                 (1 / (1 / best[0] + df), (best[1] + db) % 1.0)
                 for df, db in product((step * near).tolist(), (near / _DIVIDED).tolist())
-                if 1 / best[0] + df > 0
+                if 1 / best[0] + df > 0 and (df or db)
             ]
             explained, better = max((_explained(runs, *each)[0], each) for each in tried)
             if explained <= most:
@@ -164,11 +165,11 @@ def _explained(runs: list[_Run], every: float, begun: float) -> tuple[float, flo
 def _products(runs: list[_Run], parts: list[Floats]) -> tuple[Floats, Floats]:
     """Products of `parts` (one of each run, columns) with the residual, and with each other.
 
-    Less what other effects make up for.
+    Less what nuisances and other effects make up for; the residual of a fit has none of that.
     """
     pairs = list(zip(runs, parts, strict=True))
     absorbed = np.sum([run.tangent.T @ part for run, part in pairs], axis=0)
-    fitted = np.sum([run.tangent.T @ run.left for run in runs], axis=0)
+    offsets = [run.basis.T @ part for run, part in pairs]
     whole = np.sum([part.T @ run.left for run, part in pairs], axis=0)
-    gram = np.sum([part.T @ part for part in parts], axis=0)
-    return whole - absorbed.T @ fitted, gram - absorbed.T @ absorbed
+    gram = np.sum([p.T @ p - o.T @ o for p, o in zip(parts, offsets, strict=True)], axis=0)
+    return whole, gram - absorbed.T @ absorbed

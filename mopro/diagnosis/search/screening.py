@@ -139,9 +139,14 @@ class Screening:
         closer = probed_at(self._sets.residuals, at, candidate, first.starts[0])
         return score_test(base, base.tangent, candidate, [*groups, closer])
 
-    def of(self, base: Fit, candidates: Sequence[Candidate]) -> list[ScoreTest]:
-        """Score tests of `candidates` beside `base`, the lowest predicted EBIC first."""
-        return self._scores(base, base, candidates)
+    def of(
+        self, base: Fit, candidates: Sequence[Candidate], at: Fit | None = None
+    ) -> list[ScoreTest]:
+        """Score tests of `candidates` beside `base`, the lowest predicted EBIC first.
+
+        By signatures at `at`, which is `base` unless stated.
+        """
+        return self._scores(base, at or base, candidates)
 
     def _sorted(self, base: Fit, scores: Sequence[ScoreTest]) -> list[ScoreTest]:
         return sorted(scores, key=lambda s: self.predicted_ebic(base, s))

@@ -7,7 +7,6 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from mopro.experiment.model import Floats, LoggedCommand
 from mopro.machine import Machine
@@ -61,6 +60,8 @@ def _motions(time_s: Floats, position_m: Floats) -> Iterator[tuple[int, int]]:
 
 def _segments(time_s: Floats, position_u: Floats, first: int, last: int) -> list[Segment]:
     """A cubic for each sample interval; at a rest the velocity is zero."""
+    from scipy.interpolate import CubicSpline  # takes a tenth of a second
+
     t, u = time_s[first : last + 1], position_u[first : last + 1]
     ends = ((1, 0.0), (1, 0.0))
     if first == 0 or last == len(time_s) - 1:
