@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
@@ -52,9 +53,21 @@ def test_their_intervals_cover_the_truth_about_as_often_as_they_say():
 def test_the_model_without_effects_has_numbers_of_its_own():
     """Those make up for a part of the line: `before` is the best that the bare model does."""
     answer = verdict_on(of_size(line=0.5))
-    bare = mopro.reconcile(decaying, [], list(run(of_size(line=0.5))), base=BASE)
-    assert answer.base_before["base"] == pytest.approx(bare.settings["base"])
+    (series,) = run(of_size(line=0.5))
+
+    def left(numbers):
+        (values,) = decaying({"base": dict(zip(answer.base, numbers, strict=True))})
+        residual = series.values - values
+        return residual - residual.mean()
+
+    bare = optimize.least_squares(left, [1.0, 1.0]).x
+    assert list(answer.base_before["base"].values()) == pytest.approx(bare.tolist(), rel=1e-3)
     assert answer.base_before["base"]["k"] > 1.03 * answer.base["k"].value
+    # Where nobody listed the line, they are told as they are beside the term that describes it.
+    drafted = mopro.reconcile(decaying, [], [series], base=BASE)
+    assert [draft.of for draft in drafted.drafts] == ["t"]
+    assert drafted.base["k"].value == pytest.approx(4.0, abs=0.1)
+    assert drafted.base_before == answer.base_before
 
 
 def run(truth, offset=0.0, seed=0):

@@ -231,11 +231,22 @@ def _is_alternative(sets: Hypotheses, fit: Fit, best: Fit) -> bool:
         return False
     if not sets.evidence.implausible(fit) <= sets.evidence.implausible(best):
         return False
-    if _nests_prediction(sets, fit, best):
+    if _nests_prediction(sets, fit, best) or _in_other_words(sets, fit):
         return False
     # An effect is needed if there is strong evidence for it, or no alternative without it.
     needed = min(sets.ebic(fit) + STRONG, limit)
     return all(sets.ebic(sets.without(fit, name)) > needed for name in fit.names)
+
+
+def _in_other_words(sets: Hypotheses, fit: Fit) -> bool:
+    """True if `fit` has a free-form term and predicts what listed effects, no more of them, do."""
+    if not any(c.law for c in fit.candidates):
+        return False
+    listed = (other for other in sets.ranked() if not any(c.law for c in other.candidates))
+    return any(
+        len(other.candidates) <= len(fit.candidates) and _nests_prediction(sets, fit, other)
+        for other in listed
+    )
 
 
 def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
