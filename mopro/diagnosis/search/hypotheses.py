@@ -153,7 +153,7 @@ class Hypotheses:
         self.white = Evidence(white, self._keys)
 
     def evidence_by(self, fit: Fit) -> Evidence:
-        """What judges by noise like the remainder of `fit`, unless that is as stated."""
+        """Evidence by noise like the remainder of `fit`, unless that is as stated."""
         return Evidence(noise_of(self.residuals, fit.residual, len(fit.order)), self._keys)
 
     # -- fitting ------------------------------------------------------------------------

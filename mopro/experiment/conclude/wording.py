@@ -49,7 +49,7 @@ def _share_words(verdict: Verdict) -> str:
 
 
 def advice(verdict: Verdict, on_alternatives: str = NO_PROPOSAL) -> str:
-    """What else to do after an ambiguous verdict: `on_alternatives`, if any of them is listed."""
+    """The advice after an ambiguous verdict: `on_alternatives` if any of them is listed."""
     return on_alternatives if verdict.alternatives else _MORE_DATA
 
 
