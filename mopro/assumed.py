@@ -22,8 +22,8 @@ STRONG = 2 * math.log(20)
 # seen at all determines it to about 0.2 rad. 2 ln(2π / (0.2 √(2π))) = 5. Doubled, hum and ripples
 # need one more σ.
 PHASE_PENALTY = 5.0
-# Chi-squared by which two predictions must differ to be told apart, and two fits to be two minima.
-# Halved, more sets are fitted twice.
+# Chi-squared by which two predictions must differ to be told apart, and two fits to be two minima;
+# EBIC within which two explanations are equal. Halved, more sets are fitted twice.
 SAME = 1.0
 # Samples that a number's penalty, ln n, is taken for at the least, also of independent ones: a
 # handful of precise samples determines it to a tenth of its prior. Of fewer samples the shape is

@@ -11,9 +11,9 @@ from scipy import special
 
 from mopro.assumed import (
     CLEAR,
-    FIT_TOLERANCE,
     LEAST_SAMPLES,
     PHASE_PENALTY,
+    SAME,
     STRONG,
     TINY,
     VERY_STRONG,
@@ -23,9 +23,6 @@ from mopro.fits.fit import Fit, Identity
 from mopro.residuals import Noise
 from mopro.series import Floats
 
-# EBIC within which two sets are equal, so that rounding does not decide between effects whose
-# responses are the same: each fit may be so much above its minimum.
-_EQUAL = 2 * FIT_TOLERANCE
 # Condition number of the normal matrix beyond which parameters are not identifiable: of the 16
 # digits of a number four are left.
 _MOST_CONDITION = 1e12
@@ -99,9 +96,13 @@ class Evidence:
         return 2 * math.log(math.comb(max(len(self.catalogue), chosen), chosen))
 
     def lowest(self, fits: Sequence[Fit]) -> Fit:
-        """The fit of the lowest EBIC; of equal ones the first by the catalogue's order."""
+        """The fit of the lowest EBIC; of equal ones the simplest, the first in the catalogue.
+
+        Neither the noise nor where a fit ends decides between effects with the same response.
+        """
         least = min(map(self.ebic, fits))
-        return min((f for f in fits if self.ebic(f) <= least + _EQUAL), key=self.place)
+        equal = (fit for fit in fits if self.ebic(fit) <= least + SAME)
+        return min(equal, key=lambda fit: (len(fit.order), self.place(fit)))
 
     def place(self, fit: Fit) -> list[int]:
         """The places of its effects in the catalogue, free-form terms last."""

@@ -1,4 +1,4 @@
-"""Explanations that only rounding parts: the catalogue's order decides which is named."""
+"""Explanations that the data do not tell apart: which of them is named does not depend on them."""
 
 import math
 from dataclasses import replace
@@ -36,17 +36,32 @@ def test_of_two_effects_of_one_response_the_first_in_the_catalogue_is_named(
     assert named[catalogue[0]] == [catalogue[1]]
 
 
-@pytest.mark.parametrize(("lower_by", "lowest"), [(0.01, "first"), (0.03, "second")])
-def test_beyond_a_fiftieth_of_chi_squared_the_lower_one_is_taken(lower_by, lowest):
+def left(chi2, *effects):
+    """A fit of these effects that leaves so much."""
+    order = tuple((effect.name, p) for effect in effects for p in effect.parameters)
+    settings = of_size(**{effect.name: 1.0 for effect in effects})
+    residual = np.r_[np.zeros(99), math.sqrt(chi2)]
+    return Fit(effects, (), order, settings, residual, np.eye(100, len(order)), 100)
+
+
+@pytest.mark.parametrize(("lower_by", "lowest"), [(0.9, "first"), (1.1, "second")])
+def test_of_explanations_that_cannot_be_told_apart_the_first_in_the_catalogue_is_taken(
+    lower_by, lowest
+):
     first, second = candidates("first", "second")
-    evidence = Evidence(Noise((1,), (0,), (True,)), [first.key, second.key])
-
-    def left(candidate, chi2):
-        residual = np.array([math.sqrt(chi2)])
-        return Fit((candidate,), (), (), {}, residual, np.zeros((1, 0)), 1)
-
-    fits = [left(second, 5.0 - lower_by), left(first, 5.0)]
+    evidence = Evidence(Noise((100,), (0,), (True,)), [first.key, second.key])
+    fits = [left(5.0 - lower_by, second), left(5.0, first)]
     assert evidence.lowest(fits).names == {lowest}
+
+
+@pytest.mark.parametrize(("lower_by", "lowest"), [(0.9, {"last"}), (1.1, {"first", "second"})])
+def test_of_explanations_that_cannot_be_told_apart_the_simplest_is_taken(lower_by, lowest):
+    effects = first, second, last = candidates("first", "second", "last")
+    evidence = Evidence(Noise((100,), (0,), (True,)), [effect.key for effect in effects])
+    one, two = left(50.0, last), left(50.0, first, second)
+    more = evidence.ebic(two) - evidence.ebic(one)
+    fits = [one, left(50.0 - more - lower_by, first, second)]
+    assert evidence.lowest(fits).names == lowest
 
 
 @pytest.mark.parametrize(("dropped", "named"), [((), "stretched"), (("stretched",), "amplified")])
