@@ -40,6 +40,11 @@ _OF_CALL = {
 }  # fmt: skip
 
 
+def jumps(codes: Iterable[tuple[int, int]]) -> bool:
+    """True if the codes have a sign or a comparison, whose value jumps."""
+    return any(code == _SIGN or code in _OF_COMPARE.values() for code, _ in codes)
+
+
 class Assembler:
     """Makes codes of formulas; their constants have the places from `first` on."""
 

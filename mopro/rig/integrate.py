@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.assumed import TINY
 from mopro.formula.bytecode import MOST_STACKED, value_of
 from mopro.jit import njit
 
@@ -39,7 +40,12 @@ def _accelerated(
     at: float, x: float, v: float, way: float, codes: Any, segments: Any, variables: Floats,
     stack: Floats,
 ) -> float:  # fmt: skip
-    """The acceleration, dry friction opposed to a motion of direction `way` (0 for none)."""
+    """The acceleration, dry friction opposed to a motion of direction `way` (0 for none).
+
+    A law that depends on the sign of the speed has that of `way`, also where the step goes past 0.
+    """
+    if way != 0.0 and way * v <= 0.0:
+        v = way * TINY
     variables[0], variables[1], variables[2] = at, x, v
     pushed: float = value_of(codes, segments[0, 0], segments[0, 1], variables, stack)
     if way != 0.0:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.formula import Formula, parse
-from mopro.formula.bytecode import Assembler
+from mopro.formula.bytecode import Assembler, jumps
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.language import substituted
 from mopro.formula.written import WrittenEffect
@@ -317,7 +317,11 @@ class Model:
         force = assembler.quotient(assembler.sum([*own, *terms[FORCE]]), by)
         friction = assembler.quotient(assembler.sum([*dry, *terms[FRICTION]]), by)
         stated = [assembler.codes(law.formula, slots) for law in self.rig.laws.values()]
-        return [assembler.sum([*stated, *([force] if force else [])]), friction]
+        moving = assembler.sum([*stated, *([force] if force else [])])
+        if not friction and jumps(moving):
+            # Steps end where the velocity passes zero, as those with dry friction do.
+            friction = assembler.codes(parse("0"), slots)
+        return [moving, friction]
 
     def _node_codes(
         self,

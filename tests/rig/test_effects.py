@@ -3,10 +3,12 @@
 import json
 import tomllib
 
+import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder
+from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, write
+from mopro.experiment.opened import open_experiment
 
 HIDDEN_N_M = 12.0
 
@@ -109,3 +111,29 @@ def test_a_program_that_fails_is_told_in_words(tmp_path, text):
     assert done.returncode == 2
     assert "model.py" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+JUMPS = """
+[[effect]]
+name = "jumps"
+enters = "force"
+formula = "-F1 * sign(v)"
+F1 = { unit = "N", range = [0, 10] }
+"""
+RUBS = JUMPS.replace('"jumps"', '"rubs"').replace('"force"', '"friction"').replace(
+    "-F1 * sign(v)", "F1"
+)  # fmt: skip
+
+
+def test_a_force_that_turns_with_the_motion_is_that_of_dry_friction(tmp_path):
+    """Where the drive is strong, the axis never sticks: one law, written in two places."""
+    (tmp_path / "machine.toml").write_text(DRIVE + JUMPS + RUBS, encoding="utf-8")
+    t = np.arange(0, 6, 0.02)
+    force = 30 * np.sin(2.3 * t) + 20 * np.sin(6.1 * t)
+    write(tmp_path / "run.csv", {"time_s": t, "force_N": force, "position_mm": 0 * t})
+    (tmp_path / "experiment.toml").write_text(DRIVEN, encoding="utf-8")
+    model = open_experiment(tmp_path / "experiment.toml").study.model
+    (jumping,), (rubbing,) = (model({name: {"F1": 2.0}}) for name in ("jumps", "rubs"))
+    (without,) = model({})
+    assert np.ptp(rubbing - without) > 100.0
+    assert jumping == pytest.approx(rubbing, abs=1e-9)
