@@ -53,6 +53,18 @@ def test_a_repaired_file_is_read_compared_and_finds_no_more(tmp_path):
     assert "friction of place" in (tmp_path / "page.html").read_text("utf-8")
 
 
+def test_a_number_that_is_named_is_in_the_repaired_file(tmp_path):
+    """A mass that is 15 % off, where 5 % are tolerated, is no calibration."""
+    drive_folder(tmp_path, DRIVE, mass=2.3)
+    done = run_here(tmp_path, "reconcile", "experiment.toml", "--json", "--out", "out.toml")
+    answer = json.loads(done.stdout)
+    (named,) = answer["effects"]
+    assert "mass" in {named["name"], *named["indistinguishable_from"]}
+    assert answer["gap"]["runs"][0]["rerun_rms"] == pytest.approx(0.2, rel=0.1)
+    numbers = tomllib.loads((tmp_path / "out.toml").read_text("utf-8"))["base"]
+    assert numbers["mass"]["value"] == pytest.approx(2.3, rel=0.02)
+
+
 def test_an_effect_is_left_out_by_its_name(tmp_path):
     drive_folder(tmp_path, DRIVE + FRICTION_OF_PLACE, length_s=2.0)
     wrong = run_here(tmp_path, "reconcile", "experiment.toml", "--only", "friction of plaice")

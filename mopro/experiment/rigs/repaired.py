@@ -26,7 +26,7 @@ def machine_text(experiment: RigExperiment, verdict: Verdict) -> str:
     rig = experiment.machine
     place = Path(experiment.source.name).name
     fitted = {name: e for name, e in verdict.base.items() if name in rig.numbers}
-    for effect in verdict.calibration:
+    for effect in verdict.fitted:
         fitted |= {n: e for n, e in effect.parameters.items() if n in rig.numbers}
     found = {e.name for e in verdict.fitted if e.name not in rig.numbers}
     lines = list(_without_effects(_with_numbers(rig, fitted, verdict, place), found))
