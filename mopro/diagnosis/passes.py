@@ -169,7 +169,7 @@ def add_laws(state: State) -> State:
         return state
     repeated = [(term, state.screening.listed_like(term)) for term in terms]
     sets.leave_out({term.name for term, listed in repeated if listed})
-    state = replace(state, terms={name: term for term, listed in repeated for name in listed})
+    state = replace(state, terms={key: term for term, listed in repeated for key in listed})
     # Several effects may make up for one that nobody listed beside a single one. Where they leave
     # noise, what may stand beside one of them is found from their own neighbourhood.
     single = next((fit for fit in sets.ranked() if len(fit.candidates) == 1), state.fit)

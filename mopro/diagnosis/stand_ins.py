@@ -152,8 +152,8 @@ def _reshaped(state: State, drafted: Fit, listed: Sequence[str]) -> dict[str, tu
     drafts = [law for law in fixed if not law.remembers]
     for enters, of in sorted({(law.enters, law.of) for law in drafts}):
         terms = _terms(state, enters, of)
-        for name in sorted(drafted.names.intersection(listed)):
-            if state.terms.get(name) in terms or _freed(state, drafted, name, terms):
+        for name, form in sorted(c.key for c in drafted.candidates if c.name in listed):
+            if state.terms.get((name, form)) in terms or _freed(state, drafted, name, terms):
                 answer[name] = 0.0, _RESHAPED.format(of)
     return answer
 
@@ -215,7 +215,7 @@ def _taken_over(state: State, fit: Fit, name: str) -> Fit:
     sets = state.sets
     without = sets.settled(sets.without(fit, name))
     terms = [c for c in sets.catalogue if c.law and c.name not in without.names]
-    same = [state.terms[name]] if name in state.terms else []
+    same = [state.terms[c.key] for c in fit.candidates if c.name == name and c.key in state.terms]
     switched = sets.switched_off(fit, frozenset({name}))
     fits = [without]
     for base, candidates in ((without, [*terms, *same]), (switched, same)):

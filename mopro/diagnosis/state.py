@@ -43,7 +43,7 @@ class State:
     """State between two passes: the fitted sets, and the answer so far.
 
     `drafted`: the answer with the free-form terms that stand beside it. `terms`: the free-form
-    terms that do what a listed effect does, by the name of that. `stand_ins`: the effects that
+    terms that do what a listed effect does, by the key of that. `stand_ins`: the effects that
     turned out to stand for something that nobody listed. `rival`: a set with free-form terms that
     does as well as the answer.
     """
@@ -53,7 +53,7 @@ class State:
     screening: Screening
     fit: Fit
     drafted: Fit | None = None
-    terms: Mapping[str, Candidate] = field(default_factory=dict)
+    terms: Mapping[tuple[str, str], Candidate] = field(default_factory=dict)
     held: HeldOut | None = None
     drafted_held: HeldOut | None = None
     remainder: Remainder = NOTHING_LEFT

@@ -101,6 +101,28 @@ def test_a_drive_that_gives_no_more_than_a_level_is_drafted_with_the_level(tmp_p
     assert (float(size), float(level)) == pytest.approx((-1.0, 0.4), rel=0.05)
 
 
+def test_a_gain_by_direction_stays_beside_a_draft_of_the_input(tmp_path):
+    """That the drive saturates, as a function of the command, is no other form of it."""
+    rng, t, h = RNG(6), np.arange(0, 16, 0.02), 1e-4
+    force = 5 * np.sin(2.4 * t) + 4 * np.sin(7.1 * t + 1)
+    x = v = 0.0
+    places = []
+    for push in force.tolist():
+        places.append(x)
+        for _ in range(200):
+            given = min(push, 5.0) * (0.8 if v < 0 else 1.2)
+            v += h / 2.0 * (given - 3.0 * v - 40.0 * x)
+            x += h * v
+    measured = 1e3 * np.array(places) + 0.2 * rng.standard_normal(len(t))
+    drive_folder(tmp_path, DRIVE)
+    write(tmp_path / "run.csv", {"time_s": t, "force_N": force, "position_mm": measured})
+    answer = answered(tmp_path)
+    (effect,) = answer["effects"]
+    assert effect["name"] == "direction_dependent_gain"
+    assert effect["parameters"]["k"]["value"] == pytest.approx(0.2, rel=0.05)
+    assert ("command", "input") in {(draft["of"], draft["enters"]) for draft in answer["drafts"]}
+
+
 OVEN = """\
 machine = "thermal"
 [inputs]
@@ -115,10 +137,11 @@ data = "run.csv"
 """
 
 
-def oven_folder(folder, rate=1e-3, fading=0.0, vent=0.0):
+def oven_folder(folder, rate=1e-3, fading=0.0, vent=0.0, leak=0.0):
     """An oven whose surroundings warm up by `rate` (K/s), its heater `fading` (1/s).
 
-    Beyond 70 °C a vent opens, which takes `vent` (1/s) times the rest.
+    Beyond 70 °C a vent opens, which takes `vent` (1/s) times the rest. Its loss grows by `leak`
+    (1/s) of itself.
     """
     t, rng = np.arange(0, 3000, 5.0), RNG(5)
     duty = np.repeat(rng.uniform(0, 100, 8), 75)
@@ -128,7 +151,8 @@ def oven_folder(folder, rate=1e-3, fading=0.0, vent=0.0):
         for k in range(20):
             air = 22.0 + rate * (t[i] + k / 4)
             heat = 0.008 * share * (1 - fading * (t[i] + k / 4))
-            inside += 0.25 * (heat - 0.006 * (inside - air) - vent * max(inside - 70.0, 0.0))
+            loss = 0.006 * (1 + leak * (t[i] + k / 4)) * (inside - air)
+            inside += 0.25 * (heat - loss - vent * max(inside - 70.0, 0.0))
     measured = np.array(found) + 0.08 * rng.standard_normal(len(t))
     (folder / "experiment.toml").write_text(OVEN, encoding="utf-8")
     write(folder / "run.csv", {"time_s": t, "duty_percent": duty, "oven_C": measured})
@@ -163,6 +187,17 @@ def test_a_heater_that_weakens_is_drafted_as_a_gain_that_changes_in_time(tmp_pat
     size, _, law = draft["law"].partition(" * ")
     assert law == "u * t"
     assert float(size) == pytest.approx(-1e-4, rel=0.05)
+
+
+def test_a_loss_that_grows_is_drafted_as_one_that_changes_in_time(tmp_path):
+    oven_folder(tmp_path, rate=0.0, leak=1e-4)
+    answer = answered(tmp_path)
+    assert (answer["verdict"], answer["effects"]) == ("unexplained", [])
+    (draft,) = answer["drafts"]
+    assert (draft["of"], draft["enters"]) == ("t", "heat")
+    size, _, law = draft["law"].partition(" * ")
+    assert law == "(T - ambient) * t"
+    assert float(size) == pytest.approx(-0.006e-4, rel=0.05)
 
 
 PLATES = """\

@@ -180,18 +180,22 @@ class Screening:
             strongest = max(strongest, own * max(factors))
         return strongest
 
-    def listed_like(self, law: Candidate) -> set[str]:
-        """The listed effects that do what a free-form term does: their signatures are one."""
+    def listed_like(self, law: Candidate) -> set[tuple[str, str]]:
+        """Keys of the listed effects that do what a free-form term does: their signatures are one.
+
+        Those that do more with it are among them, as a friction with Stribeck's peak.
+        """
         null, listed = self._sets.null, [c for c in self._sets.catalogue if not c.law]
         own = self._signatures(null, law)
-        return {
-            candidate.name
+        same = [
+            candidate
             for candidate in listed
             for group in self._signatures(null, candidate)
             for other in group
             for (one, *_) in own
             if alike(one, other)
-        }
+        ]
+        return {c.key for c in listed for o in same if c is o or c.nests(o)}
 
     def predicted_ebic(self, base: Fit, score: ScoreTest) -> float:
         """Predicted EBIC of `base` with a candidate added, for white noise."""
