@@ -85,6 +85,28 @@ FADING = (
 )  # fmt: skip
 
 
+def bends_about_the_middle(series: Sequence[Series]) -> Iterator[Shape]:
+    """Even and odd bends about the middle of the travel, as of a bowed rail, or a scale's error.
+
+    None where the middle is about 0: there they are the powers of x.
+    """
+    places = np.concatenate([values_of(s, POSITION) for s in series])
+    low, high = float(places.min()), float(places.max())
+    middle = (low + high) / 2
+    if abs(middle) < LEAST_SHARE * (high - low):
+        return
+    text = f"(x - {middle:.4g})"
+
+    def even(m: Motion) -> Floats:
+        return (m.position - middle) ** 2
+
+    def odd(m: Motion) -> Floats:
+        return (m.position - middle) ** 3
+
+    yield Shape("x² about the middle", (POSITION,), "x", f"{text}**2", even)
+    yield Shape("x³ about the middle", (POSITION,), "x", f"{text}**3", odd)
+
+
 def proportional(sensor: str, series: Sequence[Series], shape: Shape) -> Iterator[Candidate]:
     """A term in proportion to a function of the motion; none where that is constant."""
     if any(s.time_s is None for s in series) and "t" in shape.name:

@@ -9,7 +9,16 @@ from mopro.candidate import Candidate
 from mopro.freeform.clock import stepping_clock
 from mopro.freeform.lines import bump, line_in_position, line_in_time
 from mopro.freeform.motion import POSITION, labelled, values_of
-from mopro.freeform.proportional import FADING, LATE, SHAPES, TIME, fading, lag_term, proportional
+from mopro.freeform.proportional import (
+    FADING,
+    LATE,
+    SHAPES,
+    TIME,
+    bends_about_the_middle,
+    fading,
+    lag_term,
+    proportional,
+)
 from mopro.freeform.resonance import resonance
 from mopro.series import Series
 
@@ -45,6 +54,8 @@ def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
         if labelled(series, "velocity"):
             yield from stepping_clock(sensor, rows)
     if labelled(series, POSITION):
+        for shape in bends_about_the_middle(series):
+            yield from proportional(sensor, series, shape)
         yield line_in_position(sensor, rows)
         yield bump(sensor, rows)
 

@@ -62,6 +62,34 @@ def test_a_bare_kinematic_machine_has_backlash(tmp_path):
     assert sizes(answer) == {"backlash.w": pytest.approx(0.5, abs=0.02)}
 
 
+SWEEP = np.linspace(0.0, 4 * np.pi, 600)
+TO_AND_FRO = 60 - 60 * np.cos(SWEEP)
+
+
+def test_a_scale_that_is_bent_about_its_middle_is_drafted(tmp_path):
+    """Of the motion to and fro it is a gain, and a line of three times its frequency in time."""
+    bent = 0.4 * (TO_AND_FRO / 60 - 1) ** 3
+    measured = TO_AND_FRO + bent + 0.02 * RNG(2).standard_normal(len(SWEEP))
+    columns = {"time_s": SWEEP, "target_mm": TO_AND_FRO, "position_mm": measured}
+    answer = reconciled(tmp_path, FOLLOWS, columns)
+    assert (answer["verdict"], answer["effects"]) == ("unexplained", [])
+    (draft,) = answer["drafts"]
+    assert (draft["of"], draft["enters"], draft["held_out"]) == ("x", "measurement", True)
+    size, _, law = draft["law"].partition(" * ")
+    assert law == "(x - 60)**3"
+    assert float(size) == pytest.approx(0.4 / 60**3, rel=0.02)
+
+
+def test_a_bow_that_is_a_line_in_time_as_well_is_told_beside_it(tmp_path):
+    measured = TO_AND_FRO + 0.3 * (TO_AND_FRO / 60 - 1) ** 2
+    measured += 0.02 * RNG(3).standard_normal(len(SWEEP))
+    columns = {"time_s": SWEEP, "target_mm": TO_AND_FRO, "position_mm": measured}
+    answer = reconciled(tmp_path, FOLLOWS, columns)
+    assert (answer["verdict"], len(answer["effects"])) == ("ambiguous", 1)
+    (draft,) = answer["drafts"]
+    assert draft["law"].endswith("* (x - 60)**2")
+
+
 TURNS = (
     FOLLOWS.replace("_mm", "_deg").replace('"position"', '"angle"').replace("= 0.02", "= 0.0015")
 )

@@ -254,10 +254,12 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
 
     It is then the same explanation with parameters to spare, and no alternative. A form of its own
     that was extended for its fit needs its parameters. Assumed constants do not count, as in the
-    EBIC. A free-form term that predicts the same is a listed effect in other words.
+    EBIC. A free-form term that predicts the same is a listed effect in other words, unless it has
+    fewer parameters than a flexible effect, which may resemble what nobody listed.
     """
     extra = _chosen(wider) - _chosen(fit)
-    if any(c.law for c in wider.candidates):
+    flexible = any(c.flexible for c in fit.candidates if c.key not in wider.key)
+    if any(c.law for c in wider.candidates) and not (flexible and extra < 0):
         extra = max(extra, 1)
     own = [c for c in wider.candidates if c.key not in fit.key]
     if extra <= 0 or any(c.extends and not c.can_enter_first for c in own):

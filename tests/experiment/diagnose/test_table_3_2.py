@@ -76,9 +76,10 @@ def test_the_fit_is_the_least_squares_of_the_closed_form(verdict):
 
 def test_with_unknown_noise_a_better_film_does_as_well_and_is_said_to():
     verdict = verdict_of(noise=None)
-    families = {e.name: e.indistinguishable_from for e in verdict.effects}
+    families = [{e.name, *e.indistinguishable_from} for e in verdict.effects]
     assert verdict.verdict == "ambiguous"
-    assert families == {"platen_conduction": ["convection_scale"], "speed_dependent_heat": []}
+    assert {"platen_conduction", "convection_scale"} in families
+    assert {"speed_dependent_heat"} in families
 
 
 HIDDEN = {
