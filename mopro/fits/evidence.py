@@ -104,6 +104,18 @@ class Evidence:
         equal = (fit for fit in fits if self.ebic(fit) <= least + SAME)
         return min(equal, key=lambda fit: (len(fit.order), self.place(fit)))
 
+    def above(self, fit: Fit, best: Fit) -> float:
+        """EBIC of `fit` less that of `best`, whose remainder is the noise.
+
+        Noise of an estimated spectrum favours the set that it is estimated from: what others leave
+        more in a band counts, and nothing what they leave less. By the noise that a set of no more
+        parameters leaves itself, this is what `best` leaves more.
+        """
+        difference = self.ebic(fit) - self.ebic(best)
+        if self.noise.exact or difference <= 0 or len(fit.order) > len(best.order):
+            return difference
+        return max(difference - self.noise.like(fit.residual).deviance(best.residual), 0.0)
+
     def place(self, fit: Fit) -> list[int]:
         """The places of its effects in the catalogue, free-form terms last."""
         places = {key: i for i, key in enumerate(self.catalogue)}

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import fft, signal
 
 from helpers.signals import candidates, diagnosed, measured, of_size, sizes, times
 from mopro.diagnosis.passes import find_alternatives
@@ -80,3 +81,25 @@ def test_an_equal_set_takes_the_answer_s_place_unless_it_was_dropped(dropped, na
     rejected = tuple(Rejected(name, 1.0, "a reason") for name in dropped)
     found = find_alternatives(replace(state, fit=fit, rejected=rejected))
     assert found.fit.names == {named}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_of_two_sets_beside_coloured_noise_one_is_better_whichever_is_the_answer(seed):
+    """Each leaves the noise and a slow error of its own, of the same size."""
+    rng = np.random.default_rng(seed)
+    noise = signal.lfilter([1.0], [1.0, -0.9], rng.standard_normal(1000))
+    first, second = candidates("first", "second")
+    catalogue, found = [first.key, second.key], []
+    slow = [fft.idct(np.r_[rng.standard_normal(30), np.zeros(970)], norm="ortho") for _ in "12"]
+    one, other = (
+        Fit((effect,), (), (), {}, noise + 8.0 * own, np.zeros((1000, 0)), 1000)
+        for effect, own in zip((first, second), slow, strict=True)
+    )
+    for best, fit in ((one, other), (other, one)):
+        evidence = Evidence(Noise((999,), (0,), (True,)).like(best.residual), catalogue)
+        found.append((evidence.above(fit, best), evidence.ebic(fit) - evidence.ebic(best)))
+    (forth, forth_alone), (back, back_alone) = found
+    # By what it leaves alone, either is better than the other.
+    assert min(forth_alone, back_alone) > 0.0
+    assert min(forth, back) == 0.0
+    assert max(forth, back) == pytest.approx(abs(forth_alone - back_alone))

@@ -68,7 +68,7 @@ def alternatives(sets: Hypotheses, screening: Screening, best: Fit) -> tuple[Alt
         if base.rss - best.rss < _WEAK:
             weak += _weak(sets, best, own)
     fitted = [
-        Alternative.of(fit.candidates, sets.ebic(fit) - sets.ebic(best), fit.settings)
+        Alternative.of(fit.candidates, sets.evidence.above(fit, best), fit.settings)
         for fit in sets.ranked()
         if _is_alternative(sets, fit, best)
     ]
@@ -226,15 +226,14 @@ def _plausible(score: ScoreTest) -> bool:
 
 
 def _is_alternative(sets: Hypotheses, fit: Fit, best: Fit) -> bool:
-    limit = sets.ebic(best) + VERY_STRONG
-    if sets.ebic(fit) >= limit or not _differs(fit.names, best):
+    if sets.evidence.above(fit, best) >= VERY_STRONG or not _differs(fit.names, best):
         return False
     if not sets.evidence.implausible(fit) <= sets.evidence.implausible(best):
         return False
     if _nests_prediction(sets, fit, best) or _in_other_words(sets, fit):
         return False
     # An effect is needed if there is strong evidence for it, or no alternative without it.
-    needed = min(sets.ebic(fit) + STRONG, limit)
+    needed = min(sets.ebic(fit) + STRONG, sets.ebic(best) + VERY_STRONG)
     return all(sets.ebic(sets.without(fit, name)) > needed for name in fit.names)
 
 
