@@ -88,7 +88,7 @@ def _reduced(sets: Hypotheses, fit: Fit) -> Iterator[tuple[Fit, Fit | None, int]
 def in_other_forms(sets: Hypotheses, fit: Fit) -> list[Proposal]:
     """`fit` with one of its effects in a form of more or fewer free parameters.
 
-    Also with the special case of an effect in place of it.
+    Also with the special case of an effect, or a number of the model, in place of it.
     """
     return [
         _in_another_form(fit, candidate, form)
@@ -162,8 +162,8 @@ def in_form(form: Candidate, known: Mapping[str, float]) -> Settings:
 
 
 def _neighbouring_forms(candidate: Candidate, catalogue: Sequence[Candidate]) -> list[Candidate]:
-    """The forms that extend a candidate, those nested with one that extends another, and those of
-    its special case.
+    """The forms that extend a candidate, those nested with one that extends another, those of its
+    special case, and numbers of the model, which may be off within their tolerance.
     """
     return [
         form
@@ -171,4 +171,5 @@ def _neighbouring_forms(candidate: Candidate, catalogue: Sequence[Candidate]) ->
         if (form.name, form.extends) == candidate.key
         or (candidate.extends is not None and (form.nests(candidate) or candidate.nests(form)))
         or form.name == candidate.special
+        or (form.calibrates and not (candidate.calibrates or candidate.law))
     ]
