@@ -108,8 +108,8 @@ class Evidence:
         """EBIC of `fit` less that of `best`, whose remainder is the noise.
 
         Noise of an estimated spectrum favours the set that it is estimated from: what others leave
-        more in a band counts, and nothing what they leave less. By the noise that a set of no more
-        parameters leaves itself, this is what `best` leaves more.
+        more in a band counts, and nothing what they leave less. A set of no more parameters is
+        credited with what `best` leaves more by the noise that this set leaves.
         """
         difference = self.ebic(fit) - self.ebic(best)
         if self.noise.exact or difference <= 0 or len(fit.order) > len(best.order):
