@@ -416,7 +416,7 @@ def cases(folder: Path, count: int, seed: int) -> Iterator[Case]:
 
 
 def judged(case: Case) -> tuple[str, str]:
-    """What the answer is worth, and the answer in words."""
+    """Whether the verdict on a case is right, missed or wrong, and the verdict with its names."""
     verdict = (
         open_experiment(case.folder / "experiment.toml").conclude(1, lambda _: None, ()).verdict
     )

@@ -152,7 +152,7 @@ RUBS = JUMPS.replace('"jumps"', '"rubs"').replace('"force"', '"friction"').repla
 
 
 def test_a_force_that_turns_with_the_motion_is_that_of_dry_friction(tmp_path):
-    """Where the drive is strong, the axis never sticks: one law, written in two places."""
+    """A force of -F1 sign(v) and a dry friction F1 predict the same where the axis never sticks."""
     (tmp_path / "machine.toml").write_text(DRIVE + JUMPS + RUBS, encoding="utf-8")
     t = np.arange(0, 6, 0.02)
     force = 30 * np.sin(2.3 * t) + 20 * np.sin(6.1 * t)
