@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -29,6 +30,9 @@ import numpy as np
 from numba import njit
 from scipy.signal import lfilter
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from helpers.rigs import DRIVEN
 from mopro.experiment.opened import open_experiment
 
 # Whitened size of the hidden effect from which on it should be found; 3 times in coloured noise.
@@ -167,7 +171,7 @@ def _excitation(rng: np.random.Generator, t: Floats) -> Floats:
 
 
 def axis(rng: np.random.Generator, hidden: str) -> tuple[dict[str, Floats], Floats, str, str]:
-    """Columns with the hidden effect, the reading without, and the texts of both files."""
+    """Columns with the hidden effect, the reading without (mm), and the texts of both files."""
     t = np.arange(int(rng.integers(800, 2500))) * float(rng.choice([0.005, 0.01, 0.02]))
     step_s, most = float(t[1]), rng.uniform(5.0, 30.0)
     mass = rng.uniform(0.5, 5.0)
@@ -219,19 +223,7 @@ range = [0, {numbers["viscous"] * 5}] }}
 spring = {{ value = {numbers["spring"] * 0.9}, unit = "N/m", free = true, \
 range = [0, {numbers["spring"] * 5}] }}
 """
-    experiment = """\
-machine = "machine.toml"
-[inputs]
-force = { column = "force_N", hold = true }
-[[sensor]]
-name = "scale"
-quantity = "position"
-column = "position_mm"
-noise_rms = NOISE
-[[run]]
-data = "run.csv"
-start = { x = 0, v = 0 }
-"""
+    experiment = DRIVEN.replace("noise_rms = 0.2", "noise_rms = NOISE")
     columns = {"time_s": t, "force_N": pushes, "position_mm": 1e3 * seen}
     return columns, 1e3 * plain, machine, experiment
 
@@ -259,6 +251,7 @@ def _played(x: Floats, width: float) -> Floats:
 
 
 def kinematic(rng: np.random.Generator, hidden: str) -> tuple[dict[str, Floats], Floats, str, str]:
+    """As `axis`, of a machine that goes where it is told, in mm; it has no file of its own."""
     t = np.arange(int(rng.integers(150, 1500))) * float(rng.choice([0.01, 0.05, 1.0]))
     travel, step_s = rng.uniform(20.0, 300.0), float(t[1])
     if rng.integers(2):
@@ -327,6 +320,7 @@ def _warming(
 
 
 def thermal(rng: np.random.Generator, hidden: str) -> tuple[dict[str, Floats], Floats, str, str]:
+    """As `axis`, of one or two nodes in °C; they have no file of their own."""
     t = np.arange(int(rng.integers(300, 1200))) * float(rng.choice([1.0, 2.0, 5.0]))
     step_s, loss = float(t[1]), 1 / rng.uniform(60.0, 300.0)
     warming, begin = loss * rng.uniform(0.3, 1.0), rng.uniform(18.0, 26.0)
@@ -416,7 +410,7 @@ def cases(folder: Path, count: int, seed: int) -> Iterator[Case]:
 
 
 def judged(case: Case) -> tuple[str, str]:
-    """Whether the verdict on a case is right, missed or wrong, and the verdict with its names."""
+    """The score of a case (right, missed or wrong), and the verdict with its names."""
     verdict = (
         open_experiment(case.folder / "experiment.toml").conclude(1, lambda _: None, ()).verdict
     )
