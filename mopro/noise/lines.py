@@ -36,6 +36,10 @@ class Line:
     amplitude_ci: float
     rate_hz: float
 
+    def lasts(self, readings: int) -> bool:
+        """True if so many readings see a period of it: in fewer it is not told from their level."""
+        return readings * self.frequency_hz >= self.rate_hz
+
     @property
     def mains_hz(self) -> float | None:
         """50, 60 Hz or a harmonic if the line is that, or its alias at this sampling rate."""
@@ -64,7 +68,7 @@ def lines_of(values: Floats, rate_hz: float) -> list[Line]:
 
 def without_lines(values: Floats, lines: list[Line], rate_hz: float) -> Floats:
     """The readings less the sines of `lines`, fitted with a phase of this stretch."""
-    lines = [x for x in lines if len(values) * x.frequency_hz / rate_hz >= 1]
+    lines = [line for line in lines if line.lasts(len(values))]
     if not lines:
         return values
     design = np.column_stack([_waves(x.frequency_hz, len(values), rate_hz) for x in lines])

@@ -184,7 +184,8 @@ def _cleaned(
 def _level(quiet: list[Floats], lines: list[Line], memory: Memory | None, step: float) -> Estimate:
     """The pooled standard deviation with its chi-squared interval."""
     count = sum(map(len, quiet))
-    lost = len(quiet) + 2 * len(lines)
+    # Each stretch has its own level, and its own size and phase of each line.
+    lost = sum(1 + 2 * sum(line.lasts(len(q)) for line in lines) for q in quiet)
     squares = sum(float(np.sum((q - q.mean()) ** 2)) for q in quiet)
     rounded = float(np.sqrt(squares / max(count - lost, 1)))
     rms = rms_before_rounding(quiet, rounded, step)

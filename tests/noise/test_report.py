@@ -1,10 +1,14 @@
 """The noise report against synthetic noise of known level, memory, hum and step."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from mopro.noise import TooShort, report
+from mopro.noise.lines import Line, without_lines
+from mopro.noise.report import _level
 
 RATE_HZ = 400.0
 LEVEL = 0.02
@@ -196,3 +200,15 @@ def test_short_standstills_are_fitted_without_a_warning():
     level = np.repeat(np.arange(12.0), 30) + LEVEL * rng.normal(size=360)
     found = of(level).rms
     assert found.value == pytest.approx(LEVEL, rel=0.3)
+
+
+def test_the_lines_of_each_stretch_take_freedom_from_the_size_of_the_noise():
+    """Ten stretches of 64 readings, less three lines each: 70 of 640 degrees of freedom."""
+    lines = [Line(hz, 0.1, 1.0, 0.1, 1000.0) for hz in (50.0, 120.0, 310.0, 7.0)]
+    squares = []
+    for seed in range(60):
+        stretches = np.random.default_rng(seed).standard_normal((10, 64))
+        quiet = [without_lines(own, lines, 1000.0) for own in stretches]
+        squares.append(_level(quiet, lines, None, 0.0).value ** 2)
+    # The line of 7 Hz is slower than a stretch lasts.
+    assert np.mean(squares) == pytest.approx(1.0, abs=4 * math.sqrt(2 / 570 / 60))
