@@ -81,6 +81,10 @@ class Parameter:
         null = self._coordinate(self.null)
         return (self._coordinate(value) - null) / (self._coordinate(of) - null)
 
+    def to_null(self, value: float) -> float:
+        """Change of `value` that turns the effect off, to first order in the fit's coordinate."""
+        return value - value**2 / self.null if self.inverse else self.null - value
+
     def _coordinate(self, value: float) -> float:
         return 1 / value if self.inverse else value
 

@@ -87,10 +87,10 @@ class Fit:
     def linear_part(self, name: str) -> Floats:
         """Change of the residual (samples) if the effect `name` were off, to first order."""
         off = [
-            p.null - value if effect == name and p.role is Role.AMPLITUDE else 0.0
+            p.to_null(value) if effect == name and p.role is Role.AMPLITUDE else 0.0
             for (effect, p), value in zip(self.order, self.values.tolist(), strict=True)
         ]
-        return np.asarray(self.jacobian @ np.nan_to_num(off, posinf=0.0, neginf=0.0))
+        return np.asarray(self.jacobian @ off)
 
     def residual_without(self, name: str) -> Floats:
         """The residual (samples) if `name` were off and the others adapted, to first order."""

@@ -71,7 +71,7 @@ def spread(
     """
     offsets = _offsets(residuals, masks)
     own = np.array([n == name and p.role is Role.AMPLITUDE for n, p in fit.order], dtype=bool)
-    change = fit.jacobian[:, own] @ _away(fit)[own]
+    change = -fit.linear_part(name)
     parts = _less_means(np.column_stack([np.where(mask, change, 0.0) for mask in masks]), offsets)
     information = np.sum(parts**2, axis=0)
     seen = information > LEAST_SHARE * information.mean()
@@ -91,12 +91,6 @@ def spread(
     deviation, significant = _between(sizes, coloured.T @ coloured)
     fall = float(before @ before - after @ after)
     return Spread(deviation, significant, fall / unexplained if unexplained > 0 else 0.0)
-
-
-def _away(fit: Fit) -> Floats:
-    """Distances of the parameters from where they are off; those in 1/value to first order."""
-    values = zip((p for _, p in fit.order), fit.values.tolist(), strict=True)
-    return np.array([-value if p.inverse else value - p.null for p, value in values])
 
 
 def _offsets(residuals: Residuals, masks: Sequence[Mask]) -> NDArray[np.intp]:

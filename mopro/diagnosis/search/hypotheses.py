@@ -247,12 +247,11 @@ class Hypotheses:
 
         From beyond the size at which an effect saturates, no slope leads back.
         """
-        sizes = [(i, p) for i, (_, p) in enumerate(fit.order) if p.role is Role.AMPLITUDE]
+        sizes = [(name, p) for name, p in fit.order if p.role is Role.AMPLITUDE]
         if len(fit.candidates) != 1 or self.base or len(sizes) != 1:
             return None
-        ((i, p),) = sizes
-        name, value = fit.candidates[0].name, float(fit.values[i])
-        in_proportion = fit.jacobian[:, i] * (value if p.inverse else value - p.null)
+        ((name, p),) = sizes
+        value, in_proportion = fit.settings[name][p.name], fit.linear_part(name)
         change = fit.residual - self.null.residual
         if PROPORTIONAL**2 * float(in_proportion @ in_proportion) > float(change @ change):
             return None
