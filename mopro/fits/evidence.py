@@ -182,10 +182,13 @@ class Evidence:
         flexible = {c.name for c in fit.candidates if c.flexible}
         if any(effect in flexible and p.role is Role.SHAPE for effect, p in stopped):
             return math.inf
-        beyond = [p.beyond(v) for (_, p), v in zip(fit.order, fit.values.tolist(), strict=True)]
-        distances = np.array(beyond) / self.deviations(fit) if any(beyond) else np.zeros(0)
-        nearer = np.minimum(distances, math.sqrt(VERY_STRONG))
-        return VERY_STRONG * len(stopped) + float(nearer @ nearer)
+        beyond = np.array([
+            p.beyond(v) for (_, p), v in zip(fit.order, fit.values.tolist(), strict=True)
+        ])  # fmt: skip
+        distances = beyond / self.deviations(fit) if beyond.any() else beyond
+        rises = np.minimum(distances**2, VERY_STRONG)
+        rises[[fit.order.index(parameter) for parameter in stopped]] = VERY_STRONG
+        return float(rises.sum())
 
     def _constants(self, fit: Fit) -> float:
         """Laplace's penalty of what the data tell about assumed constants.
