@@ -92,8 +92,12 @@ class Evidence:
         return math.log(max(count, LEAST_SAMPLES))
 
     def of_choice(self, chosen: int) -> float:
-        """Penalty of having chosen so many effects: 2 ln(catalogue over chosen)."""
-        return 2 * math.log(math.comb(max(len(self.catalogue), chosen), chosen))
+        """Penalty of having chosen so many effects: 2 ln(catalogue over chosen).
+
+        Of more than half of a small catalogue that of the half: another effect earns nothing.
+        """
+        many = max(len(self.catalogue), chosen)
+        return 2 * math.log(math.comb(many, min(chosen, many // 2)))
 
     def lowest(self, fits: Sequence[Fit]) -> Fit:
         """The fit of the lowest EBIC; of equal ones the simplest, the first in the catalogue.
@@ -102,7 +106,7 @@ class Evidence:
         """
         least = min(map(self.ebic, fits))
         equal = (fit for fit in fits if self.ebic(fit) <= least + SAME)
-        return min(equal, key=lambda fit: (len(fit.order), self.place(fit)))
+        return min(equal, key=lambda fit: (fit.chosen, self.place(fit)))
 
     def above(self, fit: Fit, best: Fit) -> float:
         """EBIC of `fit` less that of `best`, whose remainder is the noise.
@@ -112,7 +116,7 @@ class Evidence:
         credited with what `best` leaves more by the noise that this set leaves.
         """
         difference = self.ebic(fit) - self.ebic(best)
-        if self.noise.exact or difference <= 0 or len(fit.order) > len(best.order):
+        if self.noise.exact or difference <= 0 or fit.chosen > best.chosen:
             return difference
         return max(difference - self.noise.like(fit.residual).deviance(best.residual), 0.0)
 

@@ -57,6 +57,11 @@ class Fit:
         return frozenset(candidate.key for candidate in self.candidates)
 
     @property
+    def chosen(self) -> int:
+        """Number of its parameters that were fitted or searched for, without assumed constants."""
+        return self.searched + sum(p.role is not Role.CONSTANT for _, p in self.order)
+
+    @property
     def identity(self) -> Identity:
         return self.key, self.rss
 

@@ -280,3 +280,11 @@ def test_an_interval_ends_where_the_range_of_its_parameter_does(other):
     else:
         assert ends["size"][0] == 0.0 < fit.settings["both"]["size"] < ends["size"][1] < 1.0
         assert ends["turn"][1] - fit.settings["both"]["turn"] > 1.0
+
+
+def test_another_effect_out_of_a_small_catalogue_earns_nothing():
+    for listed in range(1, 8):
+        evidence = Evidence(noise_of(1.0, samples=100), [(f"e{i}", "") for i in range(listed)])
+        choices = [evidence.of_choice(chosen) for chosen in range(10)]
+        assert choices == sorted(choices)
+        assert choices[1] == pytest.approx(2 * math.log(listed))

@@ -10,7 +10,7 @@ from helpers.signals import candidates, measured, of_size, sizes, times
 from mopro.assumed import LINEARITY_ERROR
 from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.search.hypotheses import Hypotheses
-from mopro.fits import Descent, Evidence, Limit, SecantJacobian, least_squares_fit
+from mopro.fits import Descent, Evidence, Fit, Limit, SecantJacobian, least_squares_fit
 from mopro.residuals import Residuals
 from mopro.residuals.noise import Noise
 
@@ -155,6 +155,57 @@ def test_the_penalty_of_an_implausible_value_is_the_chi2_of_moving_it_into_its_r
     anywhere = as_stated(residuals).ebic(fitted(None))
     assert evidence.ebic(fit) - anywhere == pytest.approx(penalty, abs=0.02)
     assert evidence.implausible(fit) == (set() if plausible else {"level.v"})
+
+
+def test_a_value_that_its_range_stops_beyond_the_plausible_costs_ten():
+    level = np.full(len(TIME_S), 6.0)
+    series = Series("run", "probe", "V", level, 50.0, nuisances=np.zeros((len(level), 0)))
+    residuals = Residuals(lambda s: [s.get("level", {}).get("v", 0.0) + 0 * TIME_S], [series])
+
+    def fitted(expected):
+        number = Parameter("v", "V", -5.0, 5.0, (0.5,), plausible=expected)
+        return least_squares_fit(
+            residuals, [Candidate("level", (number,))], [{"level": {"v": 0.5}}]
+        )
+
+    evidence = as_stated(residuals)
+    stopped = fitted((-1.0, 1.0))
+    assert evidence.at_bound(stopped) == ["level.v"]
+    assert evidence.ebic(stopped) - evidence.ebic(fitted((-5.0, 5.0))) == pytest.approx(0.0)
+    assert evidence.penalty(stopped) - math.log(len(TIME_S)) == pytest.approx(10.0)
+
+
+def test_an_amplitude_that_is_off_at_infinity_is_off_to_first_order():
+    """A slow sensor, whose corner frequency is fitted as its inverse, and the lag that it makes."""
+    t = np.linspace(0.0, 5.0, 2000)
+
+    def simulate(settings):
+        lag_s = 1 / (math.tau * settings.get("slow", {}).get("f", math.inf))
+        return [np.sin(t) - lag_s * np.cos(t)]
+
+    corner = Parameter("f", "Hz", 1.0, 1e6, (10.0,), inverse=True, null=math.inf)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(t))
+    data = [Series("run", "probe", "V", simulate({"slow": {"f": 5.0}})[0] + noise, 1e-3, t)]
+    residuals = Residuals(simulate, data)
+    fit = least_squares_fit(residuals, [Candidate("slow", (corner,))], [{"slow": {"f": 8.0}}])
+    change = residuals.at({}) - fit.residual
+    assert fit.linear_part("slow") == pytest.approx(change, abs=1e-2 * float(np.abs(change).max()))
+
+
+def test_of_equal_sets_the_one_of_fewer_numbers_is_the_simplest_and_constants_do_not_count():
+    def parameters(*roles):
+        return tuple(Parameter(f"p{i}", "V", -5.0, 5.0, role=r) for i, r in enumerate(roles))
+
+    def chosen(*roles, searched=0):
+        own = parameters(*roles)
+        effect = Candidate("effect", own)
+        order = tuple(("effect", p) for p in own)
+        return Fit(
+            (effect,), (), order, {}, np.zeros(9), np.zeros((9, len(own))), 9, searched
+        ).chosen
+
+    assert chosen(Role.AMPLITUDE) == chosen(Role.AMPLITUDE, Role.CONSTANT) == 1
+    assert chosen(Role.AMPLITUDE, searched=1) == chosen(Role.AMPLITUDE, Role.SHAPE) == 2
 
 
 def test_a_fit_abandoned_for_one_limit_is_fitted_again_for_a_wider_one():

@@ -19,7 +19,7 @@ from mopro.assumed import (
     STRONG,
     VERY_STRONG,
 )
-from mopro.candidate import Candidate, Role
+from mopro.candidate import Candidate
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset
 from mopro.diagnosis.search.neighbours import in_form, in_other_forms, neighbourhood
@@ -256,7 +256,7 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
     EBIC. A free-form term that predicts the same is a listed effect in other words, unless it has
     fewer parameters than a flexible effect, which may resemble what nobody listed.
     """
-    extra = _chosen(wider) - _chosen(fit)
+    extra = wider.chosen - fit.chosen
     flexible = any(c.flexible for c in fit.candidates if c.key not in wider.key)
     if any(c.law for c in wider.candidates) and not (flexible and extra < 0):
         extra = max(extra, 1)
@@ -266,8 +266,3 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
     difference = wider.residual - fit.residual
     chi2 = float(np.sum(difference**2 / sets.evidence.noise.variances(fit.residual)))
     return chi2 < float(special.chdtri(extra, FALSE_ALARMS))
-
-
-def _chosen(fit: Fit) -> int:
-    """Number of its parameters without assumed constants."""
-    return fit.searched + sum(p.role is not Role.CONSTANT for _, p in fit.order)
