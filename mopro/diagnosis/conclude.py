@@ -62,7 +62,7 @@ def conclude(state: State) -> Verdict:
         base={p: e for c in fit.base for p, e in sizes.estimates(c).items()},
         base_before=sets.null.settings,
         drafts=_drafts(state),
-        notes=(*state.notes, *_rival_words(state.rival)),
+        notes=(*state.notes, *filter(None, [state.remainder.note]), *_rival_words(state.rival)),
         nuisances=tuple(_nuisances(sets, sizes.settings)),
         correlations=sizes.correlations(),
     )

@@ -340,8 +340,7 @@ def examine_remainder(state: State) -> State:
     note = as_noise(sets.residuals, sets.evidence.noise, fit.residual, remainder)
     if note is None:
         return replace(state, remainder=remainder)
-    remainder = replace(remainder, significant=False)
-    return replace(state, remainder=remainder, notes=(*state.notes, note))
+    return replace(state, remainder=replace(remainder, significant=False, note=note))
 
 
 def _main_law(sets: Hypotheses, drafted: Fit) -> Law:

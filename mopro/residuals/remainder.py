@@ -26,7 +26,8 @@ class Remainder:
     `scatter`: its RMS in standard deviations of the sensors' noise, 1 where that is unknown.
     `variable`: what it is a function of (v, sgn v, x, x mod, a or t), if one shape is clearest;
     sensor where nothing but wild samples has been left out.
-    `only_size`: no test of a shape fails, and the scatter alone is larger than stated.
+    `only_size`: no test of a shape fails, and the scatter alone is larger than stated. `note`: why
+    what fails a test may be noise all the same.
     """
 
     significant: bool
@@ -35,6 +36,7 @@ class Remainder:
     scatter: float = 1.0
     variable: str | None = None
     only_size: bool = False
+    note: str | None = None
 
 
 NOTHING_LEFT = Remainder(False, None, 1.0)
@@ -51,7 +53,7 @@ def examine(
     clearest one.
     """
     known, shapes = residuals.known_noise, shape_findings(residuals, residual)
-    size = _excess(residual, parameters) if known else Finding(0.0, None)
+    size = _excess(residual, residuals.count - parameters) if known else Finding(0.0, None)
     findings = [size, *shapes] if known else shapes
     if not findings:
         return Remainder(False, None, 1.0)
@@ -113,7 +115,7 @@ def noise_of(residuals: Residuals, residual: Floats, parameters: int) -> Noise:
     return stated.of_unknown_size() if remainder.only_size else stated.like(residual)
 
 
-def _excess(residual: Floats, parameters: int) -> Finding:
+def _excess(residual: Floats, freedom: int) -> Finding:
     """Chi-squared test with the largest noise that is tolerated."""
     rss = float(residual @ residual) / (1 + TOLERANCE) ** 2
-    return Finding(chi2_log_p(rss, len(residual) - parameters), None)
+    return Finding(chi2_log_p(rss, freedom), None)

@@ -129,3 +129,14 @@ def test_a_line_over_place_is_told_from_another_function_of_it():
     assert remainder(line).variable == "x mod"
     saw = 2.0 * ((3.3 * PLACE / reach) % 1.0)
     assert remainder(saw).variable == "x"
+
+
+def test_the_offsets_of_short_runs_are_no_freedom_of_the_size_of_the_noise():
+    """Fifty runs of two readings, whose offsets leave fifty: 1.5 times the noise is too much."""
+    values = 1.5 * np.random.default_rng(4).standard_normal((50, 2))
+    data = [Series(f"run {i}", "probe", "V", own, 1.0) for i, own in enumerate(values)]
+    residuals = Residuals(lambda settings: [np.zeros(2)] * 50, data)
+    found = examine(residuals, residuals.at({}), 0)
+    rss = float(np.sum(np.diff(values) ** 2)) / 2
+    assert found.p_value == pytest.approx(math.exp(chi2_log_p(rss / 1.05**2, 50)))
+    assert found.significant
