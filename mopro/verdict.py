@@ -189,7 +189,7 @@ class Verdict:
         `simulate` predicts `data` as it does for `reconcile`. The settings of this verdict are
         kept; only the nuisances of each series (an offset) are its own.
         """
-        residuals = Residuals(simulate, data)
+        residuals = Residuals(simulate, data, scaled_at=self.base_before)
         before, after = (
             residuals.split(residuals.in_units(residuals.at(settings)))
             for settings in (self.base_before, self.settings)

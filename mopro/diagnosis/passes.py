@@ -28,7 +28,6 @@ from mopro.fits import Fit, HeldOut, held_out
 from mopro.freeform import WithLaws, measurement_laws
 from mopro.residuals import (
     Noise,
-    Residuals,
     as_noise,
     difference_variance,
     examine,
@@ -113,7 +112,7 @@ def refine_steps(state: State) -> State:
 def _steps_matter(state: State, finer: Simulate) -> bool:
     """True if a residual beyond noise may come from the steps of the coarse simulation."""
     fit, residuals = state.fit, state.sets.residuals
-    fine = Residuals(finer, residuals.data).at(fit.settings)
+    fine = residuals.of_model(finer, None).at(fit.settings)
     # Sensor noise that wanders is not white, hides no effect, and looks like one.
     most = 1.0 if residuals.known_noise else np.inf
     parts = residuals.split(fit.residual)

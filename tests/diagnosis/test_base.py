@@ -1,5 +1,7 @@
 """Free numbers of the model itself, and what the verdict says of runs that were not fitted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import optimize
@@ -160,3 +162,27 @@ def test_a_start_state_that_one_part_alone_knows_is_not_refitted_without_that_pa
     answer = diagnosed(model, candidates("pull"), truth, 0.1, seed=4, base=base)
     assert (answer.verdict, names(answer)) == ("named", {"pull"})
     assert answer.gap.held_out_rms == pytest.approx(0.1, rel=0.1)
+
+
+def test_a_run_of_unknown_noise_is_predicted_by_a_model_that_asks_for_its_numbers():
+    """The noise of such a run is told by the model with its numbers as they were fitted."""
+
+    def strict(settings):
+        others = {name: values for name, values in settings.items() if name != "base"}
+        return decaying({"base": dict(settings["base"])} | others)
+
+    unknown = [replace(series, sigma=None) for series in run(of_size(line=0.5))]
+    answer = mopro.reconcile(strict, candidates("line"), unknown, base=BASE)
+    (gap,) = answer.predict(strict, unknown)
+    assert gap.after_rms == pytest.approx(SIGMA, rel=0.1)
+    # What nobody listed is more than noise, and the model is asked again in finer steps.
+    unlisted = mopro.reconcile(strict, candidates("other"), unknown, base=BASE, finer=strict)
+    assert unlisted.verdict == "unexplained"
+
+
+def test_the_model_alone_is_where_its_last_fit_ended():
+    data = run(of_size(line=0.5))
+    residuals = Residuals(decaying, data, scaled_at=TRUTH)
+    sets = Hypotheses(residuals, [], [Candidate("base", BASE)])
+    settled = sets.settled(sets.null)
+    assert sets.null is settled is sets.best()

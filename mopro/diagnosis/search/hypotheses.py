@@ -69,12 +69,17 @@ class Hypotheses:
         self._stepped: set[tuple[Identity, str]] = set()
         self._remainders: dict[Identity, Remainder] = {}
         self.residuals = residuals
-        self.null = self._fit_null()
+        self._fit_null()
         if base and not residuals.known_noise:
             self.residuals = residuals.scaled_at(self.null.settings)
-            self.null = self._fit_null()
+            self._fit_null()
 
-    def _fit_null(self) -> Fit:
+    @property
+    def null(self) -> Fit:
+        """The model without any effect."""
+        return self._fits[frozenset()]
+
+    def _fit_null(self) -> None:
         """The model without any effect, its base fitted from each combination of its starts."""
         ranges = [[(c.name, p.name, v) for v in p.starts] for c in self.base for p in c.parameters]
         starts: list[Settings] = [
