@@ -10,6 +10,7 @@ import pytest
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Role, Series
+from mopro.diagnosis.search import screening
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.linear_subset import LinearSubsets
 from mopro.diagnosis.search.neighbours import neighbourhood, with_rivals
@@ -556,3 +557,19 @@ def test_a_search_goes_on_while_its_best_set_leaves_less_than_half(b, c, known, 
     sets = Hypotheses(Residuals(simulate, data), candidates("a", "b", "c"))
     search(sets, Screening(sets), rounds=1)
     assert sets.best().names == found
+
+
+@pytest.mark.parametrize("kept", [1, 100_000])
+def test_how_many_signatures_are_kept_decides_nothing(monkeypatch, kept):
+    t = times()
+
+    def simulate(settings):
+        first, second, third = sizes(settings, *"abc")
+        return [first * np.sin(7 * t) + second * np.cos(11 * t) + third * np.sin(11 * t + 0.1)]
+
+    def asked():
+        return diagnosed(simulate, candidates(*"abc"), of_size(a=1.0, b=0.5), 0.2, 2).as_json()
+
+    before = asked()
+    monkeypatch.setattr(screening, "_KEPT_BYTES", kept)
+    assert asked() == before

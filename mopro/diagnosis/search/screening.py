@@ -24,19 +24,27 @@ from mopro.diagnosis.search.signature import (
     searched,
     signatures,
 )
-from mopro.fits import Fit, Identity
+from mopro.fits import Fit
 
 
 def _asked(_: Screening, base: Fit, at: Fit, candidate: Candidate) -> Hashable:
     return base.identity, at.identity, candidate.key
 
 
-def _own_bytes(score: ScoreTest) -> int:
-    return score.explained.nbytes + sum(probe.change.nbytes for probe in score.group)
+def _at(_: Screening, at: Fit, candidate: Candidate) -> Hashable:
+    return at.identity, candidate.key
 
 
-# Bytes of the arrays of score tests that are kept: the null model, and what is left of the best set
-# without each of its effects, are asked for again in every round.
+def _bytes_of_groups(groups: Sequence[Group]) -> int:
+    return sum(probe.change.nbytes for group in groups for probe in group)
+
+
+def _bytes_of(score: ScoreTest) -> int:
+    return score.explained.nbytes + _bytes_of_groups([score.group])
+
+
+# Bytes of arrays that each cache keeps: the null model, and what is left of the best set without
+# each of its effects, are asked for again in every round.
 _KEPT_BYTES = 1 << 28
 # Bases whose subsets are kept: those of one neighbourhood, which the alternatives ask for again.
 # Halved, those of a set of four effects are predicted twice.
@@ -50,10 +58,10 @@ class Screening:
         self._sets = sets
         # Asked by several threads at once.
         self._lock = Lock()
-        self._tests: LRUCache[Hashable, ScoreTest] = LRUCache(_KEPT_BYTES, _own_bytes)
+        self._tests: LRUCache[Hashable, ScoreTest] = LRUCache(_KEPT_BYTES, _bytes_of)
         self._subsets: LRUCache[Hashable, list[LinearSubset]] = LRUCache(_KEPT_BASES)
-        self._groups: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
-        self._searched: dict[tuple[Identity, tuple[str, str]], list[Group]] = {}
+        self._groups: LRUCache[Hashable, list[Group]] = LRUCache(_KEPT_BYTES, _bytes_of_groups)
+        self._searched: LRUCache[Hashable, list[Group]] = LRUCache(_KEPT_BYTES, _bytes_of_groups)
 
     def beside(self, base: Fit, at: Fit, unabsorbed: Fit | None = None) -> list[ScoreTest]:
         """Score tests of all candidates that may join `base`, the lowest predicted EBIC first.
@@ -204,16 +212,12 @@ class Screening:
         deviance = evidence.noise.deviance(left)
         return deviance + evidence.penalty(base) + evidence.added_penalty(base, [score.candidate])
 
+    @cachedmethod(attrgetter("_groups"), key=_at, lock=attrgetter("_lock"))
     def _signatures(self, at: Fit, candidate: Candidate) -> list[Group]:
-        key = (at.identity, candidate.key)
-        if key not in self._groups:
-            self._sets.progress(f"simulating the signature of {candidate.name}")
-            self._groups[key] = signatures(self._sets.residuals, at, candidate)
-        return self._groups[key]
+        self._sets.progress(f"simulating the signature of {candidate.name}")
+        return signatures(self._sets.residuals, at, candidate)
 
+    @cachedmethod(attrgetter("_searched"), key=_at, lock=attrgetter("_lock"))
     def _found(self, base: Fit, candidate: Candidate) -> list[Group]:
         """Starts from the candidate's own search in the residual of `base`."""
-        key = (base.identity, candidate.key)
-        if key not in self._searched:
-            self._searched[key] = searched(self._sets.residuals, self._sets.null, base, candidate)
-        return self._searched[key]
+        return searched(self._sets.residuals, self._sets.null, base, candidate)
