@@ -1,5 +1,7 @@
 """Families: the effects that the data cannot tell from the one that is named."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ from helpers.signals import (
     times,
 )
 from mopro.diagnosis import Candidate, Parameter, Role, Series
-from mopro.diagnosis.search.alternatives import alternatives
+from mopro.diagnosis.search.alternatives import _is_needed, alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.screening import Screening
 from mopro.residuals import Residuals
@@ -227,3 +229,15 @@ def test_an_alternative_has_the_form_of_the_effect_that_it_replaces():
     (other,) = alternatives(sets, Screening(sets), best)
     assert other.names == {"dry", "drag"}
     assert other.settings["dry"]["late"] == pytest.approx(0.4, abs=0.02)
+
+
+@pytest.mark.parametrize(("above", "needed"), [(2.0, False), (11.0, True)])
+def test_an_effect_without_which_a_set_is_an_alternative_is_not_needed(above, needed):
+    """Alternatives beside noise with a memory are credited with what the answer leaves more."""
+    fit, less, best = (SimpleNamespace(ebic=ebic) for ebic in (130.0, 120.0, 100.0))
+    sets = SimpleNamespace(
+        without=lambda fit, name: less,
+        ebic=lambda fit: fit.ebic,
+        evidence=SimpleNamespace(above=lambda fit, best: above),
+    )
+    assert _is_needed(sets, fit, "effect", best) is needed

@@ -226,15 +226,21 @@ def _plausible(score: ScoreTest) -> bool:
 
 
 def _is_alternative(sets: Hypotheses, fit: Fit, best: Fit) -> bool:
-    if sets.evidence.above(fit, best) >= VERY_STRONG or not _differs(fit.names, best):
-        return False
-    if not sets.evidence.implausible(fit) <= sets.evidence.implausible(best):
-        return False
-    if _nests_prediction(sets, fit, best) or _in_other_words(sets, fit):
-        return False
-    # An effect is needed if there is strong evidence for it, or no alternative without it.
-    needed = min(sets.ebic(fit) + STRONG, sets.ebic(best) + VERY_STRONG)
-    return all(sets.ebic(sets.without(fit, name)) > needed for name in fit.names)
+    return (
+        sets.evidence.above(fit, best) < VERY_STRONG
+        and _differs(fit.names, best)
+        and sets.evidence.implausible(fit) <= sets.evidence.implausible(best)
+        and not _nests_prediction(sets, fit, best)
+        and not _in_other_words(sets, fit)
+        and all(_is_needed(sets, fit, name, best) for name in fit.names)
+    )
+
+
+def _is_needed(sets: Hypotheses, fit: Fit, name: str, best: Fit) -> bool:
+    """True if there is strong evidence for an effect of `fit`, or no alternative without it."""
+    without = sets.without(fit, name)
+    strongly = sets.ebic(without) > sets.ebic(fit) + STRONG
+    return strongly or sets.evidence.above(without, best) >= VERY_STRONG
 
 
 def _in_other_words(sets: Hypotheses, fit: Fit) -> bool:
