@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import compress
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.state import State
 from mopro.fits import Evidence, Fit, HeldOut
 from mopro.residuals import Remainder
-from mopro.series import Floats, Mask, Series, Settings
+from mopro.series import Floats, Series, Settings
 from mopro.verdict import (
     BelowResolution,
     Draft,
@@ -270,25 +270,23 @@ def _signature(sets: Hypotheses, fit: Fit, name: str) -> Signature:
 def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
     """RMS residuals of each series, and over all series in the unit of the first."""
     data = sets.residuals.data
-    unit = data[0].unit
-    counted = np.concatenate([np.full(len(s), s.unit == unit) for s in data])
-    null = sets.null.residual
+    counted = [s.unit == data[0].unit for s in data]
+    before, after = (_in_units(sets, own.residual) for own in (sets.null, fit))
+    held_out = None if held is None else _in_units(sets, held.residual)
+    of_runs = [None] * len(data) if held_out is None else [rms(own) for own in held_out]
 
-    def of(residual: Floats, mask: Mask = counted) -> float:
-        return rms(sets.residuals.in_units(residual)[mask])
+    def of(series: Sequence[Floats]) -> float:
+        return rms(np.concatenate(list(compress(series, counted))))
 
     return Gap(
-        unit=unit,
-        before_rms=of(null),
-        after_rms=of(fit.residual),
-        noise_rms=_noise_rms([s for s in data if s.unit == unit]),
-        held_out_rms=None if held is None else of(held.residual),
+        unit=data[0].unit,
+        before_rms=of(before),
+        after_rms=of(after),
+        noise_rms=_noise_rms(list(compress(data, counted))),
+        held_out_rms=None if held_out is None else of(held_out),
         runs=tuple(
-            RunGap(
-                s.run, s.sensor, s.unit, of(null, mask), of(fit.residual, mask),
-                None if held is None else of(held.residual, mask), s.sigma,
-            )
-            for s, mask in zip(data, _masks(data), strict=True)
+            RunGap(s.run, s.sensor, s.unit, rms(b), rms(a), h, s.sigma)
+            for s, b, a, h in zip(data, before, after, of_runs, strict=True)
         ),
     )  # fmt: skip
 
@@ -297,10 +295,3 @@ def _noise_rms(data: Sequence[Series]) -> float | None:
     """RMS of the noise that is stated, or None where it is stated nowhere."""
     stated = [s.sigma for s in data if s.sigma is not None]
     return math.sqrt(sum(sigma**2 for sigma in stated) / len(stated)) if stated else None
-
-
-def _masks(data: Sequence[Series]) -> list[Mask]:
-    """The samples of each series, as masks of all."""
-    ends = np.cumsum([0, *map(len, data)]).tolist()
-    samples = np.arange(ends[-1])
-    return [(a <= samples) & (samples < b) for a, b in pairwise(ends)]

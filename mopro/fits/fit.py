@@ -53,6 +53,11 @@ class Fit:
         return frozenset(candidate.name for candidate in self.candidates)
 
     @property
+    def laws(self) -> frozenset[str]:
+        """The names of its free-form terms."""
+        return frozenset(candidate.name for candidate in self.candidates if candidate.law)
+
+    @property
     def key(self) -> Key:
         return frozenset(candidate.key for candidate in self.candidates)
 

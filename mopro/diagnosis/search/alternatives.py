@@ -199,17 +199,16 @@ def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[
     A weak effect has many alternatives, nearly all of them linear: they are simulated once, and
     fitted only if they do not do as well there. What nobody listed is fitted, to tell how it is.
     """
-    limit, answer = sets.limit(best), []
+    limit, evidence, answer = sets.limit(best), sets.evidence, list[Alternative]()
     for subset in subsets:
         close = subset.ebic < sets.white.ebic(best) + VERY_STRONG
         if not close or len(subset.members) != 1 or not _plausible(subset.members[0]):
             continue
-        deviance = sets.evidence.noise.deviance(sets.residuals.at(subset.start))
-        penalty = sets.evidence.penalty(subset.base)
-        joined = [member.candidate for member in subset.members]
-        ebic = deviance + penalty + sets.evidence.added_penalty(subset.base, joined)
-        if ebic < sets.ebic(best) + VERY_STRONG and not any(c.law for c in joined):
-            delta = ebic - sets.ebic(best)
+        joined = subset.members[0].candidate
+        deviance = evidence.noise.deviance(sets.residuals.at(subset.start))
+        penalty = evidence.penalty(subset.base) + evidence.added_penalty(subset.base, [joined])
+        delta = deviance + penalty - sets.ebic(best)
+        if delta < VERY_STRONG and not joined.law:
             answer.append(Alternative.of(subset.candidates, delta, subset.start))
         else:
             sets.fitted(subset.candidates, subset.start, limit)
@@ -245,12 +244,10 @@ def _is_needed(sets: Hypotheses, fit: Fit, name: str, best: Fit) -> bool:
 
 def _in_other_words(sets: Hypotheses, fit: Fit) -> bool:
     """True if `fit` has a free-form term and predicts what listed effects, no more of them, do."""
-    if not any(c.law for c in fit.candidates):
-        return False
-    listed = (other for other in sets.ranked() if not any(c.law for c in other.candidates))
-    return any(
+    return bool(fit.laws) and any(
         len(other.candidates) <= len(fit.candidates) and _nests_prediction(sets, fit, other)
-        for other in listed
+        for other in sets.ranked()
+        if not other.laws
     )
 
 
@@ -264,7 +261,7 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
     """
     extra = wider.chosen - fit.chosen
     flexible = any(c.flexible for c in fit.candidates if c.key not in wider.key)
-    if any(c.law for c in wider.candidates) and not (flexible and extra < 0):
+    if wider.laws and not (flexible and extra < 0):
         extra = max(extra, 1)
     own = [c for c in wider.candidates if c.key not in fit.key]
     if extra <= 0 or any(c.extends and not c.can_enter_first for c in own):

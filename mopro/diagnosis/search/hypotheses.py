@@ -93,7 +93,6 @@ class Hypotheses:
         if not np.isfinite(self.residuals.predicted(fit.settings)).all():
             raise ValueError("the model without effects predicts values that are not finite")
         self._fits[fit.key] = fit
-        return fit
 
     def join(self, laws: Sequence[Candidate], simulate: Simulate, coarse: Simulate | None) -> None:
         """Let free-form terms compete, which `simulate` and `coarse` know beside the catalogue."""
@@ -115,8 +114,7 @@ class Hypotheses:
 
     def best_listed(self) -> Fit:
         """The set of the lowest EBIC without free-form terms."""
-        listed = [f for f in self._complete() if not any(c.law for c in f.candidates)]
-        return self.evidence.lowest(listed)
+        return self.evidence.lowest([fit for fit in self._complete() if not fit.laws])
 
     def ranked(self) -> list[Fit]:
         """All sets that were fitted to their minimum, the lowest EBIC first."""

@@ -39,8 +39,8 @@ class Neighbourhood:
 def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbourhood:
     """Sets near `fit` in the linear approximation, which needs few simulations.
 
-    Up to two effects are dropped and up to two more than that are added; far from linear, one
-    more than were dropped.
+    None, one, or all of its effects are dropped, of sets of two or three also two. As many are
+    added as were dropped (two at most) and `_more`.
     """
     subsets: list[LinearSubset] = []
     bases = list(_reduced(sets, fit))
@@ -56,7 +56,11 @@ def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbour
 
 
 def _more(reduced: Fit, fit: Fit) -> int:
-    """Effects that may be added beyond those that were dropped from `fit`."""
+    """Effects that may be added beyond those that were dropped from `fit`.
+
+    Three to the null model, two where none was dropped, one where some were; far from linear
+    one, two and none.
+    """
     if reduced.far_from_linear:
         return 0 if reduced is not fit else SECOND_GUESSES if fit.candidates else 1
     if reduced is not fit:

@@ -275,7 +275,7 @@ def _view(residuals: Residuals, null: Fit, base: Fit) -> ResidualView:
         residuals.sigmas,
         residuals.split(predicted),
         residuals.split(base.tangent),
-        base.settings_without(frozenset(c.name for c in base.candidates if c.law)),
+        base.settings_without(base.laws),
         rss,
         lambda settings: residuals.change(null.settings, {**null.settings, **settings}),
     )
