@@ -33,6 +33,7 @@ from mopro.verdict import (
 )
 
 _NO_EVIDENCE = "lowers chi-squared by less than the penalty of its parameters"
+_NO_LOWER = "is predicted to lower chi-squared, but no fitted set with it has a lower EBIC"
 
 
 def conclude(state: State) -> Verdict:
@@ -241,7 +242,8 @@ def _not_found(
         if expected is not None and expected < needed:
             unseen.setdefault(candidate.name, BelowResolution(candidate.name, expected, needed))
         else:
-            answer = Rejected(candidate.name, score.predicted_reduction, _NO_EVIDENCE)
+            reason = _NO_LOWER if score.predicted_reduction >= needed**2 else _NO_EVIDENCE
+            answer = Rejected(candidate.name, score.predicted_reduction, reason)
             rejected.setdefault(candidate.name, answer)
     return tuple(unseen.values()), list(rejected.values())
 
@@ -288,7 +290,7 @@ def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
             RunGap(s.run, s.sensor, s.unit, rms(b), rms(a), h, s.sigma)
             for s, b, a, h in zip(data, before, after, of_runs, strict=True)
         ),
-    )  # fmt: skip
+    )
 
 
 def _noise_rms(data: Sequence[Series]) -> float | None:

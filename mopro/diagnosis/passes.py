@@ -285,7 +285,7 @@ def prefer_lower(state: State) -> State:
         for other in sets.ranked()
         if len(other.candidates) <= len(fit.candidates)
         and not dropped & other.names
-        and {c.name for c in other.candidates if c.law} <= fit.names
+        and other.laws <= fit.names
     ]
     lower = sets.evidence.lowest([fit, *others])
     if not dropped or lower.key == fit.key:
@@ -299,24 +299,27 @@ def set_laws_apart(state: State) -> State:
     A term that is fitted together with an effect may take a part of it. From here on the noise
     is what the listed effects leave, and beside that each must be supported once more.
     """
-    sets, fit = state.sets, state.fit
-    laws = frozenset(c.name for c in fit.candidates if c.law)
-    for name in sorted(laws):
+    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
+    for name in sorted(fit.laws):
         fit = sets.without(fit, name)
     # One that only made up for a term takes a place where it raises chi-squared.
-    while reduced := [r for n in sorted(fit.names) if (r := sets.without(fit, n)).rss <= fit.rss]:
-        fit = reduced[0]
+    while reduced := [
+        (n, r) for n in sorted(fit.names) if (r := sets.without(fit, n)).rss <= fit.rss
+    ]:
+        name, less = reduced[0]
+        rejected.append(Rejected(name, less.rss - fit.rss, _NO_GAIN))
+        fit = less
     sets.judge_by(fit)
-    if laws:
+    if state.fit.laws:
         # Beside the terms an effect may have had another form.
         fit = sets.evidence.lowest([fit, *sets.fit_all(in_other_forms(sets, fit))])
-        apart = expose_beside_drafts(replace(state, fit=fit, drafted=state.fit))
-        weighed = drop_outweighed(eliminate(apart))
+        alone = replace(state, fit=fit, drafted=state.fit, rejected=tuple(rejected))
+        weighed = drop_outweighed(eliminate(expose_beside_drafts(alone)))
         assert weighed.drafted is not None, "the drafts stay"
         held = state.held if weighed.drafted is state.fit else _held(sets, weighed.drafted)
         return hold_out(replace(weighed, drafted_held=held))
     # What passed for noise with a memory may not, by the noise that the listed effects leave.
-    outweighed = drop_outweighed(state)
+    outweighed = drop_outweighed(replace(state, fit=fit, rejected=tuple(rejected)))
     return hold_out(outweighed) if outweighed.fit is not state.fit else state
 
 
@@ -373,12 +376,14 @@ def find_alternatives(state: State) -> State:
 def _listed_first(state: State, every: Sequence[Alternative]) -> State:
     """The state with that one of equal sets whose effects are listed first.
 
-    Which of them the search meets first is up to rounding. With drafts beside it the answer stays,
-    and what was dropped from it stays away.
+    Which of them the search meets first is up to rounding. A set with strong evidence over the
+    answer is none of them: the passes are taken again from there (`better_alternative`). With
+    drafts beside it the answer stays, and what was dropped from it stays away.
     """
     sets, dropped = state.sets, {r.name for r in state.rejected}
     names = {other.names for other in every if not other.laws and not dropped & other.names}
-    equal = [fit for fit in sets.ranked() if fit.names in names]
+    least = sets.ebic(state.fit) - STRONG
+    equal = [fit for fit in sets.ranked() if fit.names in names and sets.ebic(fit) >= least]
     first = sets.evidence.lowest([state.fit, *equal])
     if state.drafted is not None or first is state.fit:
         return state
@@ -460,6 +465,6 @@ PASSES: tuple[Pass, ...] = (
     drop_unsupported,
     readmit,
     set_laws_apart,
-    examine_remainder,
     find_alternatives,
+    examine_remainder,
 )

@@ -7,12 +7,14 @@ import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
 from mopro.diagnosis import passes
+from mopro.diagnosis.conclude import conclude
 from mopro.diagnosis.passes import (
     FAILS_HELD_OUT,
     drop_unsupported,
     hold_out,
     prefer_lower,
     readmit,
+    set_laws_apart,
 )
 from mopro.diagnosis.state import Problem, State
 from mopro.fits import HeldOut
@@ -116,3 +118,23 @@ def test_what_was_dropped_otherwise_stays_away(state, dropped):
     again = readmitted(state, *dropped)
     assert again.fit.names == set()
     assert [(r.name, r.reason) for r in again.rejected] == dropped
+
+
+def test_an_effect_that_raises_chi_squared_goes_and_is_told_with_the_dropped(state):
+    """A fit of two that ended above that of one of them."""
+    both = [c for c in state.sets.catalogue if c.name in ("true", "third")]
+    fit = state.sets.fitted(both, of_size(true=1.0, third=0.1))
+    apart = set_laws_apart(replace(state, fit=replace(fit, residual=1.1 * fit.residual)))
+    assert apart.fit.names == {"true"}
+    assert [r.name for r in apart.rejected] == ["third"]
+    assert answer(apart, "third") == {"true"}
+
+
+def test_why_an_effect_is_not_in_the_answer_is_what_its_signature_says(state):
+    """`true` would explain what nothing explains yet, and beside it `third` is not in the data."""
+
+    def reasons(fit):
+        return {r.name: r.reason for r in conclude(replace(state, fit=fit)).rejected}
+
+    assert reasons(state.sets.null)["true"].startswith("is predicted to lower chi-squared")
+    assert reasons(state.sets.best())["third"].startswith("lowers chi-squared by less than")
