@@ -59,9 +59,10 @@ def reconcile(
         state, known = _passed(State.of(problem)), set[Key]()
         while (better := better_alternative(state)) is not None and better.key not in known:
             known.add(better.key)
-            begun = State.of(problem)
+            # What the passes found out about the data, such as wild samples, holds.
+            begun = State.of(state.problem)
             fit = begun.sets.fitted(better.candidates, better.settings)
-            state = _passed(replace(begun, fit=fit))
+            state = _passed(replace(begun, fit=fit, notes=state.notes))
         return conclude(state)
 
 
@@ -76,12 +77,11 @@ def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:
     if not data:
         raise ValueError("there are no data")
     for series in data:
+        where = f"{series.run}, {series.sensor}"
         if series.sigma is not None and not series.sigma > 0:
-            raise ValueError(f"{series.run}, {series.sensor}: expected a sigma above 0, or None")
+            raise ValueError(f"{where}: expected a sigma above 0, or None")
         if not len(series) or not np.isfinite(series.values).all():
-            raise ValueError(
-                f"{series.run}, {series.sensor}: expected finite numbers, at least one"
-            )
+            raise ValueError(f"{where}: expected finite numbers, at least one")
     keys = [effect.key for effect in effects]
     if len(set(keys)) < len(keys):
         raise ValueError("two effects have the same name and form")

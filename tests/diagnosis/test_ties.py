@@ -8,7 +8,7 @@ import pytest
 from scipy import fft, signal
 
 from helpers.signals import candidates, diagnosed, measured, of_size, sizes, times
-from mopro.diagnosis.passes import find_alternatives
+from mopro.diagnosis.passes import better_alternative, find_alternatives
 from mopro.diagnosis.state import Problem, State
 from mopro.fits import Evidence, Fit
 from mopro.freeform import WithLaws
@@ -103,3 +103,22 @@ def test_of_two_sets_beside_coloured_noise_one_is_better_whichever_is_the_answer
     assert min(forth_alone, back_alone) > 0.0
     assert min(forth, back) == 0.0
     assert max(forth, back) == pytest.approx(abs(forth_alone - back_alone))
+
+
+def test_a_set_with_strong_evidence_over_the_answer_is_where_the_passes_begin_again():
+    """It has not been through them, as one that does equally well has by the answer's."""
+    t = times()
+
+    def simulate(settings):
+        similar, true = sizes(settings, "similar", "true")
+        return [true * np.sin(7 * t) + similar * np.sin(7 * t + 0.3)]
+
+    data = tuple(measured(simulate(of_size(true=1.0))[0], 1.0, 1))
+    model, effects = WithLaws(simulate, data, ()), tuple(candidates("similar", "true"))
+    state = State.of(Problem(model, None, None, effects, (), (), data, 1, lambda _: None))
+    found = find_alternatives(
+        replace(state, fit=state.sets.fitted([effects[0]], of_size(similar=1.0)))
+    )
+    better = better_alternative(found)
+    assert (found.fit.names, better.names) == ({"similar"}, {"true"})
+    assert state.sets.ebic(better) < state.sets.ebic(found.fit) - 3.0

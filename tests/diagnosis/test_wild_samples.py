@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
+from mopro.diagnosis import engine
 from mopro.diagnosis.passes import search_catalogue, set_wild_aside
 from mopro.diagnosis.state import Problem, State
 from mopro.freeform import WithLaws
@@ -38,3 +39,24 @@ def test_the_search_is_repeated_where_wild_samples_are_much_of_what_is_left(unli
     assert state.fit.settings["up"]["size"] == pytest.approx(2.0, abs=0.1)
     (left_out,) = state.sets.residuals.data
     assert np.flatnonzero(left_out.wild).tolist() == [700]
+
+
+def test_what_was_set_aside_stays_aside_where_the_passes_begin_again(monkeypatch):
+    """From a set that was fitted beside the answer: the search before and after, and once more."""
+    (series,) = measured(simulate(of_size(up=2.0))[0], 0.2, seed=1)
+    values = series.values.copy()
+    values[700] += 4.0
+    begun, said = [], []
+
+    def once(state):
+        begun.append(state.fit)
+        return state.fit if len(begun) == 1 else None
+
+    monkeypatch.setattr(engine, "better_alternative", once)
+    catalogue = candidates("up", "down")
+    answer = engine.reconcile(
+        simulate, catalogue, [replace(series, values=values)], progress=said.append
+    )
+    assert (answer.verdict, len(begun)) == ("named", 2)
+    assert said.count("simulating the signature of down") == 3
+    assert answer.notes == ("probe in run has one wild sample, at 1.751 s: left out",)
