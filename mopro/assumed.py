@@ -1,7 +1,7 @@
 """The numbers that the diagnosis assumes, with their units and reasons.
 
-All others follow from these, from the data, from the catalogue, or are rounding. What halving or
-doubling each changes is measured by `python bench/constants.py`.
+Others follow from these, from the data or from the catalogue, are rounding, or are told where they
+are used. What halving or doubling each changes is measured by `python bench/constants.py`.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ FALSE_ALARMS = 1e-3
 # 99.99 %.
 CLEAR = 2.0
 # Share by which what is stated may be off: the noise of a sensor, the ends of a plausible range
-# (which are round numbers), the interval of the samples. Doubled, disturbances of a third of the
-# noise pass for noise.
+# (which are round numbers), the interval of the samples. Disturbances of a third of the noise pass
+# for noise; doubled, those of half of it.
 TOLERANCE = 0.05
 
 # -- parts of a whole ------------------------------------------------------------------------
@@ -86,9 +86,9 @@ SECOND_GUESSES = 2
 
 # -- fits ------------------------------------------------------------------------------------
 
-# Descents in one fit; the second begins with a Jacobian from differences. Steps from one point are
-# cut so many times, to a quarter each: a residual with a kink has no smaller ones. Doubled, kinks
-# cost twice as much.
+# Descents in one fit; the second begins with a Jacobian from differences. Steps that are tried from
+# one point, each a quarter of the one before: a residual with a kink has no smaller ones. Doubled,
+# kinks cost twice as much.
 REPEATS = 3
 
 # Chi-squared by which a fit may be above its minimum: little beside what tells two fits apart.

@@ -154,7 +154,7 @@ class Verdict:
     effects. `settings`: all that was fitted but drafts, and as it was fitted beside those.
     `next_experiment`: a program that would distinguish alternatives, if the caller writes one.
     `calibration`: corrections of the model's own numbers within their tolerances, which are no
-    findings. `alternatives`: sets of effects within 10 of the lowest EBIC, the lowest first.
+    findings. `alternatives`: sets of effects within 10 of the answer's EBIC, the lowest first.
     `base`: the model's free numbers, `base_before` those without effects. `drafts`: free-form
     terms beside the effects or, if the verdict is `ambiguous`, of a set that does as well. `notes`:
     remarks on the noise, and on that set. `nuisances`: the fitted coefficients of each series'

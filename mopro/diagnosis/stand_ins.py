@@ -72,7 +72,7 @@ def _of_several_sizes(
 
 
 def _beyond_noise(sets: Hypotheses, fit: Fit) -> float:
-    """Sum of squares that `fit` leaves beyond that of the noise; all of it if that is not less."""
+    """Sum of squares that `fit` leaves beyond the noise; the whole of it if that is no more."""
     beyond = fit.rss - sets.noise_rss(fit)
     return beyond if beyond > 0 else fit.rss
 
@@ -172,9 +172,9 @@ def _terms(state: State, enters: str, of: str) -> list[Candidate]:
 
 
 def _freed(state: State, drafted: Fit, name: str, terms: Sequence[Candidate]) -> bool:
-    """True if `terms` do as well as an effect of `drafted` in its place, and what it did.
+    """True if `terms` in place of an effect of `drafted` explain as much, and most of its response.
 
-    What it did to first order: a friction that goes altogether lets a motor ring.
+    Its response to first order: a friction that goes altogether lets a motor ring.
     """
     noise = state.sets.evidence.noise
     freed = _in_place_of(state, drafted, name, terms)
@@ -209,8 +209,8 @@ def _in_place_of(state: State, drafted: Fit, name: str, terms: Sequence[Candidat
 def _taken_over(state: State, fit: Fit, name: str) -> Fit:
     """`fit` without an effect, and with the free-form term that best describes what it stood for.
 
-    None where no term describes most of what is left. Where a term does what the effect does, it
-    also begins beside the others as they are.
+    No term is added unless one takes away most of what is left beyond noise. Where a term does
+    what the effect does, it also begins beside the others as they are.
     """
     sets = state.sets
     without = sets.settled(sets.without(fit, name))

@@ -2,7 +2,7 @@
 
 `Residuals` whitens and takes the nuisances out. `Noise` is what residuals are judged by, `examine`
 tests whether one is noise and says what else is in it; `wild_samples` and `repeated_samples`
-are those that decide nothing. Knows numpy and scipy alone.
+are those that decide nothing. Knows no model, effect or machine.
 """
 
 from mopro.residuals.noise import Noise

@@ -198,7 +198,7 @@ def _proposals(subsets: Sequence[LinearSubset]) -> list[Proposal]:
 def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
     """The sets to fit: those of the lowest predicted EBIC that may be below that of the best.
 
-    Both for white noise: of what noise with a memory allows, the fit itself is the judge.
+    Both EBICs are those for white noise; for noise with a memory the fit decides.
 
     Where a single effect is predicted to leave next to nothing only such are fitted, those that
     are predicted as well: a signature may misjudge a strong effect by more than a second one would
