@@ -55,7 +55,7 @@ def base_of(model: Model) -> list[Parameter]:
 
 def _starts(model: Model, run: Run) -> Iterator[Parameter]:
     """Free starts of the states of a run."""
-    free = [state for state in model.states if run.start.get(state) is None]
+    free = [state for state, at in run.start.items() if at is None]
     if model.rig.kind == KINEMATIC or not free:
         return
     if model.rig.kind == THERMAL:
@@ -77,9 +77,10 @@ def _start(run: Run, state: str, unit: str, at: float, reach: float) -> Paramete
 
 
 def _first_temperature(run: Run, node: str) -> float:
+    """The median of the first three readings, of which one may be wild."""
     reading = next((r for r in run.readings if node in r.sensor.reads.formula.names), None)
     reading = reading or run.readings[0]
-    return float(reading.values[0])
+    return float(np.median(reading.values[:3]))
 
 
 def _first_motion(run: Run) -> tuple[float, float, float, float]:

@@ -55,9 +55,10 @@ class Reading:
 class Run:
     """One run: the time (s) and inputs (SI) of each row, and what was measured.
 
-    `start`: values of states at the first row, None where they are free. `without`: effects
-    that are known to be off. `feedback`: an input was made from the readings, by a closed loop,
-    so that a dependence of the readings on it tells nothing of the machine.
+    `start`: values of states at the first row, None where they are free; a state that is not in it
+    begins as the first that is. `without`: effects that are known to be off. `feedback`: an input
+    was made from the readings, by a closed loop, so that a dependence of the readings on it tells
+    nothing of the machine.
     """
 
     name: str

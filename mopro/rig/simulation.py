@@ -274,7 +274,9 @@ class Model:
         return ("x", "v") if self.rig.kind == AXIS else self.rig.nodes
 
     def _start(self, run: Run, state: str, settings: Settings) -> float:
-        stated = run.start.get(state)
+        # A node that no sensor reads begins with the first that one reads.
+        state = state if state in run.start else next(iter(run.start))
+        stated = run.start[state]
         if stated is not None:
             return stated
         found = float(settings.get(BASE, {}).get(START.format(run.name, state), 0.0))

@@ -391,6 +391,18 @@ chamber = "power - U * (T - ambient)"
 capacity = { value = 500, unit = "J/K", free = true, range = [100, 2000] }
 U = { value = 1.0, unit = "W/K", free = true, range = [0.1, 10] }
 """
+OVEN_WITH_CORE = """\
+kind = "thermal"
+name = "oven"
+[nodes]
+chamber = "power - U * (T - ambient) - k * (T - core)"
+core = "share * k * (chamber - T)"
+[base]
+capacity = { value = 500, unit = "J/K", free = true, range = [100, 2000] }
+U = { value = 1.0, unit = "W/K", free = true, range = [0.1, 10] }
+k = { value = 0.4, unit = "W/K", free = true, range = [0.1, 10] }
+share = { value = 2.0, unit = "1" }
+"""
 HEATED = """\
 machine = "machine.toml"
 time = "time_min"
@@ -425,6 +437,34 @@ def test_an_oven_in_watts_has_a_lag_of_its_sensor(tmp_path):
     assert sizes(answer)["sensor_lag.tau"] == pytest.approx(25.0, abs=1.5)
     assert answer["base"]["capacity"]["value"] == pytest.approx(800, rel=0.02)
     assert answer["base"]["U"]["value"] == pytest.approx(1.5, rel=0.02)
+
+
+def closed(text):
+    """The experiment file of an oven in a room whose temperature is not measured."""
+    return text.replace('ambient = { column = "room_C" }\n', "").replace(
+        'start = { chamber = "free" }\n', ""
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("inner", [False, True])
+def test_the_noise_of_the_first_reading_is_no_other_surroundings(tmp_path, seed, inner):
+    """Nodes begin as warm as the room; `inner` is a second one, which no sensor reads."""
+    minutes = np.arange(0, 60, 0.1)
+    power = np.where((minutes % 20) < 12, 60.0, 0.0)
+    chamber, core, readings = 21.0, 21.0, []
+    for watts in power.tolist():
+        readings.append(chamber)
+        for _ in range(60):
+            flow = 0.4 * (chamber - core) if inner else 0.0
+            chamber += 0.1 / 800 * (watts - 1.5 * (chamber - 21.0) - flow)
+            core += 0.1 / 400 * flow
+    measured = np.array(readings) + 0.05 * RNG(seed).standard_normal(len(minutes))
+    measured[0] = 21.1
+    columns = {"time_min": minutes, "heater_W": power, "chamber_C": measured}
+    answer = reconciled(tmp_path, closed(HEATED), columns, OVEN_WITH_CORE if inner else OVEN)
+    assert (answer["verdict"], answer["effects"]) == ("none", [])
+    assert answer["base"]["start of run.csv, chamber"]["value"] == pytest.approx(21.0, abs=0.03)
 
 
 def test_a_user_s_period_and_shape_are_searched_for(tmp_path):

@@ -183,9 +183,22 @@ class _Data:
             found = {"x": default_x, "v": default_v}
             return found | {n: None if v is None else v * machine.factor for n, v in stated.items()}
         if machine.kind == THERMAL:
-            first = {n: _first(readings, n) for n in machine.nodes}
-            return {**first, **stated}
+            return {**self._first_temperatures(readings), **stated}
         return {}
+
+    def _first_temperatures(self, readings: list[Reading]) -> dict[str, float | None]:
+        """The start of each node that a sensor reads: free, as the first reading has its noise.
+
+        Where the surroundings are as warm as the nodes are then, the zero of a sensor and a start
+        are one number: with a free zero it begins with the first reading.
+        """
+        found: dict[str, float | None] = {}
+        for node in self._entries.machine.nodes:
+            own = [r for r in readings if node in r.sensor.reads.formula.names]
+            if own:
+                free = own[0].sensor.zero is not None or "ambient" in self._entry.inputs
+                found[node] = None if free else float(own[0].values[0])
+        return found or dict.fromkeys(self._entries.machine.nodes, float(readings[0].values[0]))
 
 
 def _from_first(
@@ -196,9 +209,3 @@ def _from_first(
     moved = [replace(r, rows=r.rows - first) for r in readings]
     cut = {name: np.ascontiguousarray(own[first:]) for name, own in inputs.items()}
     return time_s[first:], cut, moved
-
-
-def _first(readings: list[Reading], node: str) -> float:
-    """The first reading of a node's sensor, or of any."""
-    own = [r for r in readings if node in r.sensor.reads.formula.names] or readings
-    return float(own[0].values[0])
