@@ -25,6 +25,7 @@ class Sensor:
 
     `noise_rms` is None where it is unknown. `scale`, `sign` and `zero` are None where they are
     free; a drift is None (there is none), 0 (straight) or the time (s) after which it may bend.
+    `step`: that of its converter, which is in `noise_rms` as well.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Sensor:
     drift_s: float | None = None
     scale: float | None = 1.0
     sign: int | None = 1
+    step: float = 0.0
     value: Value | None = field(default=None, compare=False)
 
 

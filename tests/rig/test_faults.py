@@ -122,6 +122,31 @@ def test_columns_of_text_and_empty_ones_are_told_with_line_and_column(tmp_path, 
     assert "position_mm has 0 samples" in said
 
 
+@pytest.mark.parametrize(
+    ("noise", "step", "values", "words"),
+    [
+        ("0.2", "", 3.0, "position_mm is 3 in all rows: it tells nothing"),
+        ("1e-300", "", None, "position_mm is stated as 1e-300, and its numbers are rounded to"),
+        ("1e300", "", None, "the noise of position_mm is stated as 1e+300, and 1e+70 is the most"),
+        ("0.2", "", 1e150, "'1e+150' is no number that can be measured"),
+        ("0.2", "adc_step = 5.0\n", 3.0, None),
+    ],
+)
+def test_readings_that_no_sensor_of_the_stated_noise_gives_are_refused(
+    tmp_path, record, noise, step, values, words
+):
+    experiment = DRIVEN.replace("noise_rms = 0.2\n", f"noise_rms = {noise}\n{step}")
+    if values is not None:
+        record = {**record, "position_mm": np.full(len(record["position_mm"]), values)}
+    if words is None:
+        (tmp_path / "machine.toml").write_text(DRIVE, encoding="utf-8")
+        (tmp_path / "experiment.toml").write_text(experiment, encoding="utf-8")
+        write(tmp_path / "run.csv", record)
+        assert open_experiment(tmp_path / "experiment.toml")
+    else:
+        assert words in told(tmp_path, record, DRIVE, experiment)
+
+
 # -- scales ------------------------------------------------------------------------------
 
 

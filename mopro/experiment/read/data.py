@@ -26,6 +26,10 @@ from mopro.source import Source, Span
 TIME = "time_s"
 MOST_CHARACTERS = 10_000
 MOST_ROWS = 20_000_000
+# Share of a number by which a computer rounds it.
+_ROUNDING = float(np.finfo(float).eps)
+# Largest number that is read, also for a noise: the square of a sum of such squares is one, too.
+MOST_SIZE = 1e70
 _MOST_FAULTS = 50
 _COMMA = ","
 _DOS_END_OF_FILE = "\x1a"
@@ -72,6 +76,15 @@ class DataFile:
     ) -> NoReturn:
         finding = Diagnostic(rule, message, self.place(row, column), hint=hint)
         raise DataFileError(self.source, [finding])
+
+    def check_noise(self, column: str, sigma: float | None) -> None:
+        """DataFileError for a stated noise (standard deviation) that the readings cannot show."""
+        rounding = float(np.nanmax(np.abs(self.columns[column]))) * _ROUNDING
+        if sigma is not None and not rounding <= sigma <= MOST_SIZE:
+            stated = f"the noise of {column} is stated as {sigma:.2g}"
+            least = f"its numbers are rounded to {rounding:.2g}"
+            message = f"{stated}, and {least if sigma < rounding else f'{MOST_SIZE:g} is the most'}"
+            self.refuse_header("wrong-noise", message, "state the noise of the sensor, in its unit")
 
     def refuse_header(self, rule: str, message: str, hint: str | None = None) -> NoReturn:
         header = self.source.line(self.header_line)
@@ -143,8 +156,8 @@ def _from_recording(path: Path, name: str, wanted: Collection[str]) -> DataFile:
     lines = np.arange(1, len(recording) + 1)
     file = DataFile(FileSource(name, "", path=path), tuple(recording.columns), 1, columns, lines)
     for column, values in columns.items():
-        if len(infinite := np.flatnonzero(np.isinf(values))):
-            row = int(infinite[0])
+        if len(beyond := np.flatnonzero(np.abs(values) > MOST_SIZE)):
+            row = int(beyond[0])
             hint = "NaN stands for a sample that is not there"
             message = f"{column} is {values[row]} in row {row + 1}: no number that can be measured"
             file.refuse("not-a-number", message, row, column, hint)
@@ -246,7 +259,7 @@ class _Rows:
         if not word:
             return math.nan
         number = _as_number(word)
-        if number is None or math.isinf(number):
+        if number is None or abs(number) > MOST_SIZE:
             hint = "an empty cell stands for a sample that is not there"
             message = f"'{word[:40]}' is no number that can be measured"
             self._report("not-a-number", message, self._line, self._text, nth, hint)

@@ -55,6 +55,7 @@ def reading(file: DataFile, sensor: Sensor, regular: bool = True) -> tuple[Readi
     if len(present) < _FEWEST_SAMPLES:
         message = f"{sensor.column} has {len(present)} samples, expected at least two"
         file.refuse_header("empty-column", message)
+    file.check_noise(sensor.column, sensor.sigma)
     if regular:
         _check_rate(file, sensor, time_s, present)
         notes += _gaps(file, sensor, time_s, present)

@@ -354,7 +354,7 @@ def _sensor(entry: Value, machine: Rig) -> Sensor | None:
     return Sensor(
         name, quantity, column or "", unit, factor_of(unit), dimension_of_unit(unit),
         None if known == math.inf else known, reads or _default_reads(quantity, name, machine),
-        zero, drift, scale, sign, entry,
+        zero, drift, scale, sign, step, entry,
     )  # fmt: skip
 
 

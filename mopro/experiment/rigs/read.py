@@ -169,9 +169,11 @@ class _Data:
             message = f"{column} has {len(rows)} samples, expected {_FEWEST_SAMPLES} at least"
             self._file.refuse_header("empty-column", message)
         values = known[column][rows] - (sensor.zero or 0.0)
-        if not np.ptp(values) and sensor.noise_rms is None:
+        if not np.ptp(values) and not sensor.step:
             message = f"{column} is {values[0]:g} in all rows: it tells nothing"
-            self._file.refuse_header("empty-column", message)
+            hint = "state adc_step if that is the step of its converter"
+            self._file.refuse_header("empty-column", message, hint)
+        self._file.check_noise(column, sensor.noise_rms)
         return Reading(sensor, rows, values)
 
     def _start(self, readings: list[Reading], time_s: Floats) -> dict[str, float | None]:
