@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.errors import DataError
 from mopro.formula import Formula, parse
 from mopro.formula.bytecode import Assembler, jumps
 from mopro.formula.evaluate import Floats, evaluate
@@ -214,9 +215,14 @@ class Model:
             own = settings.get(effect.name, {})
             numbers |= {p.name: float(own.get(p.name, 0.0)) for p in effect.parameters}
         assert self.foreign is not None
+        assert self.rig.python is not None
         position = self.experiment.trials.index(run)
         found = self.foreign(numbers, dict(self.experiment.columns[position]))
-        return [np.asarray(found[r.sensor.name], dtype=float)[r.rows] for r in run.readings]
+        try:
+            return [_array(found, r.sensor.name, len(run.time_s))[r.rows] for r in run.readings]
+        except ValueError as error:
+            file, function = self.rig.python
+            raise DataError(f"{file}: {function} returns {error}", "failed-model") from error
 
     # -- equations ---------------------------------------------------------------------
 
@@ -359,6 +365,22 @@ def _codes(
     own = {p.name: slots[f"{effect.name}.{p.name}"] for p in effect.parameters}
     formula = substituted(effect.term.formula, inner) if inner else effect.term.formula
     return assembler.codes(formula, {**slots, **own})
+
+
+def _array(found: Any, sensor: str, rows: int) -> Floats:
+    """The array of a sensor in what a model that is a program returns; ValueError if it is none."""
+    expected = f"expected a dict with an array of {rows} numbers for {sensor}"
+    if not isinstance(found, Mapping):
+        raise ValueError(f"{type(found).__name__}, {expected}")
+    if sensor not in found:
+        raise ValueError(f"{', '.join(map(str, found)) or 'an empty dict'}, {expected}")
+    try:
+        values = np.asarray(found[sensor])
+    except ValueError as error:
+        raise ValueError(f"for {sensor} no array ({error}), {expected}") from error
+    if values.dtype.kind not in "buif" or values.shape != (rows,):
+        raise ValueError(f"an array of {values.dtype} and of shape {values.shape}, {expected}")
+    return values.astype(float)
 
 
 def term_of(

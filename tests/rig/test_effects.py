@@ -139,6 +139,32 @@ def test_a_program_that_fails_is_told_in_words(tmp_path, text):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("returned", "words"),
+    [
+        ("5", "returns int, expected a dict with an array of 100 numbers for scale"),
+        ("None", "returns NoneType"),
+        ("{}", "returns an empty dict"),
+        ("{'place': 1}", "returns place, expected"),
+        ("{'scale': [1.0, 2.0]}", "returns an array of float64 and of shape (2,)"),
+        ("{'scale': c['force_N'][:, None]}", "of shape (100, 1)"),
+        ("{'scale': ['a'] * 100}", "returns an array of <U1"),
+        ("{'scale': c['force_N'] * 1j}", "returns an array of complex128"),
+        ("{'scale': [[1.0], 2.0]}", "returns for scale no array ("),
+        ("__import__('sys').exit(3)", "SystemExit: 3"),
+    ],
+)
+def test_what_a_program_returns_is_told_if_it_is_no_prediction(tmp_path, returned, words):
+    foreign_folder(tmp_path)
+    text = f"def simulate(n, c):\n    return {returned}\n"
+    (tmp_path / "model.py").write_text(text, encoding="utf-8")
+    done = run_here(tmp_path, "compare", "experiment.toml", "--allow-python")
+    assert done.returncode == 2, done.stdout
+    assert "model.py" in done.stderr
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 JUMPS = """
 [[effect]]
 name = "jumps"
@@ -156,7 +182,7 @@ def test_a_force_that_turns_with_the_motion_is_that_of_dry_friction(tmp_path):
     (tmp_path / "machine.toml").write_text(DRIVE + JUMPS + RUBS, encoding="utf-8")
     t = np.arange(0, 6, 0.02)
     force = 30 * np.sin(2.3 * t) + 20 * np.sin(6.1 * t)
-    write(tmp_path / "run.csv", {"time_s": t, "force_N": force, "position_mm": 0 * t})
+    write(tmp_path / "run.csv", {"time_s": t, "force_N": force, "position_mm": 0.1 * np.sin(t)})
     (tmp_path / "experiment.toml").write_text(DRIVEN, encoding="utf-8")
     model = open_experiment(tmp_path / "experiment.toml").study.model
     (jumping,), (rubbing,) = (model({name: {"F1": 2.0}}) for name in ("jumps", "rubs"))

@@ -29,7 +29,7 @@ from mopro.series import Series
 # What a program that is somebody's model may raise.
 _OF_A_PROGRAM = (
     ArithmeticError, AssertionError, AttributeError, ImportError, LookupError, MemoryError,
-    NameError, OSError, RuntimeError, SyntaxError, TypeError, ValueError,
+    NameError, OSError, RuntimeError, SyntaxError, SystemExit, TypeError, ValueError,
 )  # fmt: skip
 
 
