@@ -15,6 +15,7 @@ from mopro.formula.language import PI, ZERO_C_IN_K, Formula
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Floats | float]
+Functions = Mapping[str, Callable[..., Floats]]
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
@@ -32,13 +33,16 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 
 
-def evaluate(formula: Formula, names: Values, time_s: Floats) -> Floats:
+def evaluate(
+    formula: Formula, names: Values, time_s: Floats, functions: Functions = signals.SIGNALS
+) -> Floats:
     """The formula at each of `time_s` (n,), for names that are numbers or arrays of that length.
 
-    Values that are not finite are the caller's to judge; no warning is given.
+    `functions`: those of whole signals. Values that are not finite are the caller's to judge; no
+    warning is given.
     """
     with np.errstate(all="ignore"):
-        found = _value(formula.tree, names, time_s)
+        found = _value(formula.tree, names, time_s, functions)
     return np.broadcast_to(np.asarray(found, dtype=float), time_s.shape)
 
 
@@ -48,13 +52,13 @@ def over_grid(formula: Formula, names: Values, shape: tuple[int, int]) -> Floats
     Not for a formula of whole signals.
     """
     with np.errstate(all="ignore"):
-        found = _value(formula.tree, names, np.zeros(0))
+        found = _value(formula.tree, names, np.zeros(0), signals.SIGNALS)
     return np.broadcast_to(np.asarray(found, dtype=float), shape)
 
 
-def _value(node: ast.expr, names: Values, time_s: Floats) -> Any:
+def _value(node: ast.expr, names: Values, time_s: Floats, functions: Functions) -> Any:
     def of(part: ast.expr) -> Any:
-        return _value(part, names, time_s)
+        return _value(part, names, time_s, functions)
 
     match node:
         case ast.Constant(value=value):
@@ -79,11 +83,11 @@ def _value(node: ast.expr, names: Values, time_s: Floats) -> Any:
         case ast.IfExp(test=test, body=body, orelse=orelse):
             return np.where(np.not_equal(of(test), 0), of(body), of(orelse))
         case ast.Call(func=ast.Name(id=called), args=args):
-            return _called(called, [of(part) for part in args], time_s)
+            return _called(called, [of(part) for part in args], time_s, functions)
     raise TypeError(f"not of the language: {ast.dump(node)}")
 
 
-def _called(called: str, args: list[Any], time_s: Floats) -> Any:
+def _called(called: str, args: list[Any], time_s: Floats, functions: Functions) -> Any:
     if called in ("min", "max"):
         joined = np.minimum if called == "min" else np.maximum
         result = args[0]
@@ -93,7 +97,7 @@ def _called(called: str, args: list[Any], time_s: Floats) -> Any:
     if called in _FUNCTIONS:
         return _FUNCTIONS[called](*args)
     signal = np.array(np.broadcast_to(args[0], time_s.shape), dtype=float)
-    return signals.SIGNALS[called](time_s, signal, *map(_number, args[1:]))
+    return functions[called](time_s, signal, *map(_number, args[1:]))
 
 
 def _number(value: Any) -> float:

@@ -89,3 +89,71 @@ SIGNALS: dict[str, Callable[..., Floats]] = {
     "lag": lag, "delayed": delayed, "play": play, "presliding": presliding, "side": side,
     "before": before, "since_change": since_change, "rate": rate, "first": first,
 }  # fmt: skip
+
+
+# -- a signal that holds each value up to the next one -----------------------------------
+
+# Share of a time constant below which an interval of samples is told by its leading term.
+_SHORT = 1e-4
+
+
+def held_delayed(time_s: Floats, signal: Floats, delay: float) -> tuple[Floats, Floats]:
+    """A held signal `delay` (s) earlier, which steps between samples, as lines between them.
+
+    Beginning and end of the line from each sample to the next that has the mean and the first
+    moment of what is there: a mass that it pushes has the right speed and place at each sample.
+    """
+    # Integrals of the signal and of that integral, up to each sample.
+    step_s = np.diff(time_s)
+    once = np.append(0.0, np.cumsum(signal[:-1] * step_s))
+    twice = np.append(0.0, np.cumsum(once[:-1] * step_s + signal[:-1] * step_s**2 / 2))
+    at = time_s - delay
+    before = np.clip(np.searchsorted(time_s, at, side="right") - 1, 0, len(signal) - 1)
+    since = at - time_s[before]
+    integral = once[before] + signal[before] * since
+    double = twice[before] + once[before] * since + signal[before] * since**2 / 2
+    mean = np.diff(integral) / step_s
+    moment = step_s / 2 * (integral[1:] + integral[:-1]) - np.diff(double)
+    return _lines(signal, mean, 12 * moment / step_s**2)
+
+
+def held_lag(time_s: Floats, signal: Floats, tau: float) -> tuple[Floats, Floats]:
+    """A held signal behind a first-order lag of `tau` (s), as lines between samples.
+
+    As `held_delayed`.
+    """
+    if tau <= 0:
+        return signal, signal
+    share = np.diff(time_s) / tau
+    away = _decaying(signal, np.exp(-share))
+    long = np.where(share > _SHORT, share, 1.0)
+    mean = np.where(share > _SHORT, -np.expm1(-long) / long, 1 - share / 2)
+    moment = (1 - np.exp(-long) * (1 + long)) / long**2 - mean / 2
+    moment = np.where(share > _SHORT, moment, -share / 12)
+    return _lines(signal, signal[:-1] + away[:-1] * mean, 12 * away[:-1] * moment)
+
+
+@_compiled
+def _decaying(signal: Floats, kept: Floats) -> Floats:
+    """What a lag is away from the signal at each sample; a share `kept` of it is at the next."""
+    away = np.zeros_like(signal)
+    for i in range(1, len(signal)):
+        away[i] = away[i - 1] * kept[i - 1] + signal[i - 1] - signal[i]
+    return away
+
+
+def _lines(signal: Floats, mean: Floats, slope: Floats) -> tuple[Floats, Floats]:
+    """Beginnings and ends; behind the last sample the signal itself."""
+    return np.append(mean - slope / 2, signal[-1]), np.append(mean + slope / 2, signal[-1])
+
+
+def _of_held(end: int) -> dict[str, Callable[..., Floats]]:
+    return {
+        **SIGNALS,
+        "delayed": lambda *args: held_delayed(*args)[end],
+        "lag": lambda *args: held_lag(*args)[end],
+    }
+
+
+# The functions at the beginning and at the end of what a held signal is up to the next sample.
+BEGINNINGS, ENDS = _of_held(0), _of_held(1)

@@ -27,12 +27,12 @@ _MOST_REVERSALS = 8
 
 @_compiled
 def _set_inputs(
-    variables: Floats, first: int, inputs: Floats, held: Floats, i: int, share: float
+    variables: Floats, first: int, inputs: Floats, ends: Floats, i: int, share: float
 ) -> None:
-    """Inputs between rows i - 1 and i: linear, or that of the row before where they are held."""
+    """Inputs between rows i - 1 and i: linear from where they are behind the row to their end."""
     for k in range(inputs.shape[0]):
         begin = inputs[k, i - 1]
-        variables[first + k] = begin + (1.0 - held[k]) * share * (inputs[k, i] - begin)
+        variables[first + k] = begin + share * (ends[k, i - 1] - begin)
 
 
 @_compiled
@@ -56,18 +56,18 @@ def _accelerated(
 @_compiled
 def _advanced(
     first: float, h: float, x: float, v: float, way: float, codes: Any, segments: Any,
-    variables: Floats, stack: Floats, inputs: Floats, held: Floats, i: int, begin: float,
+    variables: Floats, stack: Floats, inputs: Floats, ends: Floats, i: int, begin: float,
     span: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Position and velocity after `h` from time `first`, by a step of the RK4 method."""
-    _set_inputs(variables, 3, inputs, held, i, (first - begin) / span)
+    _set_inputs(variables, 3, inputs, ends, i, (first - begin) / span)
     a1 = _accelerated(first, x, v, way, codes, segments, variables, stack)
-    _set_inputs(variables, 3, inputs, held, i, (first + h / 2 - begin) / span)
+    _set_inputs(variables, 3, inputs, ends, i, (first + h / 2 - begin) / span)
     v2 = v + h / 2 * a1
     a2 = _accelerated(first + h / 2, x + h / 2 * v, v2, way, codes, segments, variables, stack)
     v3 = v + h / 2 * a2
     a3 = _accelerated(first + h / 2, x + h / 2 * v2, v3, way, codes, segments, variables, stack)
-    _set_inputs(variables, 3, inputs, held, i, (first + h - begin) / span)
+    _set_inputs(variables, 3, inputs, ends, i, (first + h - begin) / span)
     v4 = v + h * a3
     a4 = _accelerated(first + h, x + h * v3, v4, way, codes, segments, variables, stack)
     return x + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
@@ -76,7 +76,7 @@ def _advanced(
 @_compiled
 def _rubbed(
     first: float, h: float, x: float, v: float, codes: Any, segments: Any, variables: Floats,
-    stack: Floats, inputs: Floats, held: Floats, i: int, begin: float, span: float,
+    stack: Floats, inputs: Floats, ends: Floats, i: int, begin: float, span: float,
 ) -> tuple[float, float]:  # fmt: skip
     """One step with dry friction, which holds an axis at rest or turns with its motion.
 
@@ -85,14 +85,14 @@ def _rubbed(
     for _ in range(_MOST_REVERSALS):
         way = np.sign(v)
         if v == 0.0:
-            _set_inputs(variables, 3, inputs, held, i, (first - begin) / span)
+            _set_inputs(variables, 3, inputs, ends, i, (first - begin) / span)
             pushed = _accelerated(first, x, v, 0.0, codes, segments, variables, stack)
             limit = value_of(codes, segments[1, 0], segments[1, 1], variables, stack)
             if abs(pushed) <= limit:
                 return x, v
             way = np.sign(pushed)
         x1, v1 = _advanced(
-            first, h, x, v, way, codes, segments, variables, stack, inputs, held, i, begin, span
+            first, h, x, v, way, codes, segments, variables, stack, inputs, ends, i, begin, span
         )
         if way * v1 >= 0.0:
             return x1, v1
@@ -101,12 +101,12 @@ def _rubbed(
         part = h * v / (v - v1)
         for _ in range(2):
             x1, v1 = _advanced(
-                first, part, x, v, way, codes, segments, variables, stack, inputs, held, i,
+                first, part, x, v, way, codes, segments, variables, stack, inputs, ends, i,
                 begin, span,
             )  # fmt: skip
             part = min(max(part * v / (v - v1), 0.0), h) if v != v1 else part
         x1, v1 = _advanced(
-            first, part, x, v, way, codes, segments, variables, stack, inputs, held, i, begin, span
+            first, part, x, v, way, codes, segments, variables, stack, inputs, ends, i, begin, span
         )
         x, v, first, h = x1, 0.0, first + part, h - part
         if h <= 0.0:
@@ -116,7 +116,7 @@ def _rubbed(
 
 @_compiled
 def axis(
-    codes: Any, segments: Any, variables: Floats, time_s: Floats, inputs: Floats, held: Floats,
+    codes: Any, segments: Any, variables: Floats, time_s: Floats, inputs: Floats, ends: Floats,
     longest_s: float, states: Floats,
 ) -> None:  # fmt: skip
     """Position and velocity (2, n) at `time_s`, from those of the first column of `states`.
@@ -134,13 +134,13 @@ def axis(
         for step in range(steps):
             if dry:
                 x, v = _rubbed(
-                    begin + step * h, h, x, v, codes, segments, variables, stack, inputs, held, i,
+                    begin + step * h, h, x, v, codes, segments, variables, stack, inputs, ends, i,
                     begin, span,
                 )  # fmt: skip
             else:
                 x, v = _advanced(
                     begin + step * h, h, x, v, 0.0, codes, segments, variables, stack, inputs,
-                    held, i, begin, span,
+                    ends, i, begin, span,
                 )  # fmt: skip
         if not (abs(x) < _FARTHEST and abs(v) < _FARTHEST):
             states[:, i:] = np.nan
@@ -150,7 +150,7 @@ def axis(
 
 @_compiled
 def nodes(
-    codes: Any, segments: Any, variables: Floats, time_s: Floats, inputs: Floats, held: Floats,
+    codes: Any, segments: Any, variables: Floats, time_s: Floats, inputs: Floats, ends: Floats,
     longest_s: float, states: Floats,
 ) -> None:  # fmt: skip
     """States (m, n) of coupled first-order equations, from the first column, by Heun's method.
@@ -167,12 +167,12 @@ def nodes(
         for step in range(steps):
             variables[0] = time_s[i - 1] + step * h
             variables[1 : 1 + count] = now
-            _set_inputs(variables, 1 + count, inputs, held, i, step / steps)
+            _set_inputs(variables, 1 + count, inputs, ends, i, step / steps)
             for j in range(count):
                 first[j] = value_of(codes, segments[j, 0], segments[j, 1], variables, stack)
             variables[0] = time_s[i - 1] + (step + 1) * h
             variables[1 : 1 + count] = now + h * first
-            _set_inputs(variables, 1 + count, inputs, held, i, (step + 1) / steps)
+            _set_inputs(variables, 1 + count, inputs, ends, i, (step + 1) / steps)
             for j in range(count):
                 second[j] = value_of(codes, segments[j, 0], segments[j, 1], variables, stack)
             now = now + h / 2 * (first + second)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from mopro.errors import DataError
 from mopro.formula import Formula, parse
 from mopro.formula.bytecode import Assembler, jumps
-from mopro.formula.evaluate import Floats, evaluate
+from mopro.formula.evaluate import Floats, Functions, evaluate
 from mopro.formula.language import substituted
+from mopro.formula.signals import BEGINNINGS, ENDS, SIGNALS
 from mopro.formula.written import WrittenEffect
 from mopro.rig.data import Reading, RigExperiment, Run, Sensor
 from mopro.rig.model import (
@@ -182,20 +183,31 @@ class Model:
     def motion(self, run: Run, settings: Settings) -> Motion:
         """States of the machine at the rows of a run."""
         active = self.active(run, settings)
-        inputs = self._inputs(run, active, settings)
+        inputs, ends = self._inputs(run, active, settings)
         if self.rig.kind == KINEMATIC:
             return Motion({"x": self._followed(run, inputs, active, settings)}, inputs)
-        step_s = self._step_s(run, inputs, active, settings)
-        return Motion(self._integrated(run, inputs, active, settings, step_s), inputs)
+        step_s = self._step_s(run, inputs, ends, active, settings)
+        return Motion(self._integrated(run, inputs, ends, active, settings, step_s), inputs)
 
-    def _inputs(self, run: Run, active: Active, settings: Settings) -> dict[str, Floats]:
-        inputs = dict(run.inputs)
+    def _inputs(
+        self, run: Run, active: Active, settings: Settings
+    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """The inputs behind each row, and at the end of the line from there to the next row."""
+        inputs, ends = dict(run.inputs), dict(run.inputs)
+        held = run.held if self.rig.kind != KINEMATIC else frozenset()
         values: dict[str, Floats | float] = {"t": run.time_s, **self.values(settings)}
         for effect, own in self._entering(INPUT, active):
             for name in [name for name in inputs if effect.target in ("", name)]:
-                known = {**values, **inputs, "u": inputs[name]}
-                inputs[name] = inputs[name] + term_of(effect, own, known, run.time_s)
-        return inputs
+                # What follows on an effect of a held input takes that for held at its mean.
+                known = {**values, **inputs, "u": (inputs[name] + ends[name]) / 2}
+                changes = [
+                    term_of(effect, own, known, run.time_s, functions)
+                    for functions in ((BEGINNINGS, ENDS) if name in held else (SIGNALS,))
+                ]
+                inputs[name], ends[name] = inputs[name] + changes[0], ends[name] + changes[-1]
+        for name in ends.keys() - held:
+            ends[name] = np.append(inputs[name][1:], inputs[name][-1:])
+        return inputs, ends
 
     def _followed(
         self, run: Run, inputs: Mapping[str, Floats], active: Active,
@@ -227,15 +239,15 @@ class Model:
     # -- equations ---------------------------------------------------------------------
 
     def _step_s(
-        self, run: Run, inputs: Mapping[str, Floats], active: Active,
+        self, run: Run, inputs: Mapping[str, Floats], ends: Mapping[str, Floats], active: Active,
         settings: Settings,
     ) -> float:  # fmt: skip
         """The step of integration: halved until it hardly changes the states of a first run."""
         if run.name not in self._steps:
             step_s = float(np.median(np.diff(run.time_s))) if len(run.time_s) > 1 else 1.0
-            found = self._integrated(run, inputs, active, settings, step_s)
+            found = self._integrated(run, inputs, ends, active, settings, step_s)
             for _ in range(_MOST_HALVINGS):
-                halved = self._integrated(run, inputs, active, settings, step_s / 2)
+                halved = self._integrated(run, inputs, ends, active, settings, step_s / 2)
                 if _alike(found, halved):
                     break
                 found, step_s = halved, step_s / 2
@@ -243,7 +255,7 @@ class Model:
         return self._steps[run.name]
 
     def _integrated(
-        self, run: Run, inputs: Mapping[str, Floats], active: Active,
+        self, run: Run, inputs: Mapping[str, Floats], ends: Mapping[str, Floats], active: Active,
         settings: Settings, step_s: float,
     ) -> dict[str, Floats]:  # fmt: skip
         from mopro.rig import integrate
@@ -262,15 +274,20 @@ class Model:
         shift = np.zeros(len(run.time_s))
         for effect, own in self._entering(AMBIENT, active):
             shift = shift + term_of(effect, own, {"t": run.time_s}, run.time_s)
-        arrays = [inputs[n] + (shift if n == "ambient" else 0.0) for n in self.experiment.units]
+        shifted = np.append(shift[1:], shift[-1:])
+        lines = [
+            (inputs[n] + shift, ends[n] + (shift if n in run.held else shifted))
+            if n == "ambient"
+            else (inputs[n], ends[n])
+            for n in self.experiment.units
+        ]
         if self.rig.kind == THERMAL:
-            arrays += [first + shift for first in states[:, 0].tolist()]
-        packed = np.array(arrays) if arrays else np.zeros((0, len(run.time_s)))
-        held = np.zeros(len(packed))
-        held[: len(self.experiment.units)] = [n in run.held for n in self.experiment.units]
+            lines += [(first + shift, first + shifted) for first in states[:, 0].tolist()]
+        shape = len(lines), len(run.time_s)
+        packed, until = (np.array([own[i] for own in lines]).reshape(shape) for i in (0, 1))
         advance = integrate.axis if self.rig.kind == AXIS else integrate.nodes
         advance(
-            program.codes, program.segments, variables, run.time_s, packed, held, step_s, states
+            program.codes, program.segments, variables, run.time_s, packed, until, step_s, states
         )
         return dict(zip(names, states, strict=True))
 
@@ -384,10 +401,11 @@ def _array(found: Any, sensor: str, rows: int) -> Floats:
 
 
 def term_of(
-    effect: WrittenEffect, own: Mapping[str, float], known: Known, time_s: Floats
-) -> Floats:
+    effect: WrittenEffect, own: Mapping[str, float], known: Known, time_s: Floats,
+    functions: Functions = SIGNALS,
+) -> Floats:  # fmt: skip
     formula = effect.term.formula
-    return evaluate(formula, with_rates({**known, **own}, formula), time_s)
+    return evaluate(formula, with_rates({**known, **own}, formula), time_s, functions)
 
 
 def with_rates(known: Known, formula: Formula) -> Known:
