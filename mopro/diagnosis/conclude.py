@@ -124,12 +124,12 @@ class _Sizes:
 def _verdict_of(
     effects: Sequence[Named], remainder: Remainder, others: Sequence[Alternative | Fit]
 ) -> str:
-    """`unexplained`, `none`, `ambiguous` or `named`."""
+    """`unexplained`, `none`, `named`, or `ambiguous` where another set lacks an effect."""
     if remainder.significant:
         return "unexplained"
     if not effects:
         return "none"
-    return "ambiguous" if others else "named"
+    return "named" if all(e.name in o.names for o in others for e in effects) else "ambiguous"
 
 
 def _named(

@@ -241,3 +241,19 @@ def test_an_effect_without_which_a_set_is_an_alternative_is_not_needed(above, ne
         evidence=SimpleNamespace(above=lambda fit, best: above),
     )
     assert _is_needed(sets, fit, "effect", best) is needed
+
+
+def test_what_may_be_there_in_place_of_a_calibration_makes_no_effect_ambiguous():
+    t = times()
+    within = Parameter("size", "V", -10.0, 10.0, (1.0,), tolerated=(-1.0, 1.0))
+    effects = [*candidates("true"), *candidates("mass", size=within), *candidates("gain")]
+
+    def simulate(settings):
+        true, mass, gain = sizes(settings, "true", "mass", "gain")
+        return [true * np.sin(7 * t) + mass * np.cos(3 * t) + gain * np.cos(3 * t + 0.01)]
+
+    verdict = diagnosed(simulate, effects, of_size(true=1.0, mass=0.1), 0.2, 4)
+    assert (verdict.verdict, names(verdict)) == ("named", {"true"})
+    (mass,) = verdict.calibration
+    assert mass.indistinguishable_from == ["gain"]
+    assert ("gain", "true") in verdict.alternatives
