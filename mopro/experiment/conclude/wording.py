@@ -33,6 +33,8 @@ def sentence(verdict: Verdict) -> str:
     if verdict.verdict == "none" and verdict.calibration:
         corrected = " and ".join(effect.name for effect in verdict.calibration)
         return f"None: with {corrected} calibrated, simulation and data agree."
+    if verdict.verdict == "none" and verdict.remainder.note:
+        return "None: no effect is called for, and the noise is not as stated."
     if verdict.verdict == "none":
         return "None: simulation and data agree within the sensors' noise."
     other = ", or a term that is not listed" if verdict.drafts else ""

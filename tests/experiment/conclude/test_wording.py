@@ -32,8 +32,8 @@ def named(name, rivals=None, **values):
     return Named(name, "", numbers, list(others), others, {}, 10.0, 8.0, True)
 
 
-def verdict(word, *effects, left=None, settings=None, faint=(), noise=1.0):
-    remainder = Remainder(left is not None, left, 0.5)
+def verdict(word, *effects, left=None, settings=None, faint=(), noise=1.0, note=None):
+    remainder = Remainder(left is not None, left, 0.5, note=note)
     gap = Gap("in", 2.0, 1.0, noise, None)
     return Verdict(word, effects, (), faint, (), gap, remainder, settings or {})
 
@@ -49,6 +49,10 @@ EITHER = named("viscous_drag", {"current_loop_lag": 0.25, "trigger_delay": 4.0},
         (
             verdict("none", noise=None),
             "None: no effect is called for, as far as that shows with unknown noise.",
+        ),
+        (
+            verdict("none", note="the noise is 3 times as much as stated, and white"),
+            "None: no effect is called for, and the noise is not as stated.",
         ),
         (verdict("named", DRAG, STEPS), "Named: viscous_drag, lost_steps."),
         (
