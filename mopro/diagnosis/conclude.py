@@ -16,7 +16,7 @@ from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.state import State
 from mopro.fits import Evidence, Fit, HeldOut
 from mopro.residuals import Remainder
-from mopro.series import Floats, Series, Settings
+from mopro.series import Floats, Settings
 from mopro.verdict import (
     BelowResolution,
     Draft,
@@ -45,13 +45,15 @@ def conclude(state: State) -> Verdict:
     effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
     dropped = frozenset(r.name for r in state.rejected)
     unseen, rejected = _not_found(sets, state.screening, fit, dropped)
+    gap, rival = _gap(sets, fit, held), [] if state.rival is None else sorted(state.rival.names)
+    notes = state.remainder.note, rival and f"{' + '.join(rival)} would do as well"
     return Verdict(
         verdict=_verdict_of(effects, state.remainder, [*others, *filter(None, [state.rival])]),
         effects=effects,
         rejected=(*state.rejected, *rejected),
         below_resolution=unseen,
-        where=tuple(_where(sets)),
-        gap=_gap(sets, fit, held),
+        where=tuple(Where(r.run, r.sensor, r.before_rms, r.noise_rms) for r in gap.runs),
+        gap=gap,
         remainder=state.remainder,
         settings=sizes.settings,
         before=tuple(_in_units(sets, sets.null.residual)),
@@ -63,7 +65,7 @@ def conclude(state: State) -> Verdict:
         base={p: e for c in fit.base for p, e in sizes.estimates(c).items()},
         base_before=sets.null.settings,
         drafts=_drafts(state),
-        notes=(*state.notes, *filter(None, [state.remainder.note]), *_rival_words(state.rival)),
+        notes=(*state.notes, *(note for note in notes if note)),
         nuisances=tuple(_nuisances(sets, sizes.settings)),
         correlations=sizes.correlations(),
     )
@@ -188,10 +190,6 @@ def _drafts(state: State) -> tuple[Draft, ...]:
     )
 
 
-def _rival_words(rival: Fit | None) -> list[str]:
-    return [] if rival is None else [f"{' + '.join(sorted(rival.names))} would do as well"]
-
-
 def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
     """Share of the excess over the noise that the listed effects take away.
 
@@ -248,15 +246,6 @@ def _not_found(
     return tuple(unseen.values()), list(rejected.values())
 
 
-def _where(sets: Hypotheses) -> list[Where]:
-    """RMS of the residual of each series without any effect."""
-    residuals = _in_units(sets, sets.null.residual)
-    return [
-        Where(series.run, series.sensor, rms(own), series.sigma)
-        for series, own in zip(sets.residuals.data, residuals, strict=True)
-    ]
-
-
 def _in_units(sets: Hypotheses, whitened: Floats) -> list[Floats]:
     """A whitened vector as one array for each series, in its unit."""
     return sets.residuals.split(sets.residuals.in_units(whitened))
@@ -273,6 +262,7 @@ def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
     """RMS residuals of each series, and over all series in the unit of the first."""
     data = sets.residuals.data
     counted = [s.unit == data[0].unit for s in data]
+    stated = [s.sigma for s in compress(data, counted) if s.sigma is not None]
     before, after = (_in_units(sets, own.residual) for own in (sets.null, fit))
     held_out = None if held is None else _in_units(sets, held.residual)
     of_runs = [None] * len(data) if held_out is None else [rms(own) for own in held_out]
@@ -284,16 +274,10 @@ def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
         unit=data[0].unit,
         before_rms=of(before),
         after_rms=of(after),
-        noise_rms=_noise_rms(list(compress(data, counted))),
+        noise_rms=rms(np.array(stated)) if stated else None,
         held_out_rms=None if held_out is None else of(held_out),
         runs=tuple(
             RunGap(s.run, s.sensor, s.unit, rms(b), rms(a), h, s.sigma)
             for s, b, a, h in zip(data, before, after, of_runs, strict=True)
         ),
     )
-
-
-def _noise_rms(data: Sequence[Series]) -> float | None:
-    """RMS of the noise that is stated, or None where it is stated nowhere."""
-    stated = [s.sigma for s in data if s.sigma is not None]
-    return math.sqrt(sum(sigma**2 for sigma in stated) / len(stated)) if stated else None

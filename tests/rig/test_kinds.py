@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from helpers.commands import run_here
 from helpers.rigs import write
@@ -494,3 +495,41 @@ def test_the_sawyer_motor_may_be_called_by_its_kind(tmp_path):
     assert json.loads(text)["name"] == "chow1992"
     (tmp_path / "bad.toml").write_text('kind = "toaster"\nname = "x"\n', encoding="utf-8")
     assert "expected kind: one of" in run_here(tmp_path, "machine", "check", "bad.toml").stderr
+
+
+PENDULUM = """\
+kind = "axis"
+name = "pendulum"
+unit = "rad"
+acceleration = "-w2 * sin(x) - b * v"
+[base]
+w2 = { value = 30, unit = "1/s2", free = true, range = [10, 60] }
+b = { value = 0.02, unit = "1/s", free = true, range = [0, 1] }
+"""
+SWINGS = """\
+machine = "machine.toml"
+[[sensor]]
+name = "encoder"
+quantity = "angle"
+column = "angle_rad"
+noise_rms = 0.01
+zero = 0
+[[run]]
+data = "run.csv"
+"""
+
+
+def test_a_spring_that_a_free_number_nearly_makes_up_for_is_found(tmp_path):
+    """Beside a free -w2 sin(x), a spring -k x leaves what a cubic one does, and does as well."""
+    t = np.arange(0, 40, 0.025)
+    swing = solve_ivp(
+        lambda _, s: [s[1], -30 * np.sin(s[0]) - 2 * s[0] - 0.05 * s[1]], (0, 40), [1.2, 0.0],
+        t_eval=t, rtol=1e-10, atol=1e-12,
+    )  # fmt: skip
+    measured = swing.y[0] + 0.01 * RNG(5).standard_normal(len(t))
+    columns = {"time_s": t, "angle_rad": measured}
+    answer = reconciled(tmp_path, SWINGS, columns, PENDULUM)
+    told = [effect["name"] for effect in answer["effects"]]
+    every = {name for names in (told, *answer["alternatives"]) for name in names}
+    assert {"stiffness", "cubic_stiffness"} <= every
+    assert answer["verdict"] == "ambiguous"

@@ -23,6 +23,7 @@ from mopro.diagnosis.search.signature import (
     score_test,
     searched,
     signatures,
+    unabsorbed,
 )
 from mopro.fits import Fit
 
@@ -111,11 +112,11 @@ class Screening:
         if base.key != at.key:
             laws = [c for c in joining if c.law and self._substitutes(base, at)]
             others = [c for c in joining if c not in laws]
-            scores = [*self._scores(base, base, laws), *self._scores(base, null, others)]
+            scores = [*self.of(base, laws), *self.of(base, others, null)]
             return self._sorted(base, scores)
         if at.key == null.key or not self._sets.is_noise(at):
-            return self._scores(base, at, joining)
-        known = self._scores(base, null, joining)
+            return self.of(base, joining, at)
+        known = self.of(base, joining, null)
         limit = self._sets.white.ebic(at) + VERY_STRONG
         likely = sum(self.predicted_ebic(base, s) < limit for s in known)
         count = len(known) if null.far_from_linear else min(likely, 2 * FITTED)
@@ -132,19 +133,17 @@ class Screening:
         groups = [*([again] if again else []), *self._found(at, known.candidate)]
         return score_test(at, at.tangent, known.candidate, groups)
 
-    def _scores(self, base: Fit, at: Fit, candidates: Sequence[Candidate]) -> list[ScoreTest]:
-        scores = self._sets.each(lambda candidate: self._score(base, at, candidate), candidates)
-        return self._sorted(base, scores)
-
     @cachedmethod(attrgetter("_tests"), key=_asked, lock=attrgetter("_lock"))
     def _score(self, base: Fit, at: Fit, candidate: Candidate) -> ScoreTest:
-        groups = [*self._signatures(at, candidate), *self._found(base, candidate)]
+        groups, residuals = list(self._signatures(at, candidate)), self._sets.residuals
+        groups += [g for own in groups for g in unabsorbed(residuals, at, base, candidate, own)]
+        groups += self._found(base, candidate)
         first = score_test(base, base.tangent, candidate, groups)
         # Beside a set that lost an effect, less than the prediction of what is left is off by.
         error = 0.0 if base.key == at.key else LINEARITY_ERROR * (base.rss - base.count)
         if first.predicted_reduction < max(STRONG, error) or not far_from_probes(first):
             return first
-        closer = probed_at(self._sets.residuals, at, candidate, first.starts[0])
+        closer = probed_at(residuals, at, candidate, first.starts[0])
         return score_test(base, base.tangent, candidate, [*groups, closer])
 
     def of(
@@ -154,7 +153,8 @@ class Screening:
 
         By signatures at `at`, which is `base` unless stated.
         """
-        return self._scores(base, at or base, candidates)
+        scores = self._sets.each(lambda c: self._score(base, at or base, c), candidates)
+        return self._sorted(base, scores)
 
     def _sorted(self, base: Fit, scores: Sequence[ScoreTest]) -> list[ScoreTest]:
         return sorted(scores, key=lambda s: self.predicted_ebic(base, s))

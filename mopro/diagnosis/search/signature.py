@@ -228,6 +228,22 @@ def probed_at(residuals: Residuals, base: Fit, candidate: Candidate, start: Sett
     return (Probe(values, (amplitude, None), change),)
 
 
+def unabsorbed(
+    residuals: Residuals, at: Fit, base: Fit, candidate: Candidate, group: Group
+) -> list[Group]:
+    """`group` at a fiftieth of its size, if the model's free numbers make up for nearly all of it.
+
+    The error of proportion, a share of the whole, is then a third of what they leave, or more.
+    """
+    probe, parameters = group[0], {p.name: p for p in candidate.parameters}
+    left, own = projected_out(base.tangent, probe.change), parameters.get(probe.moved[0])
+    clear = left @ left > (PROPORTIONAL * LINEARITY_ERROR) ** 2 * probe.square
+    if not base.base or len(group) > 1 or own is None or clear:
+        return []
+    values = {**probe.values, own.name: own.multiplied(probe.values[own.name], LINEARITY_ERROR)}
+    return [probed_at(residuals, at, candidate, candidate.settings(values))]
+
+
 def searched(residuals: Residuals, null: Fit, base: Fit, candidate: Candidate) -> list[Group]:
     """The starts that the candidate's own search finds in the residual of `base`, as probes.
 
