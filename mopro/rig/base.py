@@ -27,6 +27,8 @@ DIFFERENCE = 1e-6
 # within which a start is looked for.
 _FIRST = 9
 _REACH = 3.0
+# Reach (C) of the start of a node where the noise or the zero of its sensor is unknown.
+_REACH_C = 10.0
 # A free scale is looked for within this factor of where it starts.
 _SCALE_REACH = 10.0
 
@@ -60,8 +62,7 @@ def _starts(model: Model, run: Run) -> Iterator[Parameter]:
         return
     if model.rig.kind == THERMAL:
         for state in free:
-            at = _first_temperature(run, state)
-            yield _start(run, state, "C", at, 10.0)
+            yield _start(run, state, "C", *_first_temperature(run, state))
     if model.rig.kind == AXIS:
         x, v, reach_x, reach_v = _first_motion(run)
         rig = model.rig
@@ -76,11 +77,12 @@ def _start(run: Run, state: str, unit: str, at: float, reach: float) -> Paramete
     return Parameter(name, unit, at - reach, at + reach, (at,), difference=DIFFERENCE)
 
 
-def _first_temperature(run: Run, node: str) -> float:
-    """The median of the first three readings, of which one may be wild."""
+def _first_temperature(run: Run, node: str) -> tuple[float, float]:
+    """The first temperature of a node as its sensor shows it, and how far from there it may be."""
     reading = next((r for r in run.readings if node in r.sensor.reads.formula.names), None)
     reading = reading or run.readings[0]
-    return float(np.median(reading.values[:3]))
+    sigma = reading.sensor.noise_rms if reading.sensor.zero is not None else None
+    return float(reading.values[0]), _REACH * sigma if sigma else _REACH_C
 
 
 def _first_motion(run: Run) -> tuple[float, float, float, float]:

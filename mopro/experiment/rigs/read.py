@@ -191,14 +191,16 @@ class _Data:
     def _first_temperatures(self, readings: list[Reading]) -> dict[str, float | None]:
         """The start of each node that a sensor reads: free, as the first reading has its noise.
 
-        Where the surroundings are as warm as the nodes are then, the zero of a sensor and a start
-        are one number: with a free zero it begins with the first reading.
+        Where that is unknown it is the first reading. So it is with a free zero, where the
+        surroundings are as warm as the nodes are then: the zero and the start are one number.
         """
         found: dict[str, float | None] = {}
         for node in self._entries.machine.nodes:
             own = [r for r in readings if node in r.sensor.reads.formula.names]
             if own:
-                free = own[0].sensor.zero is not None or "ambient" in self._entry.inputs
+                sensor = own[0].sensor
+                placed = sensor.zero is not None or "ambient" in self._entry.inputs
+                free = placed and sensor.noise_rms is not None
                 found[node] = None if free else float(own[0].values[0])
         return found or dict.fromkeys(self._entries.machine.nodes, float(readings[0].values[0]))
 
