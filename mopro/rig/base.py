@@ -27,7 +27,8 @@ DIFFERENCE = 1e-6
 # within which a start is looked for.
 _FIRST = 9
 _REACH = 3.0
-# Reach (C) of the start of a node where the noise or the zero of its sensor is unknown.
+# Reach (K) of the start of a node where the noise or the zero of its sensor is unknown: more than
+# thermometers are off by. Halved, one that is off by 6 K is not reached; doubled, one by 20 K is.
 _REACH_C = 10.0
 # A free scale is looked for within this factor of where it starts.
 _SCALE_REACH = 10.0
@@ -78,7 +79,7 @@ def _start(run: Run, state: str, unit: str, at: float, reach: float) -> Paramete
 
 
 def _first_temperature(run: Run, node: str) -> tuple[float, float]:
-    """The first temperature of a node as its sensor shows it, and how far from there it may be."""
+    """The first temperature (C) of a node by its sensor, and how far from there (K) it may be."""
     reading = next((r for r in run.readings if node in r.sensor.reads.formula.names), None)
     reading = reading or run.readings[0]
     sigma = reading.sensor.noise_rms if reading.sensor.zero is not None else None

@@ -28,12 +28,12 @@ from mopro.diagnosis.search.signature import (
 from mopro.fits import Fit
 
 
-def _asked(_: Screening, base: Fit, at: Fit, candidate: Candidate) -> Hashable:
-    return base.identity, at.identity, candidate.key
+def _asked(screening: Screening, base: Fit, at: Fit, candidate: Candidate) -> Hashable:
+    return base.identity, _at(screening, at, candidate)
 
 
-def _at(_: Screening, at: Fit, candidate: Candidate) -> Hashable:
-    return at.identity, candidate.key
+def _at(screening: Screening, at: Fit, candidate: Candidate) -> Hashable:
+    return screening._sets.null.identity, at.identity, candidate.key
 
 
 def _bytes_of_groups(groups: Sequence[Group]) -> int:
@@ -91,7 +91,7 @@ class Screening:
         others = None if unabsorbed is None else unabsorbed.identity
         there = at.identity if base.key == at.key else self._substitutes(base, at)
         known = tuple(c.key for c in sets.catalogue), sets.white.noise.stated
-        key = (base.identity, there, others, most, known)
+        key = (sets.null.identity, base.identity, there, others, most, known)
         if key not in self._subsets:
             scores = self.beside(base, at, unabsorbed)
             self._subsets[key] = LinearSubsets(base, scores, sets.white).best(most)
