@@ -514,21 +514,23 @@ quantity = "angle"
 column = "angle_rad"
 noise_rms = 0.01
 zero = 0
-[[run]]
-data = "run.csv"
 """
 
 
-def test_a_spring_that_a_free_number_nearly_makes_up_for_is_found(tmp_path):
+@pytest.mark.parametrize("swings_rad", [(1.2,), (1.2, 0.5)])
+def test_a_spring_that_a_free_number_nearly_makes_up_for_is_found(tmp_path, swings_rad):
     """Beside a free -w2 sin(x), a spring -k x leaves what a cubic one does, and does as well."""
-    t = np.arange(0, 40, 0.025)
-    swing = solve_ivp(
-        lambda _, s: [s[1], -30 * np.sin(s[0]) - 2 * s[0] - 0.05 * s[1]], (0, 40), [1.2, 0.0],
-        t_eval=t, rtol=1e-10, atol=1e-12,
-    )  # fmt: skip
-    measured = swing.y[0] + 0.01 * RNG(5).standard_normal(len(t))
-    columns = {"time_s": t, "angle_rad": measured}
-    answer = reconciled(tmp_path, SWINGS, columns, PENDULUM)
+    t, experiment = np.arange(0, 40, 0.025), SWINGS
+    for seed, swing_rad in enumerate(swings_rad, start=5):
+        swing = solve_ivp(
+            lambda _, s: [s[1], -30 * np.sin(s[0]) - 2 * s[0] - 0.05 * s[1]],
+            (0, 40), [swing_rad, 0.0], t_eval=t, rtol=1e-10, atol=1e-12,
+        )  # fmt: skip
+        measured = swing.y[0] + 0.01 * RNG(seed).standard_normal(len(t))
+        columns = {"time_s": t, "angle_rad": measured}
+        write(tmp_path / f"swing{seed}.csv", columns)
+        experiment += f'[[run]]\ndata = "swing{seed}.csv"\n'
+    answer = reconciled(tmp_path, experiment, columns, PENDULUM)
     told = [effect["name"] for effect in answer["effects"]]
     every = {name for names in (told, *answer["alternatives"]) for name in names}
     assert {"stiffness", "cubic_stiffness"} <= every

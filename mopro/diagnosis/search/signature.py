@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.assumed import LINEARITY_ERROR, PROPORTIONAL, ROUNDING, SAME, SECOND_GUESSES, TINY
+from mopro.assumed import LEAST_SHARE, LINEARITY_ERROR, PROPORTIONAL, ROUNDING, SAME, SECOND_GUESSES
 from mopro.candidate import Candidate, Parameter, ResidualView, Role
 from mopro.fits import Fit
 from mopro.residuals import Residuals, projected_out
@@ -171,7 +171,7 @@ def _trial(unabsorbed: Floats, tangent: Floats, candidate: Candidate, group: Gro
     absorbed = np.array([change @ tangent for change in changes])
     gram = whole - absorbed @ absorbed.T
     product = np.array([change @ unabsorbed for change in changes])
-    seen = np.diag(gram) > ROUNDING * np.maximum(np.diag(whole), TINY)
+    seen = np.diag(gram) > ROUNDING * np.diag(whole)
     sizes = np.zeros(len(group))
     if seen.any():
         inverse = np.linalg.pinv(gram[np.ix_(seen, seen)], rcond=ROUNDING, hermitian=True)
@@ -231,13 +231,13 @@ def probed_at(residuals: Residuals, base: Fit, candidate: Candidate, start: Sett
 def unabsorbed(
     residuals: Residuals, at: Fit, base: Fit, candidate: Candidate, group: Group
 ) -> list[Group]:
-    """`group` at a fiftieth of its size, if the model's free numbers make up for nearly all of it.
+    """`group` at a fiftieth of its size, if the model's free numbers make up for most of it.
 
-    The error of proportion, a share of the whole, is then a third of what they leave, or more.
+    The error of proportion, a share of the whole, is then over a tenth of what they leave.
     """
     probe, parameters = group[0], {p.name: p for p in candidate.parameters}
     left, own = projected_out(base.tangent, probe.change), parameters.get(probe.moved[0])
-    clear = left @ left > (PROPORTIONAL * LINEARITY_ERROR) ** 2 * probe.square
+    clear = left @ left > (LINEARITY_ERROR / LEAST_SHARE) ** 2 * probe.square
     if not base.base or len(group) > 1 or own is None or clear:
         return []
     values = {**probe.values, own.name: own.multiplied(probe.values[own.name], LINEARITY_ERROR)}
