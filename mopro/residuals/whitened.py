@@ -116,8 +116,10 @@ class Residuals:
         """Whitened residual of the samples in the mask for a prediction of all."""
         whitened = (self.measured - predicted) * self.weights
         finite = np.isfinite(whitened)
+        if finite.all():
+            return self.without_nuisances(whitened)
         residual = self.without_nuisances(np.where(finite, whitened, 0.0))
-        return residual if finite.all() else np.where(finite[self.mask], residual, _FAR)
+        return np.where(finite[self.mask], residual, _FAR)
 
     def predicted(self, settings: Settings) -> Floats:
         """Predictions of all series in one vector, in their units.
