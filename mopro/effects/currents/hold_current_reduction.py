@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -27,9 +27,9 @@ _STEPS_A_PERIOD = 4
 # is right over the ten periods that an oscillation lasts.
 _SHARES = (0.35, 0.6)
 _CLOSE_SHARES = tuple(np.geomspace(0.3, 0.75, 16).tolist())
-# Steps of the refinement: factors on the share, and time steps in periods.
-_CLOSE = np.array([1 / 1.03, 1.0, 1.03])
-_CLOSE_TIMES = np.linspace(-0.5, 0.5, 9)
+# Steps of the refinement: a factor on the share, and a time in periods; half a period each way.
+_CLOSE, _CLOSE_TIME = 1.03, 1 / 8
+_NEAR = tuple(product((-1, 0, 1), range(-4, 5)))
 _ROUNDS = 6
 _MOST_STARTS = 2
 # No drive reduces its current sooner after a move (s).
@@ -101,19 +101,35 @@ class HoldCurrentStartFinder:
         times = np.arange(first_s, begun_s + _AFTER * self._period_s + step_s, step_s)
         best_s = self._best(fit, [(h, t) for t in times.tolist() for h in _SHARES])[0]["t_h"]
         likeliest = self._best(fit, [(h, best_s) for h in _CLOSE_SHARES])
-        rounds = _ROUNDS if self._gains(fit, likeliest[0]) else 0
-        for _ in range(rounds):
-            best = likeliest[0]
-            likeliest = self._best(fit, self._around(best["h"], best["t_h"]))
-            if likeliest[0] == best:
-                break
-        yield from likeliest
+        yield from self._refined(fit, likeliest) if self._gains(fit, likeliest[0]) else likeliest
 
-    def _around(self, share: float, begun_s: float) -> Iterator[tuple[float, float]]:
-        """Shares and times near these; one compensates for the other over about a period."""
-        times = begun_s + self._period_s * _CLOSE_TIMES
-        for h in share * _CLOSE:
-            yield from ((float(h), t) for t in times.tolist() if h < 1 and t >= EARLIEST_S)
+    def _refined(self, fit: ResidualView, likeliest: list[Values]) -> list[Values]:
+        """The best values of a lattice near the likeliest, followed to where it is lowest.
+
+        A share compensates for a time over about a period.
+        """
+        first = likeliest[0]
+        costs = {(0, 0): fit.rss({self._name: first})}
+
+        def values(place: tuple[int, int]) -> Values:
+            share, time = place
+            begun_s = first["t_h"] + time * _CLOSE_TIME * self._period_s
+            return {"h": first["h"] * _CLOSE**share, "t_h": begun_s}
+
+        def cost(place: tuple[int, int]) -> float:
+            if place not in costs:
+                own = values(place)
+                allowed = own["h"] < 1 and own["t_h"] >= EARLIEST_S
+                costs[place] = fit.rss({self._name: own}) if allowed else math.inf
+            return costs[place]
+
+        ranked = [(0, 0)]
+        for _ in range(_ROUNDS):
+            share, time = centre = ranked[0]
+            ranked = sorted(((share + h, time + t) for h, t in _NEAR), key=cost)
+            if ranked[0] == centre:
+                break
+        return [values(place) for place in ranked[:_MOST_STARTS] if cost(place) < math.inf]
 
     def _best(self, fit: ResidualView, places: Iterable[tuple[float, float]]) -> list[Values]:
         """The values with the least sum of squares, at most _MOST_STARTS of them."""
