@@ -90,6 +90,7 @@ class ForwardModel:
         self._intervals: LRUCache[object, HeatIntervals] = LRUCache(_CACHE_SIZE)
         self._temperatures: LRUCache[object, Floats] = LRUCache(_CACHE_SIZE)
         self._commands: LRUCache[object, CommandTable] = LRUCache(_CACHE_SIZE)
+        self._times: LRUCache[object, Floats] = LRUCache(_CACHE_SIZE)
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [self._reading(run, reading, settings) for run, reading in self.readings()]
@@ -219,6 +220,7 @@ class ForwardModel:
         columns = self._temperature(index, float(times[-1]), warming)
         return np.interp(times, columns["time_s"], columns["temperature_C"])
 
+    @cachedmethod(attrgetter("_times"), lock=attrgetter("_lock"))
     def _dense_times(self, index: int) -> Floats:
         """The times (s) at which the motion of run `index` is sampled."""
         end_s = self.experiment.trials[index].duration_s if self._motion_sensors(index) else 0.0
