@@ -37,6 +37,8 @@ def position_spectrum(
     low = min(float(x.min()) for x in positions)
     reach = max(float(x.max()) for x in positions) - low
     finest = finest or max(reach / _DEFAULT_LINES, 2 * _grid_step(np.concatenate(positions)))
+    if reach < finest:
+        return np.empty(0), np.empty(0)
     bins = min(_MOST_BINS, int(np.ceil(_BINS_PER_PERIOD * reach / finest)) + 1)
     length = fft.next_fast_len(_OVERSAMPLING * bins)
     width = reach / (bins - 1)

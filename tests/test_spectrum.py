@@ -22,8 +22,9 @@ def test_a_line_is_where_its_period_says():
     assert power.max() == pytest.approx(2 * 5000 / 4, rel=0.1)
 
 
-def test_positions_within_the_finest_period_have_no_lines():
-    x = np.linspace(0.0, 2e-5, 50)
+@pytest.mark.parametrize("reach", [0.0, 2e-5])
+def test_positions_within_the_finest_period_have_no_lines(reach):
+    x = np.linspace(0.0, reach, 50)
     cycles, power = position_spectrum([x], [np.sin(x)], 1e-4)
     assert (len(cycles), len(power)) == (0, 0)
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mopro.assumed import TOLERANCE
 from mopro.candidate import Candidate, Law, Parameter, Role
 from mopro.formula import Dimension, Formula, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
@@ -29,7 +30,7 @@ from mopro.rig.model import (
     POWER,
     Number,
 )  # fmt: skip
-from mopro.rig.names import capacity_of, inertia_of, names_of, units_of
+from mopro.rig.names import TIME, capacity_of, inertia_of, names_of, units_of
 from mopro.rig.search import Search
 from mopro.rig.simulation import Known, Model, term_of
 from mopro.series import Series, Settings
@@ -41,7 +42,9 @@ _LARGEST, _PROBED = 3.0, 0.03
 _SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
 # Longest and shortest period that is looked for: in the span of its variable, of which it takes
 # nearly two to be told from a bend (an axis may make just two turns), and in median steps of it.
-_MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS = 0.55, 4.0
+# Samples are even in time: from two of them on, less what tells a line from its mirror image, they
+# show a line as it is.
+_MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS, _SHORTEST_INTERVALS = 0.55, 4.0, 2 * (1 + TOLERANCE)
 _PERIOD_STARTS = (0.05, 0.15, 0.4)
 _SHAPE_DIFFERENCE = 1e-5
 # A start is looked for by a simulation at this share of the range's end, and within these shares.
@@ -220,7 +223,8 @@ def _shape(p: EffectParameter, sized: _Sized) -> Parameter:
     low, high = _SHAPES[0] * span, _SHAPES[1] * span
     starts = tuple(share * span for share in _SHAPE_STARTS)
     if p.role == PERIOD:
-        low, high = min(_SHORTEST_STEPS * step, span / 4), _MOST_PERIODS_OF_SPAN * span
+        steps = _SHORTEST_INTERVALS if dimension == TIME else _SHORTEST_STEPS
+        low, high = min(steps * step, span / 4), _MOST_PERIODS_OF_SPAN * span
         starts = tuple(share * span for share in _PERIOD_STARTS)
     if p.low is not None and p.high is not None:
         low, high = (_sized(end, p.factor, sized) for end in (p.low, p.high))

@@ -27,7 +27,7 @@ from mopro.rig.model import (
 from mopro.source import Span
 
 Dimensions = dict[str, Dimension | None]
-_TIME = dimension_of_unit("s")
+TIME = dimension_of_unit("s")
 _KELVIN = dimension_of_unit("K")
 # An angle (rad) that is a whole turn but for a step.
 _TURN = 0.95 * 2 * math.pi
@@ -55,14 +55,14 @@ def axis_dimension(experiment: RigExperiment) -> Dimension:
 def names_of(experiment: RigExperiment) -> Dimensions:
     """The names of time, inputs, numbers and states."""
     rig = experiment.machine
-    known: Dimensions = {"t": _TIME}
+    known: Dimensions = {"t": TIME}
     known |= {name: dimension_of_unit(unit) for name, unit in experiment.units.items()}
     known |= {name: dimension_of_unit(number.unit) for name, number in rig.numbers.items()}
     if rig.kind == THERMAL:
         known |= dict.fromkeys(rig.nodes, _KELVIN)
     elif rig.kind != PYTHON:
         x = axis_dimension(experiment)
-        known |= {"x": x, "v": divided(x, _TIME), "a": divided(divided(x, _TIME), _TIME)}
+        known |= {"x": x, "v": divided(x, TIME), "a": divided(divided(x, TIME), TIME)}
     return known
 
 
@@ -81,7 +81,7 @@ def force_dimension(experiment: RigExperiment) -> Dimension:
     rig = experiment.machine
     inertia = inertia_of(rig)
     own = dimension_of_unit(rig.numbers[inertia].unit) if inertia else NUMBER
-    x = divided(divided(axis_dimension(experiment), _TIME), _TIME)
+    x = divided(divided(axis_dimension(experiment), TIME), TIME)
     return tuple(a + b for a, b in zip(own, x, strict=True))
 
 
@@ -89,7 +89,7 @@ def power_dimension(experiment: RigExperiment) -> Dimension:
     """That of a node's power: of a rate where it has no capacity."""
     capacity = capacity_of(experiment.machine)
     own = dimension_of_unit(experiment.machine.numbers[capacity].unit) if capacity else NUMBER
-    return tuple(a + b for a, b in zip(own, divided(_KELVIN, _TIME), strict=True))
+    return tuple(a + b for a, b in zip(own, divided(_KELVIN, TIME), strict=True))
 
 
 def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
@@ -276,7 +276,7 @@ def _law_dimension(experiment: RigExperiment) -> Dimension | None:
         case "kinematic":
             return axis_dimension(experiment)
         case "axis":
-            return divided(divided(axis_dimension(experiment), _TIME), _TIME)
+            return divided(divided(axis_dimension(experiment), TIME), TIME)
         case "thermal":
             return power_dimension(experiment)
     return None

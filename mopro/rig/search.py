@@ -11,11 +11,16 @@ from mopro.formula.evaluate import Floats, evaluate, over_grid
 from mopro.formula.written import WrittenEffect
 from mopro.rig.data import Reading, Run
 from mopro.rig.simulation import Known, Model, term_of
+from mopro.spectrum import position_spectrum
 
 # Points of a grid along a shape, twice as many along one that may be 0; along a period so many for
-# each cycle in the span, and most of them.
+# each cycle in the span, and most of them where no spectrum of the residual tells the likely ones.
 GRID = 12
 _OVERSAMPLED, _MOST_PERIODS = 5, 3000
+# Lines of the spectrum about which periods are tried, as these and as harmonics up to this order,
+# and slow cycles in the span, which leak into each other and are all tried. Doubled, a search takes
+# twice as long; halved, a weak harmonic may come after lines that no period explains.
+_LINES, _HARMONICS, _SLOW_CYCLES = 12, 3, 12
 # Values that are computed at once, and most points of the grid of all shapes together.
 _AT_ONCE, _MOST_POINTS = 2_000_000, 20_000
 # Share of a column's power below which it is taken to depend on the others.
@@ -40,8 +45,9 @@ class Search:
     def __call__(self, view: ResidualView) -> Iterator[Mapping[str, float]]:
         left = np.concatenate(list(view.residuals))
         known = self._known(view)
+        axes = [self._along(p, known, view) for p in self._shapes]
         best: tuple[float, dict[str, float]] = (0.0, {})
-        for points in self._points(len(left)):
+        for points in self._points(axes, len(left)):
             gains, sizes = self._gains(points, known, view, left)
             at = int(np.argmax(gains))
             if gains[at] > best[0]:
@@ -56,10 +62,9 @@ class Search:
                 best[1][first.name] = first.starts[0]
             yield {p.name: best[1][p.name] for p in self._parameters}
 
-    def _points(self, samples: int) -> Iterator[dict[str, Floats]]:
+    def _points(self, axes: Sequence[Floats], samples: int) -> Iterator[dict[str, Floats]]:
         """The grid of all shapes, in batches: an array for each shape."""
-        axes = np.meshgrid(*map(self._along, self._shapes), indexing="ij")
-        flat = [axis.ravel()[:_MOST_POINTS] for axis in axes]
+        flat = [axis.ravel()[:_MOST_POINTS] for axis in np.meshgrid(*axes, indexing="ij")]
         batch = max(1, _AT_ONCE // (samples * max(len(self._sizes), 1)))
         if self._effect.term.formula.of_signals:
             batch = 1
@@ -67,13 +72,58 @@ class Search:
             cut = slice(begin, begin + batch)
             yield {p.name: own[cut] for p, own in zip(self._shapes, flat, strict=True)}
 
-    def _along(self, p: Parameter) -> Floats:
+    def _along(self, p: Parameter, known: Sequence[Known], view: ResidualView) -> Floats:
         if p.inverse:
-            count = int(_OVERSAMPLED * p.high / self._longest / p.low) + 2
-            return 1 / np.linspace(1 / p.high, 1 / p.low, min(count, _MOST_PERIODS))
+            step = self._longest / (_OVERSAMPLED * p.high)
+            seen = self._seen(p, known, view)
+            if seen:
+                rates = self._likely(p, step, *seen)
+            else:
+                count = int((1 / p.low - 1 / p.high) / step) + 2
+                rates = np.linspace(1 / p.high, 1 / p.low, min(count, _MOST_PERIODS))
+            return 1 / rates
         if p.low > 0:
             return np.geomspace(p.low, p.high, GRID)
         return np.linspace(p.low, p.high, 2 * GRID)
+
+    def _seen(
+        self, p: Parameter, known: Sequence[Known], view: ResidualView
+    ) -> tuple[list[Floats], list[Floats]] | None:
+        """The signal that a term repeats in, in the unit of its period, and what is left there.
+
+        None for a term of several signals, of which the residual need not have lines.
+        """
+        signals = self._effect.term.formula.names - self._factors.keys()
+        signal = min(signals, default="")
+        if len(signals) > 1 or any(np.ndim(names.get(signal, 0.0)) != 1 for names in known):
+            return None
+        trials = zip(self._model.experiment.trials, known, strict=True)
+        every = [(run, names, reading) for run, names in trials for reading in run.readings]
+        places, left = [], []
+        for (run, names, reading), own in zip(every, view.residuals, strict=True):
+            if self._is_shown(run, reading):
+                places.append(np.asarray(names[signal])[reading.rows] / self._factors[p.name])
+                left.append(own)
+        return (places, left) if places else None
+
+    @staticmethod
+    def _likely(
+        p: Parameter, step: float, places: Sequence[Floats], left: Sequence[Floats]
+    ) -> Floats:
+        """Rates (1 / period), `step` apart near lines of the spectrum, and all slow ones."""
+        low, high = 1 / p.high, 1 / p.low
+        tried = [low + step * np.arange(_OVERSAMPLED * _SLOW_CYCLES)]
+        rates, power = position_spectrum(places, left, p.low)
+        inner = power[1:-1]
+        peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
+        lines = rates[peaks[np.argsort(power[peaks])[-_LINES:]]]
+        near = step * np.arange(-(_OVERSAMPLED // 2), _OVERSAMPLED // 2 + 1)
+        tried += [(lines / order)[:, None] + near for order in range(1, _HARMONICS + 1)]
+        return np.unique(np.clip(np.concatenate([each.ravel() for each in tried]), low, high))
+
+    def _is_shown(self, run: Run, reading: Reading) -> bool:
+        shown = self._model.shows(self._effect, reading.sensor)
+        return shown and self._effect.name not in run.without
 
     def _known(self, view: ResidualView) -> list[Known]:
         """The names of each run at the settings of a fit."""
@@ -115,7 +165,7 @@ class Search:
         shapes: Mapping[str, Floats],
     ) -> Floats:  # fmt: skip
         sensor, effect, count = reading.sensor, self._effect, len(next(iter(shapes.values())))
-        if not self._model.shows(effect, sensor) or effect.name in run.without:
+        if not self._is_shown(run, reading):
             return np.zeros((count, len(reading.rows)))
         read = {"y": evaluate(sensor.reads.formula, names, run.time_s)}
         if effect.term.formula.of_signals:

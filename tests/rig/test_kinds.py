@@ -15,7 +15,7 @@ T = np.arange(0, 12, 0.02)
 MOVES = 30 * np.sin(0.8 * T) * np.sin(2.1 * T)
 
 
-def reconciled(folder, experiment, columns, machine=None, **files):
+def reconciled(folder, experiment, columns, machine=None, only=None, **files):
     """The answer of `mopro reconcile --json` on files of these texts and columns."""
     (folder / "experiment.toml").write_text(experiment, encoding="utf-8")
     if machine is not None:
@@ -23,7 +23,8 @@ def reconciled(folder, experiment, columns, machine=None, **files):
     for name, text in files.items():
         (folder / name.replace("_", ".")).write_text(text, encoding="utf-8")
     write(folder / "run.csv", columns)
-    done = run_here(folder, "reconcile", "experiment.toml", "--json", "--jobs", "1")
+    limited = ["--only", only] if only else []
+    done = run_here(folder, "reconcile", "experiment.toml", "--json", "--jobs", "1", *limited)
     assert done.returncode in (0, 1), done.stderr
     return json.loads(done.stdout)
 
@@ -61,6 +62,18 @@ def test_a_bare_kinematic_machine_has_backlash(tmp_path):
     )
     assert answer["verdict"] == "named"
     assert sizes(answer) == {"backlash.w": pytest.approx(0.5, abs=0.02)}
+
+
+def test_a_line_in_time_is_found_up_to_half_the_sampling_rate(tmp_path):
+    """At 100 Hz, 31.3 Hz are told with their own period, and not as a harmonic of twice that."""
+    line_Hz, t = 31.3, np.arange(2000) / 100
+    target = 30 * np.sin(2 * np.pi * t * 2.3 / t[-1])
+    measured = target + 0.03 * np.sin(2 * np.pi * line_Hz * t + 0.7)
+    measured += 0.02 * RNG(1).standard_normal(len(t))
+    columns = {"time_s": t, "target_mm": target, "position_mm": measured}
+    answer = reconciled(tmp_path, FOLLOWS, columns, only="periodic_in_time")
+    assert answer["verdict"] == "named"
+    assert sizes(answer)["periodic_in_time.P"] == pytest.approx(1 / line_Hz, rel=1e-4)
 
 
 SWEEP = np.linspace(0.0, 4 * np.pi, 600)
