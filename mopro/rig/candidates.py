@@ -32,7 +32,7 @@ from mopro.rig.model import (
 )  # fmt: skip
 from mopro.rig.names import TIME, capacity_of, inertia_of, names_of, units_of
 from mopro.rig.search import Search
-from mopro.rig.simulation import Known, Model, term_of
+from mopro.rig.simulation import BASE, Known, Model, term_of
 from mopro.series import Series, Settings
 
 # An amplitude is looked for up to this multiple of what would make the term as large as the
@@ -297,7 +297,7 @@ def _size_of_term(
 ) -> float:
     """The largest change by the term for one unit of a parameter, without other effects.
 
-    ModelError where a user's term gives no finite number.
+    ModelError where a term gives no finite number.
     """
     largest = 0.0
     for run in model.experiment.trials:
@@ -308,21 +308,31 @@ def _size_of_term(
             with_one = term_of(effect, {**off, name: one}, {**known, **local}, run.time_s)
             without = term_of(effect, off, {**known, **local}, run.time_s)
             change = np.abs(with_one - without)
-            _check_finite(effect, change, run)
+            _check_finite(model, effect, change, run, settings)
             largest = max(largest, float(change.max()))
     return largest
 
 
-def _check_finite(effect: WrittenEffect, change: Floats, run: Run) -> None:
+def _check_finite(
+    model: Model, effect: WrittenEffect, change: Floats, run: Run, settings: Settings
+) -> None:
+    """ModelError at the term, if it is the user's, or at the run in which the model runs away."""
     if np.isfinite(change).all():
         return
     at = float(run.time_s[np.flatnonzero(~np.isfinite(change))[0]])
-    message = (
-        f"the formula gives no finite number at {at:.6g} s of run {run.name}: "
-        "it divides by zero, or runs away"
-    )
-    if effect.value is not None:
-        raise effect.value["formula"].error(message, "not-finite")
+    if effect.own and effect.value is not None:
+        raise effect.value["formula"].error(
+            f"the formula gives no finite number at {at:.6g} s of run {run.name}: "
+            "it divides by zero, or runs away", "not-finite",
+        )  # fmt: skip
+    if run.value is not None:
+        free = [n for n in model.rig.numbers.values() if n.free]
+        numbers = ", ".join(f"{n.name} = {settings[BASE][n.name]:.4g} {n.unit}" for n in free)
+        fitted = f" with {numbers}, as fitted," if numbers else ""
+        raise run.value.error(
+            f"the model{fitted} runs away: at {at:.6g} s no {effect.name} can be worked out",
+            "not-finite", "look at the signs of its law and at the ranges of its numbers",
+        )  # fmt: skip
 
 
 def _locals(model: Model, effect: WrittenEffect, run: Run, known: Known) -> Iterator[Known]:

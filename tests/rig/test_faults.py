@@ -101,6 +101,43 @@ def test_a_law_that_runs_away_is_told(tmp_path, record):
     assert "runs away" in said
 
 
+def test_a_model_that_runs_away_as_it_fits_is_told_at_the_run(tmp_path):
+    """Its loss has the wrong sign, so that what radiates is soon no number."""
+    machine = """\
+kind = "thermal"
+name = "oven"
+[nodes]
+block = "a * duty + U * (T - ambient)"
+[base]
+a = { value = 0.6, unit = "K/s", free = true, range = [0, 5] }
+U = { value = 0.006, unit = "1/s", free = true, range = [0, 50] }
+"""
+    experiment = """\
+machine = "machine.toml"
+[inputs]
+duty = { column = "duty_percent", hold = true }
+[[sensor]]
+name = "block"
+quantity = "temperature"
+column = "block_C"
+noise_rms = 0.1
+zero = 0
+[[run]]
+data = "run.csv"
+"""
+    t = np.arange(0.0, 802.0, 2.0)
+    duty = np.where(t < 400, 50.0, 10.0)
+    heated = 21 + 50 * (1 - np.exp(-t / 165))
+    block = np.where(t < 400, heated, 26 + 40.6 * np.exp(-(t - 400) / 165))
+    (tmp_path / "machine.toml").write_text(machine, encoding="utf-8")
+    (tmp_path / "experiment.toml").write_text(experiment, encoding="utf-8")
+    write(tmp_path / "run.csv", {"time_s": t, "duty_percent": duty, "block_C": block})
+    done = run_here(tmp_path, "reconcile", "experiment.toml", "--jobs", "1")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert all(words in done.stderr for words in ("experiment.toml:10:", "runs away", "U = "))
+    assert "thermal.toml" not in done.stderr
+
+
 def test_a_term_that_divides_by_zero_is_told_at_its_formula(tmp_path):
     machine = DRIVE + EFFECT.replace("abs(x)", "x / (t / (t + t) - 1 / 2)").replace("F1", "F9")
     drive_folder(tmp_path, machine)
