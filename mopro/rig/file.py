@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from mopro.errors import Diagnostic, ModelError
-from mopro.formula import dimension_of_unit
+from mopro.formula import dimension_of_unit, product
 from mopro.formula.entry import (
     Host,
     check_name,
@@ -103,6 +103,8 @@ def _rig(root: Value, source: Source, bare: bool) -> Rig:
     name = root.need("name", text(), 'expected a name, such as name = "mine"') or ""
     unit = root.get("unit", _axis_unit, "")
     numbers = _numbers(root["base"], kind) if "base" in root else {}
+    if kind == AXIS and unit:
+        _check_inertia(root, unit, numbers)
     laws = _laws(root, kind, unit, numbers) if not bare else _bare_laws(kind)
     effects = read_effects(root, HOSTS[kind])
     python = root.need("python", _callable, _NO_PYTHON) if kind == PYTHON else None
@@ -166,6 +168,18 @@ def _number(value: Value) -> Number:
         value.report(f"{value.key} is outside of its range")
     before = number_in(table.data.get("before"))
     return Number(value.key, unit, number, free, tolerance, low, high, before)
+
+
+def _check_inertia(root: Value, unit: str, numbers: Mapping[str, Number]) -> None:
+    """Report a mass or an inertia whose product with an acceleration of the axis is no force."""
+    for name, force in (("mass", "N"), ("inertia", "N m")):
+        own = numbers.get(name)
+        made = own and dimension_of_unit(product(own.unit, unit, "1/s2"))
+        if own and made != dimension_of_unit(force):
+            root["base"][name].report(
+                f"{name} is in {own.unit}: times an acceleration in {unit}/s2 it is not in {force}",
+                "wrong-unit", hint="an axis has a mass in kg, one that turns an inertia in kg m2",
+            )  # fmt: skip
 
 
 def _share(value: Value) -> float:

@@ -50,6 +50,7 @@ def told(folder, record, machine=DRIVE, experiment=DRIVEN, *options):
         ("range = [0, 30]", "range = 3", "[lowest, highest]"),
         ("tolerance = 0.05", "tolerance = 5", "a share"),
         ('unit = "mm"', 'unit = "kg"', "a unit of a length"),
+        ('unit = "kg"', 'unit = "m"', "machine.toml:6:1: mass is in m"),
         ('{ unit = "N/m" }', '{ unit = ["{force}", "1/m"] }', "a unit or a list of units"),
         ('{ unit = "N/m" }', "{ unit = [3] }", "a unit or a list of units"),
         ('{ unit = "N/m" }', '{ unit = ["{"] }', "a unit or a list of units"),
