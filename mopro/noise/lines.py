@@ -10,18 +10,27 @@ from scipy import ndimage, optimize, signal
 
 Floats = NDArray[np.float64]
 
-# Chance that noise alone shows a line somewhere in the spectrum.
+# Chance that noise alone shows a line somewhere in the spectrum. Doubled, one record in 500 does.
 _FALSE_ALARM = 1e-3
+# Lines of one record: hum and its harmonics are fewer. Doubled, a record with more takes longer.
 _MOST_LINES = 8
+# Bins whose median is the background of the one in their middle. Halved, its level is known to
+# 32 % instead of 22 and a line must be stronger; doubled, a bend of the spectrum passes for a line.
 _BACKGROUND_BINS = 61
 # Degrees of freedom of its median, half of those of a mean: neighbours of a Hann window correlate.
 _BACKGROUND_FREEDOM = 20.0
+# Bins of a spectrum that is looked at: half of them are background. Doubled, records of less than
+# 140 readings show no lines, instead of 76.
 _LEAST_BINS = 32
+# Readings of a stretch that are looked at, for time and memory (2 MB). Doubled, twice of both.
 _LONGEST = 1 << 18
-# Periods that the stretch has at least: a slower wave is not told from a drift.
+# Periods that the stretch has at least: a slower wave is not told from a drift. Doubled, those of
+# six to twelve periods are a memory of the noise.
 _FEWEST_PERIODS = 6
-# Bins below a line, off its own width, that must not be nearly as strong.
+# Bins below a line that must not be nearly as strong: beyond its own width, which is two bins of a
+# Hann window. Halved, a line hides itself; doubled, a steep rise passes for a line.
 _NEIGHBOURS = (3, 12)
+# Normal quantile of 95 %.
 _Z95 = 1.96
 _MAINS_HZ = (50.0, 60.0)
 

@@ -17,10 +17,17 @@ from scipy import optimize
 Floats = NDArray[np.float64]
 Model = Callable[[Floats, Floats], Floats]
 
+# Bins that a spectrum is joined to, narrower than any bend of the models. Doubled, a fit takes
+# twice as long.
 _MOST_BINS = 300
+# Bins from which three parameters are fitted: four for each. Doubled, records of less than 49
+# readings tell no memory, instead of 25.
 _FEWEST_BINS = 12
+# Normal quantile of 95 %.
 _Z95 = 1.96
-# Bounds of the parameters that are not a level: lag-one correlation, exponent of the rise.
+# Bounds of the parameters that are not a level: lag-one correlation (a memory of a thousand
+# readings: slower noise is a drift), exponent of the rise (1/f is 1, a random walk 2). Wider, fits
+# of white noise end at a bound.
 _MOST_CORRELATION = 0.999
 _EXPONENTS = (0.3, 2.5)
 

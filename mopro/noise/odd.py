@@ -9,15 +9,21 @@ from scipy import stats
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-# Chance that normal noise without outliers shows one.
+# Chance that normal noise without outliers shows one. Doubled, one record in 500 does.
 _FALSE_ALARM = 1e-3
+# Standard deviation of normal noise, in median distances from its median.
 _MAD_TO_SIGMA = 1.4826
-# Chance that noise repeats itself so often by accident.
+# Chance that noise repeats itself so often by accident; small, as readings are not independent.
+# Doubled, a sensor is stuck from a run on that is shorter by 3 %.
 _STUCK_ALARM = 1e-6
-# Share of readings equal to the one before, above which the sensor holds its value.
+# Share of readings equal to the one before, above which the sensor holds its value: held for two,
+# it is a half. Halved, a coarse converter passes for one that holds.
 _HELD_SHARE = 0.45
+# Runs of equal readings that tell how long they usually are. Doubled, records of 20 updates and
+# less do not tell that a value is held.
 _FEWEST_RUNS = 10
-# Of the runs, those of a whole number of updates; held longer than this, one reading more or less.
+# Share of the runs that last a whole number of updates; from so many readings on, one more or less.
+# A coarse converter's do by chance: halved slack, clocks that beat pass for that.
 _HELD_FITS = 0.9
 _LEAST_SLACK = 4
 

@@ -16,18 +16,27 @@ from mopro.noise.step import rms_before_rounding, step_of
 
 Floats = NDArray[np.float64]
 
+# Readings at standstill from which the noise is known to 9 %. Halved, to 13 %.
 FEWEST_READINGS = 64
 # Largest deviation of a sampling interval from the median one, for a spectrum to mean something.
+# Doubled, lines above a quarter of the sampling rate are smeared.
 _MOST_JITTER = 0.2
+# Chance at either end of a 95 % interval.
 _TAIL = 0.025
-# Share of the noise below which a step of the readings does not matter.
+# Share of the noise below which a step of the readings does not matter: it adds its square over 12,
+# 0.01 % of the noise. Doubled, 0.04 %.
 _SMALL_STEP = 0.05
+# Readings of a stretch whose spectrum is taken, for memory (8 MB). Doubled, twice of it.
 _MOST_SPECTRUM = 1 << 20
+# Share of outliers above which there is no level that the others are far from. Doubled, a tenth of
+# the readings may be replaced by the median, and the rest passes for the noise.
 _MOST_OUTLIERS = 0.05
-# Time constants that a stretch lasts at least, and the steepest rise: else it may be moving.
+# Time constants that a stretch lasts at least, and the steepest rise: else it may be moving, as its
+# level is known from less than ten independent readings. Doubled, slow noise is called a motion.
 _FEWEST_CONSTANTS = 20.0
 _STEEPEST = -1.8
-# Amplitude of a line, in noise: a larger one is a motion rather than hum.
+# Amplitude of a line, in noise: a larger one is a motion rather than hum. Halved, strong hum is
+# called a motion; doubled, the swing of a stage at rest passes for hum.
 _LARGEST_LINE = 30.0
 
 

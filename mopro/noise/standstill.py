@@ -8,17 +8,21 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Stretch = tuple[int, int]
 
-# Readings of one window, a share of all within limits; a stretch has at least two windows.
+# Readings of one window, a share of all within limits; a stretch has at least two windows. Halved,
+# a window's noise is known worse, and moves pass for it; doubled, short rests are not found.
 _WINDOWS = (8, 32)
 _WINDOW_SHARE = 40
 _FEWEST_WINDOWS = 2
 # Window RMS about its mean, in that of the quietest tenth. Of 8 normal readings one window in
-# 3000 exceeds it, of 32 none; noise with a memory stays below it too.
+# 3000 exceeds it, of 32 none; noise with a memory stays below it too. Doubled, slow motion is rest.
 _STILL = 3.0
+# Share of the windows that are taken to be at rest. Halved, a window that is quiet by chance sets
+# the level; doubled, records that rest for less than a fifth of their time set it by a motion.
 _QUIET_SHARE = 0.1
-# Windows of one stretch whose means differ by more than this many window RMS are apart.
+# Windows of one stretch whose medians differ by more than this many window RMS are apart: those
+# of 8 normal readings differ by 0.6. Doubled, creep of a noise's width per window is rest.
 _APART = 4.0
-# Share of a stretch's variance that a parabola may take: more is a motion.
+# Share of a stretch's variance that a parabola may take: more is a motion. Halved, slow noise is.
 _MOST_TREND = 0.5
 
 

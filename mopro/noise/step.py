@@ -8,13 +8,18 @@ from scipy import optimize, special
 
 Floats = NDArray[np.float64]
 
+# Distinct readings whose differences may have a common step: two have one by themselves.
 _FEWEST_VALUES = 3
+# Share of the largest reading that is the rounding of binary digits.
 _BINARY_DIGITS = 1e-12
-# Distinct readings that are looked at: differences of neighbours need no more.
+# Distinct readings that are looked at: differences of neighbours need no more. Doubled, twice the
+# time.
 _MOST_VALUES = 20_000
-# Deviation from whole steps, in steps: values without a step deviate by 0.29 RMS.
+# Deviation from whole steps, in steps: values without a step deviate by 0.29 RMS. Doubled, some of
+# those have a step; halved, printed digits that round a step by a third of it hide it.
 _MOST_DEVIATION = 0.12
-# Below this the readings repeat so seldom that a step says nothing about the noise.
+# Readings for each distinct one, below which they repeat so seldom that a step says nothing about
+# the noise. Doubled, a record needs twice the readings to tell it.
 _LEAST_REPEATED = 2.0
 # Noise from which rounding is as good as uniform (Sheppard's correction), in steps.
 SHEPPARD = 0.6
