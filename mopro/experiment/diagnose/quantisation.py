@@ -16,6 +16,10 @@ from mopro.instruments.sensor import Sensor
 
 # Noise as a share of a step, above which rounding errors are independent of each other.
 _INDEPENDENT_STEPS = 0.5
+# Share of the readings of a signal with such noise at which the change turns back. Of a smooth one
+# without noise none does, and the share goes with the noise. Halved, noise of a fourth of a step
+# is enough to read all; doubled, one of two steps.
+_TURNED_BACK = 0.27
 # Noise as a share of a step, above which a reading flickers between two steps.
 _FLICKER_STEPS = 0.1
 _SEED = 0
@@ -37,11 +41,20 @@ def thinned(experiment: Experiment) -> Experiment:
 
 def _thinned(reading: Reading, generator: np.random.Generator) -> Reading:
     sensor = reading.sensor
-    if sensor.noise_rms >= _INDEPENDENT_STEPS * sensor.adc_step:
+    if sensor.noise_rms >= _INDEPENDENT_STEPS * sensor.adc_step or _is_noisy(reading):
         return reading
     rows = _middles(reading)
     dither = generator.uniform(-0.5, 0.5, len(rows)) * sensor.adc_step
     return Reading(_dithered(sensor), reading.time_s[rows], reading.values[rows] + dither)
+
+
+def _is_noisy(reading: Reading) -> bool:
+    """True if the readings turn back as often as noise of half a step has them do.
+
+    The stated noise may be too small; stretches between changes would then be chosen by noise.
+    """
+    change = np.diff(reading.values)
+    return len(change) > 1 and float(np.mean(change[1:] * change[:-1] < 0)) > _TURNED_BACK
 
 
 def _middles(reading: Reading) -> list[int]:

@@ -172,6 +172,18 @@ class TestAConverterCoarserThanTheNoise:
         assert np.isin(kept.time_s, whole.time_s).all()
         assert kept.sensor.sigma == pytest.approx(1e-4 / np.sqrt(6))
 
+    @pytest.mark.parametrize("stated", [5e-6, 3e-5])
+    def test_is_read_whole_where_the_noise_is_more_than_stated(self, stated):
+        """Of noise of one step, the stretches between changes would be chosen by the noise."""
+        data = measured({}, (dataclasses.replace(LASER, noise_rms=1e-4, adc_step=1e-4),))
+        (trial,) = data.trials
+        readings = tuple(
+            dataclasses.replace(r, sensor=dataclasses.replace(r.sensor, noise_rms=stated))
+            for r in trial.readings
+        )
+        data = dataclasses.replace(data, trials=(dataclasses.replace(trial, readings=readings),))
+        assert thinned(data) == data
+
     def test_with_noise_enough_is_read_whole(self):
         encoder = dataclasses.replace(LASER, noise_rms=5e-5, adc_step=1e-4)
         data = measured({}, (encoder,))
