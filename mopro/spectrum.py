@@ -15,7 +15,7 @@ _BINS_PER_PERIOD = 8
 # The transform is this many times as long as the bins, so that a line between two frequencies
 # loses little power.
 _OVERSAMPLING = 2
-# Memory: 16 MB for the transform of so many bins.
+# Memory: 16 MB for the transform of so many bins. Periods that they do not resolve are left out.
 _MOST_BINS = 1 << 20
 # Share of a step by which positions may be off a grid. Doubled, many a few positions are on one.
 _OFF_GRID = 0.1
@@ -39,7 +39,8 @@ def position_spectrum(
     finest = finest or max(reach / _DEFAULT_LINES, 2 * _grid_step(np.concatenate(positions)))
     if reach < finest:
         return np.empty(0), np.empty(0)
-    bins = min(_MOST_BINS, int(np.ceil(_BINS_PER_PERIOD * reach / finest)) + 1)
+    finest = max(finest, _BINS_PER_PERIOD * reach / _MOST_BINS)
+    bins = int(np.ceil(_BINS_PER_PERIOD * reach / finest)) + 1
     length = fft.next_fast_len(_OVERSAMPLING * bins)
     width = reach / (bins - 1)
     lines = max(int(length * width / finest), 1)

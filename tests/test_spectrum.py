@@ -22,6 +22,13 @@ def test_a_line_is_where_its_period_says():
     assert power.max() == pytest.approx(2 * 5000 / 4, rel=0.1)
 
 
+def test_periods_that_no_memory_resolves_are_not_looked_at():
+    x = np.sort(np.random.default_rng(4).random(5000))
+    cycles, power = position_spectrum([x], [np.sin(2 * np.pi * x / 0.05)], 1e-9)
+    assert len(cycles) < 300_000
+    assert 1 / cycles[np.argmax(power)] == pytest.approx(0.05, rel=0.02)
+
+
 @pytest.mark.parametrize("reach", [0.0, 2e-5])
 def test_positions_within_the_finest_period_have_no_lines(reach):
     x = np.linspace(0.0, reach, 50)
