@@ -26,7 +26,7 @@ _DEFAULT_LINES = 4000
 def position_spectrum(
     positions: Sequence[Floats], residuals: Sequence[Floats], finest: float | None = None
 ) -> tuple[Floats, Floats]:
-    """Cycles per unit of position, and the power at each, summed over the runs.
+    """Cycles per unit of position, or of time in its place, and the power at each over all runs.
 
     The power of a run is |Σ z exp(i q x)|²/n, whose mean is 1 for white noise of variance 1;
     a sum over runs needs no common phase. `finest`: the shortest period, in the unit of the

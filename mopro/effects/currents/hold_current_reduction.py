@@ -101,14 +101,14 @@ class HoldCurrentStartFinder:
         times = np.arange(first_s, begun_s + _AFTER * self._period_s + step_s, step_s)
         best_s = self._best(fit, [(h, t) for t in times.tolist() for h in _SHARES])[0]["t_h"]
         likeliest = self._best(fit, [(h, best_s) for h in _CLOSE_SHARES])
-        yield from self._refined(fit, likeliest) if self._gains(fit, likeliest[0]) else likeliest
+        first = likeliest[0]
+        yield from self._refined(fit, first) if self._gains(fit, first) else likeliest
 
-    def _refined(self, fit: ResidualView, likeliest: list[Values]) -> list[Values]:
-        """The best values of a lattice near the likeliest, followed to where it is lowest.
+    def _refined(self, fit: ResidualView, first: Values) -> list[Values]:
+        """The best values of a lattice about `first`, followed to where it is lowest.
 
         A share compensates for a time over about a period.
         """
-        first = likeliest[0]
         costs = {(0, 0): fit.rss({self._name: first})}
 
         def values(place: tuple[int, int]) -> Values:
