@@ -190,10 +190,8 @@ class Verdict:
         kept; only the nuisances of each series (an offset) are its own.
         """
         residuals = Residuals(simulate, data, scaled_at=self.base_before)
-        before, after = (
-            residuals.split(residuals.in_units(residuals.at(settings)))
-            for settings in (self.base_before, self.settings)
-        )
+        models = (self.base_before, self.settings)
+        before, after = (residuals.in_units(residuals.at(settings)) for settings in models)
         return tuple(
             RunGap(s.run, s.sensor, s.unit, rms(b), rms(a), None, s.sigma)
             for s, b, a in zip(data, before, after, strict=True)

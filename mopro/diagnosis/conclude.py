@@ -56,8 +56,8 @@ def conclude(state: State) -> Verdict:
         gap=gap,
         remainder=state.remainder,
         settings=sizes.settings,
-        before=tuple(_in_units(sets, sets.null.residual)),
-        after=tuple(_in_units(sets, fit.residual)),
+        before=tuple(sets.residuals.in_units(sets.null.residual)),
+        after=tuple(sets.residuals.in_units(fit.residual)),
         signatures=tuple(_signature(sets, fit, name) for name in sorted(fit.names)),
         calibration=tuple(effect for c, effect in believed if calibrated(fit, c)),
         explained=_explained(sets, fit, held),
@@ -246,16 +246,11 @@ def _not_found(
     return tuple(unseen.values()), list(rejected.values())
 
 
-def _in_units(sets: Hypotheses, whitened: Floats) -> list[Floats]:
-    """A whitened vector as one array for each series, in its unit."""
-    return sets.residuals.split(sets.residuals.in_units(whitened))
-
-
 def _signature(sets: Hypotheses, fit: Fit, name: str) -> Signature:
     """Change of the prediction of each series by an effect, nuisances projected out."""
     reduced = sets.without(fit, name)
     change = sets.switched_off(fit, frozenset({name})).residual - fit.residual
-    return Signature(name, tuple(_in_units(sets, change)), reduced.rss - fit.rss)
+    return Signature(name, tuple(sets.residuals.in_units(change)), reduced.rss - fit.rss)
 
 
 def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
@@ -263,8 +258,8 @@ def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
     data = sets.residuals.data
     counted = [s.unit == data[0].unit for s in data]
     stated = [s.sigma for s in compress(data, counted) if s.sigma is not None]
-    before, after = (_in_units(sets, own.residual) for own in (sets.null, fit))
-    held_out = None if held is None else _in_units(sets, held.residual)
+    before, after = (sets.residuals.in_units(own.residual) for own in (sets.null, fit))
+    held_out = None if held is None else sets.residuals.in_units(held.residual)
     of_runs = [None] * len(data) if held_out is None else [rms(own) for own in held_out]
 
     def of(series: Sequence[Floats]) -> float:

@@ -31,10 +31,10 @@ from mopro.residuals import (
     as_noise,
     difference_variance,
     examine,
-    repeated_samples,
-    wild_samples,
+    without_rough_ends,
+    without_wild,
 )
-from mopro.series import Mask, Series, Simulate
+from mopro.series import Floats, Series, Simulate
 from mopro.verdict import Rejected
 
 # Standard errors by which a variance must be below the stated one to replace it.
@@ -45,6 +45,16 @@ _NO_GAIN = "lowers the EBIC by less than a Bayes factor of 20 beside what remain
 _OUTWEIGHED = "explains less than what stays unexplained beside it"
 
 Pass = Callable[[State], State]
+# A series and its residual, in its unit: the series without some samples, and notes on those.
+LeaveOut = Callable[[Series, Floats], tuple[Series, list[str]]]
+
+
+def set_ends_aside(state: State) -> State:
+    """The same without the few samples beyond a jump of the readings near an end of a series.
+
+    Before the search, as an effect may take the shape of such a jump.
+    """
+    return _left_out(state, state.sets.null, without_rough_ends)
 
 
 def search_catalogue(state: State) -> State:
@@ -63,37 +73,26 @@ def set_wild_aside(state: State) -> State:
     Where those are less of what is left than a prediction is off by, the sets are only fitted
     again: the search would propose the same ones.
     """
-    sets = state.sets
-    notes, data, decided = list(state.notes), [], 0.0
-    for series, own in zip(
-        state.problem.data, sets.residuals.split(state.fit.residual), strict=True
-    ):
-        least = 0.0 if series.sigma is None else 1.0
-        wild, repeated = wild_samples(own, least), repeated_samples(series.values, own, least)
-        if wild.any():
-            notes.append(_left_out(series, wild, "wild"))
-        if repeated.any():
-            notes.append(_left_out(series, repeated, "repeated"))
-        if (out := wild | repeated).any():
-            series = replace(series, wild=out)
-            decided += float(own[out] @ own[out])
-        data.append(series)
-    if len(notes) == len(state.notes):
+    again = _left_out(state, state.fit, without_wild)
+    if again is state:
         return state
-    again = State.of(replace(state.problem, data=tuple(data)))
-    again = replace(again, notes=tuple(notes))
-    if decided > LINEARITY_ERROR * (state.fit.rss - sets.noise_rss(state.fit)):
+    out = np.concatenate([~series.counted for series in again.problem.data])
+    decided = float(np.sum(state.fit.residual[out] ** 2))
+    if decided > LINEARITY_ERROR * (state.fit.rss - state.sets.noise_rss(state.fit)):
         return search_catalogue(again)
-    again.sets.fit_again(sets)
+    again.sets.fit_again(state.sets)
     return replace(again, fit=again.sets.best())
 
 
-def _left_out(series: Series, samples: Mask, kind: str) -> str:
-    """The note on samples of a series that are left out."""
-    at, count = int(np.flatnonzero(samples)[0]), int(samples.sum())
-    where = f"sample {at + 1}" if series.time_s is None else f"{series.time_s[at]:.4g} s"
-    told = f"{count} {kind} samples, the first" if count > 1 else f"one {kind} sample,"
-    return f"{series.sensor} in {series.run} has {told} at {where}: left out"
+def _left_out(state: State, fit: Fit, without: LeaveOut) -> State:
+    """`state` without the samples that `without` leaves out by what `fit` leaves of a series."""
+    left = state.sets.residuals.in_units(fit.residual)
+    parts = [without(series, own) for series, own in zip(state.problem.data, left, strict=True)]
+    notes = tuple(note for _, own in parts for note in own)
+    if not notes:
+        return state
+    again = State.of(replace(state.problem, data=tuple(series for series, _ in parts)))
+    return replace(again, notes=(*state.notes, *notes))
 
 
 def refine_steps(state: State) -> State:
@@ -452,6 +451,7 @@ def _joined(sets: Hypotheses, fit: Fit, name: str) -> Fit:
 
 
 PASSES: tuple[Pass, ...] = (
+    set_ends_aside,
     search_catalogue,
     set_wild_aside,
     refine_steps,

@@ -1,15 +1,15 @@
 """Residuals: data less a prediction, whitened, and what they hold beyond noise.
 
 `Residuals` whitens and takes the nuisances out. `Noise` is what residuals are judged by, `examine`
-tests whether one is noise and says what else is in it; `wild_samples` and `repeated_samples`
-are those that decide nothing. Knows no model, effect or machine.
+tests whether one is noise and says what else is in it; `without_rough_ends` and `without_wild`
+leave out samples that decide nothing. Knows no model, effect or machine.
 """
 
 from mopro.residuals.noise import Noise
 from mopro.residuals.noise_tests import cusum_step, whiteness_p
 from mopro.residuals.remainder import NOTHING_LEFT, Remainder, as_noise, examine, noise_of
 from mopro.residuals.whitened import Residuals, difference_variance, projected_out
-from mopro.residuals.wild import repeated_samples, wild_samples
+from mopro.residuals.wild import without_rough_ends, without_wild
 
 __all__ = [
     "NOTHING_LEFT",
@@ -22,7 +22,7 @@ __all__ = [
     "examine",
     "noise_of",
     "projected_out",
-    "repeated_samples",
     "whiteness_p",
-    "wild_samples",
+    "without_rough_ends",
+    "without_wild",
 ]

@@ -151,10 +151,10 @@ class Residuals:
         ends = np.cumsum([0, *map(len, self.data)])
         return [joined[a:b] for a, b in pairwise(ends.tolist())]
 
-    def in_units(self, whitened: Floats) -> Floats:
-        """A whitened vector over all samples, in the units of their series."""
-        sigmas = np.repeat(self.sigmas, [len(series) for series in self.data])
-        return np.asarray(whitened * sigmas)
+    def in_units(self, whitened: Floats) -> list[Floats]:
+        """A whitened vector over all samples as one array for each series, in its unit."""
+        parts = zip(self.split(whitened), self.sigmas, strict=True)
+        return [np.asarray(own * sigma) for own, sigma in parts]
 
     def nuisance_basis(self, mask: Mask) -> Floats:
         """Orthonormal basis (samples in `mask` x shapes) of the nuisances of all series."""

@@ -1,20 +1,61 @@
-"""Samples that decide nothing: wild ones, short dropouts, and readings that a sensor repeats."""
+"""Samples that decide nothing: wild ones, dropouts, rough ends, and readings that are repeated."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy import special
 
 from mopro.assumed import FALSE_ALARMS, FEWEST, LEAST_SAMPLES, LEAST_SHARE, MAJORITY, TOLERANCE
-from mopro.series import Floats, Mask
+from mopro.series import Floats, Mask, Series
 
 # Standard deviation of the distance of a sample from the median of its 2 FEWEST neighbours, for
 # white noise of variance 1: the variance of a median is π/2 that of a mean.
 _DEVIATION = math.sqrt(1 + math.pi / 2 / (2 * FEWEST))
 # Median of |z| for a standard normal number z.
 _QUARTILE = float(special.ndtri(0.75))
+# Share of a series that a dropout lasts at the most.
+_SHORT = LEAST_SHARE**2
+
+
+def without_rough_ends(series: Series, residual: Floats) -> tuple[Series, list[str]]:
+    """`series` without the few samples beyond a jump of its readings near an end, and a note.
+
+    `residual`: of the model as it is, in the unit of the series. Nothing tells there whether a jump
+    would lead back, and an effect that takes the shape of one would be named for a few samples.
+    """
+    least = series.sigma or 0.0
+    starts = _rough_start(series.values, residual, least)
+    ends = _rough_start(series.values[::-1], residual[::-1], least)[::-1]
+    return _without(series, {"wild": starts | ends})
+
+
+def without_wild(series: Series, residual: Floats) -> tuple[Series, list[str]]:
+    """`series` without its wild samples and the repeated ones, and a note on each of the kinds.
+
+    `residual`: what the best set leaves, in the unit of the series.
+    """
+    least = series.sigma or 0.0
+    wild = wild_samples(residual, least)
+    repeated = repeated_samples(series.values, residual, least)
+    return _without(series, {"wild": wild, "repeated": repeated})
+
+
+def _without(series: Series, kinds: Mapping[str, Mask]) -> tuple[Series, list[str]]:
+    notes, out = list[str](), ~series.counted
+    for kind, found in kinds.items():
+        samples = found & series.counted
+        if not samples.any():
+            continue
+        out |= samples
+        at, count = int(np.flatnonzero(samples)[0]), int(samples.sum())
+        where = f"sample {at + 1}" if series.time_s is None else f"{series.time_s[at]:.4g} s"
+        told = f"{count} {kind} samples, the first" if count > 1 else f"one {kind} sample,"
+        notes.append(f"{series.sensor} in {series.run} has {told} at {where}: left out")
+    return (replace(series, wild=out) if notes else series), notes
 
 
 def wild_samples(residual: Floats, least: float) -> Mask:
@@ -29,14 +70,15 @@ def wild_samples(residual: Floats, least: float) -> Mask:
         return none
     neighbours = _neighbours(residual)
     low, high = neighbours[:, FEWEST - 1], neighbours[:, FEWEST]
-    limit = _limit(residual, (low + high) / 2, least)
+    limit = _limit(residual, neighbours, least)
     # Beside a step, half of the neighbours are as the sample is; on the peak of an oscillation they
     # differ among themselves, the extremes left out as one of them may be wild too.
     apart = np.abs(residual - np.clip(residual, low, high))
+    apart[0], apart[-1] = _first_apart(residual), _first_apart(residual[::-1])
     spread = neighbours[:, -2] - neighbours[:, 1]
-    single = (apart > limit) & (spread < apart)
-    wild = single | _dropouts(residual, math.sqrt(2) * limit)
-    return wild if limit and wild.mean() < TOLERANCE else none
+    single = (apart > limit) & (spread < MAJORITY * apart)
+    wild = single | _dropouts(residual, _jump(residual, neighbours, least))
+    return wild if wild.mean() < TOLERANCE else none
 
 
 def repeated_samples(values: Floats, residual: Floats, least: float) -> Mask:
@@ -58,9 +100,7 @@ def repeated_samples(values: Floats, residual: Floats, least: float) -> Mask:
     if share >= MAJORITY:
         return none
     by_chance = 1 + math.log(FALSE_ALARMS / len(values)) / math.log(share)
-    neighbours = _neighbours(residual)
-    middle = (neighbours[:, FEWEST - 1] + neighbours[:, FEWEST]) / 2
-    limit = math.sqrt(2) * _limit(residual, middle, least)
+    limit = _jump(residual, _neighbours(residual), least)
     repeated = none.copy()
     for at, length in zip(first.tolist(), lengths.tolist(), strict=True):
         moved = residual[at : at + length] - residual[at]
@@ -68,28 +108,66 @@ def repeated_samples(values: Floats, residual: Floats, least: float) -> Mask:
             # A reading is where the axis was when it was taken, unless the sensor jumped to it.
             jumped = at > 0 and abs(residual[at] - residual[at - 1]) > limit
             repeated[at + (not jumped) : at + length] = True
-    return repeated if limit and repeated.mean() < LEAST_SHARE else none
+    return repeated if repeated.mean() < LEAST_SHARE else none
 
 
-def _limit(residual: Floats, middle: Floats, least: float) -> float:
-    """Distance from the `middle` of its neighbours that noise exceeds in one series of a thousand.
+def _rough_start(values: Floats, residual: Floats, least: float) -> Mask:
+    """The samples before the last jump of the readings in the first hundredth of a series.
 
-    0 where the series shows no noise.
+    A jump is a change of the residual above what noise allows. The reading changes with it, and the
+    prediction by less than half of it, and so does each of the next six samples.
     """
+    rough = np.zeros(len(residual), dtype=bool)
+    if len(residual) < LEAST_SAMPLES:
+        return rough
+    near = int(_SHORT * len(residual))
+    change = np.diff(residual)
+    size, predicted = np.abs(change), np.abs(np.diff(values) - change)
+    after = np.lib.stride_tricks.sliding_window_view(size[1:], 2 * FEWEST).max(axis=1)
+    settled = np.maximum(after[:near], predicted[:near]) < MAJORITY * size[:near]
+    jumps = np.flatnonzero(settled & (size[:near] > _jump(residual, _neighbours(residual), least)))
+    if len(jumps):
+        rough[: jumps[-1] + 1] = True
+    return rough
+
+
+def _jump(residual: Floats, neighbours: Floats, least: float) -> float:
+    """Difference of two samples that noise exceeds in one series of a thousand.
+
+    Infinite where the series shows no noise.
+    """
+    return math.sqrt(2) * _limit(residual, neighbours, least)
+
+
+def _limit(residual: Floats, neighbours: Floats, least: float) -> float:
+    """Distance from the median of its neighbours that noise exceeds in one series of a thousand.
+
+    Infinite where the series shows no noise.
+    """
+    middle = (neighbours[:, FEWEST - 1] + neighbours[:, FEWEST]) / 2
     deviation = float(np.median(np.abs(residual - middle))) / _QUARTILE
-    return -float(special.ndtri(FALSE_ALARMS / (2 * len(residual)))) * max(
-        deviation, least * _DEVIATION
-    )
+    distance = -float(special.ndtri(FALSE_ALARMS / (2 * len(residual))))
+    return distance * max(deviation, least * _DEVIATION) or math.inf
 
 
 def _neighbours(residual: Floats) -> Floats:
-    """Each sample's neighbours, three on either side, sorted (samples x 6).
+    """The six samples nearest to each, three on either side except at the ends, sorted (n x 6)."""
+    count, places = 2 * FEWEST + 1, np.arange(len(residual))
+    first = np.clip(places - FEWEST, 0, len(residual) - count)
+    windows = first[:, None] + np.arange(count)
+    others = windows[windows != places[:, None]].reshape(len(residual), -1)
+    return np.sort(residual[others], axis=1)
 
-    Beyond the ends the series goes on as it came: no first or last sample is wild.
+
+def _first_apart(residual: Floats) -> float:
+    """Distance of the first sample from where those after it lead back to.
+
+    That is anywhere between the running median of three at the second sample and the line through
+    that and the next one: Tukey's rule for the end of a running median (1977).
     """
-    padded = np.pad(residual, FEWEST, mode="reflect", reflect_type="odd")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * FEWEST + 1)
-    return np.sort(np.delete(windows, FEWEST, axis=1), axis=1)
+    second, third = np.median(residual[:3]), np.median(residual[1:4])
+    expected = np.median([residual[0], second, 3 * second - 2 * third])
+    return float(abs(residual[0] - expected))
 
 
 def _dropouts(residual: Floats, limit: float) -> Mask:
@@ -103,9 +181,8 @@ def _dropouts(residual: Floats, limit: float) -> Mask:
     size = np.abs(change)
     beside = np.maximum(np.r_[0.0, size[:-1]], np.r_[size[1:], 0.0])
     jumps = np.flatnonzero((size > limit) & (beside < MAJORITY * size))
-    longest = LEAST_SHARE**2 * len(residual)
     for first, last in zip(jumps[:-1].tolist(), jumps[1:].tolist(), strict=True):
         leads_back = abs(change[first] + change[last]) < MAJORITY * size[first]
-        if last - first <= longest and leads_back:
+        if last - first <= _SHORT * len(residual) and leads_back:
             wild[first + 1 : last + 1] = True
     return wild

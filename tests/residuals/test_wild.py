@@ -9,7 +9,8 @@ import pytest
 import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import names
-from mopro.residuals.wild import repeated_samples, wild_samples
+from mopro.residuals.wild import repeated_samples, wild_samples, without_rough_ends
+from mopro.series import Series
 
 SIGMA = 0.1
 SERVO = Servo()
@@ -26,8 +27,8 @@ def test_a_sample_is_wild_that_stands_apart_on_whatever_slope():
     rng = np.random.default_rng(2)
     slope = np.linspace(-50.0, 50.0, 1000) + rng.standard_normal(1000)
     assert not wild_samples(slope, 1.0).any()
-    slope[[10, 500]] += 12.0, -12.0
-    assert np.flatnonzero(wild_samples(slope, 1.0)).tolist() == [10, 500]
+    slope[[0, 10, 500, 999]] += 12.0, 12.0, -12.0, -12.0
+    assert np.flatnonzero(wild_samples(slope, 1.0)).tolist() == [0, 10, 500, 999]
 
 
 def test_samples_between_two_jumps_are_wild_and_those_of_an_oscillation_are_not():
@@ -40,6 +41,69 @@ def test_samples_between_two_jumps_are_wild_and_those_of_an_oscillation_are_not(
     assert np.flatnonzero(wild_samples(moving, 1.0)).tolist() == expected
     ring = 300.0 * np.exp(-t / 0.05) * np.sin(2 * np.pi * 70.0 * t)
     assert not wild_samples(ring + rng.standard_normal(2000), 1.0).any()
+
+
+@pytest.mark.parametrize("frequency_Hz", [20, 70, 150, 200, 250])
+@pytest.mark.parametrize("begun", [0, 500])
+def test_the_peaks_of_a_ring_are_not_wild_at_whatever_frequency_and_phase(frequency_Hz, begun):
+    """At 1 kHz, down to four samples a cycle, as long as it is well above the noise.
+
+    Where it begins within the record its first samples may stand apart.
+    """
+    rng, t = np.random.default_rng(7), np.arange(2000) / 1000
+    for phase in np.linspace(0.0, 2 * np.pi, 12, endpoint=False):
+        ring = 300.0 * np.exp(-t / 0.05) * np.cos(2 * np.pi * frequency_Hz * t + phase)
+        series = np.r_[np.zeros(begun), ring] + rng.standard_normal(begun + 2000)
+        found = wild_samples(series, 1.0)[begun : begun + 100]
+        assert found.sum() <= (2 if begun or frequency_Hz > 150 else 0)
+
+
+def test_what_decays_from_the_first_sample_on_is_not_wild():
+    rng = np.random.default_rng(8)
+    for ratio in (0.5, 0.7, 0.9):
+        decay = 300.0 * ratio ** np.arange(500.0) + rng.standard_normal(500)
+        assert not wild_samples(decay, 1.0).any()
+        assert not wild_samples(decay[::-1], 1.0).any()
+
+
+def left_out(measured, predicted, sigma=1.0):
+    """The samples that are left out as an end, of readings in mm, and the notes."""
+    series, notes = without_rough_ends(
+        Series("run", "probe", "mm", measured, sigma), measured - predicted
+    )
+    return np.flatnonzero(~series.counted).tolist(), notes
+
+
+@pytest.mark.parametrize("sigma", [1.0, None])
+def test_the_samples_beyond_a_jump_near_an_end_are_left_out(sigma):
+    rng = np.random.default_rng(9)
+    place = 300.0 * np.sin(np.arange(1000) / 50)
+    measured = place + rng.standard_normal(1000)
+    assert left_out(measured, place, sigma) == ([], [])
+    measured[:4] = 0.0
+    measured[0] = 80.0
+    measured[-7:] = 1e6
+    ends, notes = left_out(measured, np.zeros(1000), sigma)
+    assert ends == [0, 1, 2, 3, *range(993, 1000)]
+    assert notes == ["probe in run has 11 wild samples, the first at sample 1: left out"]
+
+
+@pytest.mark.parametrize("at", [4, 996])
+def test_a_jump_that_the_model_predicts_by_half_is_no_rough_end(at):
+    """A step of the command near an end, a sensor that tells it at once, and a wrong gain."""
+    rng = np.random.default_rng(10)
+    step = np.where(np.arange(1000) < at, 0.0, 200.0)
+    noise = rng.standard_normal(1000)
+    assert left_out(1.3 * step + noise, step) == ([], [])
+    ends, _ = left_out(1.3 * step + noise, 0 * step)
+    assert len(ends) == 4
+
+
+def test_a_jump_within_the_record_and_the_ends_of_a_short_one_count():
+    rng = np.random.default_rng(11)
+    step = np.where(np.arange(1000) < 11, 0.0, 200.0) + rng.standard_normal(1000)
+    assert left_out(step, np.zeros(1000)) == ([], [])
+    assert left_out(step[10:109], np.zeros(99)) == ([], [])
 
 
 def moving_with_rests(step=0.0):
@@ -116,3 +180,17 @@ def test_wild_samples_are_left_out_and_told(truth, sigma):
     for effect in verdict.effects:
         low, high = effect.parameters["b"].ci95
         assert low < 1.0 < high < 1.3
+
+
+@pytest.mark.parametrize("truth", [{}, {"viscous": {"b": 1.0}}], ids=["nothing", "a drag"])
+@pytest.mark.parametrize("count", [1, 3])
+def test_the_ends_of_a_record_decide_nothing(truth, count):
+    """The first or the last readings are wrong: nothing is named for them, and nothing hidden."""
+    data = list(SERVO.measure(truth, SIGMA, seed=5))
+    for i, ends in ((0, slice(count)), (1, slice(-count, None))):
+        values = data[i].values.copy()
+        values[ends] += 30.0 * SIGMA
+        data[i] = replace(data[i], values=values)
+    verdict = mopro.reconcile(SERVO.predict, CATALOGUE, data)
+    assert (verdict.verdict, names(verdict)) == ("named" if truth else "none", set(truth))
+    assert len(verdict.notes) == 2
