@@ -9,7 +9,7 @@ from mopro.residuals.noise import Noise
 from mopro.residuals.noise_tests import cusum_step, whiteness_p
 from mopro.residuals.remainder import NOTHING_LEFT, Remainder, as_noise, examine, noise_of
 from mopro.residuals.whitened import Residuals, difference_variance, projected_out
-from mopro.residuals.wild import without_rough_ends, without_wild
+from mopro.residuals.wild import wild_samples, without_rough_ends, without_wild
 
 __all__ = [
     "NOTHING_LEFT",
@@ -23,6 +23,7 @@ __all__ = [
     "noise_of",
     "projected_out",
     "whiteness_p",
+    "wild_samples",
     "without_rough_ends",
     "without_wild",
 ]

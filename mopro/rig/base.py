@@ -27,6 +27,9 @@ DIFFERENCE = 1e-6
 # within which a start is looked for.
 _FIRST = 9
 _REACH = 3.0
+# Standard deviation of where a line through one reading and one twice as late leads back to, of
+# readings with a deviation of 1.
+_LED_BACK = math.sqrt(5.0)
 # Reach (K) of the start of a node where the noise or the zero of its sensor is unknown: more than
 # thermometers are off by. Halved, one that is off by 6 K is not reached; doubled, one by 20 K is.
 _REACH_C = 10.0
@@ -83,7 +86,9 @@ def _first_temperature(run: Run, node: str) -> tuple[float, float]:
     reading = next((r for r in run.readings if node in r.sensor.reads.formula.names), None)
     reading = reading or run.readings[0]
     sigma = reading.sensor.noise_rms if reading.sensor.zero is not None else None
-    return float(reading.values[0]), _REACH * sigma if sigma else _REACH_C
+    if not sigma:
+        return reading.first, _REACH_C
+    return reading.first, _REACH * sigma * (_LED_BACK if reading.first_is_wild else 1.0)
 
 
 def _first_motion(run: Run) -> tuple[float, float, float, float]:

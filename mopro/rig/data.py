@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from mopro.formula import Dimension
 from mopro.formula.evaluate import Floats
 from mopro.formula.written import Written
 from mopro.instruments.quantity import Measurable
+from mopro.residuals import wild_samples
 from mopro.rig.model import Rig
 from mopro.source import Source
 from mopro.tomlfile import Value
@@ -51,6 +53,21 @@ class Reading:
     sensor: Sensor
     rows: Indices
     values: Floats
+
+    @cached_property
+    def first(self) -> float:
+        """The first value or, if that is wild, where lines through the next ones lead back to.
+
+        The median of three, as one of those may be wild as well.
+        """
+        if not self.first_is_wild:
+            return float(self.values[0])
+        return float(np.median(2 * self.values[1:4] - self.values[2:7:2]))
+
+    @cached_property
+    def first_is_wild(self) -> bool:
+        """True if the first value stands apart from the next ones by more than noise allows."""
+        return bool(wild_samples(self.values, self.sensor.noise_rms or 0.0)[0])
 
 
 @dataclass(frozen=True)

@@ -282,7 +282,7 @@ def _of_nodes(
         run, reading = _first(experiment, lambda r, n=node: n in r.sensor.reads.formula.names)  # type: ignore[misc]
         reading = reading or run.readings[0]
         time_s = run.time_s[reading.rows] - run.time_s[reading.rows[0]]
-        risen = reading.values - reading.values[0]
+        risen = reading.values - reading.first
         pushed = [_integral(run.inputs[n][reading.rows], time_s) for n in names]
         *found, loss = _regressed(risen, [*pushed, -_integral(risen, time_s)])[1]
         slowest = _SLOWEST / max(float(time_s[-1]), 1e-9)

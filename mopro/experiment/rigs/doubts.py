@@ -117,7 +117,7 @@ def _first_level(reading: Reading, others: Sequence[Reading]) -> str | None:
     same = [o for o in others if o.sensor.quantity is reading.sensor.quantity]
     if not same or any(r.sensor.zero != 0.0 for r in (reading, *same)):
         return None
-    own, usual = float(reading.values[0]), float(np.median([o.values[0] for o in same]))
+    own, usual = reading.first, float(np.median([o.first for o in same]))
     if len(same) == 1 and abs(own - _ROOM_C) < abs(usual - _ROOM_C):
         return None
     if abs((own - 32.0) / 1.8 - usual) < _SAME_C:

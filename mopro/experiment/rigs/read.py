@@ -201,8 +201,8 @@ class _Data:
                 sensor = own[0].sensor
                 placed = sensor.zero is not None or "ambient" in self._entry.inputs
                 free = placed and sensor.noise_rms is not None
-                found[node] = None if free else float(own[0].values[0])
-        return found or dict.fromkeys(self._entries.machine.nodes, float(readings[0].values[0]))
+                found[node] = None if free else own[0].first
+        return found or dict.fromkeys(self._entries.machine.nodes, readings[0].first)
 
 
 def _from_first(
