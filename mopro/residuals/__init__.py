@@ -9,7 +9,12 @@ from mopro.residuals.noise import Noise
 from mopro.residuals.noise_tests import cusum_step, whiteness_p
 from mopro.residuals.remainder import NOTHING_LEFT, Remainder, as_noise, examine, noise_of
 from mopro.residuals.whitened import Residuals, difference_variance, projected_out
-from mopro.residuals.wild import wild_samples, without_rough_ends, without_wild
+from mopro.residuals.wild import (
+    least_noise,
+    wild_samples,
+    without_rough_ends,
+    without_wild,
+)
 
 __all__ = [
     "NOTHING_LEFT",
@@ -20,6 +25,7 @@ __all__ = [
     "cusum_step",
     "difference_variance",
     "examine",
+    "least_noise",
     "noise_of",
     "projected_out",
     "whiteness_p",

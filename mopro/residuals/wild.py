@@ -9,7 +9,15 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from mopro.assumed import FALSE_ALARMS, FEWEST, LEAST_SAMPLES, LEAST_SHARE, MAJORITY, TOLERANCE
+from mopro.assumed import (
+    FALSE_ALARMS,
+    FEWEST,
+    LEAST_SAMPLES,
+    LEAST_SHARE,
+    MAJORITY,
+    ROUNDING,
+    TOLERANCE,
+)
 from mopro.series import Floats, Mask, Series
 
 # Standard deviation of the distance of a sample from the median of its 2 FEWEST neighbours, for
@@ -27,7 +35,7 @@ def without_rough_ends(series: Series, residual: Floats) -> tuple[Series, list[s
     `residual`: of the model as it is, in the unit of the series. Nothing tells there whether a jump
     would lead back, and an effect that takes the shape of one would be named for a few samples.
     """
-    least = series.sigma or 0.0
+    least = least_noise(series.values, series.sigma)
     starts = _rough_start(series.values, residual, least)
     ends = _rough_start(series.values[::-1], residual[::-1], least)[::-1]
     return _without(series, {"wild": starts | ends})
@@ -38,10 +46,21 @@ def without_wild(series: Series, residual: Floats) -> tuple[Series, list[str]]:
 
     `residual`: what the best set leaves, in the unit of the series.
     """
-    least = series.sigma or 0.0
+    least = least_noise(series.values, series.sigma)
     wild = wild_samples(residual, least)
     repeated = repeated_samples(series.values, residual, least)
     return _without(series, {"wild": wild, "repeated": repeated})
+
+
+def least_noise(values: Floats, stated: float | None) -> float:
+    """The standard deviation of the noise in readings at the least: stated, or of one step of them.
+
+    A reading may flip by one step of its converter in the slightest noise. Infinite where all
+    readings are equal.
+    """
+    steps = np.diff(np.unique(values))
+    seen = steps[steps > ROUNDING * steps.sum()]
+    return max(stated or 0.0, float(seen.min(initial=math.inf)) / math.sqrt(12))
 
 
 def _without(series: Series, kinds: Mapping[str, Mask]) -> tuple[Series, list[str]]:

@@ -13,7 +13,7 @@ from mopro.formula import Dimension
 from mopro.formula.evaluate import Floats
 from mopro.formula.written import Written
 from mopro.instruments.quantity import Measurable
-from mopro.residuals import wild_samples
+from mopro.residuals import least_noise, wild_samples
 from mopro.rig.model import Rig
 from mopro.source import Source
 from mopro.tomlfile import Value
@@ -67,7 +67,8 @@ class Reading:
     @cached_property
     def first_is_wild(self) -> bool:
         """True if the first value stands apart from the next ones by more than noise allows."""
-        return bool(wild_samples(self.values, self.sensor.noise_rms or 0.0)[0])
+        least = least_noise(self.values, self.sensor.noise_rms)
+        return bool(wild_samples(self.values, least)[0])
 
 
 @dataclass(frozen=True)

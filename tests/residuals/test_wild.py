@@ -9,7 +9,12 @@ import pytest
 import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import names
-from mopro.residuals.wild import repeated_samples, wild_samples, without_rough_ends
+from mopro.residuals.wild import (
+    repeated_samples,
+    wild_samples,
+    without_rough_ends,
+    without_wild,
+)
 from mopro.series import Series
 
 SIGMA = 0.1
@@ -97,6 +102,22 @@ def test_a_jump_that_the_model_predicts_by_half_is_no_rough_end(at):
     assert left_out(1.3 * step + noise, step) == ([], [])
     ends, _ = left_out(1.3 * step + noise, 0 * step)
     assert len(ends) == 4
+
+
+def test_a_reading_that_flips_by_one_step_of_its_converter_is_not_wild():
+    """A slow temperature, read in steps of 0.32 K with less noise than that, of unknown size."""
+    rng, t = np.random.default_rng(12), np.arange(900.0)
+    place = 24.0 + 35.0 * (1.0 - np.exp(-t / 180.0))
+    read = 0.32 * np.round((place + 0.04 * rng.standard_normal(900)) / 0.32)
+    series = Series("run", "probe", "K", read, None)
+    for without in (without_rough_ends, without_wild):
+        left, notes = without(series, read - place)
+        assert left is series
+        assert not notes
+    read[[0, 450]] += 1.6
+    for without, found in ((without_rough_ends, [0]), (without_wild, [0, 450])):
+        left, _ = without(replace(series, values=read), read - place)
+        assert np.flatnonzero(~left.counted).tolist() == found
 
 
 def test_a_jump_within_the_record_and_the_ends_of_a_short_one_count():
