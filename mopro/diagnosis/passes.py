@@ -50,7 +50,7 @@ LeaveOut = Callable[[Series, Floats], tuple[Series, list[str]]]
 
 
 def set_ends_aside(state: State) -> State:
-    """The same without the few samples beyond a jump of the readings near an end of a series.
+    """Give no weight to the few samples beyond a jump of the readings near an end of a series.
 
     Before the search, as an effect may take the shape of such a jump.
     """
