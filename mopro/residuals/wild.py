@@ -64,6 +64,7 @@ def least_noise(values: Floats, stated: float | None) -> float:
 
 
 def _without(series: Series, kinds: Mapping[str, Mask]) -> tuple[Series, list[str]]:
+    """`series` without the samples of each of `kinds`, and a note on those that counted so far."""
     notes, out = list[str](), ~series.counted
     for kind, found in kinds.items():
         samples = found & series.counted
@@ -133,8 +134,8 @@ def repeated_samples(values: Floats, residual: Floats, least: float) -> Mask:
 def _rough_start(values: Floats, residual: Floats, least: float) -> Mask:
     """The samples before the last jump of the readings in the first hundredth of a series.
 
-    A jump is a change of the residual above what noise allows. The reading changes with it, and the
-    prediction by less than half of it, and so does each of the next six samples.
+    A jump is a change of the residual above what noise allows. The prediction changes by less than
+    half of it there, and so does the residual from each of the next six samples to the one after.
     """
     rough = np.zeros(len(residual), dtype=bool)
     if len(residual) < LEAST_SAMPLES:
