@@ -24,7 +24,7 @@ from mopro.diagnosis.search.neighbours import in_other_forms
 from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
 from mopro.diagnosis.stand_ins import expose_beside_drafts, expose_stand_ins
 from mopro.diagnosis.state import State
-from mopro.fits import Fit, HeldOut, held_out
+from mopro.fits import Fit, HeldOut, explained_by, held_out
 from mopro.freeform import WithLaws, measurement_laws
 from mopro.residuals import (
     Noise,
@@ -257,15 +257,18 @@ def drop_outweighed(state: State) -> State:
         listed = sorted(
             c.name for c in fit.candidates if not c.law and not sets.evidence.calibrated(fit, c)
         )
-        reduced = {name: sets.without(fit, name) for name in listed}
-        name = min(listed, key=lambda n: reduced[n].rss, default=None)
-        if name is None or reduced[name].rss - fit.rss >= left:
-            break
-        dropped = Rejected(name, reduced[name].rss - fit.rss, _OUTWEIGHED)
-        drafted = state.drafted and sets.without(state.drafted, name)
-        state = replace(
-            state, fit=reduced[name], drafted=drafted, rejected=(*state.rejected, dropped)
+        gains = {name: sets.without(fit, name).rss - fit.rss for name in listed}
+        weak = (n for n in sorted(listed, key=gains.__getitem__) if gains[n] < left)
+        # An effect whose place a term would fill explains more than its absence costs.
+        name = next(
+            (n for n in weak if not fit.laws or explained_by(sets.residuals, fit, n) < left), None
         )
+        if name is None:
+            break
+        dropped = Rejected(name, gains[name], _OUTWEIGHED)
+        drafted = state.drafted and sets.without(state.drafted, name)
+        rejected = (*state.rejected, dropped)
+        state = replace(state, fit=sets.without(fit, name), drafted=drafted, rejected=rejected)
     return state
 
 

@@ -7,7 +7,7 @@ Knows no search.
 
 from mopro.fits.descent import Descent
 from mopro.fits.evidence import Evidence
-from mopro.fits.fit import Fit, Identity, Key, growing_fit, least_squares_fit
+from mopro.fits.fit import Fit, Identity, Key, explained_by, growing_fit, least_squares_fit
 from mopro.fits.heldout import HeldOut, folds, held_out
 from mopro.fits.jacobian import SecantJacobian, gauss_newton_step
 from mopro.fits.limit import NO_LIMIT, Limit
@@ -24,6 +24,7 @@ __all__ = [
     "Limit",
     "SecantJacobian",
     "Spread",
+    "explained_by",
     "folds",
     "gauss_newton_step",
     "growing_fit",

@@ -153,6 +153,23 @@ def growing_fit(
     return least_squares_fit(residuals, candidates, [start], limit, base)
 
 
+def explained_by(residuals: Residuals, fit: Fit, name: str) -> float:
+    """Sum of squares that an effect of `fit` takes away, free-form terms in the shapes they have.
+
+    Free to take another shape, such as a period, a term would fill the place of the effect.
+    """
+    others = [_in_its_shape(c) if c.law else c for c in fit.candidates if c.name != name]
+    start = fit.settings_without(frozenset({name}))
+    return least_squares_fit(residuals, others, [start], base=fit.base).rss - fit.rss
+
+
+def _in_its_shape(candidate: Candidate) -> Candidate:
+    kept = (
+        replace(p, role=Role.SEARCHED) if p.role is Role.SHAPE else p for p in candidate.parameters
+    )
+    return replace(candidate, parameters=tuple(kept))
+
+
 class _Problem:
     """Least squares from one start, in parameters scaled to their ranges."""
 

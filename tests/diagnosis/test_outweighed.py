@@ -7,14 +7,14 @@ import pytest
 
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.diagnosis import Parameter, reconcile
-from mopro.diagnosis.passes import set_laws_apart
+from mopro.diagnosis.passes import drop_outweighed, set_laws_apart
 from mopro.diagnosis.state import Problem, State
-from mopro.freeform import WithLaws
+from mopro.freeform import WithLaws, measurement_laws
 
 T = times(2000)
 # The response to something in no catalogue, and a listed one that has much in common with it.
 UNLISTED = np.sin(2 * T**2)
-LISTED = 0.5 * UNLISTED + np.cos(3 * T**2)
+LISTED = 0.8 * UNLISTED + np.cos(3 * T**2)
 SHARED = float(UNLISTED @ LISTED) ** 2 / float(UNLISTED @ UNLISTED) / float(LISTED @ LISTED)
 
 
@@ -79,3 +79,34 @@ def test_it_is_asked_again_by_the_noise_that_the_listed_effects_leave():
     assert (fit.names, apart.fit.names) == ({"listed"}, set())
     (rejected,) = apart.rejected
     assert rejected.reason == "explains less than what stays unexplained beside it"
+
+
+def test_an_effect_whose_place_a_term_would_fill_explains_what_the_term_does_not():
+    """A ripple of 1 V beside a line of 0.2 V and another period, which by itself replaces it.
+
+    A chirp of 0.3 V, which stays unexplained, is larger than the line.
+    """
+    place = 3.0 * T / 5.0 + np.sin(T)
+
+    def ripple(settings):
+        (size,) = sizes(settings, "ripple")
+        return [size * np.sin(2 * np.pi * place / 0.5)]
+
+    others = 0.2 * np.sin(2 * np.pi * place / 0.19) + 0.3 * np.sin(9 * T**2)
+    (series,) = measured(ripple(of_size(ripple=1.0))[0] + others, 0.05, seed=1)
+    data = (replace(series, labels={"position": place}),)
+    (line,) = [c for c in measurement_laws(data) if c.name == "line in position in probe"]
+    listed = candidates("ripple")
+    simulate = WithLaws(ripple, data, [line])
+    problem = Problem(simulate, None, None, tuple(listed), (), (), data, 1, lambda _: None)
+    state = State.of(problem)
+    sets = state.sets
+    sets.join([line], simulate, None)
+    # As a search does that begins without effects.
+    instead = sets.fitted([line], {line.name: {"p": 0.5, "s": 1.0, "c": 0.0}})
+    beside = {line.name: {"p": 0.19, "s": 0.2, "c": 0.0}, **of_size(ripple=1.0)}
+    fit = sets.fitted([*listed, line], beside)
+    assert sets.without(fit, "ripple") is instead
+    assert instead.rss - fit.rss < fit.rss - fit.count
+    kept = drop_outweighed(replace(state, fit=fit))
+    assert (kept.fit.names, kept.rejected) == ({"ripple", line.name}, ())
