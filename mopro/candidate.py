@@ -148,7 +148,7 @@ class Law:
     values of the parameters. `of_data`: values of the term at every sample of a series, from what
     the model predicts there, for a term that is added to the predictions; None where `simulate`
     knows the term as it knows an effect. `remembers`: its values depend on what was before, and are
-    no function of the variable alone.
+    no function of the variable alone. `run`: the only run that has the term.
     """
 
     enters: str
@@ -157,6 +157,7 @@ class Law:
     formula: Callable[[Mapping[str, float]], str]
     of_data: Callable[[Series, Floats, Mapping[str, float]], Floats] | None = None
     remembers: bool = False
+    run: str | None = None
 
 
 @dataclass(frozen=True)

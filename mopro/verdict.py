@@ -59,8 +59,8 @@ class Named:
 class Draft:
     """A free-form term that describes what no listed effect explains.
 
-    `enters` and `of` as those of `Law`; `law`: its formula, whose values are in `unit`. `held_out`
-    as that of `Named`.
+    `enters`, `of` and `run` as those of `Law`; `law`: its formula, whose values are in `unit`.
+    `held_out` as that of `Named`.
     """
 
     name: str
@@ -70,6 +70,7 @@ class Draft:
     unit: str
     sigmas: float
     held_out: bool
+    run: str | None = None
 
 
 @dataclass(frozen=True)
@@ -249,6 +250,7 @@ class Verdict:
                     "sigmas": d.sigmas,
                     "held_out": d.held_out,
                     "confirmed": False,
+                    **({} if d.run is None else {"run": d.run}),
                 }
                 for d in self.drafts
             ],

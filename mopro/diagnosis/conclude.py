@@ -182,6 +182,7 @@ def _drafts(state: State) -> tuple[Draft, ...]:
             of=c.law.of,
             law=c.law.formula(drafted.settings[c.name]),
             unit=c.law.unit,
+            run=c.law.run,
             sigmas=_sigmas(sets, drafted, sets.without(drafted, c.name)),
             held_out=held is not None and held.supports(c.name),
         )

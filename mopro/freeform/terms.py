@@ -20,6 +20,7 @@ from mopro.freeform.proportional import (
     proportional,
 )
 from mopro.freeform.resonance import resonance
+from mopro.freeform.step import step_in_time
 from mopro.series import Series
 
 
@@ -51,6 +52,8 @@ def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
         yield from lag_term(sensor, series)
         yield line_in_time(sensor, rows)
         yield from resonance(sensor, rows)
+        for row, own in rows.items():
+            yield step_in_time(sensor, row, own)
         if labelled(series, "velocity"):
             yield from stepping_clock(sensor, rows)
     if labelled(series, POSITION):

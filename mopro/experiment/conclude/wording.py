@@ -60,8 +60,9 @@ def draft_words(verdict: Verdict) -> Iterator[str]:
     standing = ", would do as well" if verdict.verdict == "ambiguous" else ""
     for draft in verdict.drafts:
         held = ", held out" if draft.held_out else ""
+        where = draft.enters if draft.run is None else f"{draft.enters} of {draft.run}"
         yield (
-            f"Not listed{standing}: a term of {draft.of} in the {draft.enters}, {draft.law} "
+            f"Not listed{standing}: a term of {draft.of} in the {where}, {draft.law} "
             f"{draft.unit} ({draft.sigmas:.3g} σ in all{held})."
         )
     for name, estimate in verdict.base.items():
