@@ -100,6 +100,11 @@ def test_a_term_that_would_do_as_well_is_told_with_what_may_decide():
     assert advice(listed, "Turn it round.") == "Turn it round."
     beside = dataclasses.replace(verdict("unexplained", left="a law in t"), drafts=(steps,))
     assert [line.split(":")[0] for line in draft_words(beside)] == ["Not listed"]
+    slip = Draft("step", "measurement", "t", "1e-04 * (t >= 2.5)", "in", 30.0, True, "run2.csv")
+    assert list(draft_words(dataclasses.replace(beside, drafts=(slip,)))) == [
+        "Not listed: a term of t in the measurement of run2.csv, 1e-04 * (t >= 2.5) in "
+        "(30 σ in all, held out)."
+    ]
 
 
 def test_alternatives_are_listed_with_their_ebic():
