@@ -23,9 +23,9 @@ def step_in_time(sensor: str, row: int, series: Series) -> Candidate:
         return np.asarray(values["c"] * (values_of(own, "") >= values["at"]))
 
     def find(view: ResidualView) -> Iterator[Values]:
-        last, height = _largest(series, view.residuals[row], view.tangents[row])
-        if last:
-            at = (time_s[last - 1] + time_s[last]) / 2
+        first, height = _largest(series, view.residuals[row], view.tangents[row])
+        if first:
+            at = (time_s[first - 1] + time_s[first]) / 2
             yield {"c": height * view.sigmas[row], "at": float(at)}
 
     ends = float(time_s.min()), float(time_s.max())
@@ -35,7 +35,7 @@ def step_in_time(sensor: str, row: int, series: Series) -> Candidate:
     )
     law = Law(
         "measurement", "t", series.unit,
-        lambda values: f"{values['c']:.4g} * (t >= {values['at']:.5g})", of_data, run=series.run,
+        lambda values: f"{values['c']:.4g} * (t >= {values['at']:.7g})", of_data, run=series.run,
     )  # fmt: skip
     name = f"step in {sensor} in {series.run}"
     return Candidate(name, parameters, find_starts=find, law=law)
