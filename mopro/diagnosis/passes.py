@@ -157,7 +157,7 @@ def add_laws(state: State) -> State:
     if noise and not state.fit.candidates:
         return state
     problem = state.problem
-    laws = measurement_laws(problem.data)
+    laws = measurement_laws(problem.data, complete=noise)
     sets, terms = state.sets, (*laws, *problem.unlisted)
     coarse = problem.coarse and WithLaws(problem.coarse, problem.data, laws)
     sets.join(terms, WithLaws(problem.simulate, problem.data, laws), coarse)

@@ -24,17 +24,19 @@ from mopro.freeform.step import step_in_time
 from mopro.series import Series
 
 
-def measurement_laws(data: Sequence[Series]) -> list[Candidate]:
+def measurement_laws(data: Sequence[Series], complete: bool = False) -> list[Candidate]:
     """The free-form terms of each sensor that its series have labels for.
 
-    A label that repeats the series' own values describes nothing.
+    A label that repeats the series' own values describes nothing. `complete`: without those of a
+    single run, where listed effects leave noise. Such a term describes an event and is no rival of
+    an effect: lost steps, which take a whole number and a move, look the same as any step.
     """
     answer: list[Candidate] = []
     ordered = sorted(enumerate(data), key=lambda each: each[1].sensor)
     for sensor, group in groupby(ordered, key=lambda each: each[1].sensor):
         rows = dict(group)
         answer += _of_sensor(sensor, rows)
-    return answer
+    return [c for c in answer if not (complete and c.law and c.law.run)]
 
 
 def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:

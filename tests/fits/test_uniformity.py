@@ -15,7 +15,7 @@ from mopro.residuals import Residuals
 T = times(1000)
 MOVE = (T / T[-1] * 4.999).astype(int)
 # Height of an unlisted wave in each of the five moves.
-HEIGHTS = np.array([0.2, 1.5, 0.6, 2.0, 0.9])
+HEIGHTS = np.array([0.4, 1.5, 0.7, 1.9, 0.9])
 
 
 def model(settings):
