@@ -147,8 +147,8 @@ class Law:
     x mod, a, t, T, command or sensor. `unit`: of the term's values. `formula`: its text at given
     values of the parameters. `of_data`: values of the term at every sample of a series, from what
     the model predicts there, for a term that is added to the predictions; None where `simulate`
-    knows the term as it knows an effect. `remembers`: its values depend on what was before, and are
-    no function of the variable alone. `run`: the only run that has the term.
+    knows the term as it knows an effect. `alone`: it is a function of that variable alone, and not
+    also of another one, or of what was before. `run`: the only run that has the term.
     """
 
     enters: str
@@ -156,7 +156,7 @@ class Law:
     unit: str
     formula: Callable[[Mapping[str, float]], str]
     of_data: Callable[[Series, Floats, Mapping[str, float]], Floats] | None = None
-    remembers: bool = False
+    alone: bool = True
     run: str | None = None
 
 

@@ -149,7 +149,7 @@ def _reshaped(state: State, drafted: Fit, listed: Sequence[str]) -> dict[str, tu
     """
     answer = {}
     fixed = [c.law for c in drafted.candidates if c.law and c.find_starts is None]
-    drafts = [law for law in fixed if not law.remembers]
+    drafts = [law for law in fixed if law.alone]
     for enters, of in sorted({(law.enters, law.of) for law in drafts}):
         terms = _terms(state, enters, of)
         for name, form in sorted(c.key for c in drafted.candidates if c.name in listed):
@@ -167,7 +167,7 @@ def _terms(state: State, enters: str, of: str) -> list[Candidate]:
         if term.law
         and (term.law.enters, term.law.of) == (enters, of)
         and not term.find_starts
-        and not term.law.remembers
+        and term.law.alone
     ]
 
 

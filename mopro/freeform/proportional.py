@@ -35,7 +35,8 @@ _FADING_TRIED = 8
 class Shape:
     """A function of the motion: its `name`, the labels that it needs, its variable and text.
 
-    `by_play`: where the place is predicted, the term shifts it as a play does.
+    `by_play`: where the place is predicted, the term shifts it as a play does. `alone`: it is a
+    function of the variable alone, so that a listed function of that has the form of the term.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Shape:
     text: str
     of: Callable[[Motion], Floats]
     by_play: bool = False
+    alone: bool = True
 
 
 SHAPES = (
@@ -54,17 +56,18 @@ SHAPES = (
     Shape("x", (POSITION,), "x", "x", lambda m: m.position),
     Shape("x²", (POSITION,), "x", "x**2", lambda m: m.position**2),
     Shape("x³", (POSITION,), "x", "x**3", lambda m: m.position**3),
-    Shape("other x", ("other_position",), "x", "y", lambda m: m.label("other_position")),
+    Shape("other x", ("other_position",), "x", "y", lambda m: m.label("other_position"),
+          alone=False),
     Shape("v t", ("velocity",), "t", "v * t", lambda m: m.velocity * m.time_s),
     # A scale and a bend that grow with time, as a frame that warms has.
-    Shape("x t", (POSITION,), "x", "x * t", lambda m: m.position * m.time_s),
-    Shape("x² t", (POSITION,), "x", "x**2 * t", lambda m: m.position**2 * m.time_s),
+    Shape("x t", (POSITION,), "x", "x * t", lambda m: m.position * m.time_s, alone=False),
+    Shape("x² t", (POSITION,), "x", "x**2 * t", lambda m: m.position**2 * m.time_s, alone=False),
     Shape("T", ("temperature",), "T", "T", lambda m: m.label("temperature")),
     # What has the direction of motion may change with the place or with the load.
     Shape("sgn v x", ("velocity", POSITION), "sgn v", "sign(v) * x",
-           lambda m: m.direction * m.position),
+           lambda m: m.direction * m.position, alone=False),
     Shape("sgn v |a|", ("velocity", "acceleration"), "sgn v", "sign(v) * abs(a)",
-           lambda m: m.direction * np.abs(m.acceleration)),
+           lambda m: m.direction * np.abs(m.acceleration), alone=False),
 )  # fmt: skip
 # A command that comes late, by a delay in proportion to the time in motion, that in ramps, or the
 # number of moves. To first order the place is off by the speed times the delay.
@@ -127,7 +130,7 @@ def proportional(sensor: str, series: Sequence[Series], shape: Shape) -> Iterato
 
     law = Law(
         "measurement", shape.variable, series[0].unit,
-        lambda values: f"{values['c']:.4g} * {shape.text}", of_data,
+        lambda values: f"{values['c']:.4g} * {shape.text}", of_data, alone=shape.alone,
     )  # fmt: skip
     c = Parameter("c", f"{series[0].unit} per unit of {shape.name}", -LARGEST * size,
                   LARGEST * size, (_PROBED * size,))  # fmt: skip
@@ -202,6 +205,6 @@ def lag_term(sensor: str, series: Sequence[Series]) -> Iterator[Candidate]:
         sign = "" if values["c"] > 0 else "-"
         return f"{sign}(lag(y, {abs(values['c']):.4g}) - y)"
 
-    law = Law("measurement", "t", series[0].unit, formula, of_data, remembers=True)
+    law = Law("measurement", "t", series[0].unit, formula, of_data, alone=False)
     c = Parameter("c", "s", -longest, longest, (_PROBED * longest,))
     yield Candidate(f"lag in {sensor}", (c,), law=law)

@@ -60,7 +60,7 @@ def resonance(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
     law = Law(
         "measurement", "a", series[0].unit,
         lambda values: f"{values['c']:.4g} * swing(a, {values['f']:.4g}, {values['zeta']:.3g})",
-        of_data, remembers=True,
+        of_data, alone=False,
     )  # fmt: skip
     yield Candidate(f"swing of a in {sensor}", parameters, find_starts=find, law=law)
 

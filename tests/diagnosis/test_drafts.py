@@ -413,3 +413,23 @@ def test_one_term_takes_the_place_of_two_listed_effects_that_do_no_better():
     assert [draft.name for draft in bend.drafts] == ["x² in probe"]
     both = verdict(early=2.0, late=-1.0)
     assert (both.verdict, names(both)) == ("named", {"early", "late"})
+
+
+def test_a_scale_that_grows_with_time_does_not_reshape_a_bend_in_place():
+    """A bend in x^3 is named beside a scale that grows by 5e-5 a second, which is drafted.
+
+    The term in x^3 that nobody needs to list does what the bend does, and is of x, as the scale is.
+    """
+    x, t, v, a = late_by(0.0)
+    labels = {"position": x, "velocity": v, "acceleration": a}
+    noise = 1e-5 * np.random.default_rng(4).standard_normal(len(t))
+    values = x + 0.02 * x**3 + 5e-5 * x * t + noise
+    data = [Series("run", "laser", "m", values, 1e-5, t, t.astype(int), labels=labels)]
+    bend = Candidate("bend", (Parameter("c", "1/m2", -1.0, 1.0, (0.01,)),))
+    verdict = mopro.reconcile(
+        lambda settings: [x + settings.get("bend", {"c": 0.0})["c"] * x**3], [bend], data
+    )
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"bend"})
+    low, high = verdict.effects[0].parameters["c"].ci95
+    assert low < 0.02 < high
+    assert [draft.law.split(" * ", 1)[1] for draft in verdict.drafts] == ["x * t"]

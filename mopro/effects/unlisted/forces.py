@@ -144,7 +144,7 @@ class _OfSpeedInPresliding(_Force):
     c (v - |v| z), with z of Dahl's model: c times the presliding times dz/dt.
     """
 
-    name, of, remembers = "force of v in presliding", "v", True
+    name, of, alone = "force of v in presliding", "v", False
     slide = staticmethod(DahlFriction.slide)
     parameters = (size("N s/m"), PRESLIDING)
 

@@ -19,18 +19,18 @@ class FreeFormTerm(Effect):
 
     `enters`: force, heat or ambient. `of`: the variable, as in Law. `unit`: of the term's values.
     `text`: the term for c = 1, in the language of an effect that a user writes; none where
-    `written` says more. `remembers`: as in Law.
+    `written` says more. `alone`: as in Law.
     """
 
     enters: ClassVar[str]
     of: ClassVar[str]
     unit: ClassVar[str]
     text: ClassVar[str] = ""
-    remembers: ClassVar[bool] = False
+    alone: ClassVar[bool] = True
 
     @property
     def law(self) -> Law:
-        return Law(self.enters, self.of, self.unit, self.written, remembers=self.remembers)
+        return Law(self.enters, self.of, self.unit, self.written, alone=self.alone)
 
     def written(self, values: Mapping[str, float]) -> str:
         """The term with its numbers, as a formula."""
