@@ -147,8 +147,9 @@ class Law:
     x mod, a, t, T, command or sensor. `unit`: of the term's values. `formula`: its text at given
     values of the parameters. `of_data`: values of the term at every sample of a series, from what
     the model predicts there, for a term that is added to the predictions; None where `simulate`
-    knows the term as it knows an effect. `alone`: it is a function of that variable alone, and not
-    also of another one, or of what was before. `run`: the only run that has the term.
+    knows the term as it knows an effect. `alone`: a draft of it shows the form that a function of
+    that variable has; False where what was before counts as well, or another variable changes the
+    size. `run`: the only run that has the term.
     """
 
     enters: str

@@ -154,7 +154,7 @@ def growing_fit(
 
 
 def explained_by(residuals: Residuals, fit: Fit, name: str) -> float:
-    """Sum of squares that an effect of `fit` takes away, free-form terms in the shapes they have.
+    """Whitened sum of squares that the effect `name` takes away, no free-form term reshaped.
 
     Free to take another shape, such as a period, a term would fill the place of the effect.
     """

@@ -1,7 +1,7 @@
 """Free-form terms of the measurement: functions of time and motion that no catalogue lists.
 
-Each is added to the predictions of one sensor, in all its runs. They stand beside the catalogue
-at a price of their own, and describe what is left where no listed effect does.
+Each is added to the predictions of one sensor, in all its runs or in one. They stand beside
+the catalogue at a price of their own, and describe what is left where no listed effect does.
 """
 
 from mopro.freeform.terms import measurement_laws

@@ -35,8 +35,8 @@ _FADING_TRIED = 8
 class Shape:
     """A function of the motion: its `name`, the labels that it needs, its variable and text.
 
-    `by_play`: where the place is predicted, the term shifts it as a play does. `alone`: it is a
-    function of the variable alone, so that a listed function of that has the form of the term.
+    `by_play`: where the place is predicted, the term shifts it as a play does. `alone`: as in
+    Law.
     """
 
     name: str

@@ -418,7 +418,7 @@ def test_one_term_takes_the_place_of_two_listed_effects_that_do_no_better():
 def test_a_scale_that_grows_with_time_does_not_reshape_a_bend_in_place():
     """A bend in x^3 is named beside a scale that grows by 5e-5 a second, which is drafted.
 
-    The term in x^3 that nobody needs to list does what the bend does, and is of x, as the scale is.
+    Both are terms of x in the measurement, but the scale is no other form of the bend.
     """
     x, t, v, a = late_by(0.0)
     labels = {"position": x, "velocity": v, "acceleration": a}
