@@ -40,7 +40,7 @@ def conclude(state: State) -> Verdict:
     """The verdict on the final state, with all that the evidence says for and against."""
     sets, fit, held, others = state.sets, state.fit, state.held, state.alternatives
     sizes = _Sizes.of(state)
-    believed = [(c, _named(sets, fit, held, c, others, sizes)) for c in fit.candidates]
+    believed = [(c, _named(state, c, sizes)) for c in fit.candidates]
     calibrated = sets.evidence.calibrated
     effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
     dropped = frozenset(r.name for r in state.rejected)
@@ -73,22 +73,23 @@ def conclude(state: State) -> Verdict:
 
 @dataclass(frozen=True)
 class _Sizes:
-    """The estimates of the effects `told`: their values, intervals and correlations, by a `fit`.
+    """What is known of the effects `told` by a `fit`: values, intervals, correlations, support.
 
-    Beside drafts those of the fit with the free-form terms: without, an effect makes up for a part
-    of what the terms describe.
+    Beside drafts by the fit with the free-form terms: without, an effect makes up for a part of
+    what the terms describe, or is hidden by it.
     """
 
     told: Fit
     fit: Fit
     evidence: Evidence
+    held: HeldOut | None
 
     @staticmethod
     def of(state: State) -> _Sizes:
         sets, told, drafted = state.sets, state.fit, state.drafted
         if drafted is None or not told.key <= drafted.key:
-            return _Sizes(told, told, sets.evidence)
-        return _Sizes(told, drafted, sets.evidence_by(drafted))
+            return _Sizes(told, told, sets.evidence, state.held)
+        return _Sizes(told, drafted, sets.evidence_by(drafted), state.drafted_held)
 
     @property
     def settings(self) -> Settings:
@@ -134,34 +135,28 @@ def _verdict_of(
     return "named" if all(e.name in o.names for o in others for e in effects) else "ambiguous"
 
 
-def _named(
-    sets: Hypotheses,
-    fit: Fit,
-    held: HeldOut | None,
-    candidate: Candidate,
-    others: Sequence[Alternative],
-    sizes: _Sizes,
-) -> Named:
+def _named(state: State, candidate: Candidate, sizes: _Sizes) -> Named:
+    sets, fit, name = state.sets, sizes.fit, candidate.name
     rivals: dict[str, Alternative] = {}
-    for other in others:
-        if candidate.name not in other.names:
-            for name in sorted(other.names - fit.names):
-                rivals.setdefault(name, other)
-    without = sets.without(fit, candidate.name)
-    rest = sets.ebic(without)
+    for other in state.alternatives:
+        if name not in other.names:
+            for rival in sorted(other.names - state.fit.names):
+                rivals.setdefault(rival, other)
+    without = sets.without(fit, name)
+    rest = sizes.evidence.ebic(without)
     if not math.isfinite(rest):
         # Without it, the period of another one grew to a bend, which explains nothing.
-        rest = sets.ebic(sets.null)
+        rest = sizes.evidence.ebic(sets.null)
     return Named(
-        name=candidate.name,
+        name=name,
         form=candidate.form,
         parameters=sizes.estimates(candidate),
         indistinguishable_from=list(rivals),
-        rivals={name: other.delta_ebic for name, other in rivals.items()},
-        alternatives={name: other.settings for name, other in rivals.items()},
-        log10_bayes_factor=(rest - sets.ebic(fit)) / (2 * math.log(10)),
+        rivals={rival: other.delta_ebic for rival, other in rivals.items()},
+        alternatives={rival: other.settings for rival, other in rivals.items()},
+        log10_bayes_factor=(rest - sizes.evidence.ebic(fit)) / (2 * math.log(10)),
         sigmas=_sigmas(sets, fit, without),
-        held_out=held is not None and held.supports(candidate.name),
+        held_out=sizes.held is not None and sizes.held.supports(name),
     )
 
 

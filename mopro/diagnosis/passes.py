@@ -225,20 +225,21 @@ def hold_out(state: State) -> State:
     much may fail for what another one does beside it.
     """
     sets, fit, rejected = state.sets, state.fit, list(state.rejected)
-    while fit.candidates:
-        held = _held(sets, fit)
-        failing = [n for n in sorted(fit.names) if held is not None and not held.supports(n)]
-        if held is None or not failing:
-            return replace(state, fit=fit, held=held, rejected=tuple(rejected))
+    while (held := _held(sets, fit)) is not None:
+        failing = [name for name in sorted(fit.names) if not held.supports(name)]
+        if not failing:
+            break
         without = {name: sets.without(fit, name) for name in failing}
         worst = min(failing, key=lambda name: sets.ebic(without[name]))
         rejected.append(Rejected(worst, without[worst].rss - fit.rss, FAILS_HELD_OUT))
         fit = without[worst]
-    return replace(state, fit=fit, held=None, rejected=tuple(rejected))
+    return replace(state, fit=fit, held=held, rejected=tuple(rejected))
 
 
 def _held(sets: Hypotheses, fit: Fit) -> HeldOut | None:
-    """Prediction of held-out parts with and without each effect of `fit`."""
+    """Prediction of held-out parts with and without each effect of `fit`; None without any."""
+    if not fit.candidates:
+        return None
     without = {name: sets.without(fit, name) for name in sorted(fit.names)}
     return held_out(sets.residuals, sets.evidence.noise, sets.null, fit, without)
 
@@ -316,7 +317,11 @@ def set_laws_apart(state: State) -> State:
         # Beside the terms an effect may have had another form.
         fit = sets.evidence.lowest([fit, *sets.fit_all(in_other_forms(sets, fit))])
         alone = replace(state, fit=fit, drafted=state.fit, rejected=tuple(rejected))
-        weighed = drop_outweighed(eliminate(expose_beside_drafts(alone)))
+        exposed = expose_beside_drafts(alone)
+        if exposed.drafted is state.fit and sets.is_noise(state.fit):
+            # Nothing is left that an effect may stand for: those beside the terms are there.
+            return replace(exposed, held=_held(sets, exposed.fit), drafted_held=state.held)
+        weighed = drop_outweighed(eliminate(exposed))
         assert weighed.drafted is not None, "the drafts stay"
         held = state.held if weighed.drafted is state.fit else _held(sets, weighed.drafted)
         return hold_out(replace(weighed, drafted_held=held))

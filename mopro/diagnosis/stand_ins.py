@@ -14,7 +14,7 @@ from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.state import State
 from mopro.fits import Fit, folds, spread
 from mopro.residuals import projected_out
-from mopro.series import Floats, Mask
+from mopro.series import Mask
 from mopro.verdict import Rejected
 
 _STANDS_IN = "it stands in for something else"
@@ -125,20 +125,21 @@ def expose_beside_drafts(state: State) -> State:
 def _moved(
     sets: Hypotheses, fit: Fit, drafted: Fit, listed: Sequence[str]
 ) -> dict[str, tuple[float, str]]:
-    """Effects whose part of the prediction is mostly another in `drafted`, and by how much."""
+    """Effects whose part of the prediction is mostly another in `drafted`, and by how much.
+
+    Where nothing is left, mostly lost: what describes the rest may only have uncovered more of it.
+    """
     answer = {}
+    whole = sets.is_noise(drafted)
     for name in sorted(drafted.names.intersection(listed)):
-        size = float(np.linalg.norm(_part(sets, fit, name)))
-        other = sets.residuals.at({**fit.settings, name: drafted.settings[name]})
-        change = float(np.linalg.norm(other - fit.residual)) / size if size else 0.0
-        if change > MAJORITY:
+        # Changes of the whitened residual (samples): by switching it off, and by its other size.
+        part = sets.switched_off(fit, frozenset({name})).residual - fit.residual
+        moved = sets.residuals.at({**fit.settings, name: drafted.settings[name]}) - fit.residual
+        size = float(np.linalg.norm(part)) or np.inf
+        change = float(np.linalg.norm(moved)) / size
+        if (float(moved @ part) / size**2 if whole else change) > MAJORITY:
             answer[name] = change, _MOVED.format(change)
     return answer
-
-
-def _part(sets: Hypotheses, fit: Fit, name: str) -> Floats:
-    """Change of the whitened residual (samples) by switching an effect of `fit` off, no refit."""
-    return sets.switched_off(fit, frozenset({name})).residual - fit.residual
 
 
 def _reshaped(state: State, drafted: Fit, listed: Sequence[str]) -> dict[str, tuple[float, str]]:

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import mopro
+from helpers import signals
 from helpers.servo import CATALOGUE, Servo
-from helpers.signals import names
+from helpers.signals import candidates, names, sizes, times
 from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.residuals import projected_out
 
 SIGMA = 0.1
 SERVO = Servo()
@@ -433,3 +435,29 @@ def test_a_scale_that_grows_with_time_does_not_reshape_a_bend_in_place():
     low, high = verdict.effects[0].parameters["c"].ci95
     assert low < 0.02 < high
     assert [draft.law.split(" * ", 1)[1] for draft in verdict.drafts] == ["x * t"]
+
+
+def test_an_effect_that_the_cause_of_the_draft_hides_is_named_beside_it():
+    """A wave of 0.2 V, of which 0.05 V is left by itself where a bend in x makes up for it."""
+    t = times(2000)
+    x, wave = np.sin(1.5 * t), np.cos(3 * t) + 0.8 * np.sin(7 * t)
+
+    def predict(settings):
+        return [sizes(settings, "wave")[0] * wave]
+
+    bend = 0.5 * x**2
+    centred = wave - wave.mean()
+    alone = 0.2 + float(bend @ centred) / float(centred @ centred)
+    assert 0.0 < alone < 0.1
+    (series,) = signals.measured(0.2 * wave + bend, 0.05, seed=1)
+    data = [replace(series, labels={"position": x})]
+    verdict = mopro.reconcile(predict, candidates("wave"), data)
+    assert (verdict.verdict, names(verdict)) == ("unexplained", {"wave"})
+    (draft,) = verdict.drafts
+    assert (draft.name, draft.held_out) == ("x² in probe", True)
+    (named,) = verdict.effects
+    assert named.parameters["size"].value == pytest.approx(0.2, rel=0.02)
+    assert named.held_out
+    # Beside the bend: by itself the wave takes away a twelfth of it.
+    beside = projected_out(np.linalg.qr(np.column_stack([np.ones_like(t), x**2]))[0], wave)
+    assert named.sigmas == pytest.approx(0.2 * np.linalg.norm(beside) / 0.05, rel=0.1)
