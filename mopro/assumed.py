@@ -101,6 +101,9 @@ OUT_OF_REACH = VERY_STRONG / LEAST_SHARE
 
 # Smallest share that is more than the rounding of sums of squares.
 ROUNDING = 1e-9
+# Condition number of the normal matrix beyond which a combination of parameters is not
+# identifiable: of the 16 digits of a number four are left.
+MOST_CONDITION = 1e12
 # Distance from the ends of a range, as a share of it, that is inside.
 INTERIOR = 1e-6
 # Smallest number, in place of 0, where a logarithm or a quotient is taken.

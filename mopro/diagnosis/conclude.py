@@ -110,14 +110,13 @@ class _Sizes:
         return estimates
 
     def correlations(self) -> dict[str, dict[str, float]]:
-        """Correlations of the estimates; empty where a parameter is not identifiable."""
+        """Correlations of the estimates, without those that are not identifiable."""
         covariance = self.evidence.covariance(self.fit)
-        deviations = np.sqrt(np.diag(covariance))
-        if not np.isfinite(covariance).all() or not deviations.all():
-            return {}
-        own = [effect in self.settings for effect, _ in self.fit.order]
-        correlation = (covariance / np.outer(deviations, deviations))[np.ix_(own, own)]
-        names = [f"{effect}.{p.name}" for effect, p in self.fit.order if effect in self.settings]
+        told = np.array([effect in self.settings for effect, _ in self.fit.order], dtype=bool)
+        own = np.flatnonzero(told & (np.diag(covariance) > 0) & np.isfinite(np.diag(covariance)))
+        deviations = np.sqrt(np.diag(covariance)[own])
+        correlation = covariance[np.ix_(own, own)] / np.outer(deviations, deviations)
+        names = [f"{effect}.{p.name}" for effect, p in (self.fit.order[i] for i in own)]
         return {
             one: dict(zip(names, row, strict=True))
             for one, row in zip(names, correlation.round(4).tolist(), strict=True)

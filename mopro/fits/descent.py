@@ -9,10 +9,15 @@ from contextlib import suppress
 import numpy as np
 from scipy import optimize
 
-from mopro.assumed import INTERIOR, ITERATIONS, REPEATS
+from mopro.assumed import INTERIOR, ITERATIONS, LEAST_SHARE, MOST_CONDITION, REPEATS
 from mopro.fits.jacobian import Iterate, SecantJacobian
 from mopro.fits.limit import NO_LIMIT, Limit
 from mopro.series import Floats, Mask
+
+
+# Length that the start adds to each column of the Jacobian, as a share of it: its square is a tenth
+# of the least weight with which the data tell anything.
+_HELD = math.sqrt(LEAST_SHARE / MOST_CONDITION)
 
 
 class _Converged(Exception):
@@ -57,17 +62,24 @@ class Descent:
         return reached
 
     def _round(self, x: Floats, low: Floats, high: Floats, tolerance: float) -> Iterate:
+        # Along a direction that the data do not tell, a step of rounding alone would leave the
+        # region in which it is trusted, and cut short what the data tell. There `x` stays.
+        held, begun = np.zeros(len(x)), x
+
         def residual(x: Floats) -> Floats:
             if self._jacobian.last is not None and self._converged(x, tolerance):
                 raise _Converged
-            return self._residual(x)
+            return np.concatenate([self._residual(x), held * (x - begun)])
 
         def jacobian(x: Floats) -> Floats:
             self._cuts = 0
-            return self._jacobian.at(x)
+            own = self._jacobian.at(x)
+            if not held.any():
+                held[:] = _HELD * np.linalg.norm(own, axis=0)
+            return np.concatenate([own, np.diag(held)])
 
         def abandon(intermediate_result: optimize.OptimizeResult) -> None:
-            if self._out_of_reach(intermediate_result.fun, low, high):
+            if self._out_of_reach(intermediate_result.fun[: -len(held)], low, high):
                 self.abandoned = True
                 raise StopIteration
 

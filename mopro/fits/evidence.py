@@ -12,6 +12,7 @@ from scipy import special
 from mopro.assumed import (
     CLEAR,
     LEAST_SAMPLES,
+    MOST_CONDITION,
     PHASE_PENALTY,
     SAME,
     STRONG,
@@ -23,9 +24,6 @@ from mopro.fits.fit import Fit, Identity
 from mopro.residuals import Noise
 from mopro.series import Floats
 
-# Condition number of the normal matrix beyond which parameters are not identifiable: of the 16
-# digits of a number four are left.
-_MOST_CONDITION = 1e12
 # Variance of a number that may be anywhere in a range of width 1.
 _UNIFORM = 1 / 12
 
@@ -239,8 +237,8 @@ class Evidence:
 
         H⁻¹ V H⁻¹, where H is the normal matrix and V the covariance of Jᵀ noise: H itself for
         white noise of variance 1, and that of noise with the residual's spectrum else. What is
-        known of assumed constants beforehand counts. Infinite where parameters are not
-        identifiable.
+        known of assumed constants beforehand counts. Infinite in the rows and columns of
+        parameters that are not identifiable: what depends on none of them stays known.
         """
         if fit.identity not in self._covariances:
             self._covariances[fit.identity] = self._covariance(fit)
@@ -250,16 +248,20 @@ class Evidence:
         spans = np.array([p.high - p.low for _, p in fit.order])
         scaled = fit.jacobian * spans
         prior = np.diag([1 / _UNIFORM if p.role is Role.CONSTANT else 0.0 for _, p in fit.order])
-        unknown = np.full((len(spans),) * 2, math.inf)
         normal = scaled.T @ scaled + prior if len(spans) else prior
-        scale = np.sqrt(np.diag(normal))
-        if not scale.all() or not np.isfinite(normal).all():
-            return unknown
-        unit = normal / np.outer(scale, scale)
-        if len(spans) and np.linalg.cond(unit) > _MOST_CONDITION:
-            return unknown
-        inverse = np.linalg.inv(unit) / np.outer(scale, scale)
+        if not np.isfinite(normal).all():
+            return np.full_like(normal, math.inf)
+        sizes = np.sqrt(np.diag(normal))
+        units = np.outer(*[np.where(sizes > 0, sizes, 1.0)] * 2)
+        weights, directions = np.linalg.eigh(normal / units)
+        seen = weights > weights.max(initial=0.0) / MOST_CONDITION
+        inverse = (directions[:, seen] / weights[seen]) @ directions[:, seen].T
+        # Along a direction that the data do not tell, rounding is the only weight.
+        along = np.sum(directions[:, ~seen] ** 2, axis=1)
+        unknown = along > np.finfo(float).eps * np.diag(inverse)
+        inverse /= units
         variance = inverse @ (self._variance(fit, scaled) + prior) @ inverse
+        variance[unknown, :] = variance[:, unknown] = math.inf
         return np.asarray(variance * np.outer(spans, spans))
 
     def _variance(self, fit: Fit, scaled: Floats) -> Floats:

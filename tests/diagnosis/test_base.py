@@ -116,6 +116,23 @@ def test_correlations_are_those_of_the_normal_matrix():
     assert answer.correlations["one.size"]["one.size"] == 1.0
 
 
+def test_numbers_of_which_only_the_product_is_told_leave_the_others_their_intervals():
+    """`k` is a product of two numbers: `r` is known as well as beside one."""
+    one, other = (replace(BASE[0], name=name, starts=(2.0,)) for name in ("one", "other"))
+
+    def product(settings):
+        own = settings["base"]
+        k = own["one"] * own["other"]
+        return decaying({**settings, "base": {"k": k, "r": own["r"]}})
+
+    base = (one, other, BASE[1])
+    answer = mopro.reconcile(product, candidates("line"), run({}), base=base)
+    low, high = answer.base["r"].ci95
+    assert (low, high) == pytest.approx(verdict_on({}).base["r"].ci95, rel=1e-3)
+    assert answer.base["one"].ci95 == (-np.inf, np.inf)
+    assert answer.correlations == {"base.r": {"base.r": 1.0}}
+
+
 def test_unknown_noise_is_taken_from_what_the_fitted_numbers_leave():
     """The model is a measured reference times `k`, which starts at a quarter of the truth."""
     rng = np.random.default_rng(4)

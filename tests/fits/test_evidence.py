@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import fft, signal
+from scipy import fft, signal, special
 
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, sizes, times
@@ -213,10 +213,37 @@ def test_a_constant_beside_what_cannot_be_identified_costs_nothing():
         start = {p.name: p.starts[0] for p in parameters}
         fit = least_squares_fit(residuals, [candidate], [{"line": start}])
         evidence = Evidence(Noise.as_stated(residuals), [candidate.key])
-        assert np.isinf(evidence.deviations(fit)).all()
+        # What is assumed stays known as well as it was before.
+        known = [math.inf, math.inf, 20.0 / math.sqrt(12)]
+        assert evidence.deviations(fit).tolist() == pytest.approx(known[: len(parameters)])
         return evidence.ebic(fit)
 
     assert ebic(B, other, ASSUMED) == pytest.approx(ebic(B, other), abs=0.01)
+
+
+@pytest.mark.parametrize("sigma", [0.3, None], ids=["stated", "unknown"])
+def test_numbers_of_which_the_data_tell_only_the_product_leave_the_others_known(sigma):
+    """A spring k m beside a line with much in common with it, as the product p beside that line."""
+    shapes = np.column_stack([np.sin(3 * T), np.sin(3 * T) + 0.5 * np.cos(7 * T)])
+    values = shapes @ [6.0, 1.5] + 0.3 * np.random.default_rng(2).standard_normal(len(T))
+    series = Series("run", "probe", "V", values, sigma, nuisances=np.zeros((len(T), 0)))
+    k, m, p, size = (Parameter(name, "V", 0.0, 90.0, (2.0,)) for name in ("k", "m", "p", "size"))
+
+    def simulate(settings):
+        own = {"p": 1.0, "k": 1.0, "m": 1.0, **settings.get("both", {"size": 0.0})}
+        return [shapes @ [own["p"] * own["k"] * own["m"], own["size"]]]
+
+    def covariance(*parameters):
+        residuals = Residuals(simulate, [series])
+        both = Candidate("both", parameters)
+        start = {"both": {each.name: each.starts[0] for each in parameters}}
+        fit = least_squares_fit(residuals, [both], [start])
+        return Evidence(Noise.as_stated(residuals), [both.key]).covariance(fit)
+
+    of_factors, of_product = covariance(k, m, size), covariance(p, size)
+    assert np.isinf(of_factors[:2]).all()
+    assert np.isinf(of_factors[:, :2]).all()
+    assert of_factors[2, 2] == pytest.approx(of_product[1, 1], rel=0.01)
 
 
 def test_an_effect_counts_in_full_where_the_noise_is_quieter_than_stated():
@@ -277,6 +304,8 @@ def test_an_interval_ends_where_the_range_of_its_parameter_does(other):
     ends = {p.name: own for (_, p), own in zip(fit.order, evidence.intervals(fit), strict=True)}
     if other == "idle":
         assert ends["idle"] == (-math.inf, math.inf)
+        half = special.ndtri(0.975) / math.sqrt(float(np.sum(np.sin(7 * t) ** 2)))
+        assert ends["size"][1] - fit.settings["both"]["size"] == pytest.approx(half, rel=0.01)
     else:
         assert ends["size"][0] == 0.0 < fit.settings["both"]["size"] < ends["size"][1] < 1.0
         assert ends["turn"][1] - fit.settings["both"]["turn"] > 1.0
