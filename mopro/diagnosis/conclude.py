@@ -14,7 +14,7 @@ from mopro.diagnosis.search.alternatives import Alternative
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.state import State
-from mopro.fits import Evidence, Fit, HeldOut
+from mopro.fits import Evidence, Fit, HeldOut, with_central_jacobian
 from mopro.residuals import Remainder
 from mopro.series import Floats, Settings
 from mopro.verdict import (
@@ -86,10 +86,11 @@ class _Sizes:
 
     @staticmethod
     def of(state: State) -> _Sizes:
-        sets, told, drafted = state.sets, state.fit, state.drafted
-        if drafted is None or not told.key <= drafted.key:
-            return _Sizes(told, told, sets.evidence, state.held)
-        return _Sizes(told, drafted, sets.evidence_by(drafted), state.drafted_held)
+        sets, fit, held, evidence = state.sets, state.fit, state.held, state.sets.evidence
+        if state.drafted is not None and fit.key <= state.drafted.key:
+            fit, held, evidence = state.drafted, state.drafted_held, sets.evidence_by(state.drafted)
+        own = Evidence(evidence.noise, evidence.catalogue)
+        return _Sizes(state.fit, with_central_jacobian(sets.residuals, fit), own, held)
 
     @property
     def settings(self) -> Settings:

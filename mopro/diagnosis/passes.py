@@ -299,8 +299,8 @@ def prefer_lower(state: State) -> State:
 def set_laws_apart(state: State) -> State:
     """The listed effects by themselves, with the free-form terms as drafts of what they leave.
 
-    A term that is fitted together with an effect may take a part of it. From here on the noise
-    is what the listed effects leave, and beside that each must be supported once more.
+    A term fitted together with an effect may take a part of it. From here on the noise is what
+    the effects leave, and each must be supported beside it, unless both leave white noise.
     """
     sets, fit, rejected = state.sets, state.fit, list(state.rejected)
     for name in sorted(fit.laws):

@@ -7,7 +7,15 @@ Knows no search.
 
 from mopro.fits.descent import Descent
 from mopro.fits.evidence import Evidence
-from mopro.fits.fit import Fit, Identity, Key, explained_by, growing_fit, least_squares_fit
+from mopro.fits.fit import (
+    Fit,
+    Identity,
+    Key,
+    explained_by,
+    growing_fit,
+    least_squares_fit,
+    with_central_jacobian,
+)
 from mopro.fits.heldout import HeldOut, folds, held_out
 from mopro.fits.jacobian import SecantJacobian, gauss_newton_step
 from mopro.fits.limit import NO_LIMIT, Limit
@@ -31,4 +39,5 @@ __all__ = [
     "held_out",
     "least_squares_fit",
     "spread",
+    "with_central_jacobian",
 ]

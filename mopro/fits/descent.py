@@ -14,7 +14,6 @@ from mopro.fits.jacobian import Iterate, SecantJacobian
 from mopro.fits.limit import NO_LIMIT, Limit
 from mopro.series import Floats, Mask
 
-
 # Length that the start adds to each column of the Jacobian, as a share of it: its square is a tenth
 # of the least weight with which the data tell anything.
 _HELD = math.sqrt(LEAST_SHARE / MOST_CONDITION)

@@ -11,7 +11,7 @@ import numpy as np
 from mopro.assumed import FIT_TOLERANCE, INTERIOR, LEAST_SHARE, REPEATS
 from mopro.candidate import Candidate, Parameter, Role
 from mopro.fits.descent import Descent
-from mopro.fits.jacobian import gauss_newton_step
+from mopro.fits.jacobian import SecantJacobian, gauss_newton_step
 from mopro.fits.limit import NO_LIMIT, Limit
 from mopro.residuals import Residuals
 from mopro.series import Floats, Settings
@@ -170,6 +170,15 @@ def _in_its_shape(candidate: Candidate) -> Candidate:
     return replace(candidate, parameters=tuple(kept))
 
 
+def with_central_jacobian(residuals: Residuals, fit: Fit) -> Fit:
+    """`fit` with its Jacobian by central differences, as errors of its parameters need it.
+
+    What differences to one side miss looks like information on what the data do not tell.
+    """
+    problem = _Problem(residuals, fit.candidates, fit.base, fit.settings)
+    return replace(fit, jacobian=problem.central_jacobian(fit.residual)) if fit.order else fit
+
+
 class _Problem:
     """Least squares from one start, in parameters scaled to their ranges."""
 
@@ -204,6 +213,22 @@ class _Problem:
         reached = descent.run(scaled, low, high, tolerance)
         fit = self._fit(reached.x, reached.residual, reached.jacobian)
         return replace(fit, abandoned=descent.abandoned)
+
+    def central_jacobian(self, residual: Floats) -> Floats:
+        """Jacobian (samples x parameters) at the start, where it leaves `residual`.
+
+        By differences to one side only within a step of an end of a range.
+        """
+        scaled = np.array([share for share, _ in self._begun])
+        steps = np.array([p.difference for _, p in self._order])
+        low, high = self._box()
+        outwards = np.where(np.minimum(scaled - low, high - scaled) > steps, -steps, steps)
+        parts = [self._residuals.part(p.run) for _, p in self._order]
+        sides = [
+            SecantJacobian(self._residual, differences.tolist(), parts, self._change).at(scaled)
+            for differences in (steps, outwards)
+        ]
+        return self._fit(scaled, residual, (sides[0] + sides[1]) / 2).jacobian
 
     def _box(self) -> tuple[Floats, Floats]:
         """Lower and upper ends of the scaled parameters; an angle may go once around either way."""

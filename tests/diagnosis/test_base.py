@@ -133,6 +133,37 @@ def test_numbers_of_which_only_the_product_is_told_leave_the_others_their_interv
     assert answer.correlations == {"base.r": {"base.r": 1.0}}
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_numbers_of_which_only_quotients_are_told_have_wide_intervals(seed):
+    """A mass on a spring that swings freely: k / m and c / m count, and the start is known.
+
+    The response is not linear in the numbers, and differences to one side seem to tell them apart.
+    """
+    numbers = (
+        Parameter("k", "N/m", 1.0, 100.0, (20.0,)),
+        Parameter("c", "N s/m", 0.0, 5.0, (0.3,)),
+        Parameter("m", "kg", 0.5, 10.0, (2.0,)),
+        Parameter("x", "m", 0.0, 5.0, (1.0,)),
+    )
+
+    def swinging(settings):
+        own = settings["base"]
+        decay, stiffness = own["c"] / own["m"] / 2, own["k"] / own["m"]
+        return [own["x"] * np.exp(-decay * T) * np.cos(np.sqrt(stiffness - decay**2) * T)]
+
+    truth = {"k": 18.0, "c": 0.4, "m": 2.0}
+    (values,) = swinging({"base": {**truth, "x": 1.0}})
+    answer = mopro.reconcile(swinging, [], measured(values, 1e-3, seed), base=numbers)
+    assert answer.verdict == "none"
+    for name, true in truth.items():
+        low, high = answer.base[name].ci95
+        assert low < true < high
+        assert high - low > true
+    low, high = answer.base["x"].ci95
+    assert low < 1.0 < high < low + 1e-3
+    assert answer.base["k"].value / answer.base["m"].value == pytest.approx(9.0, abs=0.01)
+
+
 def test_unknown_noise_is_taken_from_what_the_fitted_numbers_leave():
     """The model is a measured reference times `k`, which starts at a quarter of the truth."""
     rng = np.random.default_rng(4)

@@ -10,7 +10,15 @@ from helpers.signals import candidates, measured, of_size, sizes, times
 from mopro.assumed import LINEARITY_ERROR
 from mopro.diagnosis import Candidate, Parameter, Role, Series
 from mopro.diagnosis.search.hypotheses import Hypotheses
-from mopro.fits import Descent, Evidence, Fit, Limit, SecantJacobian, least_squares_fit
+from mopro.fits import (
+    Descent,
+    Evidence,
+    Fit,
+    Limit,
+    SecantJacobian,
+    least_squares_fit,
+    with_central_jacobian,
+)
 from mopro.residuals import Residuals
 from mopro.residuals.noise import Noise
 
@@ -53,6 +61,36 @@ def test_the_errors_are_those_of_the_jacobian_at_the_minimum():
     assert np.abs(fit.jacobian - closed).max() < 0.02 * np.abs(closed).max()
     errors = np.sqrt(np.diag(np.linalg.inv(closed.T @ closed)))
     assert as_stated(residuals, DECAY).deviations(fit) == pytest.approx(errors, rel=0.02)
+
+
+def test_a_central_jacobian_errs_by_the_square_of_the_step():
+    """By h² / 6 of the third derivative; to one side, by h / 2 of the second."""
+    residuals = problem(decaying)
+    fit = least_squares_fit(residuals, [DECAY], [{"decay": {"height": 1.0, "rate": 1.0}}])
+    height, rate = fit.settings["decay"].values()
+    closed = height * TIME_S * np.exp(-rate * TIME_S) / SIGMA
+    step = 1e-3 * (20.0 - 0.1)
+    central = with_central_jacobian(residuals, fit)
+    missed = np.abs(central.jacobian[:, 1] - closed).max()
+    assert missed == pytest.approx(np.abs(step**2 / 6 * TIME_S**2 * closed).max(), rel=0.1)
+    assert np.abs(fit.jacobian[:, 1] - closed).max() > 50 * missed
+
+
+def test_a_central_jacobian_asks_for_no_prediction_outside_of_a_range():
+    """A number at the end of its range is changed to the inner side only."""
+    rates = []
+
+    def watched(settings):
+        rates.append(settings.get("decay", {}).get("rate", 8.0))
+        return decaying(settings)
+
+    residuals = problem(watched)
+    fit = least_squares_fit(residuals, [FAST], [{"decay": {"height": 1.0, "rate": 9.0}}])
+    assert fit.settings["decay"]["rate"] == pytest.approx(8.0, abs=1e-3)
+    rates.clear()
+    with_central_jacobian(residuals, fit)
+    assert len(set(rates)) == 2
+    assert min(rates) >= 8.0
 
 
 def test_the_jacobian_of_a_linear_residual_is_taken_by_differences_once():
