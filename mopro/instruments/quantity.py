@@ -128,12 +128,14 @@ class Measurable:
         return self.reads == "v"
 
 
+# One unit of each dimension that the place of an axis may have.
+AXIS_UNITS = ("m", "rad", "count", "V")
 MEASURABLES = {
     measurable.name: measurable
     for measurable in (
-        Measurable("position", ("m", "rad", "count"), reads="x"),
+        Measurable("position", AXIS_UNITS, reads="x"),
         Measurable("angle", ("rad", "count"), reads="x"),
-        Measurable("speed", ("m/s", "rad/s", "count/s"), reads="v"),
+        Measurable("speed", tuple(f"{unit}/s" for unit in AXIS_UNITS), reads="v"),
         Measurable("force", ("N",)),
         Measurable("torque", ("N m",)),
         Measurable("current", ("A",)),

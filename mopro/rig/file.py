@@ -20,6 +20,7 @@ from mopro.formula.entry import (
 )
 from mopro.formula.language import PI
 from mopro.formula.written import Written, WrittenEffect
+from mopro.instruments.quantity import AXIS_UNITS
 from mopro.rig.model import (
     AXIS,
     ENTERS,
@@ -128,11 +129,12 @@ def _callable(value: Value) -> tuple[str, str]:
 def _axis_unit(value: Value) -> str:
     unit = read_unit(value)
     if dimension_of_unit(unit) not in _AXIS_DIMENSIONS:
-        raise value.refused("expected a unit of a length, an angle or count", "wrong-unit")
+        raise value.refused("expected a unit of a length, an angle, count or V", "wrong-unit")
     return unit
 
 
-_AXIS_DIMENSIONS = tuple(map(dimension_of_unit, ("m", "rad", "count")))
+# Of a place, or of what stands for one: the reading of a converter, the output of an oscillator.
+_AXIS_DIMENSIONS = tuple(map(dimension_of_unit, AXIS_UNITS))
 
 
 # -- numbers -----------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from mopro.errors import Diagnostic, ModelError
 from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
 from mopro.formula.written import WrittenEffect
+from mopro.instruments.quantity import AXIS_UNITS
 from mopro.rig.data import RigExperiment, Sensor
 from mopro.rig.file import EFFORT, catalogue, unlisted_terms
 from mopro.rig.model import (
@@ -31,7 +32,6 @@ TIME = dimension_of_unit("s")
 _KELVIN = dimension_of_unit("K")
 # An angle (rad) that is a whole turn but for a step.
 _TURN = 0.95 * 2 * math.pi
-_SI = {"length": "m", "angle": "rad", "count": "count"}
 
 
 def divided(one: Dimension, other: Dimension) -> Dimension:
@@ -182,7 +182,7 @@ def units_of(experiment: RigExperiment) -> dict[str, str]:
 def place_unit(experiment: RigExperiment) -> str:
     """The SI unit of the axis' place."""
     own = axis_dimension(experiment)
-    return next(unit for unit in _SI.values() if dimension_of_unit(unit) == own)
+    return next(unit for unit in AXIS_UNITS if dimension_of_unit(unit) == own)
 
 
 def _effort(experiment: RigExperiment) -> str:
@@ -235,6 +235,8 @@ def _check_reads(sensor: Sensor, known: Dimensions) -> None:
             hint = (
                 'such as reads = "mass * a + viscous * v", of numbers in [base] of a machine file'
             )
+            if known.get("x") == sensor.dimension:
+                hint += ', or quantity = "position" of the axis'
             raise sensor.value.error(message, "missing-key", hint)
         if known[name] not in (None, sensor.dimension):
             message = f"{sensor.name} is in {sensor.unit}, which is no unit of the model's {name}"

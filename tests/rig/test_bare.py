@@ -88,6 +88,55 @@ def test_a_hardening_spring_is_named_where_only_the_kind_is_stated(tmp_path, zer
     assert named["parameters"]["k3"]["value"] == pytest.approx(4e11, rel=0.005)
 
 
+def test_an_oscillator_whose_place_is_a_voltage_has_a_hardening_spring(tmp_path):
+    """As `machine = "axis"` and as a law of the user's, in V throughout."""
+    columns = shaken(4e5, count=800)
+    columns["out_V"] = columns.pop("position_mm")
+    law = """\
+kind = "axis"
+name = "oscillator"
+unit = "V"
+acceleration = "gain * drive - w2 * x - damping * v"
+[base]
+gain = { value = 1e5, unit = "1/s2", free = true, range = [1e4, 1e6] }
+w2 = { value = 1e5, unit = "1/s2", free = true, range = [1e4, 1e6] }
+damping = { value = 20, unit = "1/s", free = true, range = [0, 200] }
+"""
+    (tmp_path / "machine.toml").write_text(law, encoding="utf-8")
+    write(tmp_path / "run.csv", columns)
+    for machine in ("axis", "machine.toml"):
+        text = SHAKEN.replace('"position_mm"', '"out_V"').replace('"axis"', f'"{machine}"')
+        (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+        done = run_here(
+            tmp_path, "reconcile", "experiment.toml", "--json", "--out", "repaired.toml"
+        )
+        answer = json.loads(done.stdout)
+        assert answer["gap"]["unit"] == "V"
+        (named,) = answer["effects"]
+        assert (answer["verdict"], named["name"]) == ("named", "cubic_stiffness")
+        k3 = named["parameters"]["k3"]
+        assert k3["unit"] == "1/(V2 s2)"
+        assert k3["value"] == pytest.approx(4e5, rel=0.005)
+    assert 'unit = "V"' in (tmp_path / "repaired.toml").read_text(encoding="utf-8")
+
+
+def test_a_voltage_without_an_input_of_that_name_may_be_the_place(tmp_path):
+    columns = shaken(0.0, count=300)
+    columns["out_V"] = columns.pop("position_mm")
+    text = SHAKEN.replace('"position_mm"', '"out_V"').replace('"position"', '"voltage"')
+    (tmp_path / "machine.toml").write_text(
+        'kind = "axis"\nname = "m"\nunit = "V"\nacceleration = "-w2 * x + k * drive"\n[base]\n'
+        'w2 = { value = 1e5, unit = "1/s2" }\nk = { value = 1e5, unit = "1/s2" }\n',
+        encoding="utf-8",
+    )
+    text = text.replace('"axis"', '"machine.toml"')
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    write(tmp_path / "run.csv", columns)
+    done = run_here(tmp_path, "compare", "experiment.toml")
+    assert done.returncode == 2
+    assert 'quantity = "position" of the axis' in done.stderr
+
+
 def test_a_free_start_is_told_in_the_unit_of_the_axis(tmp_path):
     columns = driven(mass=2.0, viscous=3.0, spring=40.0)
     columns = {name: own[100:] for name, own in columns.items()}
