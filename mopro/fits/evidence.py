@@ -251,8 +251,9 @@ class Evidence:
         normal = scaled.T @ scaled + prior if len(spans) else prior
         if not np.isfinite(normal).all():
             return np.full_like(normal, math.inf)
-        sizes = np.sqrt(np.diag(normal))
-        units = np.outer(*[np.where(sizes > 0, sizes, 1.0)] * 2)
+        lengths = np.sqrt(np.diag(normal))
+        lengths[lengths == 0] = 1.0
+        units = np.outer(lengths, lengths)
         weights, directions = np.linalg.eigh(normal / units)
         seen = weights > weights.max(initial=0.0) / MOST_CONDITION
         inverse = (directions[:, seen] / weights[seen]) @ directions[:, seen].T
