@@ -51,10 +51,10 @@ start = { x = 0, v = 0 }
 """
 
 
-def motor_folder(folder, by_direction=0.0, saturation=0.0, most=1.0):
+def motor_folder(folder, by_direction=0.0, saturation=0.0, most=1.0, dead=0.0):
     """A motor whose drive is stronger one way by a share, or weaker by a share of the duty².
 
-    It gives no more than the duty `most`, one way.
+    It gives no more than the duty `most`, one way, and less by `dead` than it is told, or nothing.
     """
     t, rng = np.arange(0, 16, 0.02), RNG(4)
     duty = np.repeat(rng.uniform(-0.9, 0.9, 16), 50)
@@ -63,6 +63,7 @@ def motor_folder(folder, by_direction=0.0, saturation=0.0, most=1.0):
     for share in duty.tolist():
         angles.append(x)
         share = min(share, most)
+        share = math.copysign(max(abs(share) - dead, 0.0), share)
         pushed = 50.0 * (share + by_direction * abs(share) - saturation * share**3)
         for _ in range(20):
             a = pushed - 1.5 * (v + h / 2 * (pushed - 1.5 * v))
@@ -79,6 +80,16 @@ def test_a_drive_that_is_stronger_one_way_is_named_by_its_input(tmp_path):
     (effect,) = answer["effects"]
     assert effect["name"] == "direction_dependent_gain"
     assert effect["parameters"]["k_u"]["value"] == pytest.approx(0.1, rel=0.02)
+
+
+def test_a_drive_that_is_dead_about_zero_is_no_friction(tmp_path):
+    """Without it in the catalogue a friction with a lag of the sensor was told in its place."""
+    motor_folder(tmp_path, dead=0.08)
+    answer = answered(tmp_path)
+    (effect,) = answer["effects"]
+    assert (answer["verdict"], effect["name"]) == ("named", "input_dead_zone")
+    assert effect["parameters"]["w"]["value"] == pytest.approx(0.08, rel=0.02)
+    assert effect["parameters"]["w"]["unit"] == "1"
 
 
 def test_a_drive_that_saturates_is_drafted_as_a_law_of_the_command(tmp_path):
