@@ -128,8 +128,10 @@ class Measurable:
         return self.reads == "v"
 
 
-# One unit of each dimension that the place of an axis may have.
-AXIS_UNITS = ("m", "rad", "count", "V")
+# One unit of each dimension of a place, and of what may stand for that of an axis: the output of an
+# oscillator, or of a converter.
+PLACE_UNITS = ("m", "rad", "count")
+AXIS_UNITS = (*PLACE_UNITS, "V")
 MEASURABLES = {
     measurable.name: measurable
     for measurable in (

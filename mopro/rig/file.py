@@ -133,7 +133,6 @@ def _axis_unit(value: Value) -> str:
     return unit
 
 
-# Of a place, or of what stands for one: the reading of a converter, the output of an oscillator.
 _AXIS_DIMENSIONS = tuple(map(dimension_of_unit, AXIS_UNITS))
 
 

@@ -13,7 +13,7 @@ from mopro.experiment.rigs.bare import skeleton
 from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, parse
 from mopro.formula.entry import check_name, read_effects, read_formula
 from mopro.formula.written import Written
-from mopro.instruments.quantity import MEASURABLES, Measurable, unit_of_column
+from mopro.instruments.quantity import MEASURABLES, PLACE_UNITS, Measurable, unit_of_column
 from mopro.rig.data import Sensor
 from mopro.rig.file import HOSTS, load_rig
 from mopro.rig.model import AMBIENT, AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, Rig
@@ -28,8 +28,6 @@ _SENSOR_KEYS = {
     "sign", "reads", "rate_hz",
 }  # fmt: skip
 _RUN_KEYS = {"data", "name", "part", "use", "columns", "inputs", "start", "without", "program"}
-# Units of a place, one of each dimension that it may have.
-_PLACES = MEASURABLES["position"].units
 _INPUT_KEYS = {"column", "formula", "unit", "hold", "feedback"}
 _FREE, _UNKNOWN = "free", "unknown"
 
@@ -204,7 +202,7 @@ def _with_unit(machine: Rig, sensors: Sequence[Sensor], runs: Sequence[RunEntry]
     told = [s.unit for s in sensors if s.quantity.tells_place]
     if machine.kind == KINEMATIC:
         commands = [run.inputs["command"].unit for run in runs if "command" in run.inputs]
-        told += [u for u in commands if dimension_of_unit(u) in map(dimension_of_unit, _PLACES)]
+        told += [u for u in commands if dimension_of_unit(u) in map(dimension_of_unit, PLACE_UNITS)]
     return replace(machine, unit=told[0] if told else "1")
 
 
