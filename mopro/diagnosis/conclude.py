@@ -73,7 +73,7 @@ def conclude(state: State) -> Verdict:
 
 @dataclass(frozen=True)
 class _Sizes:
-    """What is known of the effects `told` by a `fit`: values, intervals, correlations, support.
+    """Values, intervals, correlations and support of the effects `told`, by a `fit`.
 
     Beside drafts by the fit with the free-form terms: without, an effect makes up for a part of
     what the terms describe, or is hidden by it.
