@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from mopro.candidate import Parameter
+from mopro.candidate import Candidate, Parameter
+from mopro.fits import NO_LIMIT, growing_fit, least_squares_fit
 from mopro.formula.evaluate import Floats
 from mopro.residuals import Residuals
 from mopro.rig.data import Reading, Run
@@ -17,10 +17,6 @@ from mopro.rig.model import AXIS, KINEMATIC, THERMAL
 from mopro.rig.simulation import BASE, SCALE, START, Model
 from mopro.series import Series, Settings
 
-# Shares of each run that are fitted one after the other: an oscillation that is a cycle off at the
-# end of a run is told by its beginning.
-_SHARES = (0.1, 0.3, 1.0)
-_MOST_CALLS = 60
 # Steps of finite differences, as shares of the ranges. Fifty swings magnify a change.
 DIFFERENCE = 1e-6
 # Samples that the first position and speed are taken from, and multiples of what the data show
@@ -146,40 +142,12 @@ def fitted_base(model: Model, data: Sequence[Series], parameters: Sequence[Param
     """The free numbers fitted without effects; an axis' to the beginning of the runs first."""
     if not parameters:
         return BaseFit(())
-    found = tuple(parameters)
-    started = BaseFit(found).settings
-    residuals = Residuals(model, data, scaled_at=started)
-    for share in _SHARES if model.rig.kind == AXIS else _SHARES[-1:]:
-        masks = [_beginning(series, share) for series in data]
-        own = residuals.subset(np.concatenate(masks)) if share < 1 else residuals
-        found = _fit(own, found)
-    return BaseFit(found)
-
-
-def _beginning(series: Series, share: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    assert series.time_s is not None, "a reading has times"
-    begin, end = float(series.time_s[0]), float(series.time_s[-1])
-    mask: np.ndarray[tuple[int], np.dtype[np.bool_]] = series.time_s <= begin + share * (
-        end - begin
-    )
-    return mask
-
-
-def _fit(residuals: Residuals, parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    low, high = np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
-    span = high - low
-
-    def at(scaled: Floats) -> Floats:
-        return residuals.at(_settings(parameters, (low + scaled * span).tolist()))
-
-    first = np.clip((np.array([p.starts[0] for p in parameters]) - low) / span, 1e-3, 1 - 1e-3)
-    result = least_squares(
-        at, first, bounds=(0, 1), diff_step=DIFFERENCE, x_scale="jac", max_nfev=_MOST_CALLS
-    )
-    better = result.x if result.cost <= 0.5 * float(np.sum(at(first) ** 2)) else first
-    values = (low + better * span).tolist()
-    return tuple(replace(p, starts=(v,)) for p, v in zip(parameters, values, strict=True))
-
-
-def _settings(parameters: Sequence[Parameter], values: Sequence[float]) -> Settings:
-    return {BASE: {p.name: v for p, v in zip(parameters, values, strict=True)}}
+    start = BaseFit(tuple(parameters)).settings
+    residuals = Residuals(model, data, scaled_at=start)
+    base = (Candidate(BASE, tuple(parameters)),)
+    if model.rig.kind == AXIS:
+        fit = growing_fit(residuals, (), start, NO_LIMIT, base)
+    else:
+        fit = least_squares_fit(residuals, (), [start], base=base)
+    values = fit.settings[BASE]
+    return BaseFit(tuple(replace(p, starts=(values[p.name],)) for p in parameters))

@@ -8,7 +8,9 @@ import pytest
 from helpers.commands import run_here
 from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, driven, write
 from mopro.errors import ModelError
-from mopro.experiment.opened import open_experiment
+from mopro.experiment.opened import OfARig, open_experiment
+from mopro.rig.candidates import candidates
+from mopro.rig.simulation import BASE
 
 EFFECT = FRICTION_OF_PLACE
 
@@ -102,18 +104,16 @@ def test_a_law_that_runs_away_is_told(tmp_path, record):
     assert "runs away" in said
 
 
-def test_a_model_that_runs_away_as_it_fits_is_told_at_the_run(tmp_path):
-    """Its loss has the wrong sign, so that what radiates is soon no number."""
-    machine = """\
+OVEN = """\
 kind = "thermal"
 name = "oven"
 [nodes]
-block = "a * duty + U * (T - ambient)"
+block = "a * duty - U * (T - ambient)"
 [base]
-a = { value = 0.6, unit = "K/s", free = true, range = [0, 5] }
-U = { value = 0.006, unit = "1/s", free = true, range = [0, 50] }
+a = { value = 0.3, unit = "K/s", free = true, range = [0, 5000] }
+U = { value = 0.003, unit = "1/s", free = true, range = [0, 5000] }
 """
-    experiment = """\
+BLOCK = """\
 machine = "machine.toml"
 [inputs]
 duty = { column = "duty_percent", hold = true }
@@ -126,17 +126,40 @@ zero = 0
 [[run]]
 data = "run.csv"
 """
+
+
+def oven_folder(folder, machine=OVEN):
+    """An oven with a time constant of 165 s and a gain of 100 K, in closed form."""
     t = np.arange(0.0, 802.0, 2.0)
     duty = np.where(t < 400, 50.0, 10.0)
-    heated = 21 + 50 * (1 - np.exp(-t / 165))
-    block = np.where(t < 400, heated, 26 + 40.6 * np.exp(-(t - 400) / 165))
-    (tmp_path / "machine.toml").write_text(machine, encoding="utf-8")
-    (tmp_path / "experiment.toml").write_text(experiment, encoding="utf-8")
-    write(tmp_path / "run.csv", {"time_s": t, "duty_percent": duty, "block_C": block})
-    done = run_here(tmp_path, "reconcile", "experiment.toml", "--jobs", "1")
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert all(words in done.stderr for words in ("experiment.toml:10:", "runs away", "U = "))
-    assert "thermal.toml" not in done.stderr
+    at_400 = 50 * (1 - np.exp(-400 / 165))
+    heated = 50 * (1 - np.exp(-t / 165))
+    cooled = 10 + (at_400 - 10) * np.exp(-(t - 400) / 165)
+    rise = np.where(t < 400, heated, cooled)
+    (folder / "machine.toml").write_text(machine, encoding="utf-8")
+    (folder / "experiment.toml").write_text(BLOCK, encoding="utf-8")
+    write(folder / "run.csv", {"time_s": t, "duty_percent": duty, "block_C": 21 + rise})
+    return folder / "experiment.toml"
+
+
+def test_numbers_are_fitted_from_where_they_are_stated_however_wide_their_range(tmp_path):
+    verdict = open_experiment(oven_folder(tmp_path)).conclude(1, lambda _: None, ()).verdict
+    assert verdict.verdict == "none"
+    assert verdict.base["U"].value == pytest.approx(1 / 165, rel=1e-3)
+    assert verdict.base["a"].value == pytest.approx(100 / 165, rel=1e-3)
+
+
+def test_terms_of_a_model_that_runs_away_with_its_numbers_are_refused_at_the_run(tmp_path):
+    """Its loss has the wrong sign, so that what radiates is soon no number."""
+    oven = OVEN.replace("- U", "+ U").replace("5000", "50")
+    opened = open_experiment(oven_folder(tmp_path, oven))
+    assert isinstance(opened, OfARig)
+    study = opened.study
+    numbers = {**study.base.settings[BASE], "U": 0.1}
+    with pytest.raises(ModelError) as told:
+        candidates(study.model, study.series, {BASE: numbers})
+    assert "experiment.toml:10:" in str(told.value)
+    assert all(words in str(told.value) for words in ("runs away", "U = 0.1 1/s"))
 
 
 def test_a_term_that_divides_by_zero_is_told_at_its_formula(tmp_path):
