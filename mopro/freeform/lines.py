@@ -138,9 +138,12 @@ def bump(sensor: str, rows: Mapping[int, Series]) -> Candidate:
                 form = shape(middles, float(at), width)
                 form -= samples @ form / samples.sum()
                 norm = float(samples @ form**2)
-                height = float(form @ sums) / norm if norm else 0.0
-                if height**2 * norm > best[0]:
-                    best = height**2 * norm, {"h": height, "at": float(at), "w": width}
+                along = float(form @ sums)
+                # Between places that were visited a bump of any height shows nothing.
+                height = min(max(along / norm, -size), size) if norm else 0.0
+                gain = height * (2 * along - height * norm)
+                if gain > best[0]:
+                    best = gain, {"h": height, "at": float(at), "w": width}
         if best[1]:
             yield best[1]
 
