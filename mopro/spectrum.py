@@ -36,7 +36,7 @@ def position_spectrum(
     """
     low = min(float(x.min()) for x in positions)
     reach = max(float(x.max()) for x in positions) - low
-    finest = finest or max(reach / _DEFAULT_LINES, 2 * _grid_step(np.concatenate(positions)))
+    finest = finest or max(reach / _DEFAULT_LINES, 2 * grid_step(np.concatenate(positions)))
     if reach < finest:
         return np.empty(0), np.empty(0)
     finest = max(finest, _BINS_PER_PERIOD * reach / _MOST_BINS)
@@ -52,7 +52,7 @@ def position_spectrum(
     return np.arange(1, lines) / (length * width), power
 
 
-def _grid_step(positions: Floats) -> float:
+def grid_step(positions: Floats) -> float:
     """The step of the grid that all positions are on; 0 if they are on none."""
     steps = np.diff(np.sort(positions))
     largest = float(steps.max(initial=0.0))

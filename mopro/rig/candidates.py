@@ -6,6 +6,8 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import or_
 
 import numpy as np
 
@@ -34,6 +36,7 @@ from mopro.rig.names import TIME, capacity_of, inertia_of, names_of, units_of
 from mopro.rig.search import Search
 from mopro.rig.simulation import BASE, Known, Model, term_of
 from mopro.series import Series, Settings
+from mopro.spectrum import grid_step
 
 # An amplitude is looked for up to this multiple of what would make the term as large as the
 # quantity that it is added to, and simulated first at this share of it.
@@ -41,11 +44,14 @@ _LARGEST, _PROBED = 3.0, 0.03
 # A shape without a range: shares of the span of the quantity of its unit, and where it starts.
 _SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
 # Longest and shortest period that is looked for: in the span of its variable, of which it takes
-# nearly two to be told from a bend (an axis may make just two turns), and in median steps of it.
+# nearly two to be told from a bend (an axis may make just two turns), and in steps of it.
 # Samples are even in time: from two of them on, less what tells a line from its mirror image, they
 # show a line as it is.
 _MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS, _SHORTEST_INTERVALS = 0.55, 4.0, 2 * (1 + TOLERANCE)
 _PERIOD_STARTS = (0.05, 0.15, 0.4)
+# Share of the span within which two places are one: a place that is visited again is off by
+# rounding.
+_SAME_PLACE = 1e-6
 _SHAPE_DIFFERENCE = 1e-5
 # A start is looked for by a simulation at this share of the range's end, and within these shares.
 _TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-4, 0.3
@@ -57,12 +63,38 @@ _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 @dataclass(frozen=True)
+class _Extent:
+    """Longest span of a signal in a run, and shortest step of it by which samples show a period."""
+
+    span: float = 0.0
+    step: float = math.inf
+
+    def __or__(self, other: _Extent) -> _Extent:
+        return _Extent(max(self.span, other.span), min(self.step, other.step))
+
+
+@dataclass(frozen=True)
 class _Sized:
-    """Sizes of the data: names with their spans and dimensions, for ranges of parameters."""
+    """Sizes of the data, from which ranges of parameters follow.
+
+    `names`: those that formulas of a range may use. `along`: the extent (SI) of each signal along
+    the runs, by dimension and name; `read`: that of the samples that a sensor was read at, in
+    whatever order their places were visited.
+    """
 
     names: Mapping[str, float]
-    spans: Mapping[Dimension, float]
-    steps: Mapping[Dimension, float]
+    along: Mapping[Dimension, Mapping[str, _Extent]]
+    read: Mapping[Dimension, Mapping[str, _Extent]]
+
+    def extent(self, effect: WrittenEffect, dimension: Dimension) -> _Extent:
+        """That of the signals of a dimension in the effect's term, or of all if it has none.
+
+        A term of the measurement acts at the samples, any other one throughout the motion.
+        """
+        read = effect.enters == MEASUREMENT and dimension != TIME
+        every = (self.read if read else self.along).get(dimension, {})
+        own = [each for name, each in every.items() if name in effect.term.formula.names]
+        return reduce(or_, own or every.values(), _Extent())
 
 
 def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list[Candidate]:
@@ -128,8 +160,14 @@ def _of_foreign(effect: WrittenEffect) -> Candidate:
 def _candidate(
     model: Model, effect: WrittenEffect, data: Sequence[Series], settings: Settings, sized: _Sized
 ) -> Candidate | None:
-    """The candidate of an effect; None for a listed one that does nothing in these data."""
-    shapes = [_shape(p, sized) for p in effect.parameters if p.role != AMPLITUDE]
+    """The candidate of an effect; None for one that does nothing, or cannot show, in these data."""
+    shapes = []
+    for p in effect.parameters:
+        if p.role != AMPLITUDE:
+            shape = _shape(effect, p, sized)
+            if shape is None:
+                return None
+            shapes.append(shape)
     fixed = {p.name: p.starts[0] for p in shapes}
     sizes = _scale_of(model, effect, settings, data)
     amplitudes = []
@@ -175,20 +213,22 @@ def _about(parameter: Parameter, null: float) -> Parameter:
 
 
 def _sizes(model: Model, settings: Settings) -> _Sized:
-    spans: dict[Dimension, float] = {}
-    steps: dict[Dimension, float] = {}
+    along: dict[Dimension, dict[str, _Extent]] = {}
+    read: dict[Dimension, dict[str, _Extent]] = {}
     names = {"step": math.inf, "length": 0.0, "x_span": 0.0, "v_max": 0.0, "a_max": 0.0}
     known = names_of(model.experiment)
     for run in model.experiment.trials:
         values = model.values_in(run, settings)
+        rows = np.unique(np.concatenate([reading.rows for reading in run.readings]))
         for name, own in values.items():
             dimension = known.get(name)
             if dimension is not None and np.isfinite(own).all():
-                spans[dimension] = max(spans.get(dimension, 0.0), float(np.ptp(own)))
-                moved = np.abs(np.diff(own))
-                moved = moved[moved > 0]
-                if len(moved):
-                    steps[dimension] = min(steps.get(dimension, math.inf), float(np.median(moved)))
+                for extents, found in (
+                    (along, _Extent(float(np.ptp(own)), _step_along(own))),
+                    (read, _Extent(float(np.ptp(own[rows])), _step_between(own[rows]))),
+                ):
+                    of_unit = extents.setdefault(dimension, {})
+                    of_unit[name] = of_unit.get(name, _Extent()) | found
         names["step"] = min(names["step"], float(np.median(np.diff(run.time_s))))
         names["length"] = max(names["length"], float(np.ptp(run.time_s)))
         for name, of in (("x_span", "x"), ("v_max", "v"), ("a_max", "a")):
@@ -201,7 +241,24 @@ def _sizes(model: Model, settings: Settings) -> _Sized:
             for own in (values[s] for s in signals if s in values and np.isfinite(values[s]).all()):
                 names[low] = min(names.get(low, math.inf), float(np.min(own)))
                 names[high] = max(names.get(high, -math.inf), float(np.max(own)))
-    return _Sized(names, spans, steps)
+    return _Sized(names, along, read)
+
+
+def _step_along(values: Floats) -> float:
+    """The median change from sample to sample, infinite where there is none."""
+    moved = np.abs(np.diff(values))
+    moved = moved[moved > 0]
+    return float(np.median(moved)) if len(moved) else math.inf
+
+
+def _step_between(places: Floats) -> float:
+    """The median distance of neighbouring places, infinite where all are one.
+
+    At least the step of a grid that they are on, where two periods look alike.
+    """
+    apart = np.diff(np.sort(places))
+    apart = apart[apart > _SAME_PLACE * np.ptp(places)]
+    return max(float(np.median(apart)), grid_step(places)) if len(apart) else math.inf
 
 
 def _sized(size: float | Formula, factor: float, sized: _Sized) -> float:
@@ -216,15 +273,16 @@ def _role_of_shape(p: EffectParameter) -> Role:
     return Role.SEARCHED if p.role == THRESHOLD else Role.SHAPE
 
 
-def _shape(p: EffectParameter, sized: _Sized) -> Parameter:
+def _shape(effect: WrittenEffect, p: EffectParameter, sized: _Sized) -> Parameter | None:
+    """A shape of an effect; None for a period that these data do not show."""
     dimension = dimension_of_unit(p.unit)
-    span = (sized.spans.get(dimension) or 1.0) / p.factor
-    step = (sized.steps.get(dimension) or span / 100) / p.factor
+    extent = sized.extent(effect, dimension)
+    span, step = (extent.span or 1.0) / p.factor, extent.step / p.factor
     low, high = _SHAPES[0] * span, _SHAPES[1] * span
     starts = tuple(share * span for share in _SHAPE_STARTS)
     if p.role == PERIOD:
         steps = _SHORTEST_INTERVALS if dimension == TIME else _SHORTEST_STEPS
-        low, high = min(steps * step, span / 4), _MOST_PERIODS_OF_SPAN * span
+        low, high = steps * step, _MOST_PERIODS_OF_SPAN * span
         starts = tuple(share * span for share in _PERIOD_STARTS)
     if p.low is not None and p.high is not None:
         low, high = (_sized(end, p.factor, sized) for end in (p.low, p.high))
@@ -234,6 +292,8 @@ def _shape(p: EffectParameter, sized: _Sized) -> Parameter:
         starts = (low, high)
     if p.start is not None:
         starts = (_sized(p.start, p.factor, sized),)
+    if not low < high:
+        return None
     return Parameter(
         p.name, p.unit, low, high, tuple(min(max(s, low), high) for s in starts),
         _role_of_shape(p), inverse=p.role == PERIOD and low > 0, difference=_SHAPE_DIFFERENCE,

@@ -316,6 +316,36 @@ def test_of_equal_explanations_the_one_that_is_listed_first_is_named(tmp_path):
     assert period["parameters"]["P"]["value"] == pytest.approx(1.0, rel=2e-3)
 
 
+def test_a_period_of_place_is_named_where_the_axis_goes_from_place_to_place(tmp_path):
+    """Two neighbouring places may be far apart in time: what was moved between tells nothing."""
+    places = RNG(6).uniform(0, 100, 60)
+    target = np.repeat(places, 5)
+    measured = target + 0.05 * np.sin(2 * np.pi * target / 11.0 + 0.8)
+    measured += 0.01 * RNG(7).standard_normal(len(target))
+    t = np.arange(float(len(target)))
+    columns = {"time_s": t, "target_mm": target, "position_mm": measured}
+    answer = reconciled(tmp_path, FOLLOWS.replace("0.02", "0.01"), columns)
+    assert answer["verdict"] == "named"
+    assert sizes(answer) == {
+        "periodic_error.P": pytest.approx(11.0, rel=5e-3),
+        "periodic_error.s": pytest.approx(0.05 * math.cos(0.8), abs=0.004),
+        "periodic_error.c": pytest.approx(0.05 * math.sin(0.8), abs=0.004),
+    }
+
+
+def test_a_few_places_show_no_period(tmp_path):
+    """Of three places one that is off may be a period, a bend, or a place that is off."""
+    target = np.repeat(RNG(9).permutation(np.repeat([0.0, 50.0, 100.0], 8)), 20)
+    wrong = {0.0: 0.0, 50.0: 0.3, 100.0: 0.1}
+    measured = target + np.array([wrong[x] for x in target])
+    measured += 0.02 * RNG(8).standard_normal(len(target))
+    t = np.arange(float(len(target)))
+    columns = {"time_s": t, "target_mm": target, "position_mm": measured}
+    answer = reconciled(tmp_path, FOLLOWS, columns)
+    assert not {"periodic_error"} & {e["name"] for e in answer["effects"]}
+    assert answer["verdict"] == "unexplained"
+
+
 def test_no_effect_is_named_where_there_is_none(tmp_path):
     measured = MOVES + 0.02 * RNG(2).standard_normal(len(T))
     columns = {"time_s": T, "target_mm": MOVES, "position_mm": measured}
