@@ -73,7 +73,8 @@ LINEARITY_ERROR = 0.02
 PROPORTIONAL = 3.0
 # Effects in one set. Doubled, harmonics of many lines are told, and pure noise costs no more.
 MOST_EFFECTS = 6
-# Sets fitted in one round. Doubled, a round takes twice as long.
+# Sets that are fitted in one round, of those that explain different things. Doubled, a round takes
+# twice as long.
 FITTED = 5
 # Rounds of a search that ends in noise, evaluations in one descent of a fit (those of a few
 # parameters take 3 to 8), refits of one set from its own end. Halved, fits end above their minimum.

@@ -58,6 +58,24 @@ def test_an_alternative_whose_signature_is_slightly_wrong_is_in_the_family(seed)
     assert family(effect) == {"straight", "bent"}
 
 
+def test_a_family_of_many_is_fitted_whole():
+    """Each of fourteen has another 2 % of its response: all alike to signatures and to noise.
+
+    At 40 σ they are fitted to tell, more of them than the kinds that are fitted in a round.
+    """
+    t = times(2000)
+    members = [f"member{i}" for i in range(14)]
+
+    def simulate(settings):
+        own = zip(sizes(settings, *members), range(14), strict=True)
+        return [sum(a * (np.sin(7 * t) + 0.02 * np.cos((11 + i) * t)) for a, i in own)]
+
+    effects = candidates(*members)
+    verdict = diagnosed(simulate, effects, of_size(member4=0.4), 0.4 * np.sqrt(1000) / 40, 3)
+    (effect,) = verdict.effects
+    assert family(effect) == set(members)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_weak_alternative_that_differs_at_its_own_size_is_not_in_the_family(seed):
     """At 1 V, where it is probed, `bent` is the same; at 0.4 V it has -0.19 V of another shape.

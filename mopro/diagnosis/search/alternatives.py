@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import groupby, islice
+from itertools import groupby
 
 import numpy as np
 from scipy import special
@@ -21,7 +21,7 @@ from mopro.assumed import (
 )
 from mopro.candidate import Candidate
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
-from mopro.diagnosis.search.linear_subset import LinearSubset
+from mopro.diagnosis.search.linear_subset import LinearSubset, of_each_kind
 from mopro.diagnosis.search.neighbours import in_form, in_other_forms, neighbourhood
 from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.search.signature import ScoreTest
@@ -62,7 +62,8 @@ def alternatives(sets: Hypotheses, screening: Screening, best: Fit) -> tuple[Alt
     """
     weak: list[Alternative] = []
     subsets = [s for s in neighbourhood(sets, screening, best).subsets if _differs(s.names, best)]
-    for base, group in groupby(sorted(subsets, key=_of_base), key=lambda s: s.base):
+    subsets.sort(key=lambda s: (sorted(s.base.key), s.ebic))
+    for base, group in groupby(subsets, key=lambda s: s.base):
         own = list(group)
         _fit_likely(sets, screening, best, base, own)
         if base.rss - best.rss < _WEAK:
@@ -76,10 +77,6 @@ def alternatives(sets: Hypotheses, screening: Screening, best: Fit) -> tuple[Alt
     for other in sorted([*fitted, *weak], key=lambda a: (a.delta_ebic, sorted(a.names))):
         lowest.setdefault(other.names, other)
     return tuple(lowest.values())
-
-
-def _of_base(subset: LinearSubset) -> tuple[list[tuple[str, str]], float]:
-    return sorted(subset.base.key), subset.ebic
 
 
 def _differs(names: frozenset[str], best: Fit) -> bool:
@@ -108,9 +105,11 @@ def _fit_likely(
             reached = screening.at_its_start(base, subset.members[0]).predicted_reduction
         if reached >= needed:
             close.append((subset.ebic + subset.reduction - reached, subset))
-    close.sort(key=lambda pair: pair[0])
+    close.sort(key=lambda pair: (len(pair[1].members), pair[0]))
+    # Those of more members are predicted to reach more.
+    by_size = groupby((subset for _, subset in close), key=lambda s: len(s.members))
+    likely = [subset for _, group in by_size for subset in of_each_kind(group, FITTED)]
     limit = sets.limit(best)
-    likely = _first_of_each_size([subset for _, subset in close])
     proposals: list[Proposal] = [(s.candidates, [*s.starts, _as_in(best, s)]) for s in likely]
     proposals += [wider for s in likely if (wider := _in_forms_of(sets, best, s))]
     for fit in sets.fit_all(_affordable(sets, best, proposals), limit):
@@ -147,13 +146,6 @@ def _in_forms_of(sets: Hypotheses, best: Fit, subset: LinearSubset) -> Proposal 
         wider[form.name] = form
         start |= in_form(form, {**start[form.name], **fitted})
     return ([wider.get(c.name, c) for c in subset.candidates], [start]) if wider else None
-
-
-def _first_of_each_size(subsets: Sequence[LinearSubset]) -> list[LinearSubset]:
-    """The first few subsets of each number of members; larger ones are predicted to reach more."""
-    by_size = sorted(subsets, key=lambda s: len(s.members))
-    groups = groupby(by_size, key=lambda s: len(s.members))
-    return [subset for _, group in groups for subset in islice(group, FITTED)]
 
 
 def _as_in(best: Fit, subset: LinearSubset) -> Settings:

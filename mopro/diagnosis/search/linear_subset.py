@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice, pairwise
 
@@ -198,20 +198,26 @@ def _start(members: Sequence[ScoreTest], sizes: Floats) -> Settings | None:
     return settings
 
 
-def distinct(subsets: Sequence[LinearSubset], most: int) -> list[LinearSubset]:
-    """The first `most` subsets, leaving out those that differ from an earlier one by twins."""
-    chosen: list[LinearSubset] = []
+def of_each_kind(subsets: Iterable[LinearSubset], most: int) -> list[LinearSubset]:
+    """The first `most` subsets that explain different things, and all that explain the same.
+
+    What signatures cannot tell apart is fitted whole, however many effects that are.
+    """
+    kinds, chosen = list[LinearSubset](), list[LinearSubset]()
     for subset in subsets:
-        if len(chosen) < most and not any(_equivalent(subset, other) for other in chosen):
+        known = any(_alike(subset, other) for other in kinds)
+        if not known and len(kinds) < most:
+            kinds.append(subset)
+        if known or kinds[-1] is subset:
             chosen.append(subset)
     return chosen
 
 
-def _equivalent(one: LinearSubset, other: LinearSubset) -> bool:
-    """True if they add to the same fit, and each member of one is, or has, a twin in the other."""
+def _alike(one: LinearSubset, other: LinearSubset) -> bool:
+    """True if they add to the same fit, and each member of one is in the other, or one like it."""
     if one.base.key != other.base.key or len(one.members) != len(other.members):
         return False
     return all(
-        any(a.candidate.key == b.candidate.key or a.twin_of(b) for b in other.members)
+        any(a.candidate.key == b.candidate.key or a.alike(b) for b in other.members)
         for a in one.members
     )

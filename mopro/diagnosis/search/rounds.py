@@ -20,7 +20,7 @@ from mopro.assumed import (
 )
 from mopro.candidate import Candidate
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
-from mopro.diagnosis.search.linear_subset import LinearSubset, distinct
+from mopro.diagnosis.search.linear_subset import LinearSubset, of_each_kind
 from mopro.diagnosis.search.neighbours import (
     Neighbourhood,
     in_other_forms,
@@ -221,13 +221,13 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
         error = LINEARITY_ERROR * first.reduction
         excess = near.fit.rss - near.fit.count * sets.scale(near.fit)
         if excess - first.reduction <= error:
-            return distinct([s for s in single if s.ebic < first.ebic + error], FITTED)
+            return of_each_kind([s for s in single if s.ebic < first.ebic + error], FITTED)
     if not near.fit.candidates and single and _misled(sets, near, single[0], hopeful):
-        return distinct(single, SECOND_GUESSES)
-    chosen = distinct(hopeful, FITTED)
+        return of_each_kind(single, SECOND_GUESSES)
+    chosen = of_each_kind(hopeful, FITTED)
     if near.fit.far_from_linear:
-        chosen += distinct([s for s in hopeful if len(s.members) == 1], 2 * FITTED)
-    return list(dict.fromkeys([*chosen, *distinct(_simpler(near), FITTED)]))
+        chosen += of_each_kind([s for s in hopeful if len(s.members) == 1], 2 * FITTED)
+    return list(dict.fromkeys([*chosen, *of_each_kind(_simpler(near), FITTED)]))
 
 
 def _as_good(sets: Hypotheses, best: Fit) -> list[Key]:

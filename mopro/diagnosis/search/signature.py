@@ -39,11 +39,12 @@ class ScoreTest:
     explained: NDArray[np.float32]
     group: Group = ()
 
-    def twin_of(self, other: ScoreTest) -> bool:
-        """True if both would take away the same, to within 1 in chi-squared."""
+    def alike(self, other: ScoreTest) -> bool:
+        """True if both would take away the same, as far as signatures tell."""
         if not self.starts or not other.starts:
             return False
-        return float(np.sum((self.explained - other.explained) ** 2)) < SAME
+        error = LINEARITY_ERROR * min(self.predicted_reduction, other.predicted_reduction)
+        return float(np.sum((self.explained - other.explained) ** 2)) < max(SAME, error)
 
 
 @dataclass(frozen=True)
