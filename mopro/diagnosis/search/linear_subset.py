@@ -199,16 +199,17 @@ def _start(members: Sequence[ScoreTest], sizes: Floats) -> Settings | None:
 
 
 def of_each_kind(subsets: Iterable[LinearSubset], most: int) -> list[LinearSubset]:
-    """The first `most` subsets that explain different things, and all that explain the same.
+    """The first `most` subsets that explain different things, and all single effects like those.
 
-    What signatures cannot tell apart is fitted whole, however many effects that are.
+    Single effects that signatures cannot tell apart are fitted, however many they are. Of larger
+    sets that is left to the round that replaces the effect.
     """
     kinds, chosen = list[LinearSubset](), list[LinearSubset]()
     for subset in subsets:
         known = any(_alike(subset, other) for other in kinds)
         if not known and len(kinds) < most:
             kinds.append(subset)
-        if known or kinds[-1] is subset:
+        if kinds[-1] is subset or (known and len(subset.members) == 1):
             chosen.append(subset)
     return chosen
 
