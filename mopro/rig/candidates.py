@@ -245,14 +245,14 @@ def _sizes(model: Model, settings: Settings) -> _Sized:
 
 
 def _step_along(values: Floats) -> float:
-    """The median change from sample to sample, infinite where there is none."""
+    """The median change from sample to sample (in the unit of `values`), infinite without any."""
     moved = np.abs(np.diff(values))
     moved = moved[moved > 0]
     return float(np.median(moved)) if len(moved) else math.inf
 
 
 def _step_between(places: Floats) -> float:
-    """The median distance of neighbouring places, infinite where all are one.
+    """The median distance of neighbouring places (in their unit), infinite where all are one.
 
     At least the step of a grid that they are on, where two periods look alike.
     """
@@ -274,7 +274,7 @@ def _role_of_shape(p: EffectParameter) -> Role:
 
 
 def _shape(effect: WrittenEffect, p: EffectParameter, sized: _Sized) -> Parameter | None:
-    """A shape of an effect; None for a period that these data do not show."""
+    """A shape of an effect; None if its range is empty, as of a period that no data show."""
     dimension = dimension_of_unit(p.unit)
     extent = sized.extent(effect, dimension)
     span, step = (extent.span or 1.0) / p.factor, extent.step / p.factor

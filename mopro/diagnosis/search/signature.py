@@ -40,7 +40,7 @@ class ScoreTest:
     group: Group = ()
 
     def alike(self, other: ScoreTest) -> bool:
-        """True if both would take away the same, as far as signatures tell."""
+        """True if both would take away the same to within 2 % of it, or 1 in chi-squared."""
         if not self.starts or not other.starts:
             return False
         error = LINEARITY_ERROR * min(self.predicted_reduction, other.predicted_reduction)
