@@ -9,7 +9,6 @@ import numpy as np
 from scipy import optimize
 
 from mopro.assumed import FIT_TOLERANCE, INTERIOR, LINEARITY_ERROR, PROPORTIONAL, ROUNDING
-from mopro.residuals import projected_out
 from mopro.series import Floats, Mask
 
 
@@ -110,8 +109,8 @@ class SecantJacobian:
         """
         assert self.last is not None, "the Jacobian is taken at the start"
         inside = (self.last.x > low + INTERIOR) & (self.last.x < high - INTERIOR)
-        basis, _ = np.linalg.qr(self.last.jacobian[:, inside])
-        return projected_out(basis, self.last.residual)
+        own, residual = self.last.jacobian[:, inside], self.last.residual
+        return residual + own @ gauss_newton_step(own, residual) if inside.any() else residual
 
     def _secant_update(self, x: Floats, residual: Floats) -> Floats | None:
         """The last Jacobian corrected by the step to `x`; None if it predicted that badly."""
