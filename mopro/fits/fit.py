@@ -13,7 +13,7 @@ from mopro.candidate import Candidate, Parameter, Role
 from mopro.fits.descent import Descent
 from mopro.fits.jacobian import SecantJacobian, gauss_newton_step
 from mopro.fits.limit import NO_LIMIT, Limit
-from mopro.residuals import Residuals
+from mopro.residuals import Residuals, projected_out
 from mopro.series import Floats, Settings
 
 # Shares of each series that are fitted one after another where the whole one misleads: each is
@@ -89,6 +89,11 @@ class Fit:
         """Orthonormal basis (samples x parameters) of the Jacobian."""
         basis, _ = np.linalg.qr(self.jacobian)
         return np.asarray(basis)
+
+    @cached_property
+    def adapted(self) -> Floats:
+        """The residual (samples) once all parameters have adapted, to first order."""
+        return projected_out(self.tangent, self.residual)
 
     def settings_without(self, names: frozenset[str]) -> Settings:
         """The settings, the effects `names` off and the others as they are."""

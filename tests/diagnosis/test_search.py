@@ -573,3 +573,27 @@ def test_how_many_signatures_are_kept_decides_nothing(monkeypatch, kept):
     before = asked()
     monkeypatch.setattr(screening, "_KEPT_BYTES", kept)
     assert asked() == before
+
+
+def test_what_replaces_an_effect_is_predicted_beside_the_others_as_they_are():
+    """Fitted without `slow`, `play` takes its sine along and is off by 0.77 V.
+
+    There its response is another; beside `play` at 1 V, `late` is predicted to leave noise.
+    """
+    t = times()
+
+    def simulate(settings):
+        play, late, slow = sizes(settings, "play", "late", "slow")
+        bent = play * np.sin(7 * t) + 0.3 * play**2 * np.cos(11 * t)
+        return [bent + (late + slow) * np.sin(7 * t + 0.3) + 0.02 * slow * np.sin(13 * t)]
+
+    data = measured(simulate(of_size(play=1.0, late=1.5))[0], 0.01, 1)
+    sets = Hypotheses(Residuals(simulate, data), candidates("play", "late", "slow"))
+    play, _, slow = sets.catalogue
+    fit = sets.fitted([play, slow], of_size(play=1.0, slow=1.5))
+    assert sets.without(fit, "slow").settings["play"]["size"] == pytest.approx(1.77, abs=0.01)
+    near = neighbourhood(sets, Screening(sets), fit).subsets
+    (swapped,) = [s for s in near if s.names == {"play", "late"}]
+    found = sets.fitted(swapped.candidates, swapped.start)
+    assert swapped.base.rss - swapped.reduction == pytest.approx(found.rss, rel=1e-3)
+    assert found.rss < 1.1 * found.count

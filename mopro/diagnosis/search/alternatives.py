@@ -110,7 +110,7 @@ def _fit_likely(
     by_size = groupby((subset for _, subset in close), key=lambda s: len(s.members))
     likely = [subset for _, group in by_size for subset in of_each_kind(group, FITTED)]
     limit = sets.limit(best)
-    proposals: list[Proposal] = [(s.candidates, [*s.starts, _as_in(best, s)]) for s in likely]
+    proposals: list[Proposal] = [(s.candidates, s.starts) for s in likely]
     proposals += [wider for s in likely if (wider := _in_forms_of(sets, best, s))]
     for fit in sets.fit_all(_affordable(sets, best, proposals), limit):
         if not fit.abandoned:
@@ -146,16 +146,6 @@ def _in_forms_of(sets: Hypotheses, best: Fit, subset: LinearSubset) -> Proposal 
         wider[form.name] = form
         start |= in_form(form, {**start[form.name], **fitted})
     return ([wider.get(c.name, c) for c in subset.candidates], [start]) if wider else None
-
-
-def _as_in(best: Fit, subset: LinearSubset) -> Settings:
-    """The start of `subset` with the effects of `best` in it as they are in `best`.
-
-    Without the effect that is replaced they have adapted, from where a fit may not come back.
-    """
-    shared = subset.base.key & best.key
-    kept = [c.name for c in subset.base.candidates if c.key in shared]
-    return {**subset.start, **{name: best.settings[name] for name in kept}}
 
 
 def _needed(sets: Hypotheses, screening: Screening, best: Fit, base: Fit) -> float:

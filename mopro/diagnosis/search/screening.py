@@ -64,7 +64,7 @@ class Screening:
         self._groups: LRUCache[Hashable, list[Group]] = LRUCache(_KEPT_BYTES, _bytes_of_groups)
         self._searched: LRUCache[Hashable, list[Group]] = LRUCache(_KEPT_BYTES, _bytes_of_groups)
 
-    def beside(self, base: Fit, at: Fit, unabsorbed: Fit | None = None) -> list[ScoreTest]:
+    def beside(self, base: Fit, at: Fit) -> list[ScoreTest]:
         """Score tests of all candidates that may join `base`, the lowest predicted EBIC first.
 
         Signatures are those at the null model. If `base` is `at` itself and leaves more than
@@ -73,36 +73,8 @@ class Screening:
         are: of the likeliest candidates that may come within the margin of alternatives, and of
         all where the null model is far from linear. A free-form term that takes the place of a
         single effect of such a set is simulated beside the others, as it may be that one of them
-        has another form: a damping in the presliding of a friction is nothing without that. Starts
-        are searched in the residual of `base` and of `unabsorbed`, in which other effects have not
-        adapted to what was dropped.
+        has another form: a damping in the presliding of a friction is nothing without that.
         """
-        scores = self._beside(base, at)
-        if unabsorbed is None:
-            return scores
-        return self._sorted(base, [self._with_starts_from(unabsorbed, base, s) for s in scores])
-
-    def subsets(self, base: Fit, at: Fit, unabsorbed: Fit | None, most: int) -> list[LinearSubset]:
-        """Subsets of up to `most` candidates `beside` base, the lowest predicted EBIC first.
-
-        Beside the null model, and beside a set that is expanded again, they are known.
-        """
-        sets = self._sets
-        others = None if unabsorbed is None else unabsorbed.identity
-        there = at.identity if base.key == at.key else self._substitutes(base, at)
-        known = tuple(c.key for c in sets.catalogue), sets.white.noise.stated
-        key = (sets.null.identity, base.identity, there, others, most, known)
-        if key not in self._subsets:
-            scores = self.beside(base, at, unabsorbed)
-            self._subsets[key] = LinearSubsets(base, scores, sets.white).best(most)
-        return self._subsets[key]
-
-    def _with_starts_from(self, other: Fit, base: Fit, score: ScoreTest) -> ScoreTest:
-        groups = self._found(other, score.candidate)
-        another = score_test(base, base.tangent, score.candidate, groups)
-        return max(score, another, key=lambda s: s.predicted_reduction)
-
-    def _beside(self, base: Fit, at: Fit) -> list[ScoreTest]:
         null = self._sets.null
         joining = [
             c
@@ -123,6 +95,20 @@ class Screening:
         closer = self._sets.each(lambda score: self._closer(base, score), known[:count])
         return self._sorted(base, [*closer, *known[count:]])
 
+    def subsets(self, base: Fit, at: Fit, most: int) -> list[LinearSubset]:
+        """Subsets of up to `most` candidates `beside` base, the lowest predicted EBIC first.
+
+        Beside the null model, and beside a set that is expanded again, they are known.
+        """
+        sets = self._sets
+        there = at.identity if base.key == at.key else self._substitutes(base, at)
+        known = tuple(c.key for c in sets.catalogue), sets.white.noise.stated
+        key = (sets.null.identity, base.identity, there, most, known)
+        if key not in self._subsets:
+            scores = self.beside(base, at)
+            self._subsets[key] = LinearSubsets(base, scores, sets.white).best(most)
+        return self._subsets[key]
+
     def _substitutes(self, base: Fit, at: Fit) -> bool:
         """True if what joins `base` takes the place of one of several effects that leave noise."""
         return 0 < len(base.candidates) == len(at.candidates) - 1 and self._sets.is_noise(at)
@@ -131,20 +117,20 @@ class Screening:
         """A score test at the null model with the best of its probes simulated at `at`."""
         again = beside(self._sets.residuals, at, known.candidate, known.group)
         groups = [*([again] if again else []), *self._found(at, known.candidate)]
-        return score_test(at, at.tangent, known.candidate, groups)
+        return score_test(at, known.candidate, groups)
 
     @cachedmethod(attrgetter("_tests"), key=_asked, lock=attrgetter("_lock"))
     def _score(self, base: Fit, at: Fit, candidate: Candidate) -> ScoreTest:
         groups, residuals = list(self._signatures(at, candidate)), self._sets.residuals
         groups += [g for own in groups for g in unabsorbed(residuals, at, base, candidate, own)]
         groups += self._found(base, candidate)
-        first = score_test(base, base.tangent, candidate, groups)
+        first = score_test(base, candidate, groups)
         # Beside a set that lost an effect, less than the prediction of what is left is off by.
         error = 0.0 if base.key == at.key else LINEARITY_ERROR * (base.rss - base.count)
         if first.predicted_reduction < max(STRONG, error) or not far_from_probes(first):
             return first
         closer = probed_at(residuals, at, candidate, first.starts[0])
-        return score_test(base, base.tangent, candidate, [*groups, closer])
+        return score_test(base, candidate, [*groups, closer])
 
     def of(
         self, base: Fit, candidates: Sequence[Candidate], at: Fit | None = None
@@ -166,7 +152,7 @@ class Screening:
         if not amplitudes or own[amplitudes[0].name] == amplitudes[0].null:
             return score
         group = probed_at(self._sets.residuals, base, score.candidate, score.starts[0])
-        closer = score_test(base, base.tangent, score.candidate, [group])
+        closer = score_test(base, score.candidate, [group])
         return max(score, closer, key=lambda s: s.predicted_reduction)
 
     def expected_sigmas(self, at: Fit, candidate: Candidate) -> float | None:

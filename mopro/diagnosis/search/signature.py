@@ -127,16 +127,12 @@ def _turns(phases: Sequence[Parameter]) -> list[list[tuple[dict[str, float], str
     ]
 
 
-def score_test(
-    base: Fit, tangent: Floats, candidate: Candidate, groups: Sequence[Group]
-) -> ScoreTest:
+def score_test(base: Fit, candidate: Candidate, groups: Sequence[Group]) -> ScoreTest:
     """Fall of chi-squared below that of `base` if the signatures are added, free in size.
 
-    `tangent` is an orthonormal basis of the Jacobian of `base` (samples x parameters), so that
-    the effects in it may adapt.
+    Its Jacobian is projected out, so that the effects in it may adapt.
     """
-    unabsorbed = projected_out(tangent, base.residual)
-    trials = [_trial(unabsorbed, tangent, candidate, group) for group in groups]
+    trials = [_trial(base, candidate, group) for group in groups]
     trials.sort(key=lambda trial: -trial.reduction)
     best = [trial for trial in trials[:SECOND_GUESSES] if trial.reduction > 0]
     if not best:
@@ -144,7 +140,8 @@ def score_test(
         group = trials[0].group if trials else ()
         return ScoreTest(candidate, 0.0, (), np.zeros(0, dtype=np.float32), group)
     starts = tuple(candidate.settings(trial.values) for trial in best)
-    explained = projected_out(tangent, _changes(best[0].group) @ best[0].sizes)
+    changes = np.column_stack([probe.change for probe in best[0].group])
+    explained = projected_out(base.tangent, changes @ best[0].sizes)
     return ScoreTest(
         candidate, best[0].reduction, starts, explained.astype(np.float32), best[0].group
     )
@@ -160,18 +157,13 @@ class _Trial:
     sizes: Floats
 
 
-def _changes(group: Group) -> Floats:
-    """Changes by the probes of a group (samples x probes)."""
-    return np.column_stack([probe.change for probe in group])
-
-
-def _trial(unabsorbed: Floats, tangent: Floats, candidate: Candidate, group: Group) -> _Trial:
+def _trial(base: Fit, candidate: Candidate, group: Group) -> _Trial:
     """The reduction by a group, from products alone: projecting each change out takes longer."""
     changes = [probe.change for probe in group]
     whole = np.array([[one @ other for other in changes] for one in changes])
-    absorbed = np.array([change @ tangent for change in changes])
+    absorbed = np.array([change @ base.tangent for change in changes])
     gram = whole - absorbed @ absorbed.T
-    product = np.array([change @ unabsorbed for change in changes])
+    product = np.array([change @ base.adapted for change in changes])
     seen = np.diag(gram) > ROUNDING * np.diag(whole)
     sizes = np.zeros(len(group))
     if seen.any():
@@ -237,9 +229,11 @@ def unabsorbed(
     The error of proportion, a share of the whole, is then over a tenth of what they leave.
     """
     probe, parameters = group[0], {p.name: p for p in candidate.parameters}
-    left, own = projected_out(base.tangent, probe.change), parameters.get(probe.moved[0])
-    clear = left @ left > (LINEARITY_ERROR / LEAST_SHARE) ** 2 * probe.square
-    if not base.base or len(group) > 1 or own is None or clear:
+    own = parameters.get(probe.moved[0])
+    if not base.base or len(group) > 1 or own is None:
+        return []
+    left = projected_out(base.tangent, probe.change)
+    if left @ left > (LINEARITY_ERROR / LEAST_SHARE) ** 2 * probe.square:
         return []
     values = {**probe.values, own.name: own.multiplied(probe.values[own.name], LINEARITY_ERROR)}
     return [probed_at(residuals, at, candidate, candidate.settings(values))]
