@@ -275,3 +275,19 @@ def test_what_may_be_there_in_place_of_a_calibration_makes_no_effect_ambiguous()
     (mass,) = verdict.calibration
     assert mass.indistinguishable_from == ["gain"]
     assert ("gain", "true") in verdict.alternatives
+
+
+def test_no_set_that_contains_an_alternative_is_fitted():
+    """What may join `twin` is weak, and would join `one` as well."""
+    t, absent, said = times(), [f"absent {f}" for f in range(30, 38)], []
+
+    def simulate(settings):
+        one, twin, *others = sizes(settings, "one", "twin", *absent)
+        lines = (size * np.sin(f * t) for f, size in enumerate(others, start=30))
+        return [(one + twin) * np.sin(7 * t) + twin * 1e-3 * np.sin(3 * t) + sum(lines)]
+
+    effects = candidates("one", "twin", *absent)
+    verdict = diagnosed(simulate, effects, of_size(one=1.0), 0.1, 1, progress=said.append)
+    assert [set(a) for a in verdict.alternatives] == [{"twin"}]
+    assert "fitting twin" in said
+    assert not [line for line in said if line.startswith("fitting") and "absent" in line]

@@ -95,9 +95,11 @@ def _fit_likely(
     reduction = base.rss - best.rss
     if reduction <= 0:
         return
-    needed = _needed(sets, screening, best, base)
+    needed, known = _needed(sets, screening, best, base), sets.as_good(best)
     close = []
     for subset in subsets:
+        if any(part < subset.key for part in known):
+            continue
         reached = subset.reduction
         if reached < needed and len(subset.members) == 1:
             if reached < MAJORITY * needed:

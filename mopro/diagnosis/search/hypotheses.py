@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mopro.assumed import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, PROPORTIONAL, SAME
+from mopro.assumed import ITERATIONS, LEAST_SHARE, OUT_OF_REACH, PROPORTIONAL, SAME, VERY_STRONG
 from mopro.candidate import Candidate, Parameter, Role
 from mopro.fits import (
     NO_LIMIT,
@@ -119,6 +119,17 @@ class Hypotheses:
     def ranked(self) -> list[Fit]:
         """All sets that were fitted to their minimum, the lowest EBIC first."""
         return sorted(self._complete(), key=lambda fit: (self.ebic(fit), self.evidence.place(fit)))
+
+    def as_good(self, best: Fit) -> list[Key]:
+        """The best set, and where it leaves noise those that the data cannot tell from it.
+
+        What may join one of these is weak, and is found beside the best one: they leave the same.
+        """
+        if not self.is_noise(best):
+            return [best.key]
+        limit, count = self.ebic(best) + VERY_STRONG, len(best.candidates)
+        near = (fit for fit in self.ranked() if self.ebic(fit) < limit)
+        return [fit.key for fit in near if len(fit.candidates) >= count]
 
     def _complete(self) -> list[Fit]:
         return [fit for fit in self._fits.values() if not fit.abandoned]

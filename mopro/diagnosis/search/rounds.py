@@ -29,7 +29,7 @@ from mopro.diagnosis.search.neighbours import (
     with_rivals,
 )
 from mopro.diagnosis.search.screening import Screening
-from mopro.fits import NO_LIMIT, Fit, Identity, Key, Limit
+from mopro.fits import NO_LIMIT, Fit, Identity, Limit
 
 # Rounds of a search before free-form terms join it: what nobody listed is described by several
 # effects, which takes long.
@@ -207,7 +207,7 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
     best = sets.best()
     limit = sets.white.ebic(best)
     # A set that contains the best one is predicted better from that, or from a larger part.
-    parts = [part for part in _as_good(sets, best) if not part <= near.fit.key]
+    parts = [part for part in sets.as_good(best) if not part <= near.fit.key]
     hopeful = [
         s
         for s in near.subsets
@@ -228,18 +228,6 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
     if near.fit.far_from_linear:
         chosen += of_each_kind([s for s in hopeful if len(s.members) == 1], 2 * FITTED)
     return list(dict.fromkeys([*chosen, *of_each_kind(_simpler(near), FITTED)]))
-
-
-def _as_good(sets: Hypotheses, best: Fit) -> list[Key]:
-    """The best set, and where it leaves noise those that the data cannot tell from it.
-
-    What may join one of these is weak, and is found beside the best one: they leave the same.
-    """
-    if not sets.is_noise(best):
-        return [best.key]
-    limit, count = sets.ebic(best) + VERY_STRONG, len(best.candidates)
-    near = (fit for fit in sets.ranked() if sets.ebic(fit) < limit)
-    return [fit.key for fit in near if len(fit.candidates) >= count]
 
 
 def _misled(
