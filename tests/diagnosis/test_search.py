@@ -597,3 +597,22 @@ def test_what_replaces_an_effect_is_predicted_beside_the_others_as_they_are():
     found = sets.fitted(swapped.candidates, swapped.start)
     assert swapped.base.rss - swapped.reduction == pytest.approx(found.rss, rel=1e-3)
     assert found.rss < 1.1 * found.count
+
+
+def test_an_effect_that_gains_less_than_signatures_err_is_not_fitted_with_the_others():
+    """The part of `one` that grows with its square looks like `straight` from the null model.
+
+    Beside both fitted, nothing is left for it.
+    """
+    t = times()
+
+    def simulate(settings):
+        one, other, straight = sizes(settings, "one", "other", "straight")
+        bent = one * np.sin(7 * t) + 0.03 * one**2 * np.cos(11 * t)
+        return [bent + other * np.sin(17 * t) + straight * np.cos(11 * t)]
+
+    truth = of_size(one=2.5, other=2.0)
+    fitted, named = fits_of(simulate, candidates("one", "other", "straight"), truth, 0.05)
+    assert "one + other" in fitted
+    assert "one + other + straight" not in fitted
+    assert named == {"one", "other"}
