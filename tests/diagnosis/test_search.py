@@ -616,3 +616,26 @@ def test_an_effect_that_gains_less_than_signatures_err_is_not_fitted_with_the_ot
     assert "one + other" in fitted
     assert "one + other + straight" not in fitted
     assert named == {"one", "other"}
+
+
+def test_sets_are_given_up_where_one_before_them_leaves_noise():
+    """Beside `main`, `next` leaves noise; its mimics have 0.8 of it and leave much more than that.
+
+    What `main` leaves by itself, as a noise with memory, would let all of them do as well.
+    """
+    t, mimics = times(), [f"mimic {f}" for f in (17, 19, 23, 29)]
+
+    def simulate(settings):
+        main, following, *others = sizes(settings, "main", "next", *mimics)
+        total = main * np.sin(7 * t) + following * np.tanh(main) * np.sin(3 * t)
+        for size, name in zip(others, mimics, strict=True):
+            like = 0.8 * np.sin(3 * t) + 0.6 * np.sin(int(name[-2:]) * t)
+            total = total + size * np.tanh(main) * like
+        return [total]
+
+    data = measured(simulate({**of_size(main=9.0), **of_size(next=0.5)})[0], 0.01, 1)
+    sets = Hypotheses(Residuals(simulate, data), candidates("main", "next", *mimics))
+    search(sets, Screening(sets))
+    assert sets.best().names == {"main", "next"}
+    finished = [f.names for f in sets.ranked() if f.names > {"main"} and "next" not in f.names]
+    assert len(finished) <= 1

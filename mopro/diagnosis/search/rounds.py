@@ -100,6 +100,8 @@ def _round(sets: Hypotheses, screening: Screening, front: Fit, only_laws: bool) 
     proposed = _proposed(sets, near)
     reachable = sets.limit(before) if sets.is_noise(before) else NO_LIMIT
     sets.fit_all(_proposals(proposed[:SECOND_GUESSES]), reachable)
+    # Of those that follow, none is of use that leaves more than these, if they leave noise.
+    sets.judge_by(sets.fullest())
     limit = sets.limit(sets.best())
     if sets.null.far_from_linear and not sets.is_noise(sets.best()):
         # What is predicted badly may be expanded next; where the best set leaves noise, nothing is.
