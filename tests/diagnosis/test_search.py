@@ -14,7 +14,7 @@ from mopro.diagnosis.search import screening
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.linear_subset import LinearSubsets
 from mopro.diagnosis.search.neighbours import neighbourhood, with_rivals
-from mopro.diagnosis.search.rounds import search
+from mopro.diagnosis.search.rounds import _fit_parts, search
 from mopro.diagnosis.search.screening import Screening
 from mopro.residuals import Residuals
 
@@ -639,3 +639,20 @@ def test_sets_are_given_up_where_one_before_them_leaves_noise():
     assert sets.best().names == {"main", "next"}
     finished = [f.names for f in sets.ranked() if f.names > {"main"} and "next" not in f.names]
     assert len(finished) <= 1
+
+
+def test_an_effect_that_ends_at_zero_is_left_out_before_the_next_round():
+    """The data ask for a `rest` below 0, which is the end of its range."""
+    t = times(1000)
+
+    def simulate(settings):
+        main, rest = sizes(settings, "main", "rest")
+        return [main * np.sin(7 * t) + rest * np.sin(11 * t)]
+
+    data = measured(simulate(of_size(main=1.0, rest=-0.02))[0], 0.3, 1)
+    size = Parameter("size", "V", 0.0, 9.0, (1.0,))
+    sets = Hypotheses(Residuals(simulate, data), candidates("main", "rest", size=size))
+    fit = sets.fitted(sets.catalogue, of_size(main=1.0, rest=0.5))
+    assert fit.settings["rest"]["size"] == 0.0
+    _fit_parts(sets, fit)
+    assert sets.best().names == {"main"}

@@ -18,7 +18,7 @@ from mopro.assumed import (
     SECOND_GUESSES,
     VERY_STRONG,
 )
-from mopro.candidate import Candidate
+from mopro.candidate import Candidate, Role
 from mopro.diagnosis.search.hypotheses import Hypotheses, Proposal
 from mopro.diagnosis.search.linear_subset import LinearSubset, of_each_kind
 from mopro.diagnosis.search.neighbours import (
@@ -180,13 +180,14 @@ def _fit_parts(sets: Hypotheses, fit: Fit) -> None:
     """Fit `fit` without each effect that it hardly needs, where that may bring it below the best.
 
     An effect that another one takes the place of may have made up for what it lacked. What one is
-    needed for is told by the fit's Jacobian, so of those that are off at a size only.
+    needed for is told by the fit's Jacobian, so of those that have a size only.
     """
     evidence, best = sets.evidence, sets.best()
     deviance, above = evidence.noise.deviance, sets.ebic(fit) - sets.ebic(best)
     others = max(evidence.findings(fit) - 1, 0)
     for candidate in sorted(fit.candidates, key=lambda c: c.key):
-        if len(fit.candidates) == 1 or not fit.linear_part(candidate.name).any():
+        has_size = any(p.role is Role.AMPLITUDE for p in candidate.parameters)
+        if len(fit.candidates) == 1 or not has_size:
             continue
         rise = deviance(fit.residual_without(candidate.name)) - deviance(fit.residual)
         if above + rise < evidence.of_joining([candidate], fit.count, others):
