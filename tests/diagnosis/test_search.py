@@ -656,3 +656,30 @@ def test_an_effect_that_ends_at_zero_is_left_out_before_the_next_round():
     assert fit.settings["rest"]["size"] == 0.0
     _fit_parts(sets, fit)
     assert sets.best().names == {"main"}
+
+
+def test_of_sets_that_leave_the_same_noise_one_is_expanded():
+    """`second` is in the catalogue before `first`, and leaves the same to within 1."""
+    t, expanded = times(), []
+
+    def simulate(settings):
+        second, first, other = sizes(settings, "second", "first", "other")
+        slightly = 1e-4 * np.cos(3 * t)
+        return [(first + second) * np.sin(7 * t) + second * slightly + other * np.sin(11 * t)]
+
+    data = measured(simulate(of_size(first=1.0))[0], 0.1, seed=1)
+    sets = Hypotheses(Residuals(simulate, data), candidates("second", "first", "other"))
+    screening = Screening(sets)
+    _, first, _ = sets.catalogue
+    known = sets.fitted([first], of_size(first=1.0))
+    sets.judge_by(known)
+    before = screening.subsets
+
+    def subsets(base, at, most):
+        expanded.append(at.names)
+        return before(base, at, most)
+
+    screening.subsets = subsets
+    search(sets, screening, [known])
+    assert sets.best().names == {"second"}
+    assert set(expanded) == {frozenset(), frozenset({"first"})}

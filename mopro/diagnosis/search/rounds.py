@@ -15,6 +15,7 @@ from mopro.assumed import (
     LINEARITY_ERROR,
     MAJORITY,
     OUT_OF_REACH,
+    SAME,
     SECOND_GUESSES,
     VERY_STRONG,
 )
@@ -63,10 +64,11 @@ def search(
     for number in range(ITERATIONS):
         best, fullest = sets.best(), sets.fullest()
         leads_on = sets.residuals.known_noise and best.rss < MAJORITY * least
+        last = ITERATIONS if leads_on else rounds
         front: Fit | None
         if fullest.rss < MAJORITY * min(least, best.rss):
             front = fullest
-        elif number >= rounds and not leads_on and not sets.is_noise(best):
+        elif _is_known(sets, best, expanded) if sets.is_noise(best) else number >= last:
             break
         else:
             front = best if best.identity not in expanded else _next(sets, best, expanded)
@@ -74,12 +76,18 @@ def search(
                 break
             if front is not best:
                 others += 1
-                if others > SECOND_GUESSES or sets.is_noise(best):
+                if others > SECOND_GUESSES:
                     break
         expanded.add(front.identity)
         least = min(least, front.rss)
         _round(sets, screening, front, only_laws)
         others = 0 if sets.best() is not best else others
+
+
+def _is_known(sets: Hypotheses, best: Fit, expanded: set[Identity]) -> bool:
+    """True if the best set was expanded, or another that leaves the same noise: a tie."""
+    limit = sets.ebic(best) + SAME
+    return any(fit.identity in expanded and sets.ebic(fit) <= limit for fit in sets.ranked())
 
 
 def _next(sets: Hypotheses, best: Fit, expanded: set[Identity]) -> Fit | None:
