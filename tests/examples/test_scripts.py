@@ -65,4 +65,5 @@ def test_the_servo_s_script_tells_play_from_a_preload(tmp_path):
     assert unseen.startswith("compare unseen.toml --apply repaired.toml")
     assert "Named: compliance, backlash_under_load." in pair
     assert "Named: compliance." in preloaded
-    assert "Named: compliance, backlash_under_load." in single
+    # Without the run that it is preloaded in, a friction under the load does nearly as well.
+    assert "Ambiguous: compliance or friction_under_load, backlash_under_load." in single

@@ -70,8 +70,8 @@ def _reduced(sets: Hypotheses, fit: Fit) -> Iterator[tuple[Fit, int]]:
 
     The others are fitted again. If they leave a tenth less then, they have absorbed what was
     dropped, and are taken as they are, with what is left once they adapt, to first order: what
-    takes the place of an effect lets them be. From where they have gone, as a backlash that makes
-    up for a lag has, no signature leads back.
+    takes the place of an effect lets them be. From where they have gone to make up for it, no
+    signature leads back.
     """
     yield fit, 0
     every = len(fit.candidates)
