@@ -278,7 +278,7 @@ def test_what_may_be_there_in_place_of_a_calibration_makes_no_effect_ambiguous()
 
 
 def test_no_set_that_contains_an_alternative_is_fitted():
-    """What may join `twin` is weak, and would join `one` as well."""
+    """`twin` does as well as the answer `one`; eight other candidates explain nothing."""
     t, absent, said = times(), [f"absent {f}" for f in range(30, 38)], []
 
     def simulate(settings):
