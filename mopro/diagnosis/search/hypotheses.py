@@ -121,7 +121,7 @@ class Hypotheses:
         return sorted(self._complete(), key=lambda fit: (self.ebic(fit), self.evidence.place(fit)))
 
     def as_good(self, best: Fit) -> list[Key]:
-        """The best set, and where it leaves noise those that the data cannot tell from it.
+        """Keys of the best set, and where it leaves noise, of those that the data cannot tell apart.
 
         What may join one of these is weak, and is found beside the best one: they leave the same.
         """

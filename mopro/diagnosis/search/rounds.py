@@ -235,14 +235,14 @@ def _proposed(sets: Hypotheses, near: Neighbourhood) -> list[LinearSubset]:
             return of_each_kind([s for s in single if s.ebic < first.ebic + error], FITTED)
     if not near.fit.candidates and single and _misled(sets, near, single[0], hopeful):
         return of_each_kind(single, SECOND_GUESSES)
-    chosen = of_each_kind(hopeful if sets.is_noise(best) else _simplest(hopeful), FITTED)
+    chosen = of_each_kind(hopeful if sets.is_noise(best) else _minimal(hopeful), FITTED)
     if near.fit.far_from_linear:
         chosen += of_each_kind([s for s in hopeful if len(s.members) == 1], 2 * FITTED)
     return list(dict.fromkeys([*chosen, *of_each_kind(_simpler(near), FITTED)]))
 
 
-def _simplest(subsets: Sequence[LinearSubset]) -> list[LinearSubset]:
-    """Those of which no part beside the same base is predicted to do as well.
+def _minimal(subsets: Sequence[LinearSubset]) -> list[LinearSubset]:
+    """The subsets of which no part beside the same base is predicted to do as well.
 
     By what signatures misjudge a set, a member may seem needed. One that is joins the part in the
     next round.
