@@ -121,7 +121,7 @@ class Hypotheses:
         return sorted(self._complete(), key=lambda fit: (self.ebic(fit), self.evidence.place(fit)))
 
     def as_good(self, best: Fit) -> list[Key]:
-        """Keys of the best set, and where it leaves noise, of those that the data cannot tell apart.
+        """Keys of the best set, and of those that do as well if it leaves noise: within 10 in EBIC.
 
         What may join one of these is weak, and is found beside the best one: they leave the same.
         """
