@@ -10,7 +10,7 @@ from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS
 from mopro.benchmark.hidden.spec import ENCODER
 from mopro.benchmark.hidden.variables import EFFECT_VARIABLES, said
 from mopro.benchmark.making.case import case_instruments
-from mopro.benchmark.making.equivalent import MARGIN, equivalents, is_equivalent_set, least_left
+from mopro.benchmark.making.equivalent import MARGIN, equivalents, least_left, left_by_set
 from mopro.benchmark.making.make import make
 from mopro.benchmark.making.sizes import NoiselessRuns
 from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
@@ -63,7 +63,6 @@ def test_equivalents_are_listed_and_others_are_not(runs, monkeypatch):
     [
         (["payload_mass", "electrical_damping"], True),
         (["payload_mass", "viscous_drag"], False),
-        (["payload_mass", "no_effect"], False),
     ],
 )
 def test_a_weaker_motor_is_a_heavier_forcer_with_less_damping(runs, names, expected):
@@ -71,9 +70,13 @@ def test_a_weaker_motor_is_a_heavier_forcer_with_less_damping(runs, names, expec
     truth = {"force_constant": {"e": -0.12}}
     assert np.linalg.norm(runs.change(truth)) > 20
     named = {name: {} for name in names}
-    assert (
-        is_equivalent_set(runs, ReferencePlant(truth), named, np.random.default_rng(1)) is expected
-    )
+    left = left_by_set(runs, ReferencePlant(truth), named, np.random.default_rng(1))
+    assert (left < MARGIN) is expected
+
+
+def test_what_the_reference_plant_does_not_know_leaves_no_number(runs):
+    truth, named = {"force_constant": {"e": -0.12}}, {"payload_mass": {}, "no_effect": {}}
+    assert left_by_set(runs, ReferencePlant(truth), named, np.random.default_rng(1)) is None
 
 
 @pytest.mark.parametrize(("static_N", "expected"), [(1.0, True), (2.0, False)])
@@ -86,7 +89,7 @@ def test_the_parameters_that_a_verdict_states_are_tried_as_they_are(
     stated = {"Fc": 1.0, "Fs": static_N, "vs": 0.05, "delta": 5e-6}
     assert np.linalg.norm(runs.change(truth)) > 20
     named, generator = {"stribeck_friction": stated}, np.random.default_rng(1)
-    assert is_equivalent_set(runs, ReferencePlant(truth), named, generator) is expected
+    assert (left_by_set(runs, ReferencePlant(truth), named, generator) < MARGIN) is expected
 
 
 def test_all_effects_that_can_be_hidden_are_left_out_once():
@@ -136,19 +139,22 @@ def test_the_answer_states_what_to_leave_out_and_what_is_right(case):
 
 
 @pytest.mark.parametrize(
-    ("verdict", "names", "expected"),
+    ("verdict", "names", "expected", "leaves"),
     [
-        ("named", ["ambient_drift", "thermocouple_lag"], "family"),
-        ("named", ["convection_scale", "thermocouple_lag"], "wrong"),
-        ("unexplained", ["ambient_drift", "thermocouple_lag"], "wrong"),
+        ("named", ["ambient_drift", "thermocouple_lag"], "family", (0, MARGIN)),
+        ("named", ["convection_scale", "thermocouple_lag"], "wrong", (MARGIN, np.inf)),
+        ("unexplained", ["ambient_drift", "thermocouple_lag"], "wrong", None),
     ],
 )
-def test_the_set_that_is_named_is_fitted_by_the_reference_plant(case, verdict, names, expected):
+def test_the_set_that_is_named_is_fitted_by_the_reference_plant(
+    case, verdict, names, expected, leaves
+):
     """With the hidden effect itself in it, the set leaves nothing; a lag that is not there is 0."""
     folder, answer = case
     reply = {"verdict": verdict, "effects": [{"name": name} for name in names], "files": {}}
     judged = judge(folder.name, with_named_set(answer, reply, folder, 1), reply)
     assert judged.outcome == expected
+    assert judged.leaves is None if leaves is None else leaves[0] <= judged.leaves < leaves[1]
 
 
 def test_answers_of_older_cases_state_no_runs_and_are_judged_as_they_were(case):

@@ -130,7 +130,8 @@ def test_the_table_counts():
     right = reply("named", "viscous_drag", gap={"before_rms": 3, "after_rms": 1, "noise_rms": 1},
                   seconds=10.0)  # fmt: skip
     cases = [judge(f"{i:03d}", answer(HIDDEN), right) for i in range(49)]
-    cases.append(judge("049", answer(HIDDEN), reply("named", "hum", seconds=100.0)))
+    left = answer(HIDDEN) | {"named_leaves": 24.3}
+    cases.append(judge("049", left, reply("named", "hum", seconds=100.0)))
     cases.append(judge("050", answer(group="none"), reply("none")))
     score = Score(tuple(cases), ())
     rows = {row.what: row for row in score.rows()}
@@ -144,7 +145,7 @@ def test_the_table_counts():
     assert [j.number for j in score.wrong()] == ["049"]
     assert score.confusion()["viscous_drag"] == {"right": 49, "wrong: hum": 1}
     text = page(score)
-    assert "| 049 | single | laser | viscous_drag | 50 | named | hum |" in text
+    assert "| 049 | single | laser | viscous_drag | 50 | named | hum | 24 |" in text
     assert json.loads(json.dumps(score.as_json()))["cases"][0]["outcome"] == "right"
 
 

@@ -80,27 +80,31 @@ def equivalents(
     return [rival.name for rival in rivals]
 
 
-def is_equivalent_set(
+def left_by_set(
     noiseless: NoiselessRuns,
     truth: Plant,
     named: Mapping[str, Parameters],
     generator: np.random.Generator,
-) -> bool:
-    """True if the effects `named` together are equivalent to all that is in `truth` on these runs.
+) -> float | None:
+    """Chi-squared that the effects `named` together leave of all that is in `truth` on these runs.
 
-    With their parameters in `named`, as a verdict states them, or at the best fit.
+    The less of that with their parameters in `named`, as a verdict states them, and that of the
+    best fit, which is not looked for below the margin. None of effects that cannot be simulated.
     """
     target = noiseless.change_of(truth)
     rivals = [HIDDEN_EFFECTS[name] for name in sorted(named) if name in HIDDEN_EFFECTS]
     if target is None or len(rivals) < len(named):
-        return False
+        return None
     (drawing,) = generator.spawn(1)
     forms = (_forms(noiseless, rival, named[rival.name], drawing) for rival in rivals)
+    least = np.inf
     for stated in product(*forms):
         change = noiseless.change({r.name: own for r, own in zip(rivals, stated, strict=True)})
-        if change is not None and float(np.sum((change - target) ** 2)) < MARGIN:
-            return True
-    return least_left(noiseless, target, rivals, generator) < MARGIN
+        if change is not None:
+            least = min(least, float(np.sum((change - target) ** 2)))
+    if least < MARGIN:
+        return least
+    return min(least, least_left(noiseless, target, rivals, generator))
 
 
 def _forms(

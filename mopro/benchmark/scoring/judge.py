@@ -51,7 +51,8 @@ class Judgement:
     `variables` are those that the verdict states for what remains, `right_variable` if one of
     them is right. `visible_sigma` is the size of all effects without an offset of each series.
     `foreign` is the kind of what no catalogue has, `coloured` if it is noise of the stated size.
-    `size_is_right` if each hidden effect is named with its size.
+    `size_is_right` if each hidden effect is named with its size. `leaves` is the chi-squared that
+    the named effects leave of the hidden response, None where it was not asked.
     """
 
     number: str
@@ -74,6 +75,7 @@ class Judgement:
     foreign: str = ""
     coloured: bool = False
     size_is_right: bool = False
+    leaves: float | None = None
 
     @property
     def good(self) -> bool:
@@ -107,6 +109,7 @@ def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> J
         foreign=str((answer.get("foreign") or {}).get("name", "")),
         coloured=bool(answer.get("coloured")),
         size_is_right=size_is_right(answer, named),
+        leaves=answer.get("named_leaves"),
         note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
     )
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.making.equivalent import is_equivalent_set
+from mopro.benchmark.making.equivalent import MARGIN, left_by_set
 from mopro.benchmark.making.sizes import NoiselessRuns
 from mopro.benchmark.reference.nominal import Nominal
 from mopro.benchmark.reference.readings import ProgramRun
@@ -18,12 +18,12 @@ from mopro.benchmark.scoring.outcome import UNEXPLAINED, Document
 
 
 def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -> Document:
-    """`answer` with the set that `reply` names in `equivalent_sets`, if it is equivalent.
+    """`answer` with what the set that `reply` names leaves of the hidden response, `named_leaves`.
 
-    As each rival by itself when the case was made: by the response of the reference plant without
-    noise, chi-squared below 10 with the parameters of the verdict or with the best ones. Only what
-    leaves nothing unexplained is tried, and is not equivalent one by one; `folder` has the case's
-    programs.
+    Also with the set in `equivalent_sets` if it is equivalent, as each rival by itself when the
+    case was made: by the response of the reference plant without noise, chi-squared below 10 with
+    the parameters of the verdict or with the best ones. Only what leaves nothing unexplained is
+    tried, and is not equivalent one by one; `folder` has the case's programs.
     """
     named = {
         effect["name"]: {
@@ -41,9 +41,11 @@ def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -
         Nominal(**answer["machine"]),
     )
     generator = np.random.default_rng([seed, 7, int(folder.name)])
-    if not is_equivalent_set(noiseless, hidden_plant(answer), named, generator):
+    left = left_by_set(noiseless, hidden_plant(answer), named, generator)
+    if left is None:
         return answer
-    return {**answer, "equivalent_sets": [sorted(named)]}
+    sets = [sorted(named)] if left < MARGIN else []
+    return {**answer, "equivalent_sets": sets, "named_leaves": left}
 
 
 def _run(folder: Path, told: Mapping[str, Any]) -> ProgramRun:

@@ -50,10 +50,12 @@ def _cases(cases: Iterable[Judgement]) -> str:
         (
             j.number, j.group, j.sensor, " + ".join(j.truth) or "-",
             f"{j.least_sigma:.0f}", j.verdict, ", ".join(j.said) or j.note or "-",
+            "-" if j.leaves is None else f"{j.leaves:.0f}",
         )
         for j in cases
     )  # fmt: skip
-    return _table(("case", "group", "sensor", "truth", "least σ", "verdict", "named"), rows)
+    heads = ("case", "group", "sensor", "truth", "least σ", "verdict", "named", "leaves χ²")
+    return _table(heads, rows)
 
 
 def _followed(cases: Iterable[FollowUp]) -> str:
