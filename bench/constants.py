@@ -4,10 +4,11 @@
     python bench/constants.py cases [--sample 12] [--jobs 2] [--only STRONG --only FITTED]
 
 Asks about each case with `mopro/assumed.py` as it stands and with one number changed,
-each in a process of its own, and prints for each change the cases whose verdict or names differ.
-What was simulated for a case before is read from a folder that goes with the case, so that a
-change costs its new simulations only. Exits with 1 if a change moves more than 2 % of the cases
-(and more than one). Interrupted, it prints the table of the cases asked about so far.
+each in a process of its own, and prints for each change the cases whose verdict or names differ,
+and those that only tell another one of the same alternatives first. What was simulated for a case
+before is read from a folder that goes with the case, so that a change costs its new simulations
+only. Exits with 1 if a change alters the answers about more than 2 % of the cases (and more than
+one). Interrupted, it prints the table of the cases asked about so far.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import tempfile
 import types
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,8 +39,8 @@ PATIENCE_S = 600.0
 # What every process needs and no constant changes: loaded once, where the others are forked from.
 PRELOADED = ["numba", "numpy", "scipy.fft", "scipy.linalg", "scipy.optimize", "scipy.signal",
              "scipy.special", "scipy.stats"]  # fmt: skip
-# Verdict and names of the effects.
-Answer = tuple[str, list[str]]
+# How two answers about a case differ.
+ORDER, ANSWER = "order", "answer"
 # A constant and a factor on it; "" leaves all as they stand.
 Change = tuple[str, float]
 
@@ -97,6 +99,22 @@ class Remembered:
         return predicted
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What a verdict says: its word, the effects that it names, the sets that do as well."""
+
+    verdict: str
+    named: tuple[str, ...]
+    alternatives: frozenset[tuple[str, ...]]
+
+    def differs_from(self, other: Answer) -> str:
+        """ORDER if each names one of the other's alternatives, else ANSWER; "" if both are one."""
+        if self.verdict == other.verdict and self.named == other.named:
+            return ""
+        mutual = self.named in other.alternatives and other.named in self.alternatives
+        return ORDER if mutual and self.verdict == other.verdict else ANSWER
+
+
 def answer(change: Change, experiment: Path, folder: Path) -> Answer:
     """The answer about an experiment with one constant changed, in a process that has none yet."""
     name, factor = change
@@ -115,11 +133,12 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
 
     vars(diagnosis)["reconcile"] = reconcile
     verdict = diagnosis.diagnose(load_experiment(experiment)).verdict
-    return verdict.verdict, sorted(effect.name for effect in verdict.effects)
+    named = tuple(sorted(effect.name for effect in verdict.effects))
+    return Answer(verdict.verdict, named, frozenset(verdict.alternatives))
 
 
-def moved(experiment: Path, changes: Sequence[Change], jobs: int) -> list[Change]:
-    """The changes that alter the answer about one experiment."""
+def moved(experiment: Path, changes: Sequence[Change], jobs: int) -> dict[Change, str]:
+    """The changes that alter the answer about one experiment, and what they alter."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
     with (
@@ -129,7 +148,8 @@ def moved(experiment: Path, changes: Sequence[Change], jobs: int) -> list[Change
         ask = partial(answer, experiment=experiment, folder=Path(temporary))
         before = pool.submit(ask, ("", 1.0)).result(PATIENCE_S)
         after = list(pool.map(ask, changes, timeout=PATIENCE_S * len(changes)))
-        return [change for change, own in zip(changes, after, strict=True) if own != before]
+        pairs = zip(changes, after, strict=True)
+        return {change: what for change, own in pairs if (what := own.differs_from(before))}
 
 
 def main() -> int:
@@ -150,13 +170,14 @@ def main() -> int:
             print(f"{experiment.parent.name}: {len(by_case[-1])} of {len(changes)}", flush=True)
     except KeyboardInterrupt:
         experiments = experiments[: len(by_case)]
-    print(f"{len(experiments)} cases; {'constant':18} {'factor':>6} {'changed':>8}")
+    print(f"{len(experiments)} cases; {'constant':18} {'factor':>6} {'changed':>8} {'order':>6}")
     worst = 0
-    for name, factor in changes:
-        pairs = zip(experiments, by_case, strict=True)
-        which = [each.parent.name for each, altered in pairs if (name, factor) in altered]
+    for change in changes:
+        cases = {each.parent.name: own for each, own in zip(experiments, by_case, strict=True)}
+        which = [number for number, own in cases.items() if own.get(change) == ANSWER]
+        order = sum(own.get(change) == ORDER for own in cases.values())
         worst = max(worst, len(which))
-        print(f"{name:28} {factor:6g} {len(which):8}  {', '.join(which)}")
+        print(f"{change[0]:28} {change[1]:6g} {len(which):8} {order:6}  {', '.join(which)}")
     return int(worst > max(1, MOST_CHANGED * len(experiments)))
 
 
