@@ -101,7 +101,7 @@ class Remembered:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a verdict says: its word, the effects that it names, the sets that do as well."""
+    """An answer about a case: the verdict, the effects named, the sets that do as well."""
 
     verdict: str
     named: tuple[str, ...]
