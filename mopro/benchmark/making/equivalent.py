@@ -88,8 +88,8 @@ def left_by_set(
 ) -> float | None:
     """Chi-squared that the effects `named` together leave of all that is in `truth` on these runs.
 
-    The less of that with their parameters in `named`, as a verdict states them, and that of the
-    best fit, which is not looked for below the margin. None of effects that cannot be simulated.
+    With their parameters in `named`, as a verdict states them, or, if that is not below the margin,
+    with the best ones that a fit finds. None if the reference plant does not know one of them.
     """
     target = noiseless.change_of(truth)
     rivals = [HIDDEN_EFFECTS[name] for name in sorted(named) if name in HIDDEN_EFFECTS]
