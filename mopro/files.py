@@ -81,11 +81,12 @@ def claim(path: Path) -> Iterator[None]:
 def log(path: Path) -> Iterator[TextIO]:
     """A text file that grows as things happen and survives the process, so without a draft.
 
-    What it held is gone. Raises DataError where `path` cannot be opened. Whoever writes has to
-    flush, and is told of a full disk then: closing it does not raise that again.
+    What it held is gone. Raises DataError where `path` cannot be opened, as a pipe that nobody
+    reads. Whoever writes has to flush, and is told of a full disk then: closing it does not raise
+    that again.
     """
     try:
-        file = open(_Target.of(path).path, "w", encoding="utf-8", opener=_opener)  # noqa: SIM115 (closed below)
+        file = open(_Target.of(path).path, "w", encoding="utf-8", opener=_read_by_someone)  # noqa: SIM115 (closed below)
     except OSError as error:
         raise _unwritable(path, error) from error
     with ExitStack() as closing:
@@ -164,6 +165,18 @@ def _opener(path: str, flags: int) -> int:
     """Opens a descriptor's name as that descriptor: a file behind it is not truncated."""
     own = _DESCRIPTOR.fullmatch(path)
     return os.dup(int(own[1])) if own else os.open(path, flags, 0o666)
+
+
+def _read_by_someone(path: str, flags: int) -> int:
+    """As `_opener`, but for a pipe that nobody reads, which would be waited for without end."""
+    try:
+        handle = _opener(path, flags | getattr(os, "O_NONBLOCK", 0))
+    except OSError as error:
+        if error.errno == errno.ENXIO:
+            error.strerror = "nobody reads this pipe: begin with its reader"
+        raise
+    os.set_blocking(handle, True)
+    return handle
 
 
 @contextmanager

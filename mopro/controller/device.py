@@ -76,6 +76,11 @@ class Device:
         # Silence of the host (s) after which the present run brakes, and the next one.
         self._silence_s = self._next_silence_s = math.inf
         self._heard_s = 0.0
+        # How many times faster than real time the clock of this controller goes.
+        self.speed = 1.0
+        # Who says what comes next, and who has started the present run.
+        self.speaker: object = None
+        self._starter: object = None
         self.state = "idle"
         # Commanded and actual position at the last start, in microsteps from the middle of
         # the platen, and the origin of the position registers.
@@ -98,6 +103,7 @@ class Device:
             "sample": self._sample,
             "moves": self._moves,
             "heartbeat": self._heartbeat,
+            "speed": lambda: [{"speed": self.speed}],
         }
         self._now_s = 0.0
 
@@ -116,9 +122,13 @@ class Device:
         return self._statements[statement](**fields)
 
     def hear(self, now_s: float) -> None:
-        """Note that the host sent something at `now_s`, which restarts the heartbeat."""
+        """Note that the `speaker` sent something at `now_s`.
+
+        It restarts the heartbeat of the run that this speaker has started.
+        """
         self.move_on(now_s)
-        self._heard_s = now_s
+        if self.speaker == self._starter:
+            self._heard_s = now_s
 
     def take(self, line: str) -> None:
         """Add a line to the download under way; Refusal if it is no statement."""
@@ -316,7 +326,8 @@ class Device:
             self._motion = Motion(self._emulator, program, travel_u, for_s)
         except LocatedError as error:
             raise _refusal_of(error) from error
-        self._started_s = self._now_s
+        self._started_s = self._heard_s = self._now_s
+        self._starter = self.speaker
         self._silence_s, self._next_silence_s = self._next_silence_s, math.inf
         self._pending = sorted(self._faults, key=lambda fault: fault.run_s)
         self.state = "running"

@@ -13,11 +13,16 @@ _UNKNOWN, _NOT_GREETED, _TOO_LONG = 1, 9, 7
 
 
 class Protocol:
-    """Reads bytes one by one and answers lines; a scenario may switch `echo` and `busy`."""
+    """Reads bytes one by one and answers lines; a scenario may switch `echo` and `busy`.
+
+    `client` tells who is at the other end, where that can be known.
+    """
 
     def __init__(self, dialect: Dialect, device: Device) -> None:
         self.echo = dialect.conversation.echo
         self.busy = False
+        self.client = 0
+        self._greetings = 0
         self._dialect = dialect
         self._device = device
         self._end = dialect.line.end.encode("latin-1")
@@ -70,7 +75,8 @@ class Protocol:
             number, body = check.unwrap(line)
         except BadFrame:
             return b"" if self._expected is None else self._framed(self._expected, [check.resend])
-        self._device.hear(now_s)
+        self._greetings += body == check.hello
+        self._speak(now_s)
         if body == check.hello:
             self._answers.clear()
             self._expected = number
@@ -90,6 +96,11 @@ class Protocol:
             self._answers[number] = answer.decode("latin-1")
             self._answers.pop(check.after(number, -_REMEMBERED), None)
         return answer
+
+    def _speak(self, now_s: float) -> None:
+        """Have the device hear whose line has come: a greeting begins a conversation of its own."""
+        self._device.speaker = (self.client, self._greetings)
+        self._device.hear(now_s)
 
     def _framed(self, number: int, lines: list[str]) -> bytes:
         check = self._dialect.check
@@ -123,6 +134,7 @@ class Protocol:
         for name, template in self._dialect.statements.items():
             fields = template.read(line)
             if fields is not None:
+                self._speak(now_s)
                 rows = self._device.do(name, fields, now_s)
                 return [self._row(name, row) for row in rows]
         raise Refusal(_UNKNOWN, "not a statement of this controller")

@@ -23,9 +23,13 @@ _MOST_UNSENT = 65536
 
 
 class End(Protocol):
-    """The far end of the line as the server holds it; `address` is for `--port`."""
+    """The far end of the line as the server holds it; `address` is for `--port`.
+
+    `client` numbers those who have been at it, where that can be known.
+    """
 
     address: str
+    client: int
 
     def wait(self, seconds: float, room: int) -> bytes:
         """At most `room` bytes as soon as any come; empty if none do within `seconds`."""
@@ -48,6 +52,7 @@ class PtyEnd:
         import tty
 
         self._termios = termios
+        self.client = 0
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         self._unsent = b""
@@ -133,6 +138,7 @@ def serve(
     `tick` is called with the station's time twenty times a second or more.
     """
     idle_s = _IDLE_S if tick is None else _TICK_S
+    station.device.speed = speed
     origin_s = clock()
     linked = True
     while going():
@@ -141,6 +147,7 @@ def serve(
         data = end.wait(min(max(pause_s, _SLICE_S), idle_s), station.room)
         now_s = (clock() - origin_s) * speed
         if data:
+            station.meet(end.client)
             station.hear(data, now_s)
         end.send(station.say(now_s))
         if tick is not None:

@@ -87,6 +87,10 @@ class Station:
         """Number of further bytes that the line takes towards the controller."""
         return self._inward.room
 
+    def meet(self, client: int) -> None:
+        """Take what comes from now on as that of `client`."""
+        self._protocol.client = client
+
     def hear(self, data: bytes, now_s: float) -> None:
         """Take bytes that the other end sends at `now_s`."""
         if self.connected(now_s):

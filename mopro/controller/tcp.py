@@ -77,6 +77,7 @@ class TcpEnd:
         self._idle_s = idle_s
         self._clock = clock
         self._client: socket.socket | None = None
+        self.client = 0
         self._heard_s = 0.0
         self._drained_s = 0.0
         self._ahead = b""
@@ -157,6 +158,7 @@ class TcpEnd:
         guest.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         guest.socket.settimeout(_SEND_S)
         self._client, self._heard_s, self._drained_s = guest.socket, now_s, now_s
+        self.client += 1
         self._ahead, self._opening = rest, None if self._token else b""
 
     @staticmethod

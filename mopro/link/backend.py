@@ -11,6 +11,7 @@ from importlib.metadata import version
 from typing import Any
 
 from mopro.errors import DataError
+from mopro.link.course import CAUSES, UNDER_WAY, Awaited, Contradiction, Course, Step
 from mopro.link.flash import allowed_s, upload
 from mopro.link.halt import Signals, StopOnError, TimeBudget
 from mopro.link.samples import Sample, Samples
@@ -36,14 +37,6 @@ _UNWATCHED = (
     "keep a hand on the machine's own stop button"
 )
 
-_ENDINGS = {
-    "idle": "the controller knows of no run: it was reset",
-    "stopped": "the controller was told to stop by someone else",
-    "limit": "a limit switch opened",
-    "overheated": "the motor is overheated",
-    "silent": "the controller heard nothing from this computer and stopped by itself",
-}
-
 
 @dataclass(frozen=True)
 class SerialBackend:
@@ -54,7 +47,9 @@ class SerialBackend:
     the port's clock or else from the call of `run` (without it: each part as long as
     planned, and some more). `signals` is to be entered by who has something to say after
     the run that no signal may cut off. `warn` is told, before the start, what a person
-    should know. `seen` is told each sample: its columns in a recording.
+    should know. `seen` is told each sample: its columns in a recording. `hold` keeps all
+    streams of the run from being written from a stop on; none may hold up who writes to it
+    (`Writer` is one such).
     """
 
     session: Session
@@ -65,6 +60,7 @@ class SerialBackend:
     signals: Signals = field(default_factory=Signals)
     warn: Callable[[str], None] = lambda text: None
     seen: Callable[[Mapping[str, float]], None] = lambda row: None
+    hold: Callable[[], None] = lambda: None
 
     def header(self, program: Program) -> Header:
         return Header(
@@ -103,7 +99,7 @@ class SerialBackend:
         sensed = self.session.dialect.measures
         samples = Samples(sink, schedule, self.machine.microstep_m, sensed, whole, self.seen)
         tell = self._teller(schedule, told)
-        watch = Watch(self.session, program, samples, self.poll_hz, tell)
+        watch = Watch(self.session, program, samples, self.poll_hz, tell, self.hold)
         stop_s = _STOP_S + _braking_s(schedule)
         budget = TimeBudget(self.session, self.deadline_s, stop_s, self.begun_s)
         guard = StopOnError(watch, budget.for_stop)
@@ -159,33 +155,57 @@ class SerialBackend:
         settle_s: float,
         budget: TimeBudget,
     ) -> str | None:
-        """Start the run and watch it to its end; returns what went wrong, or None."""
-        cut = None if schedule.complete else for_s
-        timed = cut is not None and self.session.dialect.knows("run_for")
+        """Start the run and watch it to its end; returns what went wrong after that, or None.
+
+        Raises LinkError for every other end than the one asked for.
+        """
+        speed = self._speed()
+        due_s = schedule.duration_s / speed
+        awaited = self._awaited(schedule)
         moved_s = max((move.end_s for move in schedule.moves), default=-math.inf)
-        rest_s = max(0.0, moved_s + settle_s - schedule.duration_s)
-        planned_s = schedule.duration_s * _SPARE_FACTOR + _SPARE_S + rest_s
+        rest_s = max(0.0, moved_s / speed + settle_s - due_s)
+        planned_s = due_s * _SPARE_FACTOR + _SPARE_S + rest_s
         self.session.give(planned_s if self.deadline_s is None else self.deadline_s)
-        watch.start(cut if timed else None)
-        watch.follow(None if timed else cut, rest_s)
-        if watch.state == "running":
-            return None if watch.stop(budget.for_stop()) else self._account("", watch)
-        if watch.state in _ENDINGS:
-            return self._account(_ENDINGS[watch.state], watch)
-        return self._misplaced(watch, schedule)
+        watch.start(for_s if awaited is Awaited.CUT else None)
+        fastest_u_s = _fastest_u_s(schedule) * speed
+        if watch.follow(Course(awaited, due_s), fastest_u_s, rest_s) is not Step.STOP:
+            self._prove_end(watch, schedule)
+            return None
+        if watch.stop(budget.for_stop()) and watch.state == "stopped":
+            return None
+        unasked = watch.state not in ("stopped", *UNDER_WAY)
+        return self._account(CAUSES.get(watch.state, "") if unasked else "", watch)
+
+    def _awaited(self, schedule: Schedule) -> Awaited:
+        """What ends the run of `schedule`."""
+        if schedule.complete:
+            return Awaited.PROGRAM
+        return Awaited.CUT if self.session.dialect.knows("run_for") else Awaited.HOST
+
+    def _speed(self) -> float:
+        """How many times faster than planned the controller does all: a virtual one may."""
+        if not self.session.dialect.knows("speed"):
+            return 1.0
+        try:
+            return float(self.session.one("speed")["speed"]) or 1.0
+        except Refused:
+            return 1.0
 
     def _account(self, reason: str, watch: Watch) -> str:
         """Report of a run that did not end well: reason, stop, last state, for a person."""
         return _joined(reason, watch.stop_report(), watch.last_report()) or ""
 
-    def _misplaced(self, watch: Watch, schedule: Schedule) -> str | None:
-        """A finding if the controller's registers end elsewhere than the program's."""
+    def _prove_end(self, watch: Watch, schedule: Schedule) -> None:
+        """Contradiction if the controller ends elsewhere than the program, or left out a move."""
         if watch.state != "done":
-            return None
+            return
         wanted = {axis: schedule.final_u(axis) for axis in AXES}
-        if watch.position_u == wanted:
-            return None
-        return f"the controller ended at {watch.position_u} microsteps, the program at {wanted}"
+        if watch.position_u != wanted:
+            raise Contradiction(
+                f"the controller ended at {watch.position_u} microsteps, the program at {wanted}"
+            )
+        if unfinished := [n for n, row in watch.moves.items() if not row["complete"]]:
+            raise Contradiction(f"the controller did not complete move {unfinished[0]}")
 
     def _report(self, schedule: Schedule, watch: Watch, trouble: str | None) -> Run:
         ended = watch.state == "done" and trouble is None
@@ -215,7 +235,7 @@ class SerialBackend:
         rows = []
         for index, move in enumerate(schedule.moves, start=1):
             told = watch.moves.get(index)
-            begun = whole or told or (not watch.accounts and move.start_s <= watch.elapsed_s)
+            begun = whole or told or (not watch.accounted and move.start_s <= watch.elapsed_s)
             if begun:
                 outcome = MoveOutcome(complete=move.end_s <= watch.elapsed_s)
                 if told:
@@ -230,6 +250,11 @@ def _braking_s(schedule: Schedule) -> float:
     """The longest that an axis can take to brake, in seconds."""
     profiles = [move.profile for move in schedule.moves]
     return max((p.peak_velocity / p.acceleration for p in profiles), default=0.0)
+
+
+def _fastest_u_s(schedule: Schedule) -> float:
+    """The largest speed of an axis, in microsteps per s."""
+    return max((move.profile.peak_velocity for move in schedule.moves), default=0.0)
 
 
 def _unwritten(samples: Samples) -> str | None:

@@ -55,8 +55,11 @@ _STATEMENTS: dict[str, tuple[set[str], set[str]]] = {
     "sample": (set(), set()),
     "moves": ({"first"}, set()),
     "heartbeat": ({"milliseconds"}, set()),
+    "speed": (set(), set()),
 }
-_OPTIONAL = {"identify", "commit", "run_for", "measured", "sample", "moves", "heartbeat"}
+_OPTIONAL = {
+    *("identify", "commit", "run_for", "measured", "sample", "moves", "heartbeat", "speed"),
+}  # fmt: skip
 # reply line -> the fields that it must have, those that it may have
 _REPLIES: dict[str, tuple[set[str], set[str]]] = {
     "identify": ({"text"}, set()),
@@ -67,6 +70,7 @@ _REPLIES: dict[str, tuple[set[str], set[str]]] = {
     "measured": ({"position_1", "position_2"}, set()),
     "sample": ({"position_1", "position_2", "measured_1", "measured_2"}, {"statement"}),
     "moves": ({"index", "complete", "lag", "margin", "lost", "slipped"}, set()),
+    "speed": ({"speed"}, set()),
 }
 
 

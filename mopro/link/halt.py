@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 from _thread import interrupt_main
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Protocol
@@ -20,11 +20,17 @@ from typing import Any, Protocol
 from mopro.errors import Interrupted, MoproError
 from mopro.link.session import Session
 
-# All that would end or suspend the process, and with it the watch over the motor.
-_ENDING = (
-    *("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGUSR1", "SIGUSR2", "SIGALRM"),
-    *("SIGVTALRM", "SIGPROF", "SIGXCPU", "SIGPOLL", "SIGPWR", "SIGSTKFLT", "SIGBREAK"),
+# Neither ends nor suspends a process (the first four), cannot be caught, or is raised by the
+# processor itself, which would raise it again for ever after a handler.
+_NOT_ENDING = (
+    *("SIGCHLD", "SIGCONT", "SIGURG", "SIGWINCH", "SIGKILL", "SIGSTOP"),
+    *("SIGSEGV", "SIGBUS", "SIGFPE", "SIGILL"),
 )
+# Suspend a process in the background that uses its terminal; where they are ignored it may write.
+_OF_THE_BACKGROUND = ("SIGTTIN", "SIGTTOU")
+# After a run signals are held back until its report is printed, but not for longer (s): whoever
+# reads the report may stand still.
+_REPORTED_WITHIN_S = 5.0
 _KEYBOARD = "interrupted from the keyboard"
 # Exceptions that a run reports as its trouble; all others are faults of a program, and raised.
 _REPORTED = (MoproError, OSError, MemoryError, KeyboardInterrupt)
@@ -33,8 +39,9 @@ _REPORTED = (MoproError, OSError, MemoryError, KeyboardInterrupt)
 class Signals:
     """Signals that end this process, held back while this is entered, in the main thread.
 
-    They are only noted, but for the first one within `raised()`: it is raised there, as
-    Interrupted. May be entered again inside itself. Signals that are ignored stay so.
+    All that would end or suspend the process, and with it the watch over the motor: they are only
+    noted, but for the first one within `raised()`: it is raised there, as Interrupted. May be
+    entered again inside itself. Signals that are ignored stay so.
     """
 
     def __init__(self) -> None:
@@ -49,9 +56,10 @@ class Signals:
 
         False if nothing is entered that could be ended.
         """
-        number = next(iter(tuple(self._before)), None)
-        if number is None:
+        ending = [n for n in tuple(self._before) if n not in _numbers(_OF_THE_BACKGROUND)]
+        if not ending:
             return False
+        number = ending[0]
         self._asked = self._asked or reason
         if sys.platform == "win32":
             interrupt_main(number)
@@ -75,12 +83,12 @@ class Signals:
     def _install(self) -> None:
         if threading.current_thread() is not threading.main_thread():
             return
-        for name in _ENDING:
-            number = getattr(signal, name, None)
-            before = signal.getsignal(number) if number is not None else None
-            if number is not None and before not in (signal.SIG_IGN, None):
+        for number in sorted(signal.valid_signals() - _numbers(_NOT_ENDING)):
+            before = signal.getsignal(number)
+            if before not in (signal.SIG_IGN, None):
                 self._before[number] = before
-                signal.signal(number, self._note)
+                ignored = number in _numbers(_OF_THE_BACKGROUND)
+                signal.signal(number, signal.SIG_IGN if ignored else self._note)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self._noted = self._noted or number
@@ -89,8 +97,7 @@ class Signals:
     def _raise_noted(self) -> None:
         if self._armed and self._noted is not None and not self._raised:
             self._raised, self._armed = True, False
-            name = signal.Signals(self._noted).name
-            told = _KEYBOARD if name == "SIGINT" else f"ended by {name}"
+            told = _KEYBOARD if self._noted == signal.SIGINT else f"ended by {_name(self._noted)}"
             raise Interrupted(self._asked or told)
 
     @contextmanager
@@ -112,6 +119,33 @@ class Signals:
         finally:
             self._armed = armed
         self._raise_noted()
+
+    def release(self) -> None:
+        """Let the next signal be raised, wherever it comes."""
+        self._noted, self._raised, self._armed = None, False, True
+
+    @contextmanager
+    def released_in_time(self) -> Iterator[None]:
+        """A part, after a run, in which signals are raised again once it has lasted for long."""
+        late = threading.Timer(_REPORTED_WITHIN_S, self.release)
+        late.daemon = True
+        late.start()
+        try:
+            yield
+        finally:
+            late.cancel()
+            self._armed = False
+
+
+def _numbers(names: Iterable[str]) -> set[int]:
+    """The signals of these names that this system has."""
+    return {int(getattr(signal, name)) for name in names if hasattr(signal, name)}
+
+
+def _name(number: int) -> str:
+    """The signal's name, or its number where it has none, as most of the real-time ones."""
+    names = {int(known): known.name for known in signal.Signals}
+    return names.get(number, f"signal {number}")
 
 
 class TimeBudget:

@@ -37,6 +37,7 @@ FIELDS: dict[str, tuple[str, type[Any]]] = {
     "count": (_UINT, int),
     "first": (_UINT, int),
     "milliseconds": (_REAL, float),
+    "speed": (_REAL, float),
     "statement": (_UINT, int),
     "completed": (_UINT, int),
     "position_1": (_INT, int),

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import errno
+import io
 import re
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import Any, Protocol, TextIO
 
 import serial
@@ -15,6 +16,7 @@ from serial.tools import list_ports
 from mopro.errors import DataError, LinkError, PortError
 from mopro.link.dialect import Line
 from mopro.link.token import NOTICE, VARIABLE, statement
+from mopro.link.writer import Writer
 
 # How long one look at the port may block; deadlines are kept to within it.
 _LOOK_S = 0.02
@@ -140,14 +142,23 @@ def available_ports() -> list[tuple[str, str]]:
 class TracedPort:
     """A port that logs every byte with its time, as text and in hexadecimal.
 
-    Bytes are sent before they are logged. A log that cannot be written raises one
-    DataError, after the bytes are sent, and ends.
+    `log` is an open text file, or a context that opens one and closes it; `name` is what a person
+    calls it. Bytes are sent before they are logged, and nobody waits for the log. One that cannot
+    be written raises one DataError, and ends.
     """
 
-    def __init__(self, port: Port, log: TextIO, note: Callable[[], str] = lambda: "") -> None:
+    def __init__(
+        self,
+        port: Port,
+        log: TextIO | AbstractContextManager[TextIO],
+        note: Callable[[], str] = lambda: "",
+        name: str | None = None,
+    ) -> None:
         self._port = port
-        self._log: TextIO | None = log
         self._start_s = port.now_s()
+        opened = nullcontext(log) if isinstance(log, io.TextIOBase) else log
+        title = f"{name or getattr(log, 'name', 'the log')}: the trace"
+        self._writer: Writer[TextIO] | None = Writer(title, opened)
         self._write_log(
             "# seconds from opening; > to the controller, < from it; hexadecimal; text\n" + note()
         )
@@ -166,8 +177,17 @@ class TracedPort:
             self._trace("<", data, self.now_s())
         return data
 
+    def hold(self) -> None:
+        """Write nothing to the log before `close`."""
+        if self._writer is not None:
+            self._writer.hold()
+
     def close(self) -> None:
+        """Close the port, and the log if it has not failed; DataError if it fails now."""
         self._port.close()
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.close()
 
     def _trace(self, direction: str, data: bytes, at_s: float) -> None:
         rows = []
@@ -178,18 +198,19 @@ class TracedPort:
         self._write_log("".join(rows))
 
     def _write_log(self, text: str) -> None:
-        """Write to the trace as long as that works; DataError when it fails."""
-        if self._log is None:
+        """Log `text` as long as that works; DataError when it fails."""
+        if self._writer is None:
             return
-        log = self._log
         try:
-            log.write(text)
-            log.flush()
-        except OSError as error:
-            self._log = None
-            name = getattr(log, "name", "the trace")
-            message = f"{name}: the trace cannot be written: {error.strerror or error}"
-            raise DataError(message, "unwritable-output") from error
+            self._writer.put(lambda log: _append(log, text))
+        except DataError:
+            self._writer = None
+            raise
+
+
+def _append(log: TextIO, text: str) -> None:
+    log.write(text)
+    log.flush()
 
 
 _SHOWN = {

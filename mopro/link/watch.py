@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from mopro.errors import DataError, LinkError, MoproError
+from mopro.link.course import UNDER_WAY, Contradiction, Course, Entry, Step
 from mopro.link.flash import statements_of
 from mopro.link.samples import Sample, Samples
 from mopro.link.session import Session
 from mopro.program import AXES, Program
 
-_UNDER_WAY = ("running", "stopping")
+# The registers are told to within this time (s) of the moment that is taken for theirs.
+_MOMENT_S = 0.1
+_JUMPED = (
+    "the controller's registers jumped by {} microsteps in {:.3f} s, faster than the program "
+    "moves: is it another controller?"
+)
 _MOST_TRIES_TO_STOP = 10
 _PRECAUTION_S = 2.0
 # Exceptions during an attempt to stop, after which the next attempt follows.
@@ -58,7 +65,9 @@ class Watch:
         samples: Samples,
         poll_hz: float,
         told: Callable[[Sample], None] = lambda sample: None,
+        hold: Callable[[], None] = lambda: None,
     ) -> None:
+        self._hold = hold
         self._session = session
         self._program = program
         self._samples = samples
@@ -68,11 +77,16 @@ class Watch:
         self._zero_u = dict.fromkeys(AXES, 0)
         self._seen_zero_u = dict.fromkeys(AXES, 0)
         self._started_s = 0.0
+        self._course: Course | None = None
+        self._fastest_u_s = math.inf
+        self._sampled_s = 0.0
         self.accounts = session.dialect.knows("moves")
         self.state = "idle"
         self.statement = self.completed = 0
         self.position_u: dict[int, int] = dict.fromkeys(AXES, 0)
         self.moves: dict[int, dict[str, Any]] = {}
+        # True once `moves` has all that the controller knows of, at rest.
+        self.accounted = False
         self.elapsed_s = 0.0
         self.begun = False
         self._stop = Stop()
@@ -101,57 +115,94 @@ class Watch:
         self._started_s = self._session.moment_s
         self.state = "running"
 
-    def follow(self, for_s: float | None, settle_s: float = 0.0) -> None:
-        """Poll until the run has ended, or `for_s` seconds of the host's clock are over.
+    def follow(self, course: Course, fastest_u_s: float, settle_s: float = 0.0) -> Step:
+        """Poll until the end that `course` awaits; Contradiction for every other one.
 
-        After a program's end the positions are polled for `settle_s` more seconds.
+        No axis is faster than `fastest_u_s` (microsteps per s). After a program's end the positions
+        are polled for `settle_s` more seconds. Gives STOP where the host has to cut the run.
         """
-        while self.state in _UNDER_WAY:
-            if for_s is not None and self.elapsed_s >= for_s:
-                return
-            self._poll_in_turn()
-        self.poll()
-        if self.accounts and self.state != "idle":
-            while self._ask_moves():
-                pass
+        self._course, self._fastest_u_s = course, fastest_u_s
+        step = self._poll_in_turn()
+        while step is Step.GO_ON:
+            step = self._poll_in_turn()
+        if step is Step.STOP:
+            return step
+        self._prove_rest()
+        self._account()
         if self.state == "done" and self._sensed:
             self._settle(settle_s)
+        return step
+
+    def _prove_rest(self) -> None:
+        """LinkError if an axis moves at the end of a run."""
+        moving = self._session.one("motion")
+        if moving["moving_1"] or moving["moving_2"]:
+            raise Contradiction(f"the controller says `{self.state}` while an axis moves")
 
     def _settle(self, settle_s: float) -> None:
         """Poll for `settle_s` seconds; a link that fails now takes nothing from the run."""
         until_s = self._session.port.now_s() + settle_s
-        with suppress(LinkError):
+        try:
             while self._session.port.now_s() < until_s:
                 self._poll_in_turn()
+        except Contradiction:
+            raise
+        except LinkError:
+            return
 
-    def _poll_in_turn(self) -> None:
-        """Poll, and wait until the next poll is due."""
+    def _poll_in_turn(self) -> Step:
+        """Poll, and wait until the next poll is due; Contradiction for an end not asked for."""
         next_s = self._session.port.now_s() + self._poll_s
-        self._told(self.poll())
-        if self.state in _UNDER_WAY or self.state == "done":
+        entry = self.poll()
+        if not isinstance(entry, Step):
+            raise Contradiction(entry)
+        if entry is Step.GO_ON or self.state == "done":
             self._session.pause(next_s - self._session.port.now_s())
+        return entry
 
-    def poll(self) -> Sample:
-        """Ask for state, positions and the account of finished moves; keep a sample."""
+    def poll(self) -> Entry:
+        """Ask for state, positions and the account of finished moves; keep a sample.
+
+        Gives what follows for the run's end.
+        """
         status = self._status()
         self.state = status["state"]
+        entry: Entry = Step.GO_ON
+        if self._course is not None:
+            entry = self._course.see(self.state, self._moment_s())
         self._under_way(status)
         self.completed = status.get("completed", 0)
-        known = self._session.dialect.knows("sample")
-        sample = self._sampled() if known else self._sampled_in_parts()
-        self.position_u = sample.command_u
+        sample = self._sampled()
+        if self._course is not None and self._jumped_to(sample):
+            # A damaged digit, where no checksum tells, is not read twice.
+            sample = self._sampled()
+            if jump := self._jumped_to(sample):
+                return jump if isinstance(entry, Step) else entry
+        self.position_u, self._sampled_s = sample.command_u, sample.time_s
         self.elapsed_s = self._session.port.now_s() - self._started_s
         self._samples.add(sample)
-        if self.accounts and self.state in _UNDER_WAY:
+        if self._course is not None:
+            self._told(sample)
+        if self.accounts and self.state in UNDER_WAY and isinstance(entry, Step):
             self._ask_moves()
-        return sample
+        return entry
+
+    def _jumped_to(self, sample: Sample) -> str | None:
+        """Why a sample cannot follow the one before it; None if it can."""
+        elapsed_s = sample.time_s - self._sampled_s
+        gone_u = max(abs(sample.command_u[axis] - self.position_u[axis]) for axis in AXES)
+        if gone_u <= 1 + self._fastest_u_s * (elapsed_s + _MOMENT_S):
+            return None
+        return _JUMPED.format(gone_u, elapsed_s)
 
     def _under_way(self, row: dict[str, Any]) -> None:
         if self.state not in ("idle", "done"):
             self.statement = row.get("statement", self.statement)
 
     def _sampled(self) -> Sample:
-        """Both positions of one moment, by one statement."""
+        """Both positions, of one moment if the dialect has a statement for that."""
+        if not self._session.dialect.knows("sample"):
+            return self._sampled_in_parts()
         row = self._session.one("sample")
         self._under_way(row)
         command_u = {n: row[f"position_{n}"] - self._zero_u[n] for n in AXES}
@@ -166,7 +217,7 @@ class Watch:
         if self._sensed:
             measured = self._positions("measured")
             seen_u = {axis: measured[axis] - self._seen_zero_u[axis] for axis in AXES}
-        at_rest = self.state not in _UNDER_WAY
+        at_rest = self.state not in UNDER_WAY
         line = self._line(self.statement)
         return Sample(self._moment_s(), line, command_u, seen_u, at_rest or not self._sensed)
 
@@ -182,6 +233,13 @@ class Watch:
             if state is not None:
                 return {**status, "state": state}
         raise LinkError(f"the status `{status['state']}` is in no [states]", "unknown-state")
+
+    def _account(self) -> None:
+        """Fetch the outcomes of all moves that are not known yet, at rest."""
+        if self.accounts:
+            while self._ask_moves():
+                pass
+            self.accounted = True
 
     def _ask_moves(self) -> bool:
         """Fetch outcomes of moves that are not known yet; True if any came."""
@@ -207,7 +265,9 @@ class Watch:
         if not self.begun:
             self._stop.precaution = True
             within_s = min(within_s, _PRECAUTION_S) if self._session.greeted else 0.0
+        self._course = None
         self._samples.hold()
+        self._hold()
         self._session.give(within_s)
         until_s = self._session.port.now_s() + within_s
         self._stop.tried = True
@@ -218,8 +278,8 @@ class Watch:
             with suppress(*_TRY_AGAIN):
                 self._confirm_stop()
         with suppress(*_TRY_AGAIN):
-            while self._stop.rested and self.begun and self.accounts and self._ask_moves():
-                pass
+            if self._stop.rested and self.begun:
+                self._account()
         return self._stop.rested
 
     def _send_stop(self) -> None:
@@ -239,7 +299,7 @@ class Watch:
             self.poll()
             moving = self._session.one("motion")
             still = not (moving["moving_1"] or moving["moving_2"])
-            rested = self.state not in _UNDER_WAY and still and before_u == self.position_u
+            rested = self.state not in UNDER_WAY and still and before_u == self.position_u
             rests = rests + 1 if rested else 0
         self._stop.rested = True
 

@@ -1,12 +1,13 @@
 """Ends of `mopro run --port` from outside: stops are counted at the virtual controller."""
 
 import json
+import os
 import resource
 import signal
 import subprocess
 import sys
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import pytest
 
@@ -229,3 +230,83 @@ def test_a_dialect_without_a_heartbeat_is_warned_of(controller, tmp_path):
         process.send_signal(signal.SIGINT)
         _, errors = told(process, controller)
     assert "warning: the dialect plain has no heartbeat" in errors
+
+
+@contextmanager
+def standing_pipe(path):
+    """A pipe at `path` that is open for reading, and never read."""
+    os.mkfifo(path)
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        yield
+    finally:
+        os.close(handle)
+
+
+def test_a_trace_that_blocks_holds_up_neither_deadline_nor_report(controller, tmp_path):
+    with (
+        standing_pipe(tmp_path / "t.log"),
+        running(controller, tmp_path, "--trace", "t.log", "--deadline", "12s") as process,
+    ):
+        _, errors = told(process, controller)
+    assert "time allowed is over" in errors or "nothing takes what is written there" in errors
+    assert "both axes rest" in errors
+
+
+def test_a_signal_ends_a_run_whose_trace_blocks(controller, tmp_path):
+    with (
+        standing_pipe(tmp_path / "t.log"),
+        running(controller, tmp_path, "--trace", "t.log") as process,
+    ):
+        process.send_signal(signal.SIGINT)
+        _, errors = told(process, controller)
+    assert "both axes rest" in errors
+
+
+def test_a_trace_that_nobody_reads_is_told_before_anything_is_sent(
+    controller, tmp_path, mopro_process
+):
+    os.mkfifo(tmp_path / "t.log")
+    done = mopro_process(
+        "run", "P.CMD", "--port", controller.end.address, "--trace", "t.log", text=TEXT
+    )
+    assert done.returncode == 2
+    assert "nobody reads this pipe" in done.stderr
+    assert controller.said == []
+
+
+def test_a_report_that_nobody_reads_can_be_interrupted(controller, tmp_path):
+    """Signals are held back until the report is printed, but not for ever."""
+    (tmp_path / "P.CMD").write_text(TEXT)
+    with (
+        standing_pipe(tmp_path / "r.html"),
+        running(controller, tmp_path, "--for", "1s", "--report", "r.html", wait=False) as process,
+    ):
+        assert controller.polled.wait(LIMIT_S)
+        while process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(0.5)
+    assert controller.at_rest
+
+
+@pytest.mark.parametrize(
+    "number", [signal.SIGABRT, signal.SIGTRAP, signal.SIGSYS, signal.SIGRTMIN + 3]
+)
+def test_every_signal_that_can_be_caught_ends_in_a_stop(controller, tmp_path, number):
+    with running(controller, tmp_path) as process:
+        process.send_signal(number)
+        _, errors = told(process, controller)
+    assert "both axes rest" in errors
+
+
+@pytest.mark.parametrize("number", [signal.SIGTTOU, signal.SIGTTIN])
+def test_a_run_in_the_background_goes_on(controller, tmp_path, number):
+    with running(controller, tmp_path) as process:
+        for _ in range(4):
+            process.send_signal(number)
+            controller.polled.clear()
+            assert controller.polled.wait(LIMIT_S)
+        process.send_signal(signal.SIGINT)
+        _, errors = told(process, controller)
+    assert "keyboard" in errors

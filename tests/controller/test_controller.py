@@ -213,3 +213,24 @@ def test_a_program_that_cannot_be_kept_is_refused(tmp_path):
         said += data
     assert b"? 8 the program cannot be kept" in said
     assert FolderStore(tmp_path).read("B") == ["VEL1 1.0"]
+
+
+def test_a_heartbeat_belongs_to_who_started_the_run():
+    """Another client's lines do not keep an orphaned run alive, nor does a new conversation."""
+    for change in ("client", "greeting"):
+        joined = bench()
+        session, station = joined.session, joined.station
+        station.store.write("SCRATCH", ["WT60000"])
+        session.ask("heartbeat", milliseconds=1000)
+        session.ask("run", name="SCRATCH")
+        for _ in range(4):
+            session.pause(0.4)
+            assert session.one("status")["state"] == "RUN"
+        if change == "client":
+            station.meet(2)
+        else:
+            session.open()
+        for _ in range(4):
+            session.pause(0.4)
+            state = session.one("status")["state"]
+        assert state == "QUIET"

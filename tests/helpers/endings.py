@@ -6,10 +6,12 @@ Stops are counted at the controller, and its motion is looked up in its own memo
 import errno
 import io
 import signal
+import threading
 from collections.abc import Callable
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from random import Random
+from types import SimpleNamespace
 from typing import ClassVar
 
 import mopro
@@ -17,7 +19,9 @@ from helpers.bench_of_link import DIALECTS, bench
 from mopro.controller.faults import Fault
 from mopro.errors import MoproError
 from mopro.link import SerialBackend
+from mopro.link.dialect import STATES
 from mopro.link.transport import TracedPort
+from mopro.link.writer import Writer
 from mopro.machine import load_machine
 
 # The opening and the upload take about a second; the program goes on for much longer.
@@ -72,28 +76,33 @@ class TroubledPort:
     """
 
     def __init__(self, port, at_s, trouble=lambda: None, times=1):
-        self._port, self._trouble, self._times = port, trouble, times
+        self.line, self._trouble, self._times = port, trouble, times
         self.at_s = at_s
         self.dead = False
 
     def now_s(self):
-        return self._port.now_s()
+        return self.line.now_s()
 
     def write(self, data):
         if not self.dead:
-            self._port.write(data)
+            self.line.write(data)
         self._befall()
 
     def read(self, until_s):
         if self.dead:
             raise Killed
         waits = self._times > 0 and self.now_s() < self.at_s
-        data = self._port.read(min(until_s, self.at_s) if waits else until_s)
+        data = self.line.read(min(until_s, self.at_s) if waits else until_s)
         self._befall()
         return data
 
     def close(self):
-        self._port.close()
+        self.line.close()
+
+    def plug_into(self, port):
+        """Go on with another line, at the same time."""
+        port._now_s = self.now_s()
+        self.line = port
 
     def _befall(self):
         if self._times > 0 and self.now_s() >= self.at_s:
@@ -162,15 +171,18 @@ class Ending:
         cut = kind == "line cut"
         faults = [Fault("disconnect", at_s=self.at_s)] if cut else []
         # The dialect plain has no heartbeat: nothing stops its controller without a line.
-        self.lives = kind not in ("line cut", "host killed")
-        dialect = random.choice(DIALECTS) if self.lives else "checked"
+        self.lives = kind not in ("line cut", "host killed", "another controller")
+        dialect = random.choice(DIALECTS) if kind not in ("line cut", "host killed") else "checked"
+        self.brakes_alone = dialect == "checked"
         self.joined = bench(dialect, *faults, seed=seed, breaks=random.random() < 0.5, opened=False)
         self.device = self.joined.station.device
         self.heard: list[tuple[str, float]] = []
         self.line = self.joined.session.port
         self.port = TroubledPort(self.line, self.at_s)
         self.sink, self.log = FullSink(), None
+        self.over = threading.Event()
         self.deadline_s = None
+        self.for_s = 60.0
         self._count()
         self.KINDS[kind](self)
         self.joined.session.port = TracedPort(self.port, self.log) if self.log else self.port
@@ -204,22 +216,24 @@ class Ending:
         )
         ended = True
         try:
-            told = backend.run(program, self.sink, 60.0).trouble or ""
+            told = backend.run(program, self.sink, self.for_s).trouble or ""
             ended = bool(told)
         except (MoproError, OSError, MemoryError, KeyboardInterrupt, ArithmeticError) as error:
             told = "\n".join([str(error), *getattr(error, "__notes__", [])])
         except Killed:
             told = ""
+        finally:
+            self.over.set()
         return self._account(told, ended)
 
     def _account(self, told: str, ended: bool) -> Trial:
         until_s = self.port.now_s() + IN_FLIGHT_S
         with suppress(MoproError):
             while self.port.now_s() < until_s:
-                self.line.read(until_s)
+                self.port.line.read(until_s)
         begun = bool(self.times("run", "run_for"))
         now_s = self.port.now_s()
-        failures = [] if ended else ["not ended"]
+        failures = ["not ended"] if begun and not ended else []
         if "the run has ended" in told:
             return Trial(self.kind, self.seed, begun, self.lives, None, told, tuple(failures))
         if self.lives:
@@ -231,7 +245,7 @@ class Ending:
             delay_s = None
             now_s = max(now_s, self.heard[-1][1] if self.heard else 0.0) + SILENCE_S + BRAKED_S
             self.device.move_on(now_s)
-            failures += ["not braked"] if self._moves_after(now_s) else []
+            failures += ["not braked"] if self.brakes_alone and self._moves_after(now_s) else []
         confirmed = "NOT CONFIRMED" not in told and "standstill was not seen" not in told
         if self.lives and confirmed and self._moves_after(now_s):
             failures.append("moved after a reported stop")
@@ -303,6 +317,77 @@ def host_killed(ending: Ending) -> None:
     ending.troubled(trouble)
 
 
+def odd_word(ending: Ending) -> None:
+    """One status of a running program that says something else, with a checksum of its own."""
+    do = ending.device.do
+    word = ending.random.choice([state for state in STATES if state != "running"])
+    said: list[float] = []
+
+    def odd(statement, fields, now_s):
+        rows = do(statement, fields, now_s)
+        if statement == "status" and rows[0]["state"] == "running" and now_s >= ending.at_s:
+            said.append(now_s)
+            if len(said) == 1:
+                ending.at_s = now_s
+                return [rows[0] | {"state": word}]
+        return rows
+
+    ending.device.do = odd
+
+
+def another_controller(ending: Ending) -> None:
+    """The plug in another controller of the kind, with the same program or with none."""
+    ending.for_s = 20.0
+    other = bench(ending.joined.session.dialect, seed=ending.seed)
+    stored, random = other.station.store, ending.random
+    history = random.choice(["new", "ended", "stopped", "running"])
+
+    def trouble():
+        device, now_s = other.station.device, ending.port.now_s()
+        program = ending.joined.station.store.read("SCRATCH")
+        if program is not None and history != "new":
+            stored.write("SCRATCH", program)
+            # One that runs the same program, begun within 2 % of its time, cannot be told.
+            began_s = min([now_s, *ending.times("run_for")]) - random.uniform(2.0, 9.0)
+            began_s -= 30.0 if history == "ended" else 0.0
+            device.do("run_for", {"name": "SCRATCH", "milliseconds": 20e3}, began_s)
+            if history == "stopped":
+                device.do("stop", {}, began_s + 1.0)
+            device.move_on(now_s)
+        ending.port.plug_into(other.session.port)
+
+    ending.troubled(trouble)
+
+
+class Blocked(io.StringIO):
+    """A log or a recording that takes nothing from `is_due()` on until the trial is over."""
+
+    name = "blocked.log"
+
+    def __init__(self, is_due: Callable[[], bool], over: threading.Event) -> None:
+        super().__init__()
+        self._is_due, self._over = is_due, over
+
+    def write(self, what: object) -> None:
+        if self._is_due():
+            self._over.wait(60.0)
+
+    def flush(self) -> None:
+        return
+
+
+def blocked_trace(ending: Ending) -> None:
+    ending.log = Blocked(lambda: ending.is_due, ending.over)
+
+
+def blocked_recording(ending: Ending) -> None:
+    stream = nullcontext(Blocked(lambda: ending.is_due, ending.over))
+    writer: Writer[Blocked] = Writer("the recording", stream, most=1)
+    ending.sink = SimpleNamespace(
+        write=lambda columns: writer.put(lambda sink: sink.write(columns))
+    )
+
+
 Ending.KINDS = {
     "SIGINT": one_signal("SIGINT"),
     "another signal": one_signal(),
@@ -314,6 +399,10 @@ Ending.KINDS = {
     "fault of the program": exception(lambda: ZeroDivisionError("a fault")),
     "senseless reply": senseless_reply,
     "deadline": deadline,
+    "odd status word": odd_word,
+    "another controller": another_controller,
+    "blocked trace": blocked_trace,
+    "blocked recording": blocked_recording,
     "line cut": lambda ending: None,
     "host killed": host_killed,
 }

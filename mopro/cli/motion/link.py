@@ -75,9 +75,11 @@ def connected_session(
     from mopro.link.transport import Port, TracedPort
 
     language = load_dialect(dialect)
+    line: Port = SerialPort(port, language.line, baud, token())
     with ExitStack() as open_things:
-        line: Port = SerialPort(port, language.line, baud, token())
         open_things.callback(line.close)
         if trace is not None:
-            line = TracedPort(line, open_things.enter_context(log(trace)))
+            line = TracedPort(line, log(trace), name=str(trace))
+            open_things.pop_all()
+            open_things.callback(line.close)
         yield Session(line, language, baud=baud)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from typing import TYPE_CHECKING
 
 import click
 
 from mopro.cli.terminal.outputs import DrawingSink
 from mopro.cli.terminal.say import say
+from mopro.errors import DataError
+from mopro.link.writer import Writer
 
 if TYPE_CHECKING:
     from mopro.controller import Station
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 
 # A run waits so long for its page to be looked at.
 _LOOKED_AT_S = 10.0
+# Samples that may wait for the page: ten seconds of them.
+_MOST_WAITING = 200
 _OF_THE_EXTRA = ("starlette", "uvicorn", "anyio", "h11")
 
 
@@ -33,9 +37,16 @@ class Live:
         self.signals = signals
         self._feed = run.feed
         self._drawing = DrawingSink(run)
+        self._samples = Writer("the page", nullcontext(), _MOST_WAITING)
 
     def see(self, row: Mapping[str, float]) -> None:
-        """Show one sample of a controller; what goes wrong costs the run nothing."""
+        """Show one sample of a controller, in a thread.
+
+        What the page does not take in time is left out, and what goes wrong costs the run nothing.
+        """
+        self._samples.offer(lambda _: self._see(row))
+
+    def _see(self, row: Mapping[str, float]) -> None:
         import numpy as np
 
         columns = {name: np.array([value]) for name, value in row.items()}
@@ -49,6 +60,8 @@ class Live:
         """Tell the page how the run ended."""
         from mopro.recording.run import outcome
 
+        with suppress(DataError):
+            self._samples.close()
         self._feed.end("\n".join(filter(None, (outcome(run), run.trouble))))
 
 

@@ -6,16 +6,24 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from mopro.cli.terminal.options import STANDARD
+from mopro.errors import DataError
 
 if TYPE_CHECKING:
-    from mopro.recording import FileSink, Header
+    from mopro.link.writer import Writer
+    from mopro.recording import FileSink, Header, Run
+    from mopro.recording.record import Columns
+
+# Chunks of a recording that may wait: a minute of samples.
+_MOST_CHUNKS = 4
+# The end of a recording, its durable copy on the disk, takes at most so long (s).
+_FINISHED_WITHIN_S = 30.0
 
 
 def replaces_recording(out: Path, force: bool) -> bool:
@@ -36,18 +44,64 @@ def replaces_recording(out: Path, force: bool) -> bool:
 
 
 @contextmanager
-def recording_sink(out: Path, header: Header) -> Iterator[FileSink]:
-    """A sink for `out`; for `-` the recording is written as CSV when it is whole."""
+def recording_sink(out: Path, header: Header, apart: bool = False) -> Iterator[FileSink]:
+    """A sink for `out`; for `-` the recording is written as CSV when it is whole.
+
+    With `apart` the file is written by a thread of its own, and holds up nobody who writes to it.
+    """
     from mopro.recording import open_sink
 
+    opened = _apart if apart else open_sink
     if out != STANDARD:
-        with open_sink(out, header) as sink:
+        with opened(out, header) as sink:
             yield sink
         return
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / "run.csv"
-        with open_sink(whole, header) as sink:
+        with opened(whole, header) as sink:
             yield sink
         with open(whole, "rb") as file:
             shutil.copyfileobj(file, sys.stdout.buffer)
         sys.stdout.flush()
+
+
+class _Apart:
+    """A FileSink behind a writer."""
+
+    def __init__(self, writer: Writer[FileSink], header: Header) -> None:
+        self._writer = writer
+        self.header = header
+        self.run: Run | None = None
+
+    def write(self, columns: Columns) -> None:
+        self._writer.put(lambda sink: sink.write(columns))
+
+    def finish(self, sink: FileSink) -> None:
+        sink.header, sink.run = self.header, self.run
+
+
+class _Abandoned(DataError):
+    """The recording shall not be kept."""
+
+
+@contextmanager
+def _apart(out: Path, header: Header) -> Iterator[FileSink]:
+    """As open_sink, in a thread of its own."""
+    from mopro.link.writer import Writer
+    from mopro.recording import open_sink
+
+    writer = Writer("the recording", open_sink(out, header), _MOST_CHUNKS)
+    apart = _Apart(writer, header)
+    try:
+        yield apart
+    except BaseException:
+        with suppress(DataError):
+            writer.put(_abandon)
+            writer.close()
+        raise
+    writer.put(apart.finish)
+    writer.close(_FINISHED_WITHIN_S)
+
+
+def _abandon(sink: FileSink) -> None:
+    raise _Abandoned("the run has not begun")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -160,17 +160,18 @@ def command(
         if port is not None:
             program = _runnable_from(program, from_line, yes, machine, for_s)
         page = files.enter_context(live_run(program, plant, for_s)) if live else None
+        reporting: AbstractContextManager[None] = nullcontext()
         if port is None:
             backend = _emulated(files, (plant, payload, rate, seed), page, pictures)
         else:
             backend = _linked(outer, files, (port, dialect, baud, trace), plant, deadline, page)
+            reporting = backend.signals.released_in_time()
         with simulated() if port is None else in_motion(length_unit(program, plant)) as told:
             run = _recorded(backend, program, (for_s, settle_s), out, pictures, told)
-        if page is not None:
-            page.end(run)
-        files.close()
-        all_drawn = pictures.draw(backend.header(program), run, plant, machine)
-        tell(run, program, Written(out, replaces), for_s, as_json)
+        with reporting:
+            run = _closed(files, run, page)
+            all_drawn = pictures.draw(backend.header(program), run, plant, machine)
+            tell(run, program, Written(out, replaces), for_s, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
@@ -219,6 +220,7 @@ def _linked(
     deadline counts from before the port is opened. `page` shows the samples.
     """
     from mopro.link import SerialBackend, Signals
+    from mopro.link.transport import TracedPort
 
     begun_s = time.monotonic()
     signals = outer.enter_context(page.signals if page else Signals())
@@ -231,6 +233,7 @@ def _linked(
         signals=signals,
         warn=lambda text: say(f"warning: {text} [no-heartbeat]", err=True),
         seen=page.see if page else lambda row: None,
+        hold=session.port.hold if isinstance(session.port, TracedPort) else lambda: None,
     )
 
 
@@ -254,7 +257,7 @@ def _recorded(
     header = backend.header(program)
     run = None
     try:
-        with recording_sink(out, header) as sink:
+        with recording_sink(out, header, apart=header.clock == "host") as sink:
             run = backend.run(program, pictures.beside(sink), *lasting_s, told)
             sink.header, sink.run = header.after(run), run
     except DataError as error:
@@ -262,6 +265,24 @@ def _recorded(
             raise
         lost = f"the run has ended, but its recording is lost: {error}"
         return replace(run, trouble="\n".join(filter(None, (run.trouble, lost))))
+    return run
+
+
+def _closed(files: ExitStack, run: Run, page: Live | None) -> Run:
+    """The run after its port and trace are closed, and its page told how it ended.
+
+    A trace that has not been written whole is trouble.
+    """
+    from dataclasses import replace
+
+    from mopro.errors import DataError
+
+    if page is not None:
+        page.end(run)
+    try:
+        files.close()
+    except DataError as error:
+        run = replace(run, trouble="\n".join(filter(None, (run.trouble, str(error)))))
     return run
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import io
 import os
 import re
-import select
 import shutil
 import sys
 from contextlib import nullcontext, suppress
@@ -77,30 +76,48 @@ def say_status(text: str) -> None:
     watched must not wait for it.
     """
     global _shown
-    if not is_terminal(sys.stderr) or _would_block(sys.stderr):
-        return
-    width = shutil.get_terminal_size().columns - 1
-    with suppress(OSError):
-        sys.stderr.write(_ERASE + visible(text).replace("\n", " ")[:width])
-        sys.stderr.flush()
-        _shown = True
-
-
-def _would_block(stream: TextIO) -> bool:
-    try:
-        return not select.select([], [stream], [], 0)[1]
-    except (OSError, ValueError):  # not a file that the system can ask about
-        return False
+    if is_terminal(sys.stderr):
+        width = shutil.get_terminal_size().columns - 1
+        _shown |= _written_at_once(_ERASE + visible(text).replace("\n", " ")[:width])
 
 
 def end_status() -> None:
-    """Take the line of progress away."""
+    """Take the line of progress away, unless the terminal takes no text now."""
     global _shown
-    if _shown and not _would_block(sys.stderr):
+    if _shown and _written_at_once(_ERASE):
         _shown = False
+
+
+def _written_at_once(text: str) -> bool:
+    """Write `text` to the terminal of standard error; False if that would have to be waited for.
+
+    A terminal may be held (Ctrl-S) at any moment, so it is opened once more, as one that never
+    blocks: the way it was opened is shared with other processes, and stays as it is.
+    """
+    if not (_has_descriptor(sys.stderr) and hasattr(os, "ttyname")):  # Windows, or no terminal
         with suppress(OSError):
-            sys.stderr.write(_ERASE)
+            sys.stderr.write(text)
             sys.stderr.flush()
+        return True
+    try:
+        name = os.ttyname(sys.stderr.fileno())
+        handle = os.open(name, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        os.write(handle, text.encode(sys.stderr.encoding, "backslashreplace"))
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+    return True
+
+
+def _has_descriptor(stream: TextIO) -> bool:
+    try:
+        return stream.fileno() >= 0
+    except (OSError, ValueError, AttributeError):
+        return False
 
 
 def say_styled(text: str) -> None:
