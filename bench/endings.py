@@ -1,6 +1,6 @@
-"""Runs on the virtual controller ended at random moments by twelve kinds of trouble.
+"""Runs on the virtual controller ended at random moments by sixteen kinds of trouble.
 
-    python bench/endings.py --runs 500
+    python bench/endings.py --runs 500 --words 5
 
 In simulated time, with a real signal where the trouble is one. Each trial has a seed of its
 own, from which its program, its dialect and the moment come. Stops are counted at the
@@ -13,6 +13,11 @@ the arrival of the stop (of a deadline: to the stop before it), and failures:
 - a controller without a host that has not braked by its heartbeat,
 - a run that goes on as if nothing had been.
 
+With `--words N` a controller of a few lines (tests/helpers/model_of_controller.py) then says each
+sequence of up to N of the nine states, and the truth from there on: both dialects, with a whole
+program and with one that is cut by the controller or by the host. Failures are motion at the end of
+the host's run, and a run told as whole that was not.
+
 Exits with 1 if there is any failure.
 """
 
@@ -23,11 +28,15 @@ import sys
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
+from helpers import model_of_controller as model
 from helpers.endings import FAILURES, Ending, Trial, trial
+from mopro.link import builtin_dialects, load_dialect
+from mopro.link.dialect import STATES
 
 OUTCOMES = (
     "stop confirmed", "stop not confirmed", "before the start", "after the end", "braked by itself",
@@ -53,11 +62,51 @@ def row(title: str, tries: list[Trial]) -> str:
     return f"{title:24} {len(tries):5} {longest:>9}" + "".join(f"{n:>9}" for n in counts)
 
 
+def sequences_of(arguments: tuple[str, bool, bool, str, int]) -> list[int]:
+    """Runs, runs told as whole, left in motion, and told as whole but not, with a first word."""
+    dialect, cuts, looping, first, most = arguments
+    language = load_dialect(dialect)
+    if not cuts:
+        known = {key: s for key, s in language.statements.items() if key != "run_for"}
+        language = replace(language, statements=known)
+    counts = [0, 0, 0, 0]
+    for _, ended in model.sequences(most, language, looping, begin=(first,)):
+        whole = ended.trouble is None
+        found = (True, whole, ended.still_moves, whole and not ended.is_complete)
+        counts = [n + more for n, more in zip(counts, found, strict=True)]
+    return counts
+
+
+def words(most: int, jobs: int) -> int:
+    """Print a row for each way to run; gives the failures."""
+    print(f"\nsequences of up to {most} states, then the truth")
+    titles = ("runs", "told as whole", "left in motion", "whole, but not")
+    print(f"{'dialect, what ends the run':34}" + "".join(f"{title:>16}" for title in titles))
+    failures = 0
+    ways = [
+        (True, False, "its program"),
+        (True, True, "run_for"),
+        (False, True, "a stop of the host"),
+    ]
+    with ProcessPoolExecutor(jobs) as pool:
+        for dialect in builtin_dialects():
+            for cuts, looping, title in ways:
+                every = [(dialect, cuts, looping, first, most) for first in STATES]
+                counts = [
+                    sum(column) for column in zip(*pool.map(sequences_of, every), strict=True)
+                ]
+                failures += counts[2] + counts[3]
+                cells = "".join(f"{count:>16,}" for count in counts)
+                print(f"{dialect + ', ' + title:34}{cells}", flush=True)
+    return failures
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0, help="the first one of each kind")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--words", type=int, default=0, help="status words in a sequence")
     chosen = parser.parse_args()
     started_s = time.perf_counter()
     by_kind = trials(chosen.runs, chosen.seed, chosen.jobs)
@@ -73,7 +122,8 @@ def main() -> int:
     for t in failed[:12]:
         print(f"\nFAILED {t.kind}, seed {t.seed}: {', '.join(t.failures)}\n{t.told}")
     print(f"\n{len(failed)} failures in {time.perf_counter() - started_s:.0f} s")
-    return int(bool(failed))
+    wrong = words(chosen.words, chosen.jobs) if chosen.words else 0
+    return int(bool(failed or wrong))
 
 
 if __name__ == "__main__":

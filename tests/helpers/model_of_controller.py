@@ -214,13 +214,13 @@ def told(words, dialect, looping=False):
     return Ended(run.trouble, complete, moves, controller.used)
 
 
-def sequences(most, dialect, looping, words=STATES):
-    """Each run that differs by the first `most` status words, with its words."""
-    waiting = [()]
+def sequences(most, dialect, looping, begin=()):
+    """Each run that differs by the first `most` status words, with its words from `begin` on."""
+    waiting = [begin]
     while waiting:
         said = waiting.pop()
         ended = told(said, dialect, looping)
         # What a run does not hear makes no other run of it.
         if ended.used == len(said) < most:
-            waiting += [(*said, word) for word in words]
+            waiting += [(*said, word) for word in STATES]
         yield said, ended
