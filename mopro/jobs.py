@@ -2,7 +2,8 @@
 
 A thread that cannot begin for lack of memory leaves Python waiting for it without end. A process of
 a pool waits for work without end once the one that began it is gone, and takes a signal's exception
-for the answer of one item.
+for the answer of one item. A Python that is started as usual looks for modules in the current
+folder first, where a stranger's file may be called like one of them.
 """
 
 from __future__ import annotations
@@ -10,12 +11,16 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from mopro.errors import DataError
 from mopro.memory import make_sure
@@ -26,6 +31,78 @@ R = TypeVar("R")
 # Bytes of address space of a thread: its stack, twice. Halved, a thread may not begin, and Python
 # waits for it; doubled, more commands that had enough are refused.
 _A_THREAD = 16 << 20
+
+# What has a Python import from, or stay in, a place that the user need not have meant.
+_MISLEADING = ("PYTHONPATH", "PYTHONINSPECT")
+# Taken by who changes the environment in which a pool starts its processes.
+_starting = threading.RLock()
+# Beginning of a child: the path of its parent, and mopro itself from where the parent has it.
+_BEGIN = """
+import sys
+own = sys.path[:]
+sys.path[:] = [entry for entry in {path!r} if entry not in {here!r} or entry in own]
+from importlib.util import module_from_spec, spec_from_file_location
+from runpy import run_module
+spec = spec_from_file_location("mopro", {init!r}, submodule_search_locations=[{folder!r}])
+sys.modules["mopro"] = package = module_from_spec(spec)
+spec.loader.exec_module(package)
+run_module({module!r}, run_name="__main__", alter_sys=True)
+"""
+
+
+def run_module(
+    module: str, arguments: Sequence[str], patience_s: float
+) -> subprocess.CompletedProcess[bytes]:
+    """The finished process of `python -m MODULE ARGUMENTS`, a module of mopro, and what it said.
+
+    It imports what this process would, except from the current folder. Raises
+    subprocess.TimeoutExpired, and ends the process, after `patience_s`.
+    """
+    folder = Path(__file__).parent
+    entries = [entry for entry in sys.path if os.path.isabs(entry)]
+    begin = _BEGIN.format(
+        path=entries,
+        here=_of_the_current_folder(entries),
+        init=str(folder / "__init__.py"),
+        folder=str(folder),
+        module=module,
+    )
+    command = [sys.executable, "-P", *_options(), "-c", begin, *arguments]
+    environment = {name: text for name, text in os.environ.items() if name not in _MISLEADING}
+    return subprocess.run(
+        command, capture_output=True, env=environment, timeout=patience_s, check=False
+    )
+
+
+def _options() -> list[str]:
+    """Those of this process's own options that decide what a child heeds and warns of."""
+    flags = {"-E": sys.flags.ignore_environment, "-s": sys.flags.no_user_site}
+    warnings = [part for option in sys.warnoptions for part in ("-W", option)]
+    return [option for option, stated in flags.items() if stated] + warnings
+
+
+def _of_the_current_folder(entries: Iterable[str]) -> list[str]:
+    """Those of a path's absolute `entries` that stand for the current folder, or were relative."""
+    stated = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    relative = {os.path.abspath(entry) for entry in stated if not os.path.isabs(entry)}
+    here = os.path.realpath(os.curdir)
+    return [entry for entry in entries if entry in relative or os.path.realpath(entry) == here]
+
+
+@contextmanager
+def _shielded() -> Iterator[None]:
+    """Have each Python that is started during the block look for modules outside of this folder.
+
+    A pool's process is told the path of this one only once it has imported what it needs for that.
+    """
+    with _starting:
+        before = {name: os.environ.pop(name, None) for name in (*_MISLEADING, "PYTHONSAFEPATH")}
+        os.environ["PYTHONSAFEPATH"] = "1"
+        try:
+            yield
+        finally:
+            del os.environ["PYTHONSAFEPATH"]
+            os.environ.update({name: text for name, text in before.items() if text is not None})
 
 
 def in_threads(function: Callable[[T], R], items: Iterable[T], jobs: int) -> Iterator[R]:
@@ -53,8 +130,13 @@ class _Processes(ProcessPoolExecutor):
     """A pool whose processes end where the work is left unfinished."""
 
     def __init__(self, jobs: int) -> None:
-        super().__init__(jobs, initializer=_end_when_told)
+        with _shielded():
+            super().__init__(jobs, initializer=_end_when_told)
         self._others = set(multiprocessing.active_children())
+
+    def submit(self, function: Callable[..., R], /, *args: Any, **named: Any) -> Future[R]:
+        with _shielded():
+            return super().submit(function, *args, **named)
 
     def __exit__(
         self,

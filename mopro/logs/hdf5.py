@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.jobs import run_module
+
 PATIENCE_S = 120.0
 _WORDS = "units.json"
 _LONGEST_UNIT = 60
@@ -31,9 +33,8 @@ def arrays_of(path: Path, check: Callable[[int, int], None]) -> tuple[Arrays, di
     """
     with TemporaryDirectory() as made:
         folder = Path(made)
-        command = [sys.executable, "-m", "mopro.logs.hdf5", str(path), made]
         try:
-            done = subprocess.run(command, capture_output=True, timeout=PATIENCE_S, check=False)
+            done = run_module("mopro.logs.hdf5", [str(path), made], PATIENCE_S)
         except subprocess.TimeoutExpired as error:
             raise ValueError(f"it was not read in {PATIENCE_S:g} s: is it damaged?") from error
         if done.returncode:

@@ -1,6 +1,7 @@
 """Cases whose true effect is left out of the candidates: what stands in for it, and the judging."""
 
 import json
+from subprocess import CompletedProcess
 
 import numpy as np
 import pytest
@@ -168,17 +169,17 @@ def test_the_question_leaves_it_out_and_a_verdict_is_kept_for_the_same_question(
     folder, answer = case
     asked = []
 
-    def reconcile(command, **_):
-        asked.append(command)
-        return type("Done", (), {"stdout": json.dumps({"verdict": "none", "effects": []}),
-                                 "stderr": "", "returncode": 0})  # fmt: skip
+    def reconcile(module, words, patience_s):
+        asked.append(words)
+        reply = json.dumps({"verdict": "none", "effects": []}).encode()
+        return CompletedProcess([module, *words], 0, reply, b"")
 
-    monkeypatch.setattr("mopro.benchmark.scoring.run.subprocess.run", reconcile)
+    monkeypatch.setattr("mopro.benchmark.scoring.run.run_module", reconcile)
     source, file = VerdictSource(), folder / "experiment.toml"
     for without in (without_of(answer), without_of(answer), [], []):
         source.ask(folder.name, file, without)
     (folder / "verdict.json").unlink()
-    assert [command[-2:] for command in asked] == [
+    assert [words[-2:] for words in asked] == [
         ["--without", "ambient_drift"],
         [str(file), "--json"],
     ]

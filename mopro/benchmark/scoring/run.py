@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +31,7 @@ from mopro.benchmark.scoring.outcome import FAILED
 from mopro.benchmark.scoring.score import FollowUp, pair_key
 from mopro.errors import DataError
 from mopro.files import write
-from mopro.jobs import in_threads
+from mopro.jobs import in_threads, run_module
 
 VERDICT = "verdict.json"
 _STDERR_KEPT = 2000  # characters of a process's messages that go into its verdict
@@ -143,13 +142,10 @@ class VerdictSource:
     def _reconciled(self, experiment: Path, without: Sequence[str]) -> Reply:
         """The JSON that `mopro reconcile` prints, with its time (s), exit code and messages."""
         start = time.perf_counter()
-        jobs = ["--jobs", str(self.simulations)]
-        command = [sys.executable, "-m", "mopro", "reconcile", *jobs, str(experiment), "--json"]
-        command += [part for name in without for part in ("--without", name)]
+        words = ["reconcile", "--jobs", str(self.simulations), str(experiment), "--json"]
+        words += [part for name in without for part in ("--without", name)]
         try:
-            done = subprocess.run(
-                command, capture_output=True, text=True, check=False, timeout=self.patience_s
-            )
+            done = run_module("mopro", words, self.patience_s)
         except subprocess.TimeoutExpired:
             return {"verdict": FAILED, "stderr": f"no answer within {self.patience_s:g} s"}
         try:
@@ -158,7 +154,8 @@ class VerdictSource:
             reply = {}
         if not isinstance(reply, dict) or "verdict" not in reply:
             reply = {"verdict": FAILED}
-        seconds, messages = time.perf_counter() - start, done.stderr[-_STDERR_KEPT:]
+        messages = done.stderr.decode("utf-8", "replace")[-_STDERR_KEPT:]
+        seconds = time.perf_counter() - start
         return {**reply, "seconds": seconds, "exit_code": done.returncode, "stderr": messages}
 
 
