@@ -22,6 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
+from mopro.elsewhere import load_elsewhere
 from mopro.errors import DataError
 from mopro.memory import make_sure
 
@@ -131,7 +132,7 @@ class _Processes(ProcessPoolExecutor):
 
     def __init__(self, jobs: int) -> None:
         with _shielded():
-            super().__init__(jobs, initializer=_end_when_told)
+            super().__init__(jobs, initializer=_prepare)
         self._others = set(multiprocessing.active_children())
 
     def submit(self, function: Callable[..., R], /, *args: Any, **named: Any) -> Future[R]:
@@ -151,8 +152,9 @@ class _Processes(ProcessPoolExecutor):
         return super().__exit__(kind, error, trace)
 
 
-def _end_when_told() -> None:
-    """Have a process of a pool end by signals, and with the process that began it."""
+def _prepare() -> None:
+    """Have a process of a pool load libraries as this one, and end by signals and with it."""
+    load_elsewhere()
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, signal.SIG_DFL)

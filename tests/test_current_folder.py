@@ -191,3 +191,48 @@ def test_processes_of_a_pool_import_nothing_of_the_current_folder(folders, metho
     done = run(folder.parent, [sys.executable, script, folder, method, *entry])
     assert (done.stdout, done.returncode) == ("[1, 2, 3] True\n", 0), done.stderr
     assert sprung(traps) == []
+
+
+TEX = (
+    "text.usetex: True\nfont.size: 30\nsavefig.dpi: 20\ntext.latex.preamble: \\input{/etc/passwd}\n"
+)
+SETTINGS_OF_LIBRARIES = {
+    "TeX": ("matplotlibrc", TEX.encode()),
+    "backend": ("matplotlibrc", b"backend: module://json_of_here\nsvg.fonttype: none\n"),
+    "no text": ("matplotlibrc", b"\xff\xfe\x00"),
+    "nonsense": ("matplotlibrc", b"\x1b[2Jlines: \x1b[31m\nfont.size: huge\n"),
+    "a pipe": ("matplotlibrc", None),
+    "numba": (".numba_config.yaml", b"disable_jit: 1\ndump_ir: 1\n"),
+    "no YAML": (".numba_config.yaml", b"{[\x1b"),
+    "numba's pipe": (".numba_config.yaml", None),
+}
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory):
+    return picture_of(tmp_path_factory.mktemp("empty"))
+
+
+def picture_of(folder, **environment):
+    (folder / "P.CMD").write_text("UU012500/1\nVEL1 15.0\nACC1 0.2\nMRI1 0.2\nWX1\n")
+    done = run(folder, [COMMAND, "run", "P.CMD", "--emulate", "--plot", "p.png"], **environment)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    return (folder / "p.png").read_bytes()
+
+
+@pytest.mark.parametrize("kind", SETTINGS_OF_LIBRARIES)
+def test_settings_of_the_current_folder_change_no_picture(tmp_path, picture, kind):
+    """`text.usetex` started LaTeX on a preamble of the folder's."""
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    for name in ("latex", "xelatex", "pdflatex", "lualatex", "dvipng", "gs"):
+        (programs / name).write_text(f"#!/bin/sh\ntouch {tmp_path}/started-{name}\n")
+        (programs / name).chmod(0o755)
+    name, content = SETTINGS_OF_LIBRARIES[kind]
+    if content is None:
+        os.mkfifo(tmp_path / name)
+    else:
+        (tmp_path / name).write_bytes(content)
+    drawn = picture_of(tmp_path, PATH=f"{programs}{os.pathsep}{os.environ['PATH']}")
+    assert list(tmp_path.glob("started-*")) == []
+    assert drawn == picture

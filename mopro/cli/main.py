@@ -27,6 +27,7 @@ from mopro.cli.terminal.say import (
     say,
     say_findings,
 )
+from mopro.elsewhere import load_elsewhere
 from mopro.errors import Interrupted, LinkError, MoproError, PortError, RunError
 from mopro.memory import make_sure_on_import
 
@@ -111,6 +112,7 @@ def main() -> NoReturn:
     _search_less_garbage()
     _heed_signals()
     make_sure_on_import()
+    load_elsewhere()
     prepare_streams()
     atexit.register(give_up_errors)
     try:

@@ -9,6 +9,7 @@ import numpy as np
 from mopro.experiment.compare.comparison import Compared, Comparison, SeriesTest
 from mopro.recording.envelope import Band, Floats
 from mopro.recording.figure import BLACK, BLUE, VERMILLION, add_legend, draw_band, mark_lines
+from mopro.recording.style import library_style
 from mopro.text import plain
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ _BEFORE = {"color": VERMILLION, "linestyle": ":"}
 _RESIDUAL = {"color": BLACK, "linestyle": "-", "linewidth": 0.6}
 
 
+@library_style()
 def plot_comparison(
     comparison: Comparison, title: str, before: Comparison | None = None
 ) -> ShownFigure:

@@ -5,17 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mopro.limits import PROFILES, Limit
+from mopro.recording.style import library_style
 from mopro.text import plain
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from mopro.recording.shown import ShownFigure
 
 
-def plot_limits(limits: list[Limit], title: str) -> Figure:
+@library_style()
+def plot_limits(limits: list[Limit], title: str) -> ShownFigure:
     """Largest acceleration, and the duration of the timed move, against peak velocity."""
-    from matplotlib.figure import Figure
+    from mopro.recording.shown import ShownFigure
 
-    figure = Figure(figsize=(8, 7), layout="constrained")
+    figure = ShownFigure(figsize=(8, 7), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     for profile in PROFILES:
         points = [

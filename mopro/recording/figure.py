@@ -13,6 +13,7 @@ from mopro.recording.envelope import LAG, Band, Envelopes, Floats
 from mopro.recording.moves import MoveReport, folded
 from mopro.recording.phases import ACCELERATE, CRUISE, DECELERATE, phases_of
 from mopro.recording.run import Run
+from mopro.recording.style import library_style
 from mopro.text import plain
 from mopro.units import UNITS
 
@@ -58,6 +59,7 @@ class _Trace:
     secondary: bool = False
 
 
+@library_style()
 def draw(
     envelopes: Envelopes, title: str, run: Run | None = None, unit: str | None = None
 ) -> ShownFigure:
