@@ -20,6 +20,7 @@ from mopro.experiment.rigs import compare as rig_compare
 from mopro.experiment.rigs import conclude as rig_conclude
 from mopro.experiment.rigs.entries import RigEntries, read_rig_entries
 from mopro.experiment.rigs.study import Study, study
+from mopro.inputs import no_file
 from mopro.machine import load_machine
 from mopro.rig.file import kind_of
 from mopro.rig.model import KINDS
@@ -134,7 +135,8 @@ def is_rig(path: str | Path) -> bool:
     machine = Document(read_source(path)).root.data.get("machine")
     if not isinstance(machine, str):
         return False
-    return machine in KINDS or kind_of(Path(path).parent / machine) is not None
+    file = Path(path).parent / machine
+    return machine in KINDS or (no_file(file, machine) is None and kind_of(file) is not None)
 
 
 def files_of(path: str | Path) -> list[Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mopro.errors import Diagnostic, SourceError
+from mopro.inputs import open_to_read
 from mopro.source import Source, Span
 
 MOST_BYTES = 16 * 2**20
@@ -22,7 +23,7 @@ def load(path: str | Path) -> Source:
 def load_bytes(path: str | Path) -> bytes:
     """The bytes of file `path`, at most one more than a program may have; else SourceError."""
     try:
-        with open(path, "rb") as file:
+        with open_to_read(path, stream=True) as file:
             return file.read(MOST_BYTES + 1)
     except OSError as error:
         raise _refused(str(path), "unreadable", f"cannot be read: {error.strerror}") from error

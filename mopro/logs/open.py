@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataError, DataFileError
+from mopro.inputs import open_to_read
 from mopro.logs.clock import Clock, clock_columns, clock_of
 from mopro.logs.containers import READERS
 from mopro.logs.log import Column, Decision, Floats, Log, listed
@@ -50,6 +51,7 @@ def read_log(path: Path, asked: Asked | None = None) -> Log:
 def _table(path: Path, asked: Asked) -> Table:
     reader = READERS.get(path.suffix.lower())
     try:
+        open_to_read(path).close()
         return reader(path, str(path)) if reader else read_text(path, str(path), asked.missing)
     except OSError as error:
         reason = error.strerror or str(error)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from mopro.errors import MOST_SHOWN, Diagnostic, ModelError
+from mopro.inputs import open_to_read
 from mopro.source import Source, Span
 from mopro.tomlfile import scan
 from mopro.tomlfile.shown import shown
@@ -231,7 +232,7 @@ def read_text(path: str | Path) -> str:
     Raises ModelError `too-large` if it has more than `MOST_BYTES`; no more are read.
     """
     try:
-        with open(path, "rb") as file:
+        with open_to_read(path, stream=True) as file:
             data = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise Unreadable(error.strerror) from error

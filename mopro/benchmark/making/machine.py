@@ -15,6 +15,7 @@ from mopro.benchmark.hidden.stated import StatedEffects
 from mopro.benchmark.making.make import BenchmarkMachine
 from mopro.benchmark.reference.nominal import Nominal
 from mopro.errors import DataError
+from mopro.inputs import read_bytes
 from mopro.machine import builtin_machines, load_machine
 from mopro.machine.model import FULL_STEPS_PER_PITCH, Axis, Machine
 from mopro.units import INCH_M
@@ -52,7 +53,10 @@ def _read(name: str, tolerance: float) -> BenchmarkMachine:
     builtin = name in builtin_machines()
     if builtin and not tolerance:
         return BenchmarkMachine(_nominal(machine), name)
-    text = (_BUILTIN / f"{name}.toml").read_bytes() if builtin else Path(name).read_bytes()
+    try:
+        text = read_bytes(_BUILTIN / f"{name}.toml" if builtin else Path(name))
+    except OSError as error:
+        raise DataError(f"{name}: cannot be read: {error.strerror}", "unreadable") from error
     if not tolerance:
         return BenchmarkMachine.of_file(_nominal(machine), text)
     keys = [f.metadata["key"] for f in fields(Axis) if f.metadata.get("tolerated")]

@@ -23,6 +23,7 @@ from mopro.benchmark.reference.motion import Floats
 from mopro.benchmark.reference.nominal import THESIS, Nominal
 from mopro.benchmark.reference.readings import ProgramRun
 from mopro.benchmark.reference.sensors import Instrument, stored
+from mopro.inputs import read_bytes
 from mopro.jobs import in_processes
 
 _MACHINE = "machine.toml"
@@ -132,7 +133,7 @@ def write(
 def hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of the experiment's files in `folder`, by name."""
     files = [p for p in sorted(folder.iterdir()) if p.suffix in SUFFIXES]
-    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+    return {p.name: hashlib.sha256(read_bytes(p)).hexdigest() for p in files}
 
 
 def measured(

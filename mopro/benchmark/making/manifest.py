@@ -11,6 +11,7 @@ from pathlib import Path
 
 from mopro.errors import DataError
 from mopro.files import make_folder, write
+from mopro.inputs import read_bytes
 
 MADE = "made.json"
 ANSWERS = "answers.json"
@@ -50,7 +51,7 @@ class Manifest:
         """The manifest of `folder`, empty if there is none; DataError if it is damaged."""
         path = folder / MADE
         try:
-            document = json.loads(path.read_bytes())
+            document = json.loads(read_bytes(path))
         except FileNotFoundError:
             return cls(folder, {})
         except OSError as error:
@@ -100,7 +101,7 @@ class Manifest:
         file = self.folder / path
         try:
             digests = self.files.get(path, "").split()
-            as_made = not file.is_symlink() and _sha256(file.read_bytes()) in digests
+            as_made = not file.is_symlink() and _sha256(read_bytes(file)) in digests
         except FileNotFoundError:
             return
         except OSError as error:

@@ -31,6 +31,7 @@ from mopro.benchmark.scoring.outcome import FAILED
 from mopro.benchmark.scoring.score import FollowUp, pair_key
 from mopro.errors import DataError
 from mopro.files import write
+from mopro.inputs import read_bytes
 from mopro.jobs import in_threads, run_module
 
 VERDICT = "verdict.json"
@@ -61,7 +62,7 @@ class CaseFolder:
         """
         file = folder / ANSWERS
         try:
-            document = json.loads(file.read_text(encoding="utf-8"))
+            document = json.loads(read_bytes(file))
             cases, grid = _checked(document["cases"]), str(document.get("grid", ""))
             found = cls(folder, document["seed"], cases, grid)
         except OSError as error:
@@ -100,7 +101,10 @@ def _checked(cases: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
 
 def _check_unchanged(folder: Path, files: Mapping[str, str]) -> None:
     """Raise DataError unless `folder` holds exactly `files`, given by name and SHA-256."""
-    present = hashes(folder) if folder.is_dir() else {}
+    try:
+        present = hashes(folder) if folder.is_dir() else {}
+    except OSError as error:
+        raise DataError(f"{folder}: cannot be read: {error.strerror}", "unreadable") from error
     for name in sorted({*files, *present}):
         if present.get(name) != files.get(name):
             message = f"{folder / name}: not what was made; make the cases again"
@@ -177,7 +181,7 @@ def _read_kept(path: Path) -> Reply | None:
 
 def _read_reply(path: Path) -> Reply:
     try:
-        reply = json.loads(path.read_text(encoding="utf-8"))
+        reply = json.loads(read_bytes(path))
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}", "unreadable") from error
     except (ValueError, RecursionError) as error:

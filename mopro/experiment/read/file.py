@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 from mopro.errors import DataError
 from mopro.experiment.read.raw import KINDS
+from mopro.inputs import no_file
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine, builtin_machines, load_machine
@@ -105,6 +105,16 @@ def read_entries(path: str | Path) -> Entries:
     return document.read(_Reader(document.source).entries)
 
 
+def file_beside(source: Source, value: Value) -> Path:
+    """Path of the regular file that a key of the experiment names, relative to its folder."""
+    name = text(message=f"expected the name of a file for {value.key}")(value)
+    path = Path(source.name).parent / name
+    if wrong := no_file(path, shown(path, 400)):
+        hint = "paths begin at the folder of this file"
+        raise value.refused(wrong, "no-such-file", hint)
+    return path
+
+
 def instrument(name_or_path: str, axis: int) -> Sensor:
     """The sensor of an instrument by its name, or by a file with the keys of a `[[sensor]]`.
 
@@ -165,13 +175,7 @@ class _Reader:
         return load_machine(str(self._machine_file))
 
     def _file(self, value: Value) -> Path:
-        """Path of an existing file, relative to the folder of the experiment file."""
-        name = text(message=f"expected the name of a file for {value.key}")(value)
-        path = Path(self._source.name).parent / name
-        if os.path.isfile(path):  # Path.is_file raises for a name that is too long
-            return path
-        hint = "paths begin at the folder of this file"
-        raise value.refused(f"there is no file {shown(path, 400)}", "no-such-file", hint)
+        return file_beside(self._source, value)
 
     @staticmethod
     def _sections(root: Value, key: str) -> list[Value]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from mopro.experiment.read.file import file_beside
 from mopro.experiment.rigs.bare import skeleton
 from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, parse
 from mopro.formula.entry import check_name, read_effects, read_formula
@@ -153,12 +153,7 @@ class _Reader:
         return load_rig(str(self._machine_file))
 
     def _file(self, value: Value) -> Path:
-        name = text(message=f"expected the name of a file for {value.key}")(value)
-        path = Path(self._source.name).parent / name
-        if os.path.isfile(path):
-            return path
-        hint = "paths begin at the folder of this file"
-        raise value.refused(f"there is no file {shown(path, 400)}", "no-such-file", hint)
+        return file_beside(self._source, value)
 
     def _run(self, entry: Value, inputs: Mapping[str, _Input], machine: Rig) -> RunEntry | None:
         before = entry.faults

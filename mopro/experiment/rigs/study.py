@@ -18,6 +18,7 @@ from mopro.experiment.rigs.doubts import check_scales
 from mopro.experiment.rigs.entries import RigEntries
 from mopro.experiment.rigs.read import read_rig_experiment
 from mopro.formula.evaluate import Floats
+from mopro.inputs import no_file
 from mopro.residuals import Residuals
 from mopro.rig.base import BaseFit, base_of, fitted_base
 from mopro.rig.data import RigExperiment
@@ -135,8 +136,9 @@ def _foreign(entries: RigEntries, allowed: bool) -> Simulate | None:
 
 def _loaded(file: Path, name: str) -> Simulate:
     spec = importlib.util.spec_from_file_location("mopro_foreign_model", file)
-    if spec is None or spec.loader is None or not file.is_file():
-        raise DataError(f"there is no file {file}", "no-such-file")
+    wrong = no_file(file, str(file))
+    if wrong or spec is None or spec.loader is None:
+        raise DataError(wrong or f"{file}: expected a file of Python", "no-such-file")
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
