@@ -25,7 +25,8 @@ class Guard:
 
     `port` gives the port that the server listens at. The name of the host is checked because a
     foreign site may have its own name point to this computer; the site, because a foreign page
-    can send requests here.
+    can send requests here. To the page itself it may lead with its token, as the file does that the
+    browser is started with.
     """
 
     def __init__(self, app: ASGIApp, token: str, port: Callable[[], int]) -> None:
@@ -49,7 +50,9 @@ class Guard:
             return "a request without an origin"
         if origin is not None and origin not in [f"http://{host}" for host in hosts]:
             return "a request of another site"
-        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
+        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin") and not (
+            scope["path"] == "/" and headers.get("sec-fetch-dest") == "document"
+        ):
             return "a request of another site"
         stated = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
         if not hmac.compare_digest(stated.encode(), self._token):

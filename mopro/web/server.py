@@ -14,7 +14,7 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, Response, StreamingResponse
 from starlette.routing import Route
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -136,10 +136,13 @@ def _application(page: Page, token: str, port: int) -> Starlette:
 
     async def act(request: Request) -> Response:
         body = b""
-        async for part in request.stream():
-            body += part
-            if len(body) > _MOST_BODY:
-                return Response(status_code=413)
+        try:
+            async for part in request.stream():
+                body += part
+                if len(body) > _MOST_BODY:
+                    return Response(status_code=413)
+        except ClientDisconnect:  # half a request does nothing
+            return Response(status_code=400)
         does = page.acts.get(request.path_params["name"])
         if does is None:
             return Response(status_code=404)

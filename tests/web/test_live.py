@@ -18,6 +18,7 @@ from mopro.link import load_dialect
 from mopro.machine import load_machine
 from mopro.web import ControllerPanel, Page, serving
 from mopro.web.panel import FAULTS
+from mopro.web.redirect import in_browser
 
 pytestmark = pytest.mark.browser
 
@@ -95,6 +96,17 @@ def running(folder, *args):
         finally:
             if process.poll() is None:
                 process.kill()
+
+
+def test_the_file_that_the_browser_is_given_leads_to_the_page(bench, chromium, monkeypatch):
+    given = []
+    monkeypatch.setattr("webbrowser.open", given.append)
+    with in_browser(bench.address):
+        page = chromium.open(given[0])
+        assert page.value("location.origin") in bench.address
+        page.until(f"{SAID} !== ''")
+        assert page.value("document.referrer") == ""
+        assert page.complaints() == []
 
 
 def test_a_fault_by_click_and_a_stop_from_the_page_reach_the_controller(bench, chromium, tmp_path):

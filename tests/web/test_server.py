@@ -1,10 +1,13 @@
 """The server of live pages: whom it answers, what it tells, and faults that it passes on."""
 
 import contextlib
+import html
 import http.client
 import json
 import socket
+import stat
 import sys
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -20,6 +23,7 @@ from mopro.viewer.run import schedule_of
 from mopro.web import ControllerPanel, LiveRun, Paced, Page, serving
 from mopro.web import server as web_server
 from mopro.web.feed import Feed
+from mopro.web.redirect import in_browser
 from mopro.web.server import MOST_CONNECTIONS
 
 TEXT = "UU012500/1\nVEL1 8.0\nACC1 0.25\nMRI1 4.0\nWX1\n"
@@ -68,10 +72,14 @@ def test_the_page_is_given_to_who_has_the_token(address):
         (None, {"Origin": "null"}),
         (None, {"Sec_Fetch_Site": "cross-site"}),
         (None, {"Sec_Fetch_Site": "same-site"}),
+        (None, {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Dest": "iframe"}),
+        ("/?token=wrong", {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Dest": "document"}),
+        ("/feed?QUERY", {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Dest": "document"}),
     ],
 )
 def test_others_are_refused(address, path, headers):
     headers = {k: v.replace("PORT", str(address.port)) for k, v in headers.items()}
+    path = path and path.replace("QUERY", address.query)
     status, text, _ = answer(address, path=path, **headers)
     assert status == 403
     assert "<" not in text
@@ -95,6 +103,52 @@ def test_the_page_itself_can(address, heard):
     status, _, _ = answer(address, "POST", f"/stop?{address.query}", "x" * 5000, Origin=origin)
     assert (status, heard) == (413, [])
     assert answer(address, "POST", f"/other?{address.query}", Origin=origin)[0] == 404
+
+
+def test_a_file_with_the_token_may_lead_to_the_page(address):
+    led = {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Dest": "document"}
+    assert answer(address, **led)[0] == 200
+
+
+@pytest.mark.parametrize("sent", [b"", b"x", b"x" * 99])
+def test_a_body_that_breaks_off_does_nothing_and_is_no_fault_of_the_server(
+    address, heard, caplog, sent
+):
+    """The exception was printed with its traceback."""
+    head = (
+        f"POST /stop?{address.query} HTTP/1.1\r\nHost: 127.0.0.1:{address.port}\r\n"
+        f"Origin: http://127.0.0.1:{address.port}\r\nContent-Length: 100\r\n\r\n"
+    )
+    with socket.create_connection((address.hostname, address.port), timeout=10) as client:
+        client.sendall(head.encode() + sent)
+        client.shutdown(socket.SHUT_WR)
+        while client.recv(1000):
+            pass
+    assert answer(address)[0] == 200
+    assert (heard, caplog.records) == ([], [])
+
+
+def test_the_token_is_in_a_file_of_ones_own_and_not_in_the_arguments(monkeypatch):
+    """Every user can read the arguments of a process."""
+    given = []
+    monkeypatch.setattr("webbrowser.open", given.append)
+    address = "http://127.0.0.1:1/?token=secret&a=<b>"
+    with in_browser(address):
+        (link,) = given
+        file = Path(urlsplit(link).path)
+        assert link == file.as_uri()
+        assert "secret" not in link
+        assert html.escape(address) in file.read_text()
+        assert stat.S_IMODE(file.stat().st_mode) == 0o600
+        assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
+    assert not file.parent.exists()
+
+
+def test_without_a_place_for_the_file_no_browser_is_started(monkeypatch, tmp_path):
+    monkeypatch.setattr("webbrowser.open", lambda _: pytest.fail("started"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
+    with in_browser("http://127.0.0.1:1/?token=secret"):
+        pass
 
 
 def test_connections_that_ask_for_nothing_make_room(address):

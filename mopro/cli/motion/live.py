@@ -109,15 +109,13 @@ def controller_panel(station: Station, machine: Machine) -> Iterator[ControllerP
 @contextmanager
 def _served(page: Page) -> Iterator[None]:
     """Serve `page`, tell its address, and open it where a person sits at a terminal."""
-    import webbrowser
-
     from mopro.web import serving
+    from mopro.web.redirect import in_browser
 
     with serving(page) as address:
         say(f"Page: {address}", err=True)
-        if sys.stderr.isatty():
-            webbrowser.open(address)
-        yield
+        with in_browser(address) if sys.stderr.isatty() else nullcontext():
+            yield
 
 
 def _need_the_extra() -> None:
