@@ -16,7 +16,6 @@ from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
 from mopro.effects.search import Values, residual_m, targets_m
 from mopro.formula.closures import closure_of
 from mopro.formula.dimension import dimension_of_unit, factor_of, words
-from mopro.formula.language import Formula
 from mopro.formula.written import (
     AMPLITUDE,
     PERIOD,
@@ -132,13 +131,13 @@ class FormulaEffect(Effect):
         low, high = _PERIODS if p.role == PERIOD else _SHAPES
         starts = _PERIOD_STARTS if p.role == PERIOD else _SHAPE_STARTS
         if p.low is not None and p.high is not None:
-            ends = tuple(sizes.number(end, p) for end in (p.low, p.high))
+            ends = tuple(p.sized(end, sizes.names) for end in (p.low, p.high))
             chosen = tuple(ends[0] + share * (ends[1] - ends[0]) for share in _SHAPE_STARTS)
         else:
             span = sizes.span_of(p, self.written) / p.factor
             ends, chosen = (low * span, high * span), tuple(share * span for share in starts)
-        if p.start is not None:
-            chosen = (sizes.number(p.start, p),)
+        begun = p.begun(sizes.names)
+        chosen = chosen if begun is None else (begun,)
         return Fitted(
             p.name, p.unit, ends[0], ends[1], chosen, _role_of_shape(p),
             null=self.parameter(p.name).null, inverse=p.role == PERIOD and ends[0] > 0,
@@ -149,7 +148,7 @@ class FormulaEffect(Effect):
         self, p: EffectParameter, shapes: Mapping[str, Fitted], sizes: _Sizes
     ) -> Fitted | None:
         if p.low is not None and p.high is not None:
-            low, high = (sizes.number(end, p) for end in (p.low, p.high))
+            low, high = (p.sized(end, sizes.names) for end in (p.low, p.high))
         else:
             largest = self._largest(p, shapes, sizes)
             if not largest:
@@ -159,8 +158,8 @@ class FormulaEffect(Effect):
         in_force = self.written.enters in (AS_FORCE, AS_FRICTION)
         shares = _FORCE_STARTS if in_force else _PLACE_STARTS
         starts = tuple(share * (high if high > 0 else low) for share in shares)
-        if p.start is not None:
-            starts = (sizes.number(p.start, p),)
+        begun = p.begun(sizes.names)
+        starts = starts if begun is None else (begun,)
         difference = _DIFFERENCE[self.written.enters]
         return Fitted(p.name, p.unit, low, high, starts, difference=difference)
 
@@ -356,14 +355,6 @@ class _Sizes:
         }
         names["step"] = names["length"] / _TIMES
         return cls(tuple(runs), names, view.machine.axis.pull_out_force_N)
-
-    def number(self, size: float | Formula, p: EffectParameter) -> float:
-        """A number of the file, or what a formula of the sizes comes to, in the unit of `p`."""
-        if isinstance(size, float):
-            return size
-        from mopro.formula.evaluate import evaluate
-
-        return float(evaluate(size, self.names, np.zeros(1))[0]) / p.factor
 
     def span_of(self, p: EffectParameter, effect: WrittenEffect) -> float:
         """The span (SI) of what has the unit of a shape; ModelError if nothing has."""

@@ -78,7 +78,7 @@ def read_effect(entry: Value, host: Host, units: Mapping[str, str], own: bool) -
     parameters = tuple(
         made
         for key in entry.data
-        if key not in keys and (made := entry.get(key, _parameter(units, host), None))
+        if key not in keys and (made := entry.get(key, _parameter(units, host, own), None))
     )
     if not any(p.role == "amplitude" for p in parameters) and entry.faults == before:
         entry.report(f"{shown(name)} has no parameter that is an amplitude", "missing-key")
@@ -146,7 +146,9 @@ def check_name(value: Value, reserved: frozenset[str]) -> None:
 # -- parameters --------------------------------------------------------------------------
 
 
-def _parameter(units: Mapping[str, str], host: Host) -> Callable[[Value], EffectParameter]:
+def _parameter(
+    units: Mapping[str, str], host: Host, own: bool
+) -> Callable[[Value], EffectParameter]:
     def read(value: Value) -> EffectParameter:
         table = inline(value, '{ unit = "..." }')
         table.only(_PARAMETER_KEYS)
@@ -158,7 +160,8 @@ def _parameter(units: Mapping[str, str], host: Host) -> Callable[[Value], Effect
         low, high = table.get("range", _sizes, (None, None))
         start = table.get("start", _size, None)
         positive = table.get("positive", flag, False)
-        return EffectParameter(value.key, unit, role, low, high, start, positive)
+        place = value if own else None
+        return EffectParameter(value.key, unit, role, low, high, start, positive, place)
 
     return read
 

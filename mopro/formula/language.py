@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import copy
-import math
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -145,8 +144,10 @@ def _parts(node: ast.expr) -> list[ast.expr]:
         case ast.Constant(value=bool()):
             pass
         case ast.Constant(value=int() | float() as number):
-            if not math.isfinite(number) or abs(number) > _LARGEST:
-                raise FormulaError("a number that is too large", *place(node))
+            # An integer is compared as it is: one of 310 digits is no float.
+            if not abs(number) <= _LARGEST:
+                message = f"a number that is too large, expected one of at most {_LARGEST:g}"
+                raise FormulaError(message, *place(node))
             return []
         case ast.BinOp(op=op) if isinstance(op, _OPERATORS):
             return [node.left, node.right]

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from mopro.errors import ModelError
 from mopro.formula.dimension import Dimension, dimension_in, factor_of, words
+from mopro.formula.evaluate import evaluate
 from mopro.formula.language import Formula, FormulaError, check_names, parse
 from mopro.tomlfile import Value
 
@@ -55,7 +59,8 @@ class EffectParameter:
     """A parameter of an effect, in `unit`.
 
     `low`, `high` and `start` are numbers in that unit, or formulas (SI) of the sizes of the
-    data; None where they are taken from what the term does to these data.
+    data; None where they are taken from what the term does to these data. `value`: where a user's
+    file states it.
     """
 
     name: str
@@ -65,11 +70,43 @@ class EffectParameter:
     high: float | Formula | None = None
     start: float | Formula | None = None
     positive: bool = False
+    value: Value | None = field(default=None, compare=False)
 
     @cached_property
     def factor(self) -> float:
         """The unit in SI."""
         return factor_of(self.unit)
+
+    def sized(self, size: float | Formula, sizes: Mapping[str, float]) -> float:
+        """A number, or what a formula of `sizes` (SI) comes to, in the parameter's unit.
+
+        ModelError for a user's formula that has other names, or no finite value.
+        """
+        if isinstance(size, float):
+            return size
+        try:
+            check_names(size, sizes)
+        except FormulaError as error:
+            raise self._refused(size, str(error)) from error
+        found = float(evaluate(size, sizes, np.zeros(1))[0]) / self.factor
+        if self.value is not None and not math.isfinite(found):
+            raise self._refused(size, "it gives no finite number for these data")
+        return found
+
+    def _refused(self, size: Formula, message: str) -> ModelError:
+        if self.value is None:
+            raise AssertionError(f"{size.text}: {message}")
+        return self.value.error(f"{size.text}: {message}", "bad-formula")
+
+    def begun(self, sizes: Mapping[str, float]) -> float | None:
+        """The stated start, in the unit; None without any. ModelError as for `sized`."""
+        if self.start is None:
+            return None
+        found = self.sized(self.start, sizes)
+        if self.value is not None and self.role == AMPLITUDE and found == 0:
+            message = f"{self.name} cannot start at 0, where the effect is off"
+            raise self.value.error(message, "bad-value", "state another start, or none")
+        return found
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ from mopro.plant.kernel.terms import TermSet
 # stay within a nanometre.
 REST_M = 4e-10
 _MOST_RELAXATIONS = 400
+# What plain Python raises where compiled code goes on with NaN: at the sine of infinity.
+_NO_NUMBER = (ArithmeticError, ValueError)
 
 
 @dataclass(frozen=True)
@@ -124,8 +126,7 @@ class Engine:
             lists = motion.tolist(), electrical.tolist()
             try:
                 _, self._state = self._kernel(*(a.tolist() for a in arrays), *scalars, *lists)
-            except (ArithmeticError, ValueError):
-                # Plain Python raises where compiled code goes on with NaN: at the sine of infinity.
+            except _NO_NUMBER:
                 self.x = math.nan
             motion, electrical = np.array(lists[0]), np.array(lists[1])
         position, velocity, low, high = motion.T
@@ -149,8 +150,11 @@ class Engine:
         axis, drive = axis_and_drive(_plant(plant), self._strengths[0].tolist())
         smallest = REST_M * REST_M
         for _ in range(_MOST_RELAXATIONS):
-            a, of_lag, of_coil = rates_now(0.0, 0.0, state, axis, drive, self._numbers)
             x, v, z, (lagged, coil) = state
+            try:
+                a, of_lag, of_coil = rates_now(0.0, 0.0, state, axis, drive, self._numbers)
+            except _NO_NUMBER:
+                return math.nan, v, z, (lagged, coil)
             step = a * plant.mass_kg / stiffness
             changes = [d * lag_s for d in of_lag], [d * CURRENT_LOOP_S for d in of_coil]
             lagged = tuple(i + d for i, d in zip(lagged, changes[0], strict=False))

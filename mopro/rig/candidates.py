@@ -13,7 +13,7 @@ import numpy as np
 
 from mopro.assumed import TOLERANCE
 from mopro.candidate import Candidate, Law, Parameter, Role
-from mopro.formula import Dimension, Formula, dimension_of_unit
+from mopro.formula import Dimension, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.written import (
     AMPLITUDE,
@@ -261,13 +261,6 @@ def _step_between(places: Floats) -> float:
     return max(float(np.median(apart)), grid_step(places)) if len(apart) else math.inf
 
 
-def _sized(size: float | Formula, factor: float, sized: _Sized) -> float:
-    """A number of a file, or what a formula of the sizes comes to, in the parameter's unit."""
-    if isinstance(size, float):
-        return size
-    return float(evaluate(size, sized.names, np.zeros(1))[0]) / factor
-
-
 def _role_of_shape(p: EffectParameter) -> Role:
     """A threshold is found on a grid: where the term jumps, no slope leads to it."""
     return Role.SEARCHED if p.role == THRESHOLD else Role.SHAPE
@@ -285,13 +278,14 @@ def _shape(effect: WrittenEffect, p: EffectParameter, sized: _Sized) -> Paramete
         low, high = steps * step, _MOST_PERIODS_OF_SPAN * span
         starts = tuple(share * span for share in _PERIOD_STARTS)
     if p.low is not None and p.high is not None:
-        low, high = (_sized(end, p.factor, sized) for end in (p.low, p.high))
+        low, high = (p.sized(end, sized.names) for end in (p.low, p.high))
         starts = tuple(low + share * (high - low) for share in _SHAPE_STARTS)
     if p.role == THRESHOLD:
         # A term that is not searched for is tried at both ends.
         starts = (low, high)
-    if p.start is not None:
-        starts = (_sized(p.start, p.factor, sized),)
+    begun = p.begun(sized.names)
+    if begun is not None:
+        starts = (begun,)
     if not low < high:
         return None
     return Parameter(
@@ -305,18 +299,21 @@ def _amplitude(
     settings: Settings, sized: _Sized, scale: float,
 ) -> Parameter | None:  # fmt: skip
     if p.low is not None and p.high is not None:
-        low, high = (_sized(end, p.factor, sized) for end in (p.low, p.high))
+        low, high = (p.sized(end, sized.names) for end in (p.low, p.high))
         if not low < high:
             return None
-        start = low + 0.55 * (high - low) if low < 0 else low + 0.05 * (high - low)
-        start = _sized(p.start, p.factor, sized) if p.start is not None else start
+        # The middle of most ranges is 0, where the effect is off.
+        share = 0.55 if low < 0 else 0.05
+        start = low + share * (high - low) or high / 10
     else:
         size = _size_of_term(model, effect, p.name, fixed, settings)
         if not size or not math.isfinite(size):
             return None
         high = _LARGEST * scale / size
         low = 0.0 if p.positive or effect.enters == FRICTION else -high
-        start = _sized(p.start, p.factor, sized) if p.start is not None else _PROBED * high
+        start = _PROBED * high
+    begun = p.begun(sized.names)
+    start = start if begun is None else begun
     difference = 1e-3 if effect.enters == COMMAND else DIFFERENCE
     return Parameter(p.name, p.unit, low, high, (start,), difference=difference)
 
