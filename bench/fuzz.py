@@ -4,8 +4,9 @@
     python bench/fuzz.py --inputs 10_000_000 --minutes 60
 
 Each parser runs in a process of its own under Atheris (libFuzzer): the seeds are the files of the
-repository and what mopro writes itself, the dictionary is the language of the parser. A row for
-each parser:
+repository and what mopro writes itself, the dictionary is the language of the parser. Every other
+input of a text has long numbers or calls put into it, which a search guided by lines does not make.
+A row for each parser:
 
 - inputs, and those a second;
 - tracebacks: inputs that raised anything but the project's own error classes;
@@ -34,6 +35,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from random import Random
 from types import CodeType, FrameType, ModuleType
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
@@ -47,6 +49,7 @@ _MOST_MB = 300.0
 _LEAST = 50_000  # inputs of any parser in a campaign that has as many
 _HANG_S = 60
 _MOST_ADDRESSES = 4 << 30
+_CHANGED = 0.5  # share of the inputs with the parser's own change
 _KEPT = 20  # failing inputs of one place
 _COLUMNS = ("parser", "inputs", "1/s", "tracebacks", "over 1 s", "slowest ms", "MB", "lines")
 
@@ -66,10 +69,12 @@ class Watched:
         self._inputs = self._tracebacks = self._slow = 0
         self._slowest_s = 0.0
         self._places: dict[str, int] = {}
+        self._first: dict[str, int] = {}
         self._peak_mb = _peak_mb()
 
     def __call__(self, data: bytes) -> None:
         began_s = time.process_time()
+        self._inputs += 1
         try:
             self._take(data)
         except self._allowed:
@@ -78,7 +83,6 @@ class Watched:
             self._tracebacks += 1
             self._keep("traceback", _place(error), data)
         taken_s = time.process_time() - began_s
-        self._inputs += 1
         self._slowest_s = max(self._slowest_s, taken_s)
         if taken_s > _SLOW_S:
             self._slow += 1
@@ -98,6 +102,7 @@ class Watched:
     def _keep(self, kind: str, place: str, data: bytes) -> None:
         key = f"{kind}: {place}"
         self._places[key] = self._places.get(key, 0) + 1
+        self._first.setdefault(key, self._inputs)
         if self._places[key] <= _KEPT:
             folder = self._chosen.found / self._name.replace(" ", "_").replace(",", "")
             folder.mkdir(parents=True, exist_ok=True)
@@ -110,7 +115,7 @@ class Watched:
         told = {
             "inputs": self._inputs, "seconds": over_s, "tracebacks": self._tracebacks,
             "slow": self._slow, "slowest_s": self._slowest_s, "mb": self._peak_mb,
-            "places": self._places,
+            "places": self._places, "first": self._first,
         }  # fmt: skip
         self._chosen.told.write_text(json.dumps(told))
         os._exit(0)  # libFuzzer would go on
@@ -145,7 +150,17 @@ def _fuzz(chosen: argparse.Namespace) -> None:
     settings = [f"-dict={words}"] if parser.words else []
     settings += [f"-max_len={parser.longest}", f"-seed={chosen.seed}", f"-timeout={_HANG_S}"]
     settings += ["-rss_limit_mb=0", "-print_pcs=0"]
-    atheris.Setup([sys.argv[0], str(chosen.corpus), *settings], watched)
+
+    def mutate(data: bytes, most: int, seed: int) -> bytes:
+        own = Random(seed)
+        if parser.change is not None and own.random() < _CHANGED:
+            data = parser.change(own, data)[:most]
+            if own.random() < _CHANGED:
+                return data
+        return atheris.Mutate(data, most)
+
+    arguments = [sys.argv[0], str(chosen.corpus), *settings]
+    atheris.Setup(arguments, watched, custom_mutator=mutate)
     atheris.Fuzz()
 
 
@@ -298,7 +313,7 @@ def _campaign(chosen: argparse.Namespace) -> int:
         every.append(found)
         print(_row(name, found), flush=True)
         for place, count in found.get("places", {}).items():
-            print(f"    {count} × {place}", flush=True)
+            print(f"    {count} × {place}, first at input {found['first'][place]:,}", flush=True)
         if "broken" in found:
             print(f"    {found['broken']}", flush=True)
     total = {key: sum(f[key] for f in every) for key in ("inputs", "seconds", "tracebacks", "slow")}

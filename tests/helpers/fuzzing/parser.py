@@ -10,6 +10,7 @@ from random import Random
 from helpers.paths import ROOT
 
 Take = Callable[[bytes], object]
+Change = Callable[[Random, bytes], bytes]
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,8 @@ class Parser:
 
     That function returns or raises what `allowed` has; anything else is a finding. `modules`
     are those whose lines count as its coverage. `share` is its part of a campaign's inputs;
-    `most` bounds those of a parser that has to start a process for each.
+    `most` bounds those of a parser that has to start a process for each. `change` puts what no
+    search guided by lines would make, such as long numbers, into an input.
     """
 
     name: str
@@ -29,6 +31,7 @@ class Parser:
     share: int = 1
     longest: int = 2048
     most: int | None = None
+    change: Change | None = None
 
     def starts(self) -> list[bytes]:
         """The seeds, cut to the longest input."""
@@ -62,9 +65,15 @@ def in_file(folder: Path, name: str, read: Callable[[Path], object]) -> Take:
     return take
 
 
-def changed(random: Random, data: bytes, words: tuple[str, ...], longest: int) -> bytes:
-    """`data` with one to four random changes: bytes, words, pieces doubled or left out."""
-    own = bytearray(data)
+def changed(random: Random, data: bytes, parser: Parser) -> bytes:
+    """`data` with one to four random changes: bytes, words, pieces doubled or left out.
+
+    Every other time the parser's own change comes first.
+    """
+    words = parser.words
+    own = bytearray(
+        parser.change(random, data) if parser.change and random.random() < 0.5 else data
+    )
     for _ in range(random.randint(1, 4)):
         at = random.randrange(len(own) + 1)
         kind = random.randrange(5)
@@ -78,4 +87,4 @@ def changed(random: Random, data: bytes, words: tuple[str, ...], longest: int) -
             del own[at : at + random.randrange(1, 20)]
         else:
             own[at:at] = own[: random.randrange(60)]
-    return bytes(own[:longest])
+    return bytes(own[: parser.longest])

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from helpers.fuzzing.made import with_formulas, with_numbers
 from helpers.fuzzing.parser import Parser, Take, files, in_file
 
 _WORDS = (
@@ -369,9 +371,11 @@ def _formula(_: Path) -> Take:
     import numpy as np
 
     from mopro.formula import FormulaError, parse
+    from mopro.formula.bytecode import Assembler
+    from mopro.formula.closures import closure_of
     from mopro.formula.dimension import dimension_in, dimension_of_unit
     from mopro.formula.evaluate import evaluate
-    from mopro.formula.language import check_names
+    from mopro.formula.language import check_names, substituted
 
     time_s = np.linspace(0.0, 1.0, 5)
     names = {"x": np.sin(time_s), "v": time_s * 0 + 1e300, "T": time_s - 1, "t": time_s}
@@ -381,6 +385,7 @@ def _formula(_: Path) -> Take:
         "T": dimension_of_unit("C"),
         "t": dimension_of_unit("s"),
     }
+    slots = {name: place for place, name in enumerate(names)}
 
     def take(data: bytes) -> None:
         try:
@@ -388,6 +393,10 @@ def _formula(_: Path) -> Take:
             check_names(formula, names)
             evaluate(formula, names, time_s)
             dimension_in(formula, dimensions)
+            if not formula.of_signals:
+                Assembler(len(names)).codes(formula, slots)
+                closure_of(formula, list(names), (1.0,) * len(names))
+            evaluate(substituted(formula, {"x": formula}), names, time_s)
         except FormulaError:
             return
 
@@ -497,7 +506,7 @@ _OPTIONS = [
     b"v\n--seed\n1\n--out\na.csv",
 ]
 
-TEXTS = (
+_TEXTS = (
     Parser(
         "program, attested",
         ("mopro.language", "mopro.program", "mopro.source"),
@@ -527,6 +536,7 @@ TEXTS = (
         _TOML,
         1,
         4096,
+        change=with_formulas,
     ),
     Parser(
         "experiment file",
@@ -535,6 +545,7 @@ TEXTS = (
         lambda: [_SAWYER, *_tomls()],
         _TOML,
         1,
+        change=with_formulas,
     ),
     Parser(
         "experiment file, other kinds",
@@ -543,6 +554,7 @@ TEXTS = (
         lambda: [_HEATER, *_tomls()],
         _TOML,
         1,
+        change=with_formulas,
     ),
     Parser(
         "instrument file",
@@ -588,6 +600,7 @@ TEXTS = (
         _TOML + _FORMULA,
         2,
         1024,
+        change=with_formulas,
     ),
     Parser(
         "catalogue of effects",
@@ -596,15 +609,17 @@ TEXTS = (
         lambda: [_EFFECT, *files("mopro/rig/catalogue/*.toml")],
         _TOML + _FORMULA,
         1,
+        change=with_formulas,
     ),
     Parser(
         "formula",
-        ("mopro.formula.language", "mopro.formula.evaluate", "mopro.formula.dimension"),
+        ("mopro.formula",),
         _formula,
         lambda: [b"A * sin(x)", b"lag(x, 1) + min(v, T)", b"x if v > 0 else -x ** 2"],
         _FORMULA,
         12,
-        200,
+        600,  # above the bound of a formula
+        change=with_formulas,
     ),
     Parser(
         "unit",
@@ -643,3 +658,5 @@ TEXTS = (
         400,
     ),
 )
+
+TEXTS = tuple(replace(parser, change=parser.change or with_numbers) for parser in _TEXTS)
