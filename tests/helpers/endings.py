@@ -120,6 +120,9 @@ class FullSink:
         if self._is_full():
             raise OSError(errno.ENOSPC, "No space left on device")
 
+    def close(self):
+        return
+
 
 class FullLog(io.StringIO):
     """A trace that takes nothing any more from `is_full()` on."""
@@ -217,6 +220,7 @@ class Ending:
         ended = True
         try:
             told = backend.run(program, self.sink, self.for_s).trouble or ""
+            told = told or self._closed()
             ended = bool(told)
         except (MoproError, OSError, MemoryError, KeyboardInterrupt, ArithmeticError) as error:
             told = "\n".join([str(error), *getattr(error, "__notes__", [])])
@@ -225,6 +229,14 @@ class Ending:
         finally:
             self.over.set()
         return self._account(told, ended)
+
+    def _closed(self) -> str:
+        """What is said of a recording that cannot be closed; empty if it can."""
+        try:
+            self.sink.close()
+        except MoproError as error:
+            return f"the run has ended, but its recording is lost: {error}"
+        return ""
 
     def _account(self, told: str, ended: bool) -> Trial:
         until_s = self.port.now_s() + IN_FLIGHT_S
@@ -333,6 +345,7 @@ def odd_word(ending: Ending) -> None:
         return rows
 
     ending.device.do = odd
+    ending.port = TroubledPort(ending.line, ending.at_s, times=0)
 
 
 def another_controller(ending: Ending) -> None:
@@ -384,7 +397,8 @@ def blocked_recording(ending: Ending) -> None:
     stream = nullcontext(Blocked(lambda: ending.is_due, ending.over))
     writer: Writer[Blocked] = Writer("the recording", stream, most=1)
     ending.sink = SimpleNamespace(
-        write=lambda columns: writer.put(lambda sink: sink.write(columns))
+        write=lambda columns: writer.put(lambda sink: sink.write(columns)),
+        close=lambda: writer.close(0.1),
     )
 
 
