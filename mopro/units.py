@@ -32,6 +32,7 @@ UNITS: dict[str, tuple[str, Fraction]] = {
     "us": ("time", Fraction(1, 10**6)),
     "min": ("time", Fraction(60)),
     "h": ("time", Fraction(3600)),
+    "d": ("time", Fraction(86400)),
     "Hz": ("frequency", Fraction(1)),
     "kHz": ("frequency", Fraction(1000)),
     "m": ("length", Fraction(1)),

@@ -152,7 +152,11 @@ class Session:
         return LinkError(message, "other-dialect")
 
     def recover(self) -> bytes:
-        """Bring both ends to the start of a line; returns the bytes that were on their way."""
+        """Bring both ends to the start of a line; returns the bytes that were on their way.
+
+        The prompt that the attention brings is waited for as long as for any answer: on a slow
+        way it came later, and was taken for the answer to the next line.
+        """
         attention = self.dialect.conversation.attention.encode("latin-1")
         if attention:
             self.port.write(attention)
@@ -160,8 +164,10 @@ class Session:
         self._held.clear()
         quiet_s = _QUIET_S + 20 * self.byte_s
         started_s = self.port.now_s()
-        while data := self.port.read(min(self.port.now_s() + quiet_s, self._until_s)):
-            heard += data
+        answers = attention and self._prompt
+        patience_s = self.dialect.conversation.reply_timeout_s if answers else quiet_s
+        while data := self.port.read(min(self.port.now_s() + patience_s, self._until_s)):
+            heard, patience_s = heard + data, quiet_s
             elapsed_s = self.port.now_s() - started_s
             if (
                 len(heard) > _MOST_HELD
