@@ -1,6 +1,13 @@
 """Formulas that people write in files: parsed, checked by dimension, evaluated; never executed."""
 
-from mopro.formula.dimension import Dimension, UnitError, dimension_of_unit, factor_of, product
+from mopro.formula.dimension import (
+    Dimension,
+    UnitError,
+    dimension_of_unit,
+    factor_of,
+    inverse,
+    product,
+)
 from mopro.formula.language import Formula, FormulaError, parse
 
 __all__ = [
@@ -10,6 +17,7 @@ __all__ = [
     "UnitError",
     "dimension_of_unit",
     "factor_of",
+    "inverse",
     "parse",
     "product",
 ]

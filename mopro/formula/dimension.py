@@ -19,7 +19,7 @@ _DIMENSIONS = {
     "current": (0, 0, 0, 1), "temperature": (0, 0, 0, 0, 1), "temperature difference":
     (0, 0, 0, 0, 1), "count": (0, 0, 0, 0, 0, 1), "frequency": (0, 0, -1), "force": (1, 1, -2),
     "energy": (2, 1, -2), "power": (2, 1, -3), "voltage": (2, 1, -3, -1),
-    "resistance": (2, 1, -3, -2), "inductance": (2, 1, -2, -2),
+    "resistance": (2, 1, -3, -2), "inductance": (2, 1, -2, -2), "angular velocity": (0, 0, -1),
 }  # fmt: skip
 _SYMBOL = re.compile(r"([A-Za-z%]+|1)(?:\^?(-?\d+(?:\.\d+)?))?", re.ASCII)
 _LONGEST = 60
@@ -86,6 +86,11 @@ def product(*units: str) -> str:
     lower = [_power(s, -e) for s, e in exponents.items() if e < 0]
     below = f"/{lower[0]}" if len(lower) == 1 else f"/({' '.join(lower)})" if lower else ""
     return (" ".join(upper) or "1") + below
+
+
+def inverse(unit: str) -> str:
+    """One over `unit`: `s/rad` of `rad/s`."""
+    return " ".join(_power(symbol, -exponent) for symbol, exponent in _parsed(unit))
 
 
 def _power(symbol: str, exponent: Fraction) -> str:

@@ -69,11 +69,11 @@ class Agreement:
         """True if the delay is beyond its interval and beyond a sample."""
         return abs(self.delay_s) > max(self.delay_ci_s, self.interval_s)
 
-    def words(self) -> list[str]:
-        """Words for a person to check: scale, sign and delay in words."""
+    def words(self, alike: bool = True) -> list[str]:
+        """Words for a person to check: delay, and scale and sign of units that are `alike`."""
         if not self.related:
             return []
-        found = [text for text in (_scale_words(self.scale),) if text]
+        found = [text for text in (_scale_words(self.scale),) if text and alike]
         if self.delayed:
             size = f"{abs(self.delay_s):.4g} ± {self.delay_ci_s:.2g} s"
             late = self.delay_s > 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from mopro.errors import DataError
 from mopro.files import make_folder, output, write
 from mopro.importing.agreement import agreement
 from mopro.importing.propose import Proposal, Wishes, propose
-from mopro.importing.roles import Chosen, Signal, signals_of
+from mopro.importing.roles import Chosen, Signal, signals_of, stated_unit
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
 from mopro.logs import Asked, Decision, Log, read_log
 from mopro.logs.clock import spacing_of
@@ -42,7 +42,7 @@ def import_logs(
     Raises DataError where a log cannot be read or does not say what it is about, and where
     a file would be overwritten: before anything is written.
     """
-    logs = [read_log(path, asked) for path in paths]
+    logs = [_with_units(read_log(path, asked), wishes.units) for path in paths]
     decisions: list[Decision] = [d for log in logs for d in log.decisions]
     signals = _signals(logs, wishes, decisions)
     _check_names(paths, signals, wishes)
@@ -67,6 +67,13 @@ def _keep(files: Sequence[Path]) -> None:
 
 
 # -- signals ------------------------------------------------------------------------------
+
+
+def _with_units(log: Log, units: Mapping[str, str]) -> Log:
+    """The log, with the units that the user states for its columns."""
+    stated = {raw: stated_unit(raw, word) for raw, word in units.items()}
+    columns = tuple(replace(c, unit=stated.get(c.raw, c.unit)) for c in log.columns)
+    return replace(log, columns=columns)
 
 
 def _signals(logs: Sequence[Log], wishes: Wishes, decisions: list[Decision]) -> list[Signal]:
@@ -108,7 +115,7 @@ def _shift(
 
 def _check_names(paths: Sequence[Path], signals: Sequence[Signal], wishes: Wishes) -> None:
     known = {signal.raw for signal in signals}
-    for name in (*wishes.commands, *wishes.sensors):
+    for name in (*wishes.commands, *wishes.sensors, *wishes.units):
         if name not in known:
             message = f"{paths[0]}: there is no column {name} of numbers; there are"
             raise DataError(f"{message} {', '.join(sorted(known))}", "missing-column")
@@ -205,19 +212,10 @@ def _table(proposal: Proposal) -> tuple[Floats, dict[str, Floats]]:
     columns = {}
     for signal in signals:
         if signal.role in ("command", "input"):
-            columns[signal.label] = _filled(times, signal)
+            columns[signal.label] = signal.at(times)
         else:
             columns[signal.label] = _placed(times, signal)
     return times, columns
-
-
-def _filled(times: Floats, signal: Signal) -> Floats:
-    known_s, values = signal.present
-    if not signal.held:
-        return np.interp(times, known_s, values)
-    rows = np.clip(np.searchsorted(known_s, times, side="right") - 1, 0, len(values) - 1)
-    filled: Floats = values[rows]
-    return filled
 
 
 def _placed(times: Floats, signal: Signal) -> Floats:

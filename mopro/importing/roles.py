@@ -8,32 +8,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.errors import DataError
+from mopro.formula import Dimension, dimension_of_unit, factor_of
+from mopro.instruments.quantity import MEASURABLES, unit_of_column
 from mopro.logs import Column, Decision, Log
-from mopro.logs.names import is_command, quantity_of, words_of
+from mopro.logs.names import is_command, known_units, quantity_of, unit_of, words_of
 
 Floats = NDArray[np.float64]
 
-# Unit of a log -> suffix that an experiment knows, factor, offset.
+# Unit of a log -> suffix that is written instead, factor, offset: an experiment's temperatures are
+# in °C, and a motor's constant is one of A or V.
 _CONVERSIONS = {
     "%": ("percent", 1.0, 0.0), "mA": ("A", 1e-3, 0.0), "mV": ("V", 1e-3, 0.0),
-    "K": ("C", 1.0, -273.15), "rpm": ("rad_s", 2 * np.pi / 60, 0.0),
-    "deg_s": ("rad_s", np.pi / 180, 0.0), "mm_s": ("m_s", 1e-3, 0.0), "in_s": ("m_s", 0.0254, 0.0),
-    "lbf": ("N", 4.4482216152605, 0.0),
+    "K": ("C", 1.0, -273.15), "F": ("C", 5 / 9, -160 / 9),
 }  # fmt: skip
-# Suffix of an experiment -> its size in SI; a count has none.
-_SI = {
-    "m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "rad": 1.0, "mrad": 1e-3,
-    "deg": np.pi / 180, "arcsec": np.pi / 648_000, "count": 1.0, "m_s": 1.0, "rad_s": 1.0,
-    "N": 1.0, "Nm": 1.0, "A": 1.0, "V": 1.0, "duty": 1.0, "percent": 0.01, "C": 1.0,
-}  # fmt: skip
-_KNOWN = _SI.keys()
 _DEFAULTS = {"duty": "duty"}
+_COUNTED = ("count", "step")
 # Characters of a name without its unit: a formula takes no more than 40.
 _LONGEST_NAME = 32
 _PLACES = ("position", "angle")
 _WARM = ("temperature",)
-_PUSHES = ("force", "torque")
-_INPUTS = ("force", "torque", "current", "voltage", "duty")
+_SPEED = "speed"
+_INPUTS = ("force", "torque", "current", "voltage", "duty", "power")
+_POWER_UNITS = ("W",)
 # Of the steps between rows, those that change a held value at most.
 _HELD_CHANGES = 0.2
 # Blank cells in a row that are a rest; a reading that was lost leaves one or two.
@@ -68,22 +65,45 @@ class Signal:
         return self.time_s[rows], self.values[rows]
 
     @property
+    def stands(self) -> bool:
+        """True if no two readings differ."""
+        values = self.present[1]
+        return not len(values) or bool(np.ptp(values) == 0)
+
+    @property
+    def unit_word(self) -> str:
+        """The unit as files write it beside a key, such as m/s for a column `..._m_s`."""
+        return unit_of_column(self.unit or "") or "1"
+
+    @property
     def si(self) -> float:
         """The unit's size in SI; 1 for a count, and without a unit."""
-        return _SI.get(self.unit or "", 1.0)
+        return 1.0 if self.is_warmth else factor_of(self.unit_word)
+
+    @property
+    def dimension(self) -> Dimension:
+        return dimension_of_unit(self.unit_word)
+
+    def at(self, times_s: Floats) -> Floats:
+        """Values at other times: those that hold until the next row, or between two rows."""
+        known_s, values = self.present
+        if not self.held:
+            return np.interp(times_s, known_s, values)
+        rows = np.clip(np.searchsorted(known_s, times_s, side="right") - 1, 0, len(values) - 1)
+        filled: Floats = values[rows]
+        return filled
 
     @property
     def is_place(self) -> bool:
         return self.quantity in _PLACES
 
     @property
-    def is_warmth(self) -> bool:
-        return self.quantity in _WARM
+    def is_speed(self) -> bool:
+        return self.quantity == _SPEED
 
     @property
-    def is_push(self) -> bool:
-        """True for a force and a torque, which move an axis without a motor's constant."""
-        return self.quantity in _PUSHES
+    def is_warmth(self) -> bool:
+        return self.quantity in _WARM
 
     @property
     def stem(self) -> list[str]:
@@ -100,6 +120,15 @@ class Chosen:
     sensors: tuple[str, ...] = ()
 
 
+def stated_unit(raw: str, word: str) -> str:
+    """The suffix of a unit as the user states it; DataError with the known ones."""
+    unit = unit_of(word)
+    if unit is None or not (unit in _CONVERSIONS or unit_of_column(unit)):
+        known = ", ".join(u for u in known_units() if u in _CONVERSIONS or unit_of_column(u))
+        raise DataError(f"{raw}={word}: '{word}' is no unit; known are {known}", "wrong-unit")
+    return unit
+
+
 def signals_of(log: Log, chosen: Chosen, shift_s: dict[str, float]) -> list[Signal]:
     """The columns of `log` with their roles; times of each clock begin at `shift_s`."""
     labels: set[str] = set()
@@ -111,6 +140,9 @@ def _signal(
 ) -> Signal:
     unit, values, converted = _converted(column)
     quantity = quantity_of(column.name, column.unit)
+    named = column.raw in (*chosen.commands, *chosen.sensors) or is_command(column.name)
+    if quantity is None and named and unit in _COUNTED:
+        quantity = "position"
     if unit is None and quantity in _DEFAULTS:
         unit = _DEFAULTS[quantity]
     signal = Signal(
@@ -133,9 +165,10 @@ def _converted(column: Column) -> tuple[str | None, Floats, str]:
         unit, factor, offset = _CONVERSIONS[column.unit]
         change = "" if (factor, offset) == (1.0, 0.0) else f", converted from {column.unit}"
         return unit, column.values * factor + offset, f"in {unit}{change}"
-    if column.unit in _KNOWN:
+    if column.unit and unit_of_column(column.unit):
         return column.unit, column.values, f"in {column.unit}"
-    return None, column.values, "without a unit that an experiment knows"
+    how = f"state it with --unit {column.raw}=UNIT"
+    return None, column.values, f"without a unit that an experiment knows: {how}"
 
 
 def _label(name: str, unit: str | None, labels: set[str]) -> str:
@@ -157,7 +190,8 @@ def _with_role(signal: Signal, column: Column, chosen: Chosen) -> Signal:
         return replace(signal, reason="it has fewer than two readings")
     held = _holds(signal.values)
     if column.raw in chosen.commands:
-        return replace(signal, role="command", held=held, reason="as stated with --command")
+        role = "input" if signal.quantity in _INPUTS else "command"
+        return replace(signal, role=role, held=held, reason="as stated with --command")
     if column.raw in chosen.sensors:
         return replace(signal, role="sensor", reason="as stated with --measured")
     driven = signal.quantity in _INPUTS and signal.unit is not None and values[0] != 0
@@ -167,14 +201,25 @@ def _with_role(signal: Signal, column: Column, chosen: Chosen) -> Signal:
     return replace(signal, role=role, reason=reason, held=held and role != "sensor")
 
 
+def _fits(signal: Signal) -> bool:
+    """True if the unit is one of the quantity: `speed_count` is no speed."""
+    measurable = MEASURABLES.get(signal.quantity or "")
+    units = measurable.units if measurable else _POWER_UNITS
+    return signal.dimension in map(dimension_of_unit, units)
+
+
 def _by_name(signal: Signal, column: Column, commands: bool, sensors: bool) -> tuple[str, str]:
     told = f"{signal.quantity} {signal.reason}" if signal.quantity else signal.reason
-    if signal.quantity is None or signal.unit is None:
+    if signal.quantity is None:
+        return "unused", f"{told}: neither its name nor its unit says what it is"
+    if signal.unit is None:
         return "unused", told
+    if not _fits(signal):
+        return "unused", f"{told}: no unit of that"
     if is_command(column.name) or signal.quantity == "duty":
         if signal.is_place and commands:
             return "unused", "another column was stated with --command"
-        role = "command" if signal.is_place or signal.quantity == "speed" else "input"
+        role = "input" if signal.quantity in _INPUTS else "command"
         return role, f"{told}; its name says that it is what the machine was told"
     if sensors:
         if signal.quantity in _INPUTS:

@@ -4,26 +4,31 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy import signal as signals
 
+from mopro.formula import dimension_of_unit, factor_of, inverse, product
 from mopro.importing.propose import Proposal
 from mopro.importing.roles import Signal, decision_of
 from mopro.logs import Decision
+from mopro.rig.rough import Sampled, axis_lines, thermal_lines, unit_of_speed
 from mopro.text import visible
 
 _HEAD = (
     "# Written by `mopro import` from {source}.",
     "# A comment gives the reason of what follows; CHECK marks what the log does not settle.",
 )
-_SLOWEST_SHARE = 3.0
+_FREE_NUMBERS = (
+    "# the log does not state the numbers: they are free, about what a regression on it shows"
+)
+# A free ratio is looked for within this factor of what the log shows.
+_RATIO_REACH = 10.0
 # Names that the formulas of some kind of machine know already.
 _RESERVED = frozenset(
     ["t", "x", "v", "a", "y", "u", "T", "pi", "ambient", "exchange", "foreign", "command"]
 )
-_UNIT_WORDS = {"m_s": "m/s", "rad_s": "rad/s", "Nm": "N m", "percent": "%", "duty": "1"}
 
 
 def experiment_text(source: str, proposal: Proposal, decisions: Sequence[Decision]) -> str:
@@ -48,7 +53,7 @@ def _foreign(proposal: Proposal) -> Iterator[str]:
     if proposal.command is not None:
         yield from _comments([decision_of(proposal.command)])
         yield _input("command", proposal.command)
-    for name, one in named_inputs(proposal.inputs).items():
+    for name, one in named_inputs(proposal).items():
         yield from _comments([decision_of(one)])
         yield _input(name, one)
     for sensor in proposal.sensors:
@@ -61,24 +66,21 @@ def _foreign(proposal: Proposal) -> Iterator[str]:
     yield 'data = "data.csv"'
 
 
-def unit_word(one: Signal) -> str:
-    """The unit of a signal as files write it beside a key, such as m/s for a column `..._m_s`."""
-    return _UNIT_WORDS.get(one.unit or "", one.unit or "1")
-
-
 def _input(name: str, one: Signal) -> str:
     hold = ", hold = true" if one.held else ""
-    unit = _quoted(unit_word(one))
+    unit = _quoted(one.unit_word)
     return f"{name} = {{ column = {_quoted(one.label)}, unit = {unit}{hold} }}"
 
 
-def named_inputs(inputs: Sequence[Signal]) -> dict[str, Signal]:
+def named_inputs(proposal: Proposal) -> dict[str, Signal]:
     """Inputs by the names that formulas use: the quantity where it is the only one of its kind."""
-    quantities = [one.quantity for one in inputs]
-    return {
-        str(one.quantity) if quantities.count(one.quantity) == 1 else sensor_name(one): one
-        for one in inputs
-    }
+    quantities = [one.quantity for one in proposal.inputs]
+    sensors = {sensor_name(sensor) for sensor in proposal.sensors}
+    named = {}
+    for one in proposal.inputs:
+        name = str(one.quantity) if quantities.count(one.quantity) == 1 else sensor_name(one)
+        named[f"{name}_input" if name in sensors else name] = one
+    return named
 
 
 def sensor_name(one: Signal) -> str:
@@ -93,7 +95,7 @@ def _sensor(proposal: Proposal, sensor: Signal) -> Iterator[str]:
     yield f"name = {_quoted(sensor_name(sensor))}"
     yield f"quantity = {_quoted(sensor.quantity or '')}"
     yield f"column = {_quoted(sensor.label)}"
-    yield f"unit = {_quoted(unit_word(sensor))}"
+    yield f"unit = {_quoted(sensor.unit_word)}"
     if sensor.is_warmth:
         yield "# a temperature is absolute: no offset is fitted"
         yield "zero = 0"
@@ -124,17 +126,13 @@ def _relation(proposal: Proposal, sensor: Signal) -> Iterator[str]:
     relation = proposal.relations.get(sensor.label)
     if relation is None or proposal.command is None:
         return
-    if (proposal.command.unit == "count") != (sensor.unit == "count"):
-        told = f"the command is in {proposal.command.unit}, the readings in {sensor.unit}"
-        yield f"# CHECK: {told}: the scale between them is fitted"
-        yield 'scale = "free"'
-        return
     if not relation.related:
         reason = f"correlation {relation.correlation:.2f}"
         yield from _comments(
             [Decision("this column", "does not follow the command", reason, check=True)]
         )
-    for words in relation.words():
+    alike = not scaled(proposal.command, sensor)
+    for words in relation.words(alike):
         yield f"# CHECK: {words}"
 
 
@@ -198,51 +196,97 @@ def machine_text(source: str, name: str, proposal: Proposal) -> str:
 
 
 def _kinematic(proposal: Proposal) -> Iterator[str]:
-    yield f"unit = {_quoted(unit_word(proposal.sensors[0]))}"
-    if proposal.command is None:
+    sensor, command = proposal.sensors[0], proposal.command
+    own = place_word(sensor)
+    yield f"unit = {_quoted(own)}"
+    if command is None:
         yield "# CHECK: the log has no command: the axis should stand still"
         yield 'position = "0"'
+        return
+    if scaled(command, sensor):
+        yield from _ratio(proposal, command, sensor, own)
         return
     yield "# the axis goes where it is told: x = command"
     for relation in list(proposal.relations.values())[:1]:
         if relation.related and relation.scaled:
+            unit = product(own, inverse(command.unit_word))
+            size = relation.scale / factor_of(unit)
             yield f"# CHECK: the readings are {relation.scale:.5g} times the command; to fit that:"
             yield '# position = "gain * command"'
             yield "# [base]"
-            yield f'# gain = {{ value = {relation.scale:.5g}, unit = "1", free = true }}'
+            yield f'# gain = {{ value = {size:.5g}, unit = "{unit}", free = true }}'
+
+
+def place_word(sensor: Signal) -> str:
+    """The unit of the place that a sensor of a place or of a speed tells."""
+    return sensor.unit_word if sensor.is_place else unit_of_speed(sensor.unit_word)
+
+
+def scaled(command: Signal, sensor: Signal) -> bool:
+    """True if no unit tells how far the sensor's axis goes for one unit of the command."""
+    own = place_word(sensor)
+    counted = "count" in (command.unit, own) and command.unit != own
+    return counted or command.dimension != dimension_of_unit(own)
+
+
+def _ratio(proposal: Proposal, command: Signal, sensor: Signal, own: str) -> Iterator[str]:
+    """The law of an axis that is commanded in another kind of unit than it is read in."""
+    size = _ratio_size(proposal, command, sensor, factor_of(own))
+    unit = product(own, inverse(command.unit_word))
+    told = f"the command is in {command.unit_word}, the readings in {sensor.unit_word}"
+    yield f"# CHECK: {told}: the scale between them is fitted"
+    if own == "count" and command.quantity == "angle":
+        turn = factor_of("turn") / command.si
+        yield f"# counts of a turn (cpr) = {turn:.6g} * ratio: state the ratio if you know them"
+    yield 'position = "ratio * command"'
+    yield "[base]"
+    ends = sorted((size / _RATIO_REACH, size * _RATIO_REACH))
+    yield (
+        f'ratio = {{ value = {size:.6g}, unit = "{unit}", free = true, '
+        f"range = [{ends[0]:.6g}, {ends[1]:.6g}] }}"
+    )
+
+
+def _ratio_size(proposal: Proposal, command: Signal, sensor: Signal, own: float) -> float:
+    """Units of the axis for one of the command: the slope between them, or that of spans."""
+    relation = proposal.relations.get(sensor.label)
+    if sensor.is_place and relation is not None and relation.related:
+        return relation.scale * command.si / own
+    told, seen = command.present[1], sensor.present
+    values = seen[1] * sensor.si
+    if sensor.is_speed:
+        values = np.cumsum(values * np.gradient(seen[0]))
+    return float(np.ptp(values)) / own / (float(np.ptp(told)) or 1.0) or 1.0
 
 
 def _axis(proposal: Proposal) -> Iterator[str]:
     sensor = proposal.sensors[0]
-    yield f"unit = {_quoted(unit_word(sensor))}"
+    unit = place_word(sensor)
+    yield f"unit = {_quoted(unit)}"
     if not proposal.inputs:
         yield from _free_axis(sensor)
         return
-    angular = sensor.unit in ("deg", "rad", "mrad", "arcsec", "rad_s", "count")
-    mass, unit = ("inertia", "kg m2") if angular else ("mass", "kg")
-    drag = "N m s/rad" if angular else "N s/m"
-    yield f"# {mass} * acceleration = what drives it - viscous * speed; stiffness and dry friction"
-    yield "# are 0 until they are stated here."
+    inputs = named_inputs(proposal)
+    units = {name: one.unit_word for name, one in inputs.items()}
+    yield _FREE_NUMBERS
+    yield from axis_lines(unit, units, _sampled(sensor, inputs), sensor.is_place)
+
+
+def _sampled(sensor: Signal, inputs: Mapping[str, Signal]) -> Sampled:
+    times, values = sensor.present
+    pushed = {name: one.at(times) * one.si for name, one in inputs.items()}
+    held = frozenset(name for name, one in inputs.items() if one.held)
+    return Sampled(times, values * sensor.si, pushed, held)
+
+
+def _thermal(proposal: Proposal) -> Iterator[str]:
+    inputs = named_inputs(proposal)
+    units = {name: one.unit_word for name, one in inputs.items()}
+    seen = {sensor_name(s): _sampled(s, inputs) for s in proposal.sensors}
     yield ""
-    yield "[base]"
-    yield "# the log does not state these: a free one is fitted within its range"
-    quantities = {one.quantity for one in proposal.inputs}
-    drag_line = f'viscous = {{ value = 1.0, unit = "{drag}", free = true, range = [0, 1000] }}'
-    if any(one.is_push for one in proposal.inputs):
-        yield f'{mass} = {{ value = 1.0, unit = "{unit}", free = true, range = [0.001, 1000] }}'
-        yield drag_line
-        return
-    yield f"# CHECK: state the {mass}: beside it, the motion shows only ratios of the others"
-    yield f'{mass} = {{ value = 1.0, unit = "{unit}" }}'
-    yield drag_line
-    unit = "N m/A" if angular else "N/A"
-    yield f'constant = {{ value = 1.0, unit = "{unit}", free = true, range = [0.0001, 1000] }}'
-    if quantities & {"voltage", "duty"}:
-        yield "# CHECK: state the resistance; only its ratio to the constant shows in the motion"
-        yield 'resistance = { value = 1.0, unit = "ohm" }'
-    if "duty" in quantities:
-        yield "# CHECK: state the supply; only its ratio to the resistance shows in the motion"
-        yield 'supply = { value = 12.0, unit = "V" }'
+    yield "# K/s of each node, or W with a capacity; `ambient` is its temperature at the start."
+    yield _FREE_NUMBERS
+    yield from thermal_lines(list(seen), units, seen)
 
 
 def _free_axis(sensor: Signal) -> Iterator[str]:
@@ -269,44 +313,3 @@ def _natural_rate_1_s2(sensor: Signal) -> float:
     frequencies, power = signals.periodogram(even, 1 / step, "hann", detrend="linear", nfft=None)
     strongest = float(frequencies[1 + int(np.argmax(power[1:]))])
     return (2 * math.pi * strongest) ** 2
-
-
-def _thermal(proposal: Proposal) -> Iterator[str]:
-    inputs = named_inputs(proposal.inputs)
-    driven = _driven(proposal, inputs)
-    yield ""
-    yield "# K/s of each node; `ambient` is its temperature at the start"
-    yield "[nodes]"
-    for sensor in proposal.sensors:
-        node = sensor_name(sensor)
-        gains = "".join(f"a_{name} * {name} - " for name in driven.get(node, ())) or "-"
-        yield f'{node} = "{gains}U * (T - ambient)"'
-    yield ""
-    yield "[base]"
-    sensor = proposal.sensors[0]
-    times, values = sensor.present
-    length = float(times[-1] - times[0])
-    loss = _SLOWEST_SHARE / length
-    yield f"# first guess: {_SLOWEST_SHARE:g} time constants in the {length:.4g} s of the log"
-    yield _free("U", loss, "1/s")
-    for name, one in inputs.items():
-        largest = float(np.nanmax(np.abs(one.values))) or 1.0
-        gain = float(np.ptp(values)) * loss / (largest * one.si)
-        yield f"# first guess: {one.raw} warms to the highest reading of {sensor.raw}"
-        yield _free(f"a_{name}", gain, "K/s" if one.quantity == "duty" else f"K/(s {one.unit})")
-
-
-def _free(name: str, value: float, unit: str) -> str:
-    """A base number to fit, from 0 to 30 times the first guess."""
-    limits = f"range = [0, {30 * value:.4g}]"
-    return f'{name} = {{ value = {value:.4g}, unit = "{unit}", free = true, {limits} }}'
-
-
-def _driven(proposal: Proposal, inputs: dict[str, Signal]) -> dict[str, list[str]]:
-    """Inputs of each node: the node that bears the input's number, else the first one."""
-    driven: dict[str, list[str]] = {}
-    for name, one in inputs.items():
-        digits = [c for c in one.raw if c.isdigit()][:1]
-        same = [s for s in proposal.sensors if digits and digits[0] in s.raw]
-        driven.setdefault(sensor_name((same or list(proposal.sensors))[0]), []).append(name)
-    return driven

@@ -150,10 +150,12 @@ MEASURABLES = {
 _SUFFIXES = {
     "rad_per_s": "rad/s", "deg_per_s": "deg/s", "mm_per_s": "mm/s", "m_per_s": "m/s",
     "count_per_s": "count/s", "rad_s": "rad/s", "deg_s": "deg/s", "mm_s": "mm/s", "m_s": "m/s",
-    "in_s": "in/s", "count_s": "count/s", "percent": "%", "duty": "1", "Nm": "N m",
+    "in_s": "in/s", "um_s": "um/s", "count_s": "count/s", "step_s": "step/s", "rev_s": "rev/s",
+    "percent": "%", "duty": "1", "Nm": "N m", "mNm": "mN m",
     **{unit: unit for unit in (
-        "m", "cm", "mm", "um", "in", "rad", "mrad", "deg", "arcmin", "arcsec", "turn", "count",
-        "N", "A", "mA", "V", "mV", "C", "K", "s", "ms", "us", "min", "h", "kg", "W",
+        "m", "cm", "mm", "um", "nm", "in", "mil", "rad", "mrad", "deg", "arcmin", "arcsec", "turn",
+        "rev", "rpm", "count", "step", "N", "mN", "kN", "lbf", "A", "mA", "V", "mV", "C", "K", "s",
+        "ms", "us", "min", "h", "kg", "W", "mW", "kW",
     )},
 }  # fmt: skip
 

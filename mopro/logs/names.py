@@ -11,24 +11,31 @@ _UNITS = {
     "millisecond": "ms", "milliseconds": "ms", "millis": "ms", "us": "us", "µs": "us", "μs": "us",
     "usec": "us", "microseconds": "us", "micros": "us", "ns": "ns", "nsec": "ns",
     "nanoseconds": "ns", "nanos": "ns", "min": "min", "h": "h",
-    "m": "m", "meter": "m", "metre": "m", "mm": "mm", "millimeter": "mm", "um": "um", "µm": "um",
-    "μm": "um", "micron": "um", "microns": "um", "in": "in", "inch": "in", "inches": "in",
+    "m": "m", "meter": "m", "metre": "m", "cm": "cm", "mm": "mm", "millimeter": "mm", "um": "um",
+    "µm": "um", "μm": "um", "micron": "um", "microns": "um", "in": "in", "inch": "in",
+    "inches": "in", "mil": "mil", "mils": "mil", "thou": "mil",
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "rad": "rad",
-    "radian": "rad", "radians": "rad", "arcsec": "arcsec", '"': "arcsec", "count": "count",
-    "counts": "count", "cnt": "count", "ticks": "count", "inc": "count", "steps": "count",
-    "pulses": "count",
-    "m/s": "m_s", "m_s": "m_s", "mps": "m_s", "mm/s": "mm_s", "mm_s": "mm_s", "in/s": "in_s",
-    "in_s": "in_s",
-    "rad/s": "rad_s", "rad_s": "rad_s", "rad_per_s": "rad_s", "deg/s": "deg_s", "deg_s": "deg_s",
-    "rpm": "rpm", "n": "N", "newton": "N", "lbf": "lbf", "nm": "Nm", "n m": "Nm", "n*m": "Nm",
-    "n·m": "Nm", "a": "A", "amp": "A", "amps": "A", "ampere": "A", "ma": "mA", "v": "V",
+    "radian": "rad", "radians": "rad", "mrad": "mrad", "arcmin": "arcmin", "arcsec": "arcsec",
+    '"': "arcsec", "rev": "rev", "revs": "rev", "revolutions": "rev", "turn": "turn",
+    "turns": "turn", "umdr": "rev", "count": "count", "counts": "count", "cnt": "count",
+    "ticks": "count", "inc": "count", "pulses": "count", "step": "step", "steps": "step",
+    "m/s": "m_s", "m_s": "m_s", "mps": "m_s", "mm/s": "mm_s", "mm_s": "mm_s", "um/s": "um_s",
+    "um_s": "um_s", "in/s": "in_s", "in_s": "in_s", "rad/s": "rad_s", "rad_s": "rad_s",
+    "rad_per_s": "rad_s", "deg/s": "deg_s", "deg_s": "deg_s", "°/s": "deg_s", "dps": "deg_s",
+    "rpm": "rpm", "u/min": "rpm", "rev/s": "rev_s", "rev_s": "rev_s", "count/s": "count_s",
+    "counts/s": "count_s", "count_s": "count_s", "counts_s": "count_s", "step/s": "step_s",
+    "steps/s": "step_s", "step_s": "step_s", "steps_s": "step_s", "n": "N", "newton": "N",
+    "mn": "mN", "kn": "kN", "lbf": "lbf", "nm": "Nm", "n m": "Nm", "n*m": "Nm", "n·m": "Nm",
+    "mnm": "mNm", "a": "A", "amp": "A", "amps": "A", "ampere": "A", "ma": "mA", "v": "V",
     "volt": "V", "volts": "V", "mv": "mV", "%": "%", "percent": "%", "pct": "%", "duty": "duty",
     "c": "C", "°c": "C", "degc": "C", "deg_c": "C", "deg c": "C", "celsius": "C", "k": "K",
-    "kg": "kg", "hz": "Hz", "w": "W", "raw": "raw",
+    "kelvin": "K", "f": "F", "°f": "F", "degf": "F", "deg_f": "F", "deg f": "F",
+    "fahrenheit": "F", "kg": "kg", "hz": "Hz", "w": "W", "watt": "W", "watts": "W", "mw": "mW",
+    "kw": "kW", "raw": "raw",
 }  # fmt: skip
 _BRACKETED = re.compile(r"^(.*?)\s*[\[({<]\s*([^\[\](){}<>]*?)\s*[\])}>]\s*$")
 # Letters that are units only in brackets, in their own row or as `_C`: `point_a` is no current.
-_ONLY_UPPER = {"a", "c", "n", "v", "k", "w"}
+_ONLY_UPPER = {"a", "c", "n", "v", "k", "w", "f"}
 
 # Words of a name -> quantity; the first that occurs, in this order.
 _QUANTITIES = (
@@ -44,11 +51,14 @@ _QUANTITIES = (
                   "x", "y", "z", "target", "setpoint", "actual", "axis")),
 )  # fmt: skip
 _OF_UNIT = {
-    "m": "position", "mm": "position", "um": "position", "in": "position", "deg": "angle",
-    "rad": "angle", "arcsec": "angle", "m_s": "speed", "mm_s": "speed", "in_s": "speed",
-    "rad_s": "speed", "deg_s": "speed", "rpm": "speed", "N": "force", "lbf": "force",
-    "Nm": "torque", "A": "current", "mA": "current", "V": "voltage", "mV": "voltage",
-    "duty": "duty", "%": "duty", "C": "temperature", "K": "temperature",
+    **dict.fromkeys(["m", "cm", "mm", "um", "nm", "in", "mil"], "position"),
+    **dict.fromkeys(["deg", "rad", "mrad", "arcmin", "arcsec", "turn", "rev"], "angle"),
+    **dict.fromkeys(["m_s", "mm_s", "um_s", "in_s", "rad_s", "deg_s", "rev_s", "rpm", "count_s",
+                     "step_s"], "speed"),
+    **dict.fromkeys(["N", "mN", "kN", "lbf"], "force"), "Nm": "torque", "mNm": "torque",
+    "A": "current", "mA": "current", "V": "voltage", "mV": "voltage", "duty": "duty", "%": "duty",
+    "W": "power", "mW": "power", "kW": "power",
+    "C": "temperature", "K": "temperature", "F": "temperature",
 }  # fmt: skip
 _TIMES = ("time", "timestamp", "t", "stamp", "zeit", "clock", "datetime", "date", "uptime", "ts")
 _COMMANDS = (
@@ -76,24 +86,36 @@ def unit_of(word: str) -> str | None:
     return _UNITS.get(word) or _UNITS.get(word.lower())
 
 
+def known_units() -> list[str]:
+    """The suffixes of all units that are known, each once."""
+    return list(dict.fromkeys(_UNITS.values()))
+
+
 def heading(raw: str, units_row: str | None = None) -> Heading:
     """Name and unit of a column by its heading and the cell below it in a row of units."""
     raw = raw.strip()
-    if units_row is not None and (unit := unit_of(units_row.strip("[](){}<> "))):
+    if units_row is not None and (unit := _meant(units_row.strip("[](){}<> "), raw)):
         return Heading(raw, unit, f"the row of units says {units_row.strip()}")
-    if (match := _BRACKETED.match(raw)) and (unit := unit_of(match[2])):
+    if (match := _BRACKETED.match(raw)) and (unit := _meant(match[2], match[1])):
         return Heading(match[1], unit, f"the heading says [{match[2]}]")
     parts = re.split(r"[_\s]+", raw)
     for taken in (3, 2, 1):
-        if len(parts) > taken and (unit := _suffix("_".join(parts[-taken:]))):
-            return Heading("_".join(parts[:-taken]), unit, f"the heading ends in {unit}")
+        name = "_".join(parts[:-taken])
+        if len(parts) > taken and (unit := _suffix("_".join(parts[-taken:]), name)):
+            return Heading(name, unit, f"the heading ends in {unit}")
     return Heading(raw, None, "the log states no unit")
 
 
-def _suffix(word: str) -> str | None:
+def _suffix(word: str, name: str) -> str | None:
     if word.lower() in _ONLY_UPPER and word != word.upper():
         return None
-    return None if word.lower() == "duty" else unit_of(word)
+    return None if word.lower() == "duty" else _meant(word, name)
+
+
+def _meant(word: str, name: str) -> str | None:
+    """The unit of a column: `nm` are nanometres, unless the name is that of a torque."""
+    unit = unit_of(word)
+    return "nm" if word == "nm" and quantity_of(name, None) != "torque" else unit
 
 
 def words_of(name: str) -> list[str]:

@@ -15,6 +15,7 @@ from mopro.instruments.quantity import AXIS_UNITS
 from mopro.rig.data import RigExperiment, Sensor
 from mopro.rig.file import EFFORT, catalogue, unlisted_terms
 from mopro.rig.model import (
+    AXIS,
     COMMAND,
     IN_EQUATIONS,
     INPUT,
@@ -124,9 +125,18 @@ def _usable(effects: Iterable[WrittenEffect], experiment: RigExperiment) -> Iter
             _needs(effect) <= known | _local(experiment.machine, effect)
             and (experiment.units or not driven)
             and (not effect.rotary or _turns(experiment))
+            and _of_its_force(effect, experiment)
             and not (fed_back and _follows(effect))
         ):
             yield effect
+
+
+def _of_its_force(effect: WrittenEffect, experiment: RigExperiment) -> bool:
+    """False for a force that names an input of another unit, such as N at the lever of a shaft."""
+    pushes = experiment.machine.kind == AXIS and effect.enters in IN_EQUATIONS
+    named = _needs(effect) & experiment.units.keys() if pushes else ()
+    wanted = force_dimension(experiment) if named else None
+    return all(dimension_of_unit(experiment.units[name]) == wanted for name in named)
 
 
 def _only_speeds(experiment: RigExperiment) -> bool:

@@ -98,7 +98,9 @@ def test_units_that_differ_are_no_scale(mopro, tmp_path, servo):
 def test_counts_against_a_length_are_scaled_freely(mopro, tmp_path, servo):
     servo(437.0, measured="actual_count")
     answer, files = imported(mopro, tmp_path)
-    assert files["experiment.toml"]["sensor"][0]["scale"] == "free"
+    ratio = files["machine.toml"]["base"]["ratio"]
+    assert ratio["value"] == pytest.approx(437.0, rel=0.01)
+    assert (ratio["unit"], ratio["free"]) == ("count/mm", True)
     assert any("the scale between them is fitted" in words for words in answer["check"])
 
 
@@ -339,3 +341,120 @@ def test_readings_that_were_lost_do_not_make_an_input_hold(tmp_path):
     done = run_here(tmp_path, "import", "log.csv", "--as", "there")
     assert done.returncode == 0, done.stderr
     assert "hold" not in (tmp_path / "there" / "experiment.toml").read_text("utf-8")
+
+
+# -- what the user states -------------------------------------------------------------------
+
+
+def scope(folder, names=("CH1", "CH2")):
+    """A command and a reading as an oscilloscope writes them: no units."""
+    times, told = moves(np.random.default_rng(0), seconds=12.0)
+    seen = told + 0.01 * np.random.default_rng(1).normal(size=len(times))
+    write_csv(folder / "log.csv", dict(zip(("time_s", *names), (times, told, seen), strict=True)))
+
+
+STATED = ("--command", "CH1", "--measured", "CH2")
+
+
+def test_units_that_the_user_states_are_those_of_the_columns(tmp_path, mopro):
+    scope(tmp_path)
+    units = ("--unit", "CH1=mm", "--unit", "CH2=µm")
+    answer, files = imported(mopro, tmp_path, *STATED, *units)
+    assert (answer["kind"], answer["command"], answer["sensors"]) == ("kinematic", "CH1", ["CH2"])
+    assert files["experiment.toml"]["inputs"]["command"]["unit"] == "mm"
+    assert files["experiment.toml"]["sensor"][0]["unit"] == "um"
+
+
+def test_a_stated_unit_takes_the_place_of_the_heading_s(tmp_path, mopro):
+    scope(tmp_path, ("target_mm", "pos_mm"))
+    _, files = imported(mopro, tmp_path, "--unit", "target_mm=in", "--unit", "pos_mm=in")
+    assert files["experiment.toml"]["sensor"][0]["unit"] == "in"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "state its unit, such as --measured CH1 --unit CH1=mm"),
+        (STATED, "CH1 is used as stated with --command, and its unit is not stated: state it, "
+                 "such as --unit CH1=mm"),
+        ((*STATED, "--unit", "CH1=mm"), "such as --unit CH2=mm"),
+        ((*STATED, "--unit", "CH1=furlong"), "'furlong' is no unit; known are "),
+        ((*STATED, "--unit", "CH3=mm"), "there is no column CH3 of numbers; there are CH1, CH2"),
+        ((*STATED, "--unit", "CH1"), "expected COLUMN=UNIT, such as pos=mm, found CH1"),
+        ((*STATED, "--unit", "CH1=mm", "--unit", "CH2="), "'' is no unit"),
+    ],
+)  # fmt: skip
+def test_what_is_not_stated_is_asked_for_with_the_words_to_type(tmp_path, mopro, arguments, said):
+    scope(tmp_path)
+    done = mopro("import", "log.csv", "--as", "out", *arguments)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_stated_command_and_reading_in_volts_are_places(tmp_path, mopro):
+    scope(tmp_path, ("CH1 (V)", "CH2 (V)"))
+    stated = ("--command", "CH1 (V)", "--measured", "CH2 (V)")
+    answer, files = imported(mopro, tmp_path, *stated)
+    assert answer["kind"] == "kinematic"
+    assert files["machine.toml"]["unit"] == "V"
+    assert mopro("compare", "out/experiment.toml").returncode in (0, 1)
+
+
+@pytest.mark.parametrize(
+    "heading", ["heater_W", "power_mW", "P_W", "P [kW]", "heater power (watts)"]
+)
+def test_a_power_warms_a_capacity_and_is_lost(tmp_path, mopro, heading):
+    times = np.arange(0, 900, 1.0)
+    power = 5.0 * (times % 300 < 150)
+    warm = np.zeros(len(times))
+    for n in range(1, len(times)):
+        warm[n] = warm[n - 1] + (power[n - 1] - 0.1 * warm[n - 1]) / 20.0
+    size = {"power_mW": 1e3, "P [kW]": 1e-3}.get(heading, 1.0)
+    noise = 0.01 * np.random.default_rng(0).normal(size=len(times))
+    write_csv(tmp_path / "log.csv", {"time_s": times, heading: size * power,
+                                     "T_C": 20 + warm + noise})  # fmt: skip
+    _, files = imported(mopro, tmp_path)
+    machine = files["machine.toml"]
+    assert machine["nodes"] == {"T_column": "power - loss * (T - ambient)"}
+    base = machine["base"]
+    assert {name: own["unit"] for name, own in base.items()} == {"capacity": "J/K", "loss": "W/K"}
+    assert base["capacity"]["value"] == pytest.approx(20.0, rel=0.1)
+    assert base["loss"]["value"] == pytest.approx(0.1, rel=0.1)
+
+
+def test_every_column_that_is_not_used_is_told_with_why(tmp_path, mopro, servo):
+    times, told, seen = servo()
+    others = {
+        "flow": told, "gear": 0 * told + 3, "speed_count": told, "head_deg": told, "motor_A": told,
+    }  # fmt: skip
+    columns = {"time_s": times, "target_mm": told, "actual_mm": seen, **others}
+    write_csv(tmp_path / "log.csv", columns)
+    answer, _ = imported(mopro, tmp_path)
+    assert answer["unused"].keys() == {*others}
+    assert "state it with --unit flow=UNIT" in answer["unused"]["flow"]
+    assert "it is 3 throughout" in answer["unused"]["gear"]
+    assert "no unit of that" in answer["unused"]["speed_count"]
+    assert "of another axis than actual_mm" in answer["unused"]["head_deg"]
+    assert "it could be an input" in answer["unused"]["motor_A"]
+    (tmp_path / "again").mkdir()
+    said = mopro("import", "log.csv", "--as", "again").stdout
+    assert all(f"column {name}: not used (" in said for name in others)
+
+
+@pytest.mark.parametrize(
+    ("heading", "quantity", "unit"),
+    [
+        ("torque_nm", "torque", "N m"),
+        ("stage [nm]", "position", "nm"),
+        ("motor_Nm", "torque", "N m"),
+    ],
+)
+def test_nm_are_nanometres_unless_the_name_is_that_of_a_torque(heading, quantity, unit):
+    from mopro.instruments.quantity import unit_of_column
+    from mopro.logs.names import heading as taken
+    from mopro.logs.names import quantity_of
+
+    found = taken(heading)
+    assert quantity_of(found.name, found.unit) == quantity
+    assert unit_of_column(found.unit) == unit

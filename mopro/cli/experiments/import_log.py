@@ -21,6 +21,7 @@ _KINDS = ("kinematic", "axis", "thermal", "sawyer")
 @click.option("--kind", type=click.Choice(_KINDS), help="Kind of machine, if the log does not say.")
 @click.option("--command", "commands", multiple=True, metavar="COLUMN", help="What it was told.")
 @click.option("--measured", multiple=True, metavar="COLUMN", help="Use only these as sensors.")
+@click.option("--unit", "units", multiple=True, metavar="COLUMN=UNIT", help="A column's unit.")
 @log_options()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
@@ -29,6 +30,7 @@ def command(
     kind: str | None,
     commands: tuple[str, ...],
     measured: tuple[str, ...],
+    units: tuple[str, ...],
     time: str | None,
     time_unit: str | None,
     rate: float | None,
@@ -45,7 +47,7 @@ def command(
     """
     from mopro.importing import Wishes, import_logs
 
-    wishes = Wishes(kind, commands, measured)
+    wishes = Wishes(kind, commands, measured, dict(map(_column_and_unit, units)))
     done = import_logs(logs, folder, wishes, asked_of(time, time_unit, rate, missing))
     checks = _checks(done.files[0])
     if as_json:
@@ -55,6 +57,7 @@ def command(
             "command": done.proposal.command and done.proposal.command.raw,
             "inputs": [s.raw for s in done.proposal.inputs],
             "sensors": [s.raw for s in done.proposal.sensors],
+            "unused": {s.raw: s.reason for s in done.proposal.unused},
             "decisions": [
                 {"subject": d.subject, "taken_as": d.taken_as, "reason": d.reason, "check": d.check}
                 for d in done.decisions
@@ -66,12 +69,21 @@ def command(
     for decision in done.decisions:
         say(str(decision))
     for signal in done.proposal.signals:
-        if signal.role != "unused":
-            say(f"column {signal.raw}: {signal.role} ({signal.reason})")
+        role = "not used" if signal.role == "unused" else signal.role
+        say(f"column {signal.raw}: {role} ({signal.reason})")
     for words in checks:
         say(f"CHECK: {words}")
     say(f"written: {', '.join(map(str, done.files))}")
     say(f"next: mopro compare {done.files[0]}")
+
+
+def _column_and_unit(text: str) -> tuple[str, str]:
+    """The column and the unit of `pos=mm`; a column's name may have a sign of equality."""
+    column, _, unit = text.rpartition("=")
+    if not column:
+        raise click.BadParameter(f"expected COLUMN=UNIT, such as pos=mm, found {text}", None, None,
+                                 "--unit")  # fmt: skip
+    return column, unit
 
 
 def _checks(experiment: Path) -> list[str]:
