@@ -15,6 +15,7 @@ from mopro.importing.agreement import agreement
 from mopro.importing.propose import Proposal, Wishes, propose
 from mopro.importing.roles import Chosen, Signal, signals_of, stated_unit
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
+from mopro.importing.wraps import unwrapped
 from mopro.logs import Asked, Decision, Log, read_log
 from mopro.logs.clock import spacing_of
 
@@ -46,7 +47,7 @@ def import_logs(
     decisions: list[Decision] = [d for log in logs for d in log.decisions]
     signals = _signals(logs, wishes, decisions)
     _check_names(paths, signals, wishes)
-    signals = _aligned(signals, decisions)
+    signals = _aligned(_unwrapped(signals, decisions), decisions)
     proposal = propose(str(paths[0]), signals, wishes)
     decisions += proposal.decisions
     names = ["experiment.toml", "data.csv"]
@@ -119,6 +120,12 @@ def _check_names(paths: Sequence[Path], signals: Sequence[Signal], wishes: Wishe
         if name not in known:
             message = f"{paths[0]}: there is no column {name} of numbers; there are"
             raise DataError(f"{message} {', '.join(sorted(known))}", "missing-column")
+
+
+def _unwrapped(signals: list[Signal], decisions: list[Decision]) -> list[Signal]:
+    done = [unwrapped(signal) for signal in signals]
+    decisions += [decision for _, decision in done if decision is not None]
+    return [signal for signal, _ in done]
 
 
 def _aligned(signals: list[Signal], decisions: list[Decision]) -> list[Signal]:
