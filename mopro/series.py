@@ -35,7 +35,8 @@ class Series:
     positions, so that a prediction of them tells the place and the speed better than labels.
     `fed_back`: an input of the model was computed from these readings by a closed loop, so that a
     term in the prediction would explain the readings by themselves. `wild` (samples): those that
-    do not count.
+    do not count. `told`: times (s) and places of the motion at all rows of the run, also where
+    there is no reading, in `position_unit`.
     """
 
     run: str
@@ -51,6 +52,7 @@ class Series:
     of_place: bool = False
     fed_back: bool = False
     wild: Mask | None = None
+    told: tuple[Floats, Floats] | None = None
 
     def __len__(self) -> int:
         return len(self.values)

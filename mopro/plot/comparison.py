@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mopro.experiment.compare.breaks import drawn
 from mopro.experiment.compare.comparison import Compared, Comparison, SeriesTest
 from mopro.recording.envelope import Band, Floats
 from mopro.recording.figure import BLACK, BLUE, VERMILLION, add_legend, draw_band, mark_lines
 from mopro.recording.style import library_style
+from mopro.series import Series
 from mopro.text import plain
 
 if TYPE_CHECKING:
@@ -90,11 +92,10 @@ def _draw_both(panel: Axes, compared: Compared, before: Compared | None) -> None
             panel.plot(rows, _simulated(before), "+", color=VERMILLION, label="simulated before")
         panel.set_xticks(rows)
         return
-    draw_band(panel, Band.of(series.time_s, series.values), "measured", _MEASURED)
+    draw_band(panel, _band(series, series.values), "measured", _MEASURED)
     if before is not None:
-        simulated = Band.of(series.time_s, _simulated(before))
-        draw_band(panel, simulated, "simulated before", _BEFORE)
-    draw_band(panel, Band.of(series.time_s, _simulated(compared)), "simulated", _SIMULATED)
+        draw_band(panel, _band(series, _simulated(before)), "simulated before", _BEFORE)
+    draw_band(panel, _band(series, _simulated(compared)), "simulated", _SIMULATED)
     if "line" in series.labels:
         mark_lines(panel, series.time_s.tolist(), np.asarray(series.labels["line"]).tolist())
 
@@ -106,13 +107,19 @@ def _draw_residual(
     if test.noise_rms:
         reach = _BAND * test.noise_rms
         panel.axhspan(-reach, reach, color="0.88", zorder=0, label=f"±{_BAND:g} σ of the sensor")
-    time_s = compared.series.time_s
-    if time_s is None:
-        rows = np.arange(1, len(compared.series) + 1)
+    series = compared.series
+    if series.time_s is None:
+        rows = np.arange(1, len(series) + 1)
         if before is not None:
             panel.bar(rows, before.residual, color=VERMILLION, alpha=0.4, label="before")
         panel.bar(rows, compared.residual, width=0.4, color=BLUE, label="residual")
         return
     if before is not None:
-        draw_band(panel, Band.of(time_s, before.residual), "before", _BEFORE)
-    draw_band(panel, Band.of(time_s, compared.residual), "residual", _RESIDUAL)
+        draw_band(panel, _band(series, before.residual), "before", _BEFORE)
+    draw_band(panel, _band(series, compared.residual), "residual", _RESIDUAL)
+
+
+def _band(series: Series, values: Floats) -> Band:
+    """Values of a series in time, with a break where it has no readings."""
+    shown = drawn(series)
+    return Band.of(shown.time_s, shown.of(values))

@@ -33,7 +33,8 @@ def plain_series(model: Model) -> list[Series]:
 
 def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Floats]) -> Series:
     sensor, time_s = reading.sensor, run.time_s[reading.rows]
-    labels = _labels(run, reading, states) if _told(model, run, reading) else {}
+    motion = _motion(run, reading, states) if _told(model, run, reading) else {}
+    labels = {name: values[reading.rows] for name, values in motion.items()}
     return Series(
         run=run.name,
         sensor=sensor.name,
@@ -46,6 +47,7 @@ def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Float
         labels=labels,
         position_unit=_place_unit(model, sensor) if labels else "m",
         fed_back=run.feedback,
+        told=(run.time_s, motion["position"]) if motion else None,
     )
 
 
@@ -78,8 +80,11 @@ def nuisances(reading: Reading, time_s: Floats) -> Floats:
     return np.array(shapes).reshape(len(shapes), len(time_s)).T
 
 
-def _labels(run: Run, reading: Reading, states: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Position, speed and acceleration of the model, in the unit of a position sensor or in SI."""
+def _motion(run: Run, reading: Reading, states: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Position, speed and acceleration of the model at all rows, as the labels have them.
+
+    In the unit of a position sensor, or in SI.
+    """
     if "x" not in states or len(run.time_s) < 2 or not np.isfinite(states["x"]).all():
         return {}
     placed = reading.sensor.quantity.tells_place
@@ -87,8 +92,7 @@ def _labels(run: Run, reading: Reading, states: Mapping[str, Floats]) -> dict[st
     if not np.ptp(x):
         return {}
     v = np.gradient(x, run.time_s)
-    found = {"position": x, "velocity": v, "acceleration": np.gradient(v, run.time_s)}
-    return {name: values[reading.rows] for name, values in found.items()}
+    return {"position": x, "velocity": v, "acceleration": np.gradient(v, run.time_s)}
 
 
 def _folds(run: Run, reading: Reading, velocity: Floats | None) -> NDArray[np.int64]:

@@ -12,7 +12,7 @@ from mopro.markup import listing, paragraph, section, table
 from mopro.units import residual_unit
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
-from mopro.viewer.series import Residuals, series_views
+from mopro.viewer.series import Residuals, own_units, series_views
 
 _SERIES = ("run", "sensor", "samples", "RMS", "noise", "σ", "χ² p", "whiteness p", "only noise")
 _PLACES = ("run", "where", "sensor", "samples", "mean", "RMS", "σ", "significant")
@@ -34,16 +34,18 @@ def comparison_page(
     MotionError.
     """
     source = experiment.source
+    found = _residuals(comparison, before)
     return document(
         f"{Path(source.name).name} on {experiment.machine.name}: {comparison.verdict}",
         map(paragraph, notes),
-        series_views(_residuals(comparison, before), beside_of(experiment, comparison.where)),
+        series_views(found, beside_of(experiment, comparison.where)),
         [
             *([_gaps(before, comparison)] if before else []),
             section("Series", [table(_SERIES, map(_series, comparison.series), _TESTS)]),
             _places(comparison.where),
             section("The experiment's file", [listing(source.text)], opened=False),
         ],
+        own_units(found),
     )  # fmt: skip
 
 

@@ -28,7 +28,7 @@ from mopro.units import residual_unit
 from mopro.verdict import Verdict
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
-from mopro.viewer.series import Residuals, series_views, source_lines
+from mopro.viewer.series import Residuals, own_units, series_views, source_lines
 
 _EFFECTS = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes factor", "held out",
@@ -43,10 +43,11 @@ _UNDECIDED = "No effect of the catalogue is supported by the data."
 def conclusion_page(conclusion: Conclusion) -> str:
     """The page: the series, verdict, evidence, gap, all candidates and the next experiment."""
     verdict = conclusion.verdict
+    found = _residuals(conclusion)
     return document(
         sentence(verdict),
         [paragraph(f"{_name(conclusion)} on the machine {conclusion.experiment.machine.name}.")],
-        series_views(_residuals(conclusion), beside_of(conclusion.experiment, conclusion.where)),
+        series_views(found, beside_of(conclusion.experiment, conclusion.where)),
         [
             section("Effects found", _effects(conclusion)),
             section("The gap", _gap(conclusion)),
@@ -56,6 +57,7 @@ def conclusion_page(conclusion: Conclusion) -> str:
             *_next(conclusion),
             section("Provenance", _provenance(conclusion), opened=False),
         ],
+        own_units(found),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mopro.experiment.compare.breaks import drawn
 from mopro.recording.envelope import Floats
 from mopro.series import Series
 from mopro.text import visible
@@ -19,6 +20,7 @@ from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
 _MOST_VALUES = 2_400_000
 _MOST_BUCKETS = 65_536
 _FEWEST_BUCKETS = 256
+_OF_INCHES = ("in", "mil", "in/s", "lbf")
 _NOTE = "measured − simulated, without the fitted offset"
 # Colours of the palette.
 _MEASURED, _BEFORE, _AFTER = 0, 2, 4
@@ -59,6 +61,12 @@ def series_views(found: Sequence[Residuals], beside: Mapping[str, Beside]) -> li
     ]
 
 
+def own_units(found: Sequence[Residuals]) -> dict[str, str]:
+    """What the page's scripts are told: the system of units that the data are in."""
+    inches = any(own.series.unit in _OF_INCHES for own in found)
+    return {"units": "inch" if inches else "si"}
+
+
 def track_name(sensor: str) -> str:
     """The name of the track of a sensor's readings."""
     return visible(sensor)
@@ -88,18 +96,17 @@ def _view(run: str, found: Sequence[Residuals], rows: bool, most: int, beside: B
 
 def _track(own: Residuals, most: int) -> Track:
     series, scale = own.series, Scale.of(own.series.unit)
-    count = len(series)
-    time = np.arange(1.0, count + 1) if series.time_s is None else series.time_s
+    shown = drawn(series)
     channels = {"measured": series.values}
-    if (command := _command(series)) is not None:
-        channels["command"] = command
     for model, residual in own.by_model.items():
         channels[f"simulated {model}"] = series.values - residual
         channels[f"residual {model}"] = residual
     for name, change in own.signatures.items():
         channels[f"signature {name}"] = change
-    scaled = {name: values * scale.factor for name, values in channels.items()}
-    return Track.of(time, scaled, most)
+    scaled = {name: shown.of(values) * scale.factor for name, values in channels.items()}
+    if shown.command is not None:
+        scaled["command"] = shown.command * scale.factor
+    return Track.of(shown.time_s, scaled, most)
 
 
 def _panels(own: Residuals) -> Iterator[Panel]:
@@ -108,7 +115,8 @@ def _panels(own: Residuals) -> Iterator[Panel]:
     several = len(own.by_model) > 1
     models = dict(zip(own.by_model, (_BEFORE, _AFTER), strict=False))
     marked = "points" if rows else "line"
-    command = [Trace("command", "command", style="command")] if _command(series) is not None else []
+    told = drawn(series).command is not None
+    command = [Trace("command", "command", style="command")] if told else []
     yield Panel(
         f"{name}: measured and simulated", track_name(series.sensor), Scale.of(series.unit),
         [
@@ -145,14 +153,6 @@ def _signatures(own: Residuals) -> Panel:
         ],
         note="what each adds to the reading",
     )  # fmt: skip
-
-
-def _command(series: Series) -> Floats | None:
-    """The position of the series' labels, where it is what the sensor measures."""
-    position = series.labels.get("position")
-    if position is None or series.position_unit != series.unit:
-        return None
-    return np.asarray(position, dtype=np.float64)
 
 
 def _lines(found: Sequence[Residuals]) -> Lines | None:

@@ -6,8 +6,8 @@
 
   function room(name) { return element("section", { class: name }); }
 
-  function build(views) {
-    const state = new Mopro.State(views);
+  function build(views, units) {
+    const state = new Mopro.State(views, units);
     const rooms = Object.fromEntries(
       ["player", "program", "platen", "vector", "plots", "tables"].map((n) => [n, room(n)]));
     const side = element("aside", {}, rooms.program, rooms.platen, rooms.vector);
@@ -32,7 +32,7 @@
     const stated = JSON.parse(document.getElementById("page-data").textContent);
     if (stated.live) { Mopro.live = new Mopro.Live(stated.live); return; }
     if (!stated.views.length) return;
-    build((await Mopro.load(stated)).views);
+    build((await Mopro.load(stated)).views, stated.units);
     document.documentElement.dataset.ready = "yes";
   }
 

@@ -3,9 +3,10 @@
 
 (function () {
   class State {
-    constructor(views) {
+    // `units`: the system that the data are in, unless the person has chosen one.
+    constructor(views, units) {
       this.views = views;
-      this.system = stored("mopro-units") || "inch";
+      this.system = stored("mopro-units") || units || "inch";
       this.listeners = {};
       this.playing = false;
       this.select(0);
