@@ -37,6 +37,12 @@ class Parser:
         """The seeds, cut to the longest input."""
         return [seed[: self.longest] for seed in self.seeds()]
 
+    def varied(self, random: Random, data: bytes) -> bytes:
+        """`data` changed at random, every other time by the parser's own change first."""
+        if self.change is not None and random.random() < 0.5:
+            data = self.change(random, data)
+        return changed(random, data, self.words, self.longest)
+
 
 def allowed() -> tuple[type[BaseException], ...]:
     """Errors that a parser may raise: the project's, and those of the command line."""
@@ -65,15 +71,9 @@ def in_file(folder: Path, name: str, read: Callable[[Path], object]) -> Take:
     return take
 
 
-def changed(random: Random, data: bytes, parser: Parser) -> bytes:
-    """`data` with one to four random changes: bytes, words, pieces doubled or left out.
-
-    Every other time the parser's own change comes first.
-    """
-    words = parser.words
-    own = bytearray(
-        parser.change(random, data) if parser.change and random.random() < 0.5 else data
-    )
+def changed(random: Random, data: bytes, words: tuple[str, ...], longest: int) -> bytes:
+    """`data` with one to four random changes: bytes, words, pieces doubled or left out."""
+    own = bytearray(data)
     for _ in range(random.randint(1, 4)):
         at = random.randrange(len(own) + 1)
         kind = random.randrange(5)
@@ -87,4 +87,4 @@ def changed(random: Random, data: bytes, parser: Parser) -> bytes:
             del own[at : at + random.randrange(1, 20)]
         else:
             own[at:at] = own[: random.randrange(60)]
-    return bytes(own[: parser.longest])
+    return bytes(own[:longest])
