@@ -16,6 +16,7 @@ from mopro.experiment.compare.comparison import Comparison, compare
 from mopro.experiment.conclude.conclusion import Conclusion, Examined, conclude
 from mopro.experiment.model import Experiment
 from mopro.experiment.read.file import read_entries
+from mopro.experiment.read.rows import KeptRows, rows_of
 from mopro.experiment.rigs import compare as rig_compare
 from mopro.experiment.rigs import conclude as rig_conclude
 from mopro.experiment.rigs.entries import RigEntries, read_rig_entries
@@ -53,6 +54,11 @@ class Opened(Protocol):
         ...
 
     @property
+    def rows(self) -> KeptRows | None:
+        """What an import did with the rows of the log; None if no import wrote the experiment."""
+        ...
+
+    @property
     def effects(self) -> frozenset[str]:
         """The names of the effects that are candidates."""
         ...
@@ -73,6 +79,7 @@ class OfTheMotor:
     """An experiment on a Sawyer motor."""
 
     experiment: Experiment
+    rows: KeptRows | None = None
 
     @property
     def machine_name(self) -> str:
@@ -84,7 +91,7 @@ class OfTheMotor:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        return self.experiment.notes
+        return (*_rows_notes(self.rows), *self.experiment.notes)
 
     @property
     def effects(self) -> frozenset[str]:
@@ -104,6 +111,7 @@ class OfARig:
     """An experiment on a machine of another kind."""
 
     study: Study
+    rows: KeptRows | None = None
 
     @property
     def machine_name(self) -> str:
@@ -115,7 +123,7 @@ class OfARig:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        return self.study.experiment.notes
+        return (*_rows_notes(self.rows), *self.study.experiment.notes)
 
     @property
     def effects(self) -> frozenset[str]:
@@ -128,6 +136,10 @@ class OfARig:
         self, jobs: int = 1, progress: Progress = quiet, left_out: Collection[str] = ()
     ) -> Conclusion:
         return rig_conclude.conclude(self.study, jobs, progress, left_out)
+
+
+def _rows_notes(rows: KeptRows | None) -> tuple[str, ...]:
+    return () if rows is None else rows.notes
 
 
 def is_rig(path: str | Path) -> bool:
@@ -153,7 +165,7 @@ def open_before(path: str | Path, applied: str, allow_python: bool = False) -> O
         return open_experiment(path)
     own, entries = read_rig_entries(path).machine, _entries(path, applied)
     machine = entries.machine.without_effects(own.active.keys())
-    return OfARig(study(replace(entries, machine=machine), allow_python))
+    return OfARig(study(replace(entries, machine=machine), allow_python), rows_of(path))
 
 
 def open_experiment(
@@ -163,12 +175,13 @@ def open_experiment(
 
     Raises ModelError, SourceError, MotionError and DataError.
     """
+    rows = rows_of(path)
     if is_rig(path):
-        return OfARig(study(_entries(path, applied), allow_python))
+        return OfARig(study(_entries(path, applied), allow_python), rows)
     experiment = load_experiment(path)
     if applied is not None:
         experiment = replace(experiment, machine=load_machine(applied))
-    return OfTheMotor(experiment)
+    return OfTheMotor(experiment, rows)
 
 
 def _entries(path: str | Path, applied: str | None) -> RigEntries:

@@ -14,9 +14,10 @@ from mopro.files import make_folder, output, write
 from mopro.importing.agreement import agreement
 from mopro.importing.propose import Proposal, Wishes, propose
 from mopro.importing.roles import Chosen, Signal, signals_of, stated_unit
+from mopro.importing.runs import file_of, ledger_of, recordings_of, run_of, told
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
 from mopro.importing.wraps import unwrapped
-from mopro.logs import Asked, Decision, Log, read_log
+from mopro.logs import Asked, Decision, Log, Rows, read_log
 from mopro.logs.clock import spacing_of
 
 Floats = NDArray[np.float64]
@@ -28,11 +29,12 @@ _LATEST_START_S = 1.0
 
 @dataclass(frozen=True)
 class Imported:
-    """The files written, and the decisions behind them."""
+    """The files written, the decisions behind them, and the ledger of the log's rows."""
 
     files: tuple[Path, ...]
     proposal: Proposal
     decisions: tuple[Decision, ...]
+    rows: Rows
 
 
 def import_logs(
@@ -45,19 +47,39 @@ def import_logs(
     """
     logs = [_with_units(read_log(path, asked), wishes.units) for path in paths]
     decisions: list[Decision] = [d for log in logs for d in log.decisions]
-    signals = _signals(logs, wishes, decisions)
+    recordings = recordings_of(logs)
+    # The longest recording tells most about the columns.
+    longest = max(range(len(recordings)), key=lambda nth: len(_first_clock(recordings[nth][0])))
+    signals = _signals(recordings[longest], wishes, decisions)
     _check_names(paths, signals, wishes)
     signals = _aligned(_unwrapped(signals, decisions), decisions)
     proposal = propose(str(paths[0]), signals, wishes)
     decisions += proposal.decisions
-    names = ["experiment.toml", "data.csv"]
-    names.append("command.csv" if proposal.kind == "sawyer" else "machine.toml")
-    if proposal.kind == "sawyer" and proposal.command is None:
-        names.pop()
-    files = tuple(folder / name for name in names)
+    runs = [
+        proposal
+        if nth == longest
+        else run_of(proposal, _aligned(_unwrapped(_signals(own, wishes, []), []), []))
+        for nth, own in enumerate(recordings)
+    ]
+    rows = ledger_of(logs, runs)
+    decisions.append(told(rows))
+    files = tuple(folder / name for name in _names(proposal, len(runs)))
     _keep(files)
-    _write(folder, [str(path.name) for path in paths], proposal, decisions)
-    return Imported(files, proposal, tuple(decisions))
+    _write(folder, [str(path.name) for path in paths], runs, longest, decisions, rows)
+    return Imported(files, proposal, tuple(decisions), rows)
+
+
+def _first_clock(log: Log) -> Floats:
+    return next(iter(log.clocks.values()))
+
+
+def _names(proposal: Proposal, runs: int) -> list[str]:
+    """The files that are written, experiment.toml first."""
+    data = [file_of("data.csv", nth) for nth in range(runs)]
+    if proposal.kind != "sawyer":
+        return ["experiment.toml", *data, "machine.toml"]
+    commands = [] if proposal.command is None else ["command.csv"]
+    return ["experiment.toml", *data, *(file_of(c, n) for c in commands for n in range(runs))]
 
 
 def _keep(files: Sequence[Path]) -> None:
@@ -190,22 +212,30 @@ def _tell_sampling(signals: Sequence[Signal], decisions: list[Decision]) -> None
 
 
 def _write(
-    folder: Path, sources: Sequence[str], proposal: Proposal, decisions: Sequence[Decision]
+    folder: Path,
+    sources: Sequence[str],
+    runs: Sequence[Proposal],
+    longest: int,
+    decisions: Sequence[Decision],
+    rows: Rows,
 ) -> None:
-    source = ", ".join(sources)
+    source, proposal = ", ".join(sources), runs[longest]
     try:
         make_folder(folder)
     except OSError as error:
         reason = error.strerror or str(error)
         raise DataError(f"{folder}: cannot be made: {reason}", "unwritable-output") from error
-    times, columns = _table(proposal)
-    if proposal.kind == "sawyer":
-        _write_sawyer(folder, times, columns, proposal)
-    else:
-        _write_csv(folder / "data.csv", times, columns)
+    for nth, run in enumerate(runs):
+        times, columns = _table(run)
+        if run.kind == "sawyer":
+            _write_sawyer(folder, times, columns, run, nth)
+        else:
+            _write_csv(folder / file_of("data.csv", nth), times, columns)
+    if proposal.kind != "sawyer":
         name = Path(sources[0]).stem
         write(folder / "machine.toml", machine_text(source, name, proposal).encode())
-    write(folder / "experiment.toml", experiment_text(source, proposal, decisions).encode())
+    text = experiment_text(source, proposal, decisions, rows, len(runs))
+    write(folder / "experiment.toml", text.encode())
 
 
 def _table(proposal: Proposal) -> tuple[Floats, dict[str, Floats]]:
@@ -234,14 +264,15 @@ def _placed(times: Floats, signal: Signal) -> Floats:
 
 
 def _write_sawyer(
-    folder: Path, times: Floats, columns: dict[str, Floats], proposal: Proposal
+    folder: Path, times: Floats, columns: dict[str, Floats], proposal: Proposal, nth: int
 ) -> None:
     labels = sawyer_labels(proposal)
     measured = {name: columns[label] for label, name in labels.items()}
-    _write_csv(folder / "data.csv", times, measured)
+    _write_csv(folder / file_of("data.csv", nth), times, measured)
     if proposal.command is not None:
         name = f"position_1_{proposal.command.unit}"
-        _write_csv(folder / "command.csv", times, {name: columns[proposal.command.label]})
+        commanded = {name: columns[proposal.command.label]}
+        _write_csv(folder / file_of("command.csv", nth), times, commanded)
 
 
 def _write_csv(path: Path, times: Floats, columns: dict[str, Floats]) -> None:

@@ -12,7 +12,8 @@ from scipy import signal as signals
 from mopro.formula import dimension_of_unit, factor_of, inverse, product
 from mopro.importing.propose import Proposal
 from mopro.importing.roles import Signal, decision_of
-from mopro.logs import Decision
+from mopro.importing.runs import file_of, rows_text
+from mopro.logs import Decision, Rows
 from mopro.rig.rough import Sampled, axis_lines, thermal_lines, unit_of_speed
 from mopro.text import visible
 
@@ -31,15 +32,19 @@ _RESERVED = frozenset(
 )
 
 
-def experiment_text(source: str, proposal: Proposal, decisions: Sequence[Decision]) -> str:
-    """The text of experiment.toml."""
+def experiment_text(
+    source: str, proposal: Proposal, decisions: Sequence[Decision], rows: Rows, runs: int = 1
+) -> str:
+    """The text of experiment.toml, with the ledger of the log's rows and a section for each run."""
     machine = "chow1992" if proposal.kind == "sawyer" else "machine.toml"
     lines = [
         *(line.format(source=_quoted(source)) for line in _HEAD),
         *_comments(decisions),
         f"machine = {_quoted(machine)}",
         "",
+        *rows_text(rows, decisions),
         *(_sawyer(proposal) if proposal.kind == "sawyer" else _foreign(proposal)),
+        *(line for nth in range(runs) for line in _run(proposal, nth)),
         "",
         "# Columns that are in the data and not used:",
         *_comments([decision_of(s) for s in proposal.unused]),
@@ -61,9 +66,6 @@ def _foreign(proposal: Proposal) -> Iterator[str]:
         yield from _sensor(proposal, sensor)
         if proposal.kind == "kinematic" and proposal.command is None:
             yield '# drift = "free"     # CHECK: for a slow straight drift beside the command'
-    yield ""
-    yield "[[run]]"
-    yield 'data = "data.csv"'
 
 
 def _input(name: str, one: Signal) -> str:
@@ -169,15 +171,19 @@ def _sawyer(proposal: Proposal) -> Iterator[str]:
         yield f"rate_hz = {rate_hz:.6g}"
         yield from _noise(proposal, sensor)
         yield from _relation(proposal, sensor)
-        yield ""
+
+
+def _run(proposal: Proposal, nth: int) -> Iterator[str]:
+    """A run with its files, from 0."""
+    yield ""
     yield "[[run]]"
-    if proposal.command is None:
+    if proposal.kind == "sawyer" and proposal.command is None:
         yield "# CHECK: the log has no command: name the program that ran"
         yield 'program = "PROGRAM.CMD"'
-    else:
+    elif proposal.kind == "sawyer" and proposal.command is not None:
         yield from _comments([decision_of(proposal.command)])
-        yield 'command = "command.csv"'
-    yield 'data = "data.csv"'
+        yield f"command = {_quoted(file_of('command.csv', nth))}"
+    yield f"data = {_quoted(file_of('data.csv', nth))}"
 
 
 # -- machines ---------------------------------------------------------------------------

@@ -4,7 +4,8 @@
 numbers with names, units and one clock each. Nothing that stands in a file is executed.
 """
 
+from mopro.logs.ledger import Rows
 from mopro.logs.log import Column, Decision, Log
 from mopro.logs.open import Asked, read_log
 
-__all__ = ["Asked", "Column", "Decision", "Log", "read_log"]
+__all__ = ["Asked", "Column", "Decision", "Log", "Rows", "read_log"]

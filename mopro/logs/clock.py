@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.logs.log import Decision
-from mopro.logs.names import heading, is_time
-from mopro.logs.stamps import PER_S, epoch_unit, seconds_of_numbers, seconds_of_words
+from mopro.logs.names import Heading, heading, is_command, is_time, quantity_of, unit_of, words_of
+from mopro.logs.order import Habits, order_of
+from mopro.logs.stamps import (
+    PER_S,
+    UNSURE,
+    epoch_unit,
+    form_of_words,
+    seconds_of_numbers,
+    seconds_of_words,
+)
 from mopro.logs.table import Table
 
 Floats = NDArray[np.float64]
@@ -21,21 +29,47 @@ GAP = 5.0
 _REGULAR = 0.02
 # Share of stamps that may go backwards: beyond it the column is no clock.
 _MOST_BACKWARD = 0.05
+# Rows beside a jump of the clock whose changes are usual ones, and how much more is a jump.
+_BESIDE = 50
+_LEAP = 3.0
+_FINER = ("ms", "us", "ns")
+_DATE_NUMBERS = (19_700_101, 20_991_231)
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """The columns that make a time together: a date, a time, and a part of its seconds, as named.
+
+    The time is `name`; the others are None where the log has none.
+    """
+
+    name: str
+    date: str | None = None
+    finer: str | None = None
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        return tuple(p for p in (self.date, self.name, self.finer) if p is not None)
 
 
 @dataclass(frozen=True)
 class Clock:
-    """A column of times: seconds from its first stamp, the first stamp, rows in order.
+    """A clock: seconds of each row of the file from the first stamp (NaN where there is none).
 
-    `order` are the rows that are kept, by time: rows without a stamp and, of several with one
-    stamp, all but the last are left out.
+    `starts` are the rows with which further recordings begin, `strays` those whose time is out of
+    place, `origin` is the first stamp in s.
     """
 
-    name: str
-    elapsed: Floats
+    stamp: Stamp
+    time_s: Floats
     origin: float
-    order: NDArray[np.intp]
     decisions: tuple[Decision, ...]
+    starts: tuple[int, ...] = ()
+    strays: tuple[int, ...] = ()
+
+    @property
+    def name(self) -> str:
+        return self.stamp.name
 
 
 @dataclass(frozen=True)
@@ -61,40 +95,224 @@ def spacing_of(time_s: Floats) -> Spacing:
     return Spacing(usual, regular, tuple(int(i) for i in gaps))
 
 
-def clock_columns(table: Table) -> list[str]:
-    """The columns that hold times: by name, or words that are dates; in the order of the file."""
-    return [name for name, values in table.columns.items() if _may_be_clock(table, name, values)]
+# -- which columns ------------------------------------------------------------------------
 
 
-def _may_be_clock(table: Table, name: str, values: Any) -> bool:
-    found = heading(name, table.units.get(name))
-    if not isinstance(values, np.ndarray):
-        first = next((str(w) for w in values.slice(0, 1000).to_pylist() if w), "")
-        return is_time(found.name) and ":" in first
-    if not is_time(found.name) or (found.unit is not None and found.unit not in PER_S):
-        return False
-    known = values[~np.isnan(values)] if values.dtype.kind == "f" else values
-    if len(known) < 2 or known[0] == known[-1]:
-        return False
-    return bool(np.mean(np.diff(known) < 0) <= _MOST_BACKWARD)
+def stamps_in(table: Table, asked: str | None = None) -> list[Stamp]:
+    """The stamps of the log in the order of the file; only that in column `asked` if one is named.
 
-
-def clock_of(table: Table, name: str, unit: str | None = None) -> Clock:
-    """The clock in column `name`, in `unit` if the caller knows it.
-
-    Raises stamps.NoStamp for a cell that is no time.
+    The cells decide which columns are times; of several, those whose headings say so.
     """
-    values = table.columns[name]
-    if isinstance(values, np.ndarray):
-        stated = heading(name, table.units.get(name))
+    columns = _Columns(table)
+    if asked is not None:
+        return [columns.complete(asked)]
+    found = columns.worded() + columns.numbered(named=True)
+    named = [stamp for stamp in found if any(map(columns.says_time, stamp.parts))]
+    chosen = named or found or columns.numbered(named=False)
+    order = list(table.columns)
+    stamps = sorted((columns.complete(s.name) for s in chosen), key=lambda s: order.index(s.name))
+    finer = {s.finer for s in stamps}
+    return [s for s in stamps if s.name not in finer]
+
+
+class _Columns:
+    """The columns of a table, asked which of them are times."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+        forms = {
+            name: form
+            for name, values in table.columns.items()
+            if not isinstance(values, np.ndarray) and (form := form_of_words(values)) is not None
+        }
+        self._forms = forms
+        self._dates = [n for n, f in forms.items() if not f.timed]
+        self._dates += [n for n in table.columns if n not in forms and self._is_date_number(n)]
+        self._of_day = [n for n, f in forms.items() if f.timed and not f.dated]
+
+    def heading(self, name: str) -> Heading:
+        """The heading; its unit is also the last word of a name such as `stamp.nanosec`."""
+        found = heading(name, self._table.units.get(name))
+        last = (words_of(name) or [""])[-1]
+        unit = unit_of(last)
+        if found.unit is None and unit in PER_S and len(last) > 1 and last != "min":
+            return replace(found, unit=unit, reason=f"the heading ends in {last}")
+        return found
+
+    def worded(self) -> list[Stamp]:
+        """Columns of dates with times, or of times of day; of dates if there is nothing finer."""
+        names = [n for n, form in self._forms.items() if form.timed]
+        return [Stamp(name) for name in names or [n for n in self._dates if n in self._forms]]
+
+    def numbered(self, named: bool) -> list[Stamp]:
+        """Columns of numbers that ascend: those named as times, else what can be nothing else."""
+        ascending = [n for n in self._table.columns if self._ascends(n) and n not in self._dates]
+        if named:
+            return [Stamp(n) for n in ascending if self.says_time(n)]
+        stated = [n for n in ascending if self.heading(n).unit in PER_S]
+        dated = [n for n in ascending if epoch_unit(float(self._known(n)[0])) is not None]
+        first = [n for n in list(self._table.columns)[:1] if n in ascending and self._is_even(n)]
+        return [Stamp(n) for n in (stated or dated or first)[:1]]
+
+    def complete(self, name: str) -> Stamp:
+        """The stamp whose time is in column `name`, with its date and the part of its seconds."""
+        date = None
+        if name in self._of_day and self._dates:
+            nth = self._of_day.index(name)
+            date = self._dates[min(nth, len(self._dates) - 1)]
+        return Stamp(name, date, self._finer(name))
+
+    def says_time(self, name: str) -> bool:
+        """True if the heading says that the column holds times."""
+        found = self.heading(name)
+        if found.unit is None:
+            return is_time(found.name)
+        last = (words_of(found.name) or [""])[-1]
+        return found.unit in PER_S and (is_time(found.name) or unit_of(last) == found.unit)
+
+    def _numbers(self, name: str) -> NDArray[Any] | None:
+        values = self._table.columns[name]
+        return values if isinstance(values, np.ndarray) else None
+
+    def _words(self, name: str) -> Any:
+        return self._table.columns[name]
+
+    def _known(self, name: str) -> NDArray[Any]:
+        values = self._table.columns[name]
+        known: NDArray[Any] = values[~np.isnan(values)] if values.dtype.kind == "f" else values
+        return known
+
+    def _ascends(self, name: str) -> bool:
+        if self._numbers(name) is None:
+            return False
+        known = self._known(name)
+        if len(known) < 2 or known.min() == known.max():
+            return False
+        return bool(np.mean(np.diff(known) < 0) <= _MOST_BACKWARD)
+
+    def _is_even(self, name: str) -> bool:
+        """True for a first column that ascends as a clock does and is named as nothing else."""
+        found = self.heading(name)
+        if found.unit is not None or is_command(name) or quantity_of(name, None) is not None:
+            return False
+        steps = np.diff(self._known(name))
+        counts = bool(np.all(steps == 1))
+        return bool(np.all(steps > 0)) and not counts and spacing_of(self._known(name)).regular
+
+    def _is_date_number(self, name: str) -> bool:
+        """True for a column of numbers such as 20261122 beside a time of day."""
+        values = self._numbers(name)
+        if values is None or not is_time(self.heading(name).name):
+            return False
+        known = self._known(name)
+        low, high = _DATE_NUMBERS
+        return bool(len(known) and low <= known.min() and known.max() <= high)
+
+    def _finer(self, name: str) -> str | None:
+        """The column of ms, us or ns that belongs to whole seconds in column `name`."""
+        if not self._is_whole(name):
+            return None
+        for other in self._table.columns:
+            unit = self.heading(other).unit
+            values = self._numbers(other)
+            if other == name or unit not in _FINER or values is None:
+                continue
+            known = self._known(other)
+            whole = len(known) and bool(np.all(known == np.floor(known)))
+            if whole and known.min() >= 0 and known.max() < PER_S[unit] and np.ptp(known) > 0:
+                return other
+        return None
+
+    def _is_whole(self, name: str) -> bool:
+        values = self._numbers(name)
+        if values is None:
+            form = self._forms.get(name)
+            return form is not None and form.timed and self._has_no_fractions(name)
+        stated = self.heading(name).unit or "s"
+        known = self._known(name)
+        return stated == "s" and bool(len(known) and np.all(known == np.floor(known)))
+
+    def _has_no_fractions(self, name: str) -> bool:
+        words: list[str | None] = self._words(name).slice(0, 100).to_pylist()
+        return not any(
+            "." in w.rsplit(":", 1)[-1] or "," in w.rsplit(":", 1)[-1] for w in words if w
+        )
+
+
+# -- their times --------------------------------------------------------------------------
+
+
+def clock_of(table: Table, stamp: Stamp, unit: str | None = None) -> Clock:
+    """The clock of a stamp, whose numbers are in `unit` if the caller knows it.
+
+    Raises stamps.NoStamp for a cell that is no time, order.NoClock for times that are no clock.
+    """
+    values = table.columns[stamp.name]
+    subject = f"column {stamp.name}"
+    unit_s, worded = 1.0, not isinstance(values, np.ndarray)
+    if worded:
+        text, together = _with_date(table, stamp)
+        elapsed, origin, how = seconds_of_words(text)
+        check = how.endswith(UNSURE)
+        decisions = [Decision(subject, f"times ({how})", f"the cells say so{together}", check)]
+    else:
+        stated = _Columns(table).heading(stamp.name)
         taken, reason, check = _unit(values, unit, stated.unit, stated.reason)
         elapsed, origin = seconds_of_numbers(values, taken)
-        decisions = [Decision(f"column {name}", f"times in {taken}", reason, check)]
-    else:
-        elapsed, origin, how = seconds_of_words(values)
-        decisions = [Decision(f"column {name}", f"times ({how})", "the cells say so")]
-    order, faults = _ordered(name, elapsed)
-    return Clock(name, elapsed, origin, order, (*decisions, *faults))
+        unit_s = 1 / PER_S[taken]
+        decisions = [Decision(subject, f"times in {taken}", reason, check)]
+    if stamp.finer is not None:
+        part = _Columns(table).heading(stamp.finer).unit or "ms"
+        parts = np.asarray(table.columns[stamp.finer], float) / PER_S[part]
+        elapsed = elapsed + parts
+        first = float(elapsed[~np.isnan(elapsed)][0]) if (~np.isnan(elapsed)).any() else 0.0
+        elapsed, origin = elapsed - first, origin + first
+        taken = f"{part} of the seconds in {stamp.name}"
+        decisions.append(Decision(f"column {stamp.finer}", taken, "two columns are one stamp"))
+    order = order_of(elapsed, Habits(stamp.name, unit_s, worded), _readings_go_on(table, stamp))
+    return Clock(
+        stamp, order.time_s, origin, (*decisions, *order.decisions), tuple(order.starts),
+        tuple(order.strays),
+    )  # fmt: skip
+
+
+def _with_date(table: Table, stamp: Stamp) -> tuple[Any, str]:
+    """The words of a stamp, behind those of its date if another column has them."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    words = table.columns[stamp.name]
+    if stamp.date is None:
+        return words, ""
+    dates = table.columns[stamp.date]
+    if isinstance(dates, np.ndarray):
+        numbers = pa.array(dates.astype(float), from_pandas=True)
+        digits = pc.cast(pc.cast(numbers, pa.int64()), pa.string())
+        dates = pc.replace_substring_regex(digits, r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3")
+    dates = pc.utf8_trim_whitespace(dates)
+    return pc.binary_join_element_wise(dates, words, " "), f", with the date in {stamp.date}"
+
+
+def _readings_go_on(table: Table, stamp: Stamp) -> Any:
+    columns = [
+        values
+        for name, values in table.columns.items()
+        if name not in stamp.parts and isinstance(values, np.ndarray) and values.dtype.kind == "f"
+    ]
+
+    def goes_on(before: int, after: int) -> bool:
+        return all(_is_small(values, before, after) for values in columns)
+
+    return goes_on
+
+
+def _is_small(values: Floats, before: int, after: int) -> bool:
+    """True if a column changes from one row to another one no more than beside them."""
+    near = [values[max(before - _BESIDE, 0) : before + 1], values[after : after + _BESIDE]]
+    changes = [np.abs(np.diff(part[~np.isnan(part)])) for part in near]
+    usual = max((float(c.max()) for c in changes if len(c)), default=0.0)
+    leap = abs(float(values[after] - values[before]))
+    return bool(np.isnan(leap)) or leap <= _LEAP * usual
 
 
 def _unit(
@@ -110,27 +328,3 @@ def _unit(
         return epoch, f"{float(known[0]):.10g} is a date of this century in {epoch}", False
     step = float(np.median(np.abs(np.diff(known)))) if len(known) > 1 else 0.0
     return "s", f"no unit is stated; then {step:.6g} s lie between rows", True
-
-
-def _ordered(name: str, elapsed: Floats) -> tuple[NDArray[np.intp], list[Decision]]:
-    """The rows to keep, in order of time, and what was wrong."""
-    kept = np.flatnonzero(~np.isnan(elapsed))
-    decisions = []
-    subject = f"column {name}"
-    if lost := len(elapsed) - len(kept):
-        decisions.append(Decision(subject, f"{lost} rows without a time are left out", "empty"))
-    steps = np.diff(elapsed[kept])
-    backward = np.flatnonzero(steps < 0)
-    if len(backward):
-        where = f"first in row {int(kept[backward[0] + 1]) + 1} of the data"
-        taken = f"rows sorted by time: the clock runs backwards {len(backward)} times"
-        decisions.append(Decision(subject, taken, where, check=True))
-        kept = kept[np.argsort(elapsed[kept], kind="stable")]
-        steps = np.diff(elapsed[kept])
-    double = np.flatnonzero(steps == 0)
-    if len(double):
-        where = f"first in row {int(kept[double[0] + 1]) + 1} of the data"
-        taken = f"{len(double)} rows left out whose time is that of the next row"
-        decisions.append(Decision(subject, taken, where))
-        kept = np.delete(kept, double)
-    return kept, decisions

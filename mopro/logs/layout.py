@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mopro.errors import DataFileError, Diagnostic
+from mopro.logs.dates import is_stamp
 from mopro.logs.log import Decision
 from mopro.logs.names import unit_of
 from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span, cells_of
@@ -23,7 +24,6 @@ _LINE_END = re.compile(r"\r\n|\n|\r")
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+|\d+)([eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d+|[+-]?\d{1,3}(,\d{3})+\.\d+")
-STAMP = re.compile(r"(\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
 MISSING = frozenset({"", "nan", "n/a", "na", "null", "none", "-", "--", "#n/a"})
 _MARKS = {
     codecs.BOM_UTF8: "utf-8-sig",
@@ -133,11 +133,6 @@ def is_number(cell: str) -> bool:
 def _holds_data(cell: str) -> bool:
     """True for a number, however written, and for a time."""
     return is_number(cell) or is_stamp(cell) or bool(_THOUSANDS.fullmatch(cell))
-
-
-def is_stamp(cell: str) -> bool:
-    """True for a date and time, or a time of day."""
-    return bool(STAMP.fullmatch(cell))
 
 
 def _width(rows: list[list[str]]) -> int:

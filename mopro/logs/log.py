@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataFileError, Diagnostic
+from mopro.logs.ledger import Rows
 from mopro.logs.place import LogSource, cell_span
 
 Floats = NDArray[np.float64]
@@ -18,13 +19,14 @@ Floats = NDArray[np.float64]
 class Decision:
     """Something that a log does not state in so many words: what, taken as what, and why.
 
-    `check` asks the reader to confirm it.
+    `check` asks the reader to confirm it, `lasting` has each later command ask again.
     """
 
     subject: str
     taken_as: str
     reason: str
     check: bool = False
+    lasting: bool = False
 
     def __str__(self) -> str:
         return f"{self.subject}: {self.taken_as} ({self.reason})"
@@ -57,7 +59,11 @@ class Log:
     """The columns of one file. `clocks` are times in s from the first stamp, by name.
 
     `origins` are the first stamps in s (since 1970 where the log has dates). `lines` gives the
-    number of a row's line: `first_line` + row unless the file has blank lines.
+    number of a row's line: `first_line` + row unless the file has blank lines. `rows` is the
+    ledger of the file's rows.
+
+    A file of several recordings has them one after the other: on each clock they begin at the
+    rows `starts`, with the first stamps `begins`, and the times go on from one to the next.
     """
 
     source: LogSource
@@ -69,6 +75,39 @@ class Log:
     lines: NDArray[np.int64] | None = None
     delimiter: str = ","
     texts: tuple[str, ...] = field(default=())
+    rows: Rows = field(default=Rows(0))
+    starts: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    begins: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+    @property
+    def recordings(self) -> int:
+        """The number of recordings in the file."""
+        return max((len(own) for own in self.starts.values()), default=1)
+
+    def recording(self, nth: int) -> Log:
+        """One of the recordings, from 0, as a log of its own with the columns that it has."""
+        if self.recordings == 1:
+            return self
+        parts = {name: self._part(name, nth) for name in self.clocks}
+        columns = [replace(c, values=c.values[parts[c.clock]]) for c in self.columns]
+        clocks = {name: self.clocks[name][part] for name, part in parts.items()}
+        clocks = {name: own - own[:1] for name, own in clocks.items()}
+        part = parts[next(iter(parts))]
+        lines = np.array([self.line_of(row) for row in range(part.start, part.stop)], np.int64)
+        return replace(
+            self,
+            columns=tuple(c for c in columns if len(c.present)),
+            clocks=clocks,
+            origins={name: self.begins[name][nth] for name in clocks},
+            lines=lines,
+            starts={},
+            begins={},
+        )
+
+    def _part(self, name: str, nth: int) -> slice:
+        """The rows of a recording on the clock `name`."""
+        edges = (*self.starts[name], len(self.clocks[name]))
+        return slice(edges[nth], edges[nth + 1])
 
     def line_of(self, row: int) -> int:
         return self.first_line + row if self.lines is None else int(self.lines[row])

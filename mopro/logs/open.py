@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from mopro.errors import DataError, DataFileError
 from mopro.inputs import open_to_read
-from mopro.logs.clock import Clock, clock_columns, clock_of
+from mopro.logs.clock import Clock, Stamp, clock_of, stamps_in
 from mopro.logs.containers import READERS
+from mopro.logs.ledger import Rows
 from mopro.logs.log import Column, Decision, Floats, Log, listed
 from mopro.logs.names import heading
+from mopro.logs.order import NoClock, TooCoarse
+from mopro.logs.recordings import Ints, Placed, boundaries, placed
 from mopro.logs.stamps import NoStamp
 from mopro.logs.table import Table
 from mopro.logs.text import read_text
@@ -45,7 +48,7 @@ def read_log(path: Path, asked: Asked | None = None) -> Log:
     asked = asked or Asked()
     table = _table(path, asked)
     clocks = _clocks(table, asked)
-    return _log(table, clocks)
+    return _log(table, clocks, _placed(table, clocks))
 
 
 def _table(path: Path, asked: Asked) -> Table:
@@ -61,53 +64,80 @@ def _table(path: Path, asked: Asked) -> Table:
 def _clocks(table: Table, asked: Asked) -> list[Clock]:
     if asked.rate_hz is not None:
         return [_row_clock(table, asked.rate_hz)]
-    names = clock_columns(table)
-    if asked.time is not None:
-        if asked.time not in table.columns:
-            known = listed(list(table.columns))
-            message = f"{table.source.name}: there is no column {asked.time}; there are {known}"
-            raise DataError(message, "missing-column")
-        names = [asked.time]
-    if not names:
+    if asked.time is not None and asked.time not in table.columns:
+        known = listed(list(table.columns))
+        message = f"{table.source.name}: there is no column {asked.time}; there are {known}"
+        raise DataError(message, "missing-column")
+    stamps = stamps_in(table, asked.time)
+    if not stamps:
         known = listed(list(table.columns))
         message = f"{table.source.name}: no column of times was found among {known}"
         hint = "say which it is with --time COLUMN, or how fast the rows follow with --rate HZ"
         raise DataError(f"{message}; {hint}", "which-time")
-    return [_clock(table, name, asked.time_unit) for name in names]
+    return [_clock(table, stamp, asked.time_unit) for stamp in stamps]
 
 
-def _clock(table: Table, name: str, unit: str | None) -> Clock:
+def _clock(table: Table, stamp: Stamp, unit: str | None) -> Clock:
     try:
-        clock = clock_of(table, name, unit)
+        return clock_of(table, stamp, unit)
     except NoStamp as error:
-        empty = _log(table, [])
-        nth = list(table.columns).index(name)
-        raise empty.refuse("clock", f"{name}: {error}", error.row, nth) from error
-    if len(clock.order) < 2:
-        message = f"{table.source.name}: column {name} has fewer than two times"
-        raise DataError(message, "clock")
-    return clock
+        empty = _log(table, [], [])
+        nth = list(table.columns).index(stamp.name)
+        raise empty.refuse("clock", f"{stamp.name}: {error}", error.row, nth) from error
+    except NoClock as error:
+        raise _no_clock(table, stamp.name, error) from error
+
+
+def _no_clock(table: Table, name: str, error: ValueError) -> DataError:
+    hint = "say which column is the clock with --time COLUMN, or state --rate HZ"
+    return DataError(f"{table.source.name}: column {name}: {error}; {hint}", "clock")
 
 
 def _row_clock(table: Table, rate_hz: float) -> Clock:
-    count = len(next(iter(table.columns.values())))
     decision = Decision("time", f"rows at {rate_hz:g} Hz", "as stated on the command line")
-    order = np.arange(count)
-    return Clock(ROW_CLOCK, order / rate_hz, 0.0, order, (decision,))
+    return Clock(Stamp(ROW_CLOCK), np.arange(table.rows) / rate_hz, 0.0, (decision,))
 
 
-def _log(table: Table, clocks: list[Clock]) -> Log:
-    """Rows sorted by the first clock; each column belongs to the clock before it."""
+def _placed(table: Table, clocks: list[Clock]) -> list[Placed]:
+    """The rows of each clock, which has at least two in every recording."""
+    parts = {part for clock in clocks for part in clock.stamp.parts}
+    columns = [
+        values
+        for name, values in table.columns.items()
+        if name not in parts and isinstance(values, np.ndarray)
+    ]
+
+    def conflict(rows: Ints, following: Ints) -> NDArray[np.bool_]:
+        found = np.zeros(len(rows), bool)
+        for values in columns:
+            before, after = values[rows], values[following]
+            found |= (before != after) & ~np.isnan(before) & ~np.isnan(after)
+        return found
+
+    begins, found = boundaries(clocks), []
+    for clock in clocks:
+        try:
+            found.append(placed(clock, begins, conflict))
+        except TooCoarse as error:
+            raise _no_clock(table, clock.name, error) from error
+    return found
+
+
+def _log(table: Table, clocks: list[Clock], places: list[Placed]) -> Log:
+    """Rows in order; each column belongs to the clock before it."""
     names = list(table.columns)
     decisions = [*table.decisions, *(d for clock in clocks for d in clock.decisions)]
+    decisions += [d for place in places for d in place.decisions]
     columns: list[Column] = []
     texts: list[str] = []
-    current = clocks[0] if clocks else None
-    by_name = {clock.name: clock for clock in clocks}
+    current = places[0] if places else None
+    by_name = {place.clock.name: place for place in places}
+    parts = {part for clock in clocks for part in clock.stamp.parts}
     shared = len(clocks) > 1 and not _paired(names, clocks)
     for nth, name in enumerate(names):
         if name in by_name:
             current = by_name[name] if not shared else current
+        if name in parts:
             continue
         values = table.columns[name]
         found = heading(name, table.units.get(name))
@@ -117,8 +147,8 @@ def _log(table: Table, clocks: list[Clock]) -> Log:
         elif values.dtype.kind == "f" and np.all(np.isnan(values)):
             decisions.append(Decision(f"column {name}", "left out", "it is empty"))
         elif current is not None:
-            kept = np.asarray(values[current.order], float)
-            columns.append(Column(name, found.name, found.unit, kept, current.name, nth))
+            kept = current.values(values)
+            columns.append(Column(name, found.name, found.unit, kept, current.clock.name, nth))
     if shared:
         taken = f"times of all columns, not {listed([c.name for c in clocks[1:]])}"
         reason = "it is the first column of times"
@@ -126,14 +156,32 @@ def _log(table: Table, clocks: list[Clock]) -> Log:
     return Log(
         table.source,
         tuple(columns),
-        {clock.name: clock.elapsed[clock.order] for clock in clocks},
-        {clock.name: clock.origin for clock in clocks},
+        {place.clock.name: place.time_s for place in places},
+        {place.clock.name: place.origins[0] for place in places},
         tuple(decisions),
         table.first_line,
-        _lines(table, clocks),
+        _lines(table, places),
         table.delimiter,
         tuple(texts),
+        _ledger(table, places),
+        {place.clock.name: place.starts for place in places},
+        {place.clock.name: place.origins for place in places},
     )
+
+
+def _ledger(table: Table, places: list[Placed]) -> Rows:
+    """Rows that no clock keeps are left out, for the first clock's reason."""
+    rows = Rows(table.rows + sum(table.left_out.values()), dict(table.left_out))
+    lost = np.ones(table.rows, bool)
+    for place in places:
+        own = np.zeros(table.rows, bool)
+        for gone in place.left_out.values():
+            own[gone] = True
+        lost &= own
+    for place in places[:1]:
+        for why, gone in place.left_out.items():
+            rows = rows.without(why, int(np.count_nonzero(lost[gone])))
+    return rows
 
 
 def _paired(names: Sequence[str], clocks: list[Clock]) -> bool:
@@ -143,16 +191,17 @@ def _paired(names: Sequence[str], clocks: list[Clock]) -> bool:
     return all(after - place > 1 for place, after in zip(places, follows, strict=True))
 
 
-def _lines(table: Table, clocks: list[Clock]) -> NDArray[np.int64] | None:
+def _lines(table: Table, places: list[Placed]) -> NDArray[np.int64] | None:
     """Lines of the kept rows of the first clock; None if they are all rows in order."""
-    if not clocks:
+    if not places:
         return table.lines
-    order = clocks[0].order
-    count = len(clocks[0].elapsed)
-    if len(order) == count and bool(np.all(np.diff(order) == 1)):
+    rows = places[0].rows
+    if len(rows) == table.rows and bool(np.all(np.diff(rows) == 1)):
         return table.lines
-    every: Any = table.lines if table.lines is not None else table.first_line + np.arange(count)
-    lines: NDArray[np.int64] = np.asarray(every)[order]
+    every: Any = (
+        table.lines if table.lines is not None else table.first_line + np.arange(table.rows)
+    )
+    lines: NDArray[np.int64] = np.asarray(every)[rows]
     return lines
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ MOST_ROWS = 20_000_000
 class Table:
     """Columns of one length: floats, integers (of stamps) or Arrow arrays of words, in order.
 
-    `units` holds what the file states apart from the headings.
+    `units` holds what the file states apart from the headings, `left_out` the number of rows of the
+    file that are not in the columns, by reason.
     """
 
     source: LogSource
@@ -29,3 +31,8 @@ class Table:
     first_line: int = 1
     lines: NDArray[np.int64] | None = None
     delimiter: str = ","
+    left_out: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> int:
+        return len(next(iter(self.columns.values())))

@@ -17,6 +17,7 @@ from mopro.logs.table import MOST_ROWS, Table
 from mopro.source import Span
 
 _MOST_FAULTS = 50
+CUT = "cut off at the end"
 _BLANKS = " \t\r\n\v\f"
 _BAD_COLUMN = re.compile(r"In CSV column #(\d+)")
 _BLOCK_BYTES = 1 << 22
@@ -56,7 +57,8 @@ class _Reader:
                 self._words.add(nth)
         arrays = self._arrays()
         lines = self._lines(len(arrays[0]))
-        decisions = list(self._layout.decisions) + self._cut_row()
+        cut = self._cut_row()
+        decisions = list(self._layout.decisions) + cut
         columns: dict[str, Any] = {}
         faults: list[Diagnostic] = []
         for nth, (name, array) in enumerate(zip(self._layout.names, arrays, strict=True)):
@@ -70,6 +72,7 @@ class _Reader:
         return Table(
             self._source, columns, {n: u for n, u in units.items() if u}, tuple(decisions),
             self._layout.header_line, self._layout.first_line, lines, self._layout.delimiter,
+            {CUT: len(cut)} if cut else {},
         )  # fmt: skip
 
     # -- Arrow -------------------------------------------------------------------

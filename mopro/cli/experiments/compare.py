@@ -102,6 +102,8 @@ def command(
         answer = {"experiment": experiment, "machine": loaded.machine_name, **comparison.as_json()}
         if applied is not None:
             answer["applied"] = gaps
+        if loaded.rows is not None:
+            answer["rows"] = loaded.rows.rows.as_json()
         say(json.dumps(answer, indent=1))
     else:
         _print(comparison)

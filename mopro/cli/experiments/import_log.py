@@ -63,6 +63,7 @@ def command(
                 for d in done.decisions
             ],
             "check": checks,
+            "rows": done.rows.as_json(),
         }
         say(json.dumps(answer, indent=1))
         return

@@ -64,7 +64,12 @@ def command(
             told.append(as_data(column, log, rows, noise))
             found += 1
     if as_json:
-        answer = {"file": str(data), "columns": told, "decisions": list(map(str, log.decisions))}
+        answer = {
+            "file": str(data),
+            "columns": told,
+            "decisions": list(map(str, log.decisions)),
+            "rows": log.rows.as_json(),
+        }
         say(json.dumps(answer, indent=1))
     else:
         _print(log, told)
@@ -169,6 +174,7 @@ def _state(noise: NoiseReport) -> dict[str, float]:
 def _print(log: Log, told: list[dict[str, Any]]) -> None:
     for decision in log.decisions:
         say(f"{'CHECK: ' if decision.check else ''}{decision}")
+    say(f"{'CHECK: ' if log.rows.to_check else ''}rows: {log.rows}")
     for entry in told:
         say()
         if "reason" in entry:

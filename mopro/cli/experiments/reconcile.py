@@ -82,6 +82,8 @@ def command(
     code = _written(conclusion, out, report)
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine_name, **conclusion.as_json()}
+        if loaded.rows is not None:
+            answer["rows"] = loaded.rows.rows.as_json()
         say(json.dumps(answer, indent=1, default=float, allow_nan=False))
     else:
         _tell(conclusion)

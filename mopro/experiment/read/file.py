@@ -9,6 +9,7 @@ from typing import Any
 
 from mopro.errors import DataError
 from mopro.experiment.read.raw import KINDS
+from mopro.experiment.read.rows import kept_rows
 from mopro.inputs import no_file
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor
@@ -146,7 +147,8 @@ class _Reader:
         self._machine_file: Path | None = None
 
     def entries(self, root: Value) -> Entries:
-        root.only({"machine", "grammar", "sensor", "run", "effect"})
+        root.only({"machine", "grammar", "sensor", "run", "effect", "rows"})
+        root.get("rows", kept_rows, None)
         grammar = root.get("grammar", one_of(*_GRAMMARS), _GRAMMARS[0])
         tables = self._sections(root, "run")
         sampled = any("table" not in entry for entry in tables)

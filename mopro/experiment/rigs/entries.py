@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from mopro.experiment.read.file import file_beside
+from mopro.experiment.read.rows import kept_rows
 from mopro.experiment.rigs.bare import skeleton
 from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, parse
 from mopro.formula.entry import check_name, read_effects, read_formula
@@ -22,7 +23,7 @@ from mopro.tomlfile import Document, Refused, Value, read_source, shown
 from mopro.tomlfile.schema import flag, number, number_in, one_of, table_in, text
 
 T = TypeVar("T")
-_TOP_KEYS = {"machine", "time", "inputs", "sensor", "run", "effect"}
+_TOP_KEYS = {"machine", "time", "inputs", "sensor", "run", "effect", "rows"}
 _SENSOR_KEYS = {
     "name", "quantity", "column", "unit", "noise_rms", "adc_step", "zero", "drift", "scale",
     "sign", "reads", "rate_hz",
@@ -118,6 +119,7 @@ class _Reader:
     def entries(self, root: Value) -> RigEntries:
         before = root.faults
         root.only(_TOP_KEYS)
+        root.get("rows", kept_rows, None)
         self._temperatures = _temperatures(root)
         machine = root.need("machine", self._machine, "expected a machine")
         if machine is None:
