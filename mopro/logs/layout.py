@@ -11,7 +11,7 @@ from pathlib import Path
 from mopro.errors import DataFileError, Diagnostic
 from mopro.logs.dates import is_stamp
 from mopro.logs.log import Decision
-from mopro.logs.names import unit_of
+from mopro.logs.names import heading, is_time, unit_of
 from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span, cells_of
 from mopro.source import Span
 
@@ -166,7 +166,9 @@ def _headings(
     names[0] = names[0].lstrip("#% ").strip('"')
     line = above[-1] + 1
     for nth, name in enumerate(names):
-        if name and name in names[:nth]:
+        if name in names[:nth] and is_time(heading(name).name):
+            names[nth] = f"{name} ({names[:nth].count(name) + 1})"
+        elif name and name in names[:nth]:
             span = cell_span(source.line(line), line, nth, ",")
             finding = Diagnostic("double-column", f"there are two columns {name}", span)
             raise DataFileError(source, [finding])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 _UNITS = {
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms",
     "millisecond": "ms", "milliseconds": "ms", "millis": "ms", "us": "us", "µs": "us", "μs": "us",
-    "usec": "us", "microseconds": "us", "micros": "us", "ns": "ns", "nsec": "ns", "nanosec": "ns",
+    "usec": "us", "usecs": "us", "microseconds": "us", "micros": "us", "ns": "ns", "nsec": "ns", "nanosec": "ns", "nsecs": "ns",
     "nanoseconds": "ns", "nanos": "ns", "min": "min", "h": "h",
     "m": "m", "meter": "m", "metre": "m", "cm": "cm", "mm": "mm", "millimeter": "mm", "um": "um",
     "µm": "um", "μm": "um", "micron": "um", "microns": "um", "in": "in", "inch": "in",
@@ -134,6 +134,8 @@ def quantity_of(name: str, unit: str | None) -> str | None:
 def is_time(name: str) -> bool:
     """True if a column of this name may hold times."""
     words = words_of(name)
+    if words == ["x", "value"]:  # LabVIEW's
+        return True
     return bool(words) and (words[0] in _TIMES or words[-1] in _TIMES)
 
 
