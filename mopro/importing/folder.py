@@ -55,12 +55,9 @@ def import_logs(
     signals = _aligned(_unwrapped(signals, decisions), decisions)
     proposal = propose(str(paths[0]), signals, wishes)
     decisions += proposal.decisions
-    runs = [
-        proposal
-        if nth == longest
-        else run_of(proposal, _aligned(_unwrapped(_signals(own, wishes, []), []), []))
-        for nth, own in enumerate(recordings)
-    ]
+    others = [_aligned(_unwrapped(_signals(own, wishes, []), []), []) for own in recordings]
+    runs = [run_of(proposal, own) for own in others]
+    runs[longest] = proposal
     rows = ledger_of(logs, runs)
     decisions.append(told(rows))
     files = tuple(folder / name for name in _names(proposal, len(runs)))

@@ -146,9 +146,10 @@ class _Columns:
 
     def numbered(self, named: bool) -> list[Stamp]:
         """Columns of numbers that ascend: those named as times, else what can be nothing else."""
-        ascending = [n for n in self._table.columns if self._ascends(n) and n not in self._dates]
+        every = [n for n in self._table.columns if n not in self._dates]
         if named:
-            return [Stamp(n) for n in ascending if self.says_time(n)]
+            return [Stamp(n) for n in every if self.says_time(n) and self._ascends(n)]
+        ascending = [n for n in every if self._ascends(n)]
         stated = [n for n in ascending if self.heading(n).unit in PER_S]
         dated = [n for n in ascending if epoch_unit(float(self._known(n)[0])) is not None]
         first = [n for n in list(self._table.columns)[:1] if n in ascending and self._is_even(n)]
@@ -179,7 +180,8 @@ class _Columns:
 
     def _known(self, name: str) -> NDArray[Any]:
         values = self._table.columns[name]
-        known: NDArray[Any] = values[~np.isnan(values)] if values.dtype.kind == "f" else values
+        blank = np.isnan(values) if values.dtype.kind == "f" else np.zeros(0, bool)
+        known: NDArray[Any] = values[~blank] if blank.any() else values
         return known
 
     def _ascends(self, name: str) -> bool:
@@ -218,8 +220,9 @@ class _Columns:
             if other == name or unit not in _FINER or values is None:
                 continue
             known = self._known(other)
-            whole = len(known) and bool(np.all(known == np.floor(known)))
-            if whole and known.min() >= 0 and known.max() < PER_S[unit] and np.ptp(known) > 0:
+            if not _are_whole(known) or np.ptp(known) == 0:
+                continue
+            if known.min() >= 0 and known.max() < PER_S[unit]:
                 return other
         return None
 
@@ -229,14 +232,19 @@ class _Columns:
             form = self._forms.get(name)
             return form is not None and form.timed and self._has_no_fractions(name)
         stated = self.heading(name).unit or "s"
-        known = self._known(name)
-        return stated == "s" and bool(len(known) and np.all(known == np.floor(known)))
+        return stated == "s" and _are_whole(self._known(name))
 
     def _has_no_fractions(self, name: str) -> bool:
         words: list[str | None] = self._words(name).slice(0, 100).to_pylist()
         return not any(
             "." in w.rsplit(":", 1)[-1] or "," in w.rsplit(":", 1)[-1] for w in words if w
         )
+
+
+def _are_whole(numbers: NDArray[Any]) -> bool:
+    """True for whole numbers; few of others are looked at."""
+    parts = (numbers[:_BESIDE], numbers)
+    return bool(len(numbers)) and all(bool(np.all(p == np.floor(p))) for p in parts)
 
 
 # -- their times --------------------------------------------------------------------------

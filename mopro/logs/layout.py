@@ -130,6 +130,11 @@ def is_number(cell: str) -> bool:
     return bool(_POINT.fullmatch(cell) or _COMMA.fullmatch(cell))
 
 
+def as_number(cell: str) -> float | None:
+    """The number in a cell; None for what is none."""
+    return float(cell.replace(",", ".")) if is_number(cell) else None
+
+
 def _holds_data(cell: str) -> bool:
     """True for a number, however written, and for a time."""
     return is_number(cell) or is_stamp(cell) or bool(_THOUSANDS.fullmatch(cell))

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from mopro.errors import DataError, DataFileError
 from mopro.inputs import open_to_read
+from mopro.logs.cells import without_missing, without_overload
 from mopro.logs.clock import Clock, Stamp, clock_of, stamps_in
 from mopro.logs.containers import READERS
+from mopro.logs.layout import as_number
 from mopro.logs.ledger import Rows
 from mopro.logs.log import Column, Decision, Floats, Log, listed
 from mopro.logs.names import heading
@@ -30,7 +32,7 @@ ROW_CLOCK = "row"
 class Asked:
     """Facts about a log that the caller states: column and unit of the times, or the rate instead.
 
-    `missing` are words that stand for a missing reading.
+    `missing` are words, or numbers, that stand for a missing reading.
     """
 
     time: str | None = None
@@ -47,34 +49,39 @@ def read_log(path: Path, asked: Asked | None = None) -> Log:
     """
     asked = asked or Asked()
     table = _table(path, asked)
-    clocks = _clocks(table, asked)
+    stamps = [] if asked.rate_hz is not None else _stamps(table, asked.time)
+    parts = {part for stamp in stamps for part in stamp.parts}
+    table = without_missing(table, parts, asked.missing)
+    clocks = [_clock(table, stamp, asked.time_unit) for stamp in stamps]
+    if asked.rate_hz is not None:
+        clocks = [_row_clock(table, asked.rate_hz)]
     return _log(table, clocks, _placed(table, clocks))
 
 
 def _table(path: Path, asked: Asked) -> Table:
     reader = READERS.get(path.suffix.lower())
+    words = tuple(word for word in asked.missing if as_number(word) is None)
     try:
         open_to_read(path).close()
-        return reader(path, str(path)) if reader else read_text(path, str(path), asked.missing)
+        table = reader(path, str(path)) if reader else read_text(path, str(path), words)
     except OSError as error:
         reason = error.strerror or str(error)
         raise DataError(f"{path}: cannot be read: {reason}", "unreadable") from error
+    return without_overload(table)
 
 
-def _clocks(table: Table, asked: Asked) -> list[Clock]:
-    if asked.rate_hz is not None:
-        return [_row_clock(table, asked.rate_hz)]
-    if asked.time is not None and asked.time not in table.columns:
+def _stamps(table: Table, asked: str | None) -> list[Stamp]:
+    if asked is not None and asked not in table.columns:
         known = listed(list(table.columns))
-        message = f"{table.source.name}: there is no column {asked.time}; there are {known}"
+        message = f"{table.source.name}: there is no column {asked}; there are {known}"
         raise DataError(message, "missing-column")
-    stamps = stamps_in(table, asked.time)
+    stamps = stamps_in(table, asked)
     if not stamps:
         known = listed(list(table.columns))
         message = f"{table.source.name}: no column of times was found among {known}"
         hint = "say which it is with --time COLUMN, or how fast the rows follow with --rate HZ"
         raise DataError(f"{message}; {hint}", "which-time")
-    return [_clock(table, stamp, asked.time_unit) for stamp in stamps]
+    return stamps
 
 
 def _clock(table: Table, stamp: Stamp, unit: str | None) -> Clock:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataFileError, Diagnostic
-from mopro.logs.layout import MISSING, Layout, is_number, layout_of
+from mopro.logs.layout import MISSING, Layout, as_number, is_number, layout_of
 from mopro.logs.log import Decision
 from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span
 from mopro.logs.table import MOST_ROWS, Table
@@ -180,7 +180,7 @@ class _Reader:
         bad: list[int] = []
         for row, word in enumerate(words):
             if word is not None:
-                number = self._parsed(word.strip())
+                number = as_number(word.strip())
                 if number is None:
                     bad.append(row)
                 else:
@@ -193,9 +193,6 @@ class _Reader:
             self._cell(nth, row, f"'{words[row][:40]}' is no number", lines, hint)
             for row in bad[:_MOST_FAULTS]
         ]
-
-    def _parsed(self, word: str) -> float | None:
-        return float(word.replace(",", ".")) if is_number(word) else None
 
     def _infinite(
         self, nth: int, values: NDArray[Any], lines: NDArray[np.int64] | None

@@ -1,0 +1,97 @@
+"""Numbers in cells that are no readings: overload, values stated as missing, absurd ones."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mopro.logs.layout import as_number
+from mopro.logs.log import Decision
+from mopro.logs.table import Table
+
+Floats = NDArray[np.float64]
+
+# Instruments that speak SCPI write 9.9E37 for an overload, 9.91E37 for no number.
+OVERLOAD = 9e37
+# A few readings of one value this many ranges of the others away are absurd.
+_FAR = 20.0
+_MOST_SHARE = 0.05
+# Values that stand for no reading, and occur once.
+_CODES = frozenset(
+    sign * code
+    for code in (999.0, 9999.0, 99999.0, 32767.0, 32768.0, 65535.0, 2147483647.0, 4294967295.0)
+    for sign in (1, -1)
+)
+
+
+def without_overload(table: Table) -> Table:
+    """The table without readings of 9e37 and more, with their number as decisions."""
+    columns, decisions = dict(table.columns), list(table.decisions)
+    for name, values in _numbers(table, ()):
+        if not (_most(values) >= OVERLOAD):
+            continue
+        beyond = np.abs(values) >= OVERLOAD
+        columns[name] = np.where(beyond, np.nan, values)
+        taken = f"{np.count_nonzero(beyond)} readings of 9e37 or more are missing"
+        reason = f"an overload, first at row {int(np.argmax(beyond)) + 1} of the data"
+        decisions.append(Decision(f"column {name}", taken, reason))
+    return replace(table, columns=columns, decisions=tuple(decisions))
+
+
+def without_missing(table: Table, stamps: Collection[str], words: Sequence[str]) -> Table:
+    """The table without the values that the caller states as missing; absurd ones are told.
+
+    Columns that are `stamps` stay as they are.
+    """
+    stated = [number for word in words if (number := as_number(word)) is not None]
+    columns, decisions = dict(table.columns), list(table.decisions)
+    for name, values in _numbers(table, stamps):
+        for number in stated:
+            gone = columns[name] == number
+            if count := int(np.count_nonzero(gone)):
+                columns[name] = np.where(gone, np.nan, columns[name])
+                taken = f"{count} readings of {number:g} are missing"
+                decisions.append(Decision(f"column {name}", taken, "as stated on the command line"))
+        decisions += [_absurd(name, *found) for found in _absurd_values(columns[name])]
+    return replace(table, columns=columns, decisions=tuple(decisions))
+
+
+def _numbers(table: Table, stamps: Collection[str]) -> Iterator[tuple[str, Floats]]:
+    for name, values in table.columns.items():
+        if isinstance(values, np.ndarray) and values.dtype.kind == "f" and name not in stamps:
+            yield name, values
+
+
+def _most(values: Floats) -> float:
+    """The largest size of the numbers; 0 if there are none."""
+    if not len(values):
+        return 0.0
+    return float(np.fmax(np.fmax.reduce(values), -np.fmin.reduce(values)))
+
+
+def _absurd_values(values: Floats) -> Iterator[tuple[float, int, int]]:
+    """Values far from all others, how often each occurs, and its first row; outermost first."""
+    for outermost in (np.fmax, np.fmin):
+        reduce: Any = outermost.reduce
+        value = float(reduce(values)) if len(values) else np.nan
+        if np.isnan(value):
+            return
+        same = values == value
+        count = int(np.count_nonzero(same))
+        if count > _MOST_SHARE * len(values) or (count < 2 and value not in _CODES):
+            continue
+        others = values[~same]
+        low, high = float(np.fmin.reduce(others)), float(np.fmax.reduce(others))
+        if 0 < high - low < max(value - high, low - value) / _FAR:
+            yield value, count, int(np.argmax(same))
+
+
+def _absurd(name: str, value: float, count: int, row: int) -> Decision:
+    subject = f"column {name}"
+    taken = f"{count} readings are {value:g}, far from all others, and taken as they are"
+    reason = f"first at row {row + 1} of the data; --missing {value:g} leaves them out"
+    return Decision(subject, taken, reason, check=True)
