@@ -17,6 +17,8 @@ from mopro.source import Span
 
 _SAMPLE_BYTES = 1 << 18
 _SAMPLE_ROWS = 200
+# Share of zeros in each other byte beyond which characters have two bytes.
+_WIDE = 0.5
 MOST_COLUMNS = 500
 _DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blank"}
 # Python's splitlines() knows more of them than Arrow and editors do.
@@ -94,6 +96,9 @@ def _encoding(data: bytes) -> tuple[str, list[Decision]]:
     for mark, encoding in _MARKS.items():
         if data.startswith(mark):
             return encoding, [Decision("encoding", encoding, "the file begins with its mark")]
+    for first, encoding in ((0, "utf-16-be"), (1, "utf-16-le")):
+        if data[first::2].count(0) > _WIDE * len(data) / 2 and not data[1 - first :: 2].count(0):
+            return encoding, [Decision("encoding", encoding, "each other byte is zero")]
     try:
         codecs.getincrementaldecoder("utf-8")().decode(data)
     except UnicodeDecodeError:

@@ -15,6 +15,7 @@ from mopro.inputs import open_to_read
 from mopro.logs.cells import without_missing, without_overload
 from mopro.logs.clock import Clock, Stamp, clock_of, stamps_in
 from mopro.logs.containers import READERS
+from mopro.logs.foreign import refuse_foreign, suffix_of
 from mopro.logs.layout import as_number
 from mopro.logs.ledger import Rows
 from mopro.logs.log import Column, Decision, Floats, Log, listed
@@ -59,10 +60,12 @@ def read_log(path: Path, asked: Asked | None = None) -> Log:
 
 
 def _table(path: Path, asked: Asked) -> Table:
-    reader = READERS.get(path.suffix.lower())
     words = tuple(word for word in asked.missing if as_number(word) is None)
     try:
         open_to_read(path).close()
+        reader = READERS.get(suffix_of(path))
+        if reader is None:
+            refuse_foreign(path)
         table = reader(path, str(path)) if reader else read_text(path, str(path), words)
     except OSError as error:
         reason = error.strerror or str(error)

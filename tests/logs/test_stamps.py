@@ -25,7 +25,12 @@ DATES = {
     "weekday": "%a, %d %b %Y",
     "compact": "%Y%m%d",
 }
-TIMES = {"24 h": "%H:%M:%S.%f", "comma": "%H:%M:%S,%f", "12 h": "%I:%M:%S.%f %p", "ms": "%H:%M:%S:%f"}
+TIMES = {
+    "24 h": "%H:%M:%S.%f",
+    "comma": "%H:%M:%S,%f",
+    "12 h": "%I:%M:%S.%f %p",
+    "ms": "%H:%M:%S:%f",
+}
 
 
 def shown(form):
@@ -81,7 +86,9 @@ def test_which_number_is_the_day_is_decided_by_the_cells_or_told(log, first, che
     found = log({"stamp": words})
     origin = np.datetime64(int(clock_of(found, np.arange(80) / 10)), "s")
     assert origin.astype(object).day == day
-    assert [d.check for d in found.decisions if "h first" in str(d) or "y first" in str(d)] == [check]
+    assert [d.check for d in found.decisions if "h first" in str(d) or "y first" in str(d)] == [
+        check
+    ]
 
 
 def test_days_that_follow_each_other_tell_which_number_is_the_day(log):

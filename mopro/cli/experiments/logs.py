@@ -25,7 +25,10 @@ def log_options() -> Callable[[Any], Any]:
             help="Rows a second, for a log without times.",
         ),
         click.option(
-            "--missing", multiple=True, metavar="VALUE", help="A word or number for a missing reading."
+            "--missing",
+            multiple=True,
+            metavar="VALUE",
+            help="A word or number for a missing reading.",
         ),
     ]
 

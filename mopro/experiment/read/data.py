@@ -7,6 +7,7 @@ but no line break.
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from mopro.errors import DataFileError, Diagnostic
 from mopro.experiment.model import Floats
+from mopro.logs.foreign import kind_of
 from mopro.logs.place import cell_span
 from mopro.source import Source, Span
 
@@ -135,10 +137,23 @@ def read_data(path: Path, name: str, wanted: Collection[str]) -> DataFile:
         return _from_recording(path, name, wanted)
     source = FileSource(name, "", path=path)
     try:
+        _refuse_foreign(path, source)
         with _opened(path) as file:
             return _Rows(source, wanted).read(file)
     except OSError as error:
         raise refused(source, "unreadable", f"cannot be read: {error.strerror}") from error
+
+
+def _refuse_foreign(path: Path, source: FileSource) -> None:
+    """Say what a file is that is no text in UTF-8."""
+    with open(path, "rb") as file:
+        head = file.read(MOST_CHARACTERS)
+    found = kind_of(head, path)
+    if found is not None:
+        raise refused(source, "foreign-format", f"this is {found[0]}, not CSV", found[1])
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or head[:64].count(0) > 8:
+        hint = "save it as UTF-8, or let `mopro import` write the data"
+        raise refused(source, "foreign-format", "this is a text in UTF-16, expected UTF-8", hint)
 
 
 def refused(
