@@ -18,7 +18,7 @@ from mopro.importing.runs import file_of, ledger_of, recordings_of, run_of, told
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
 from mopro.importing.wraps import unwrapped
 from mopro.logs import Asked, Decision, Log, Rows, read_log
-from mopro.logs.clock import spacing_of
+from mopro.logs.spacing import spacing_of
 
 Floats = NDArray[np.float64]
 

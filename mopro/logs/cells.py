@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.logs.layout import as_number
 from mopro.logs.log import Decision
 from mopro.logs.table import Table
+from mopro.logs.written import as_number
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def without_missing(table: Table, stamps: Collection[str], words: Sequence[str])
     """
     stated = [number for word in words if (number := as_number(word)) is not None]
     columns, decisions = dict(table.columns), list(table.decisions)
-    for name, values in _numbers(table, stamps):
+    for name, _ in _numbers(table, stamps):
         for number in stated:
             gone = columns[name] == number
             if count := int(np.count_nonzero(gone)):

@@ -59,6 +59,8 @@ def _arrow_column(column: Any, kind: Any) -> Any:
         return stamps.to_numpy(zero_copy_only=False)
     if types.is_integer(kind) or types.is_floating(kind):
         return _floats(column.to_numpy(zero_copy_only=False))
+    if types.is_list(kind) or types.is_fixed_size_list(kind):
+        return column
     if types.is_string(kind) or types.is_large_string(kind):
         column.validate(full=True)  # the words are UTF-8
         return column.cast(pa.string())
@@ -133,6 +135,8 @@ def read_mcap(path: Path, name: str) -> Table:
         raise _refusal(path, error) from error
     if not rows:
         found = f"; it has {', '.join(sorted(foreign)[:5])}" if foreign else ""
+        if any(topic.endswith(("(cdr)", "(ros1)")) for topic in foreign):
+            found += ": messages of ROS; export the topic as CSV, for example with ros2 topic echo"
         raise DataError(f"{path}: expected messages in JSON, found none{found}", "bad-data")
     names = dict.fromkeys(key for numbers in rows.values() for key in numbers)
     _check(path, len(rows), len(names))

@@ -1,4 +1,4 @@
-"""Files that are no logs to read as they are: what they are, and what to do, by their first bytes."""
+"""Files that are not read as logs: what they are by their first bytes, and what to do."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def suffix_of(path: Path) -> str:
     return marks[0] if marks else path.suffix.lower()
 
 
-def refuse_foreign(path: Path) -> None:
-    """Raises DataError that names the kind of a file that is no text, and what to do."""
+def refuse_foreign(path: Path) -> bytes:
+    """The first bytes of a text; DataError that says what any other file is, and what to do."""
     with open(path, "rb") as file:
         head = file.read(_HEAD_BYTES)
     found = kind_of(head, path)
@@ -75,6 +75,7 @@ def refuse_foreign(path: Path) -> None:
         kind, advice = found
         message = f"{path}: this is {kind}, which is not read as a log"
         raise DataError(f"{message}; {advice}", "foreign-format")
+    return head
 
 
 def kind_of(head: bytes, path: Path) -> tuple[str, str] | None:

@@ -10,23 +10,18 @@ from pathlib import Path
 
 from mopro.errors import DataFileError, Diagnostic
 from mopro.logs.dates import is_stamp
+from mopro.logs.headings import SAMPLE_ROWS, fault, first_row, headings_of
 from mopro.logs.log import Decision
-from mopro.logs.names import heading, is_time, unit_of
 from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span, cells_of
-from mopro.source import Span
+from mopro.logs.written import MISSING, has_comma, has_point, holds_data, is_grouped, is_list
 
 _SAMPLE_BYTES = 1 << 18
-_SAMPLE_ROWS = 200
 # Share of zeros in each other byte beyond which characters have two bytes.
 _WIDE = 0.5
 MOST_COLUMNS = 500
 _DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blank"}
 # Python's splitlines() knows more of them than Arrow and editors do.
 _LINE_END = re.compile(r"\r\n|\n|\r")
-_POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+|\d+)([eE][+-]?\d+)?")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d+|[+-]?\d{1,3}(,\d{3})+\.\d+")
-MISSING = frozenset({"", "nan", "n/a", "na", "null", "none", "-", "--", "#n/a"})
 _MARKS = {
     codecs.BOM_UTF8: "utf-8-sig",
     codecs.BOM_UTF16_LE: "utf-16",
@@ -38,8 +33,8 @@ _MARKS = {
 class Layout:
     """Layout of a text of rows: `first_line` is that of the first row of data.
 
-    `names` are the headings, `units` the cells of a row of units below them (or None), `sample`
-    the cells of the first rows.
+    `names` are the headings, a name for each column; `headings` are their cells as they stand,
+    `units` those of a row of units below them (or None), `sample` the cells of the first rows.
     """
 
     encoding: str
@@ -51,10 +46,14 @@ class Layout:
     first_line: int
     sample: tuple[tuple[str, ...], ...]
     decisions: tuple[Decision, ...]
+    headings: tuple[str, ...] = ()
 
 
-def layout_of(path: Path, name: str) -> Layout:
-    """The layout of the text in file `path`; DataFileError where none can be found."""
+def layout_of(path: Path, name: str, headless: bool = False) -> Layout:
+    """The layout of the text in file `path`; DataFileError where none can be found.
+
+    Columns of a text without headings are numbered if it may be `headless`.
+    """
     with open(path, "rb") as file:
         data = file.read(_SAMPLE_BYTES)
         whole = not file.read(1)
@@ -62,24 +61,26 @@ def layout_of(path: Path, name: str) -> Layout:
     source = LogSource(name, "", encoding, path=path)
     lines = _lines(data, encoding, whole)
     if not any(line.strip() for line in lines):
-        raise _fault(source, "empty-file", "the file is empty: expected headings and data", 1)
+        raise fault(source, "empty-file", "the file is empty: expected headings and data", 1)
     for number, line in enumerate(lines, start=1):
         if len(line) > MOST_CHARACTERS:
             message = f"a line of more than {MOST_CHARACTERS} characters"
-            raise _fault(source, "too-long", message, number)
+            raise fault(source, "too-long", message, number)
     delimiter = _delimiter(lines)
     rows = [cells_of(line, delimiter) for line in lines]
     width = _width(rows)
     if width > MOST_COLUMNS:
-        raise _fault(source, "too-long", f"more than {MOST_COLUMNS} columns", 1)
-    first = _first_row(rows, width)
+        raise fault(source, "too-long", f"more than {MOST_COLUMNS} columns", 1)
+    first = first_row(rows, width)
     if first is None:
         message = "no row of numbers was found below the headings"
-        raise _fault(source, "empty-file", message, len(lines))
-    above = [i for i in range(first) if len(rows[i]) == width and any(rows[i])]
-    names, units, header = _headings(rows, above, source, first)
-    data_rows = [row for row in rows[first : first + _SAMPLE_ROWS] if len(row) == width]
-    decimal = _decimal(data_rows, delimiter, source, first + 1)
+        raise fault(source, "empty-file", message, len(lines))
+    found = headings_of(rows, source, first, width, headless)
+    names, units, header = found.names, found.units, found.line
+    decisions += found.decisions
+    lines_of_rows = [n for n in range(first, len(rows)) if len(rows[n]) == width][:SAMPLE_ROWS]
+    data_rows = [rows[n] for n in lines_of_rows]
+    decimal = _decimal(data_rows, delimiter, source, [n + 1 for n in lines_of_rows])
     if delimiter != "," or decimal != ".":
         taken = f"{_DELIMITERS[delimiter]}s between cells, decimals with {decimal!r}"
         decisions.append(Decision("layout", taken, f"the first {len(data_rows)} rows"))
@@ -88,7 +89,7 @@ def layout_of(path: Path, name: str) -> Layout:
         decisions.append(Decision("lines above the headings", "skipped", above_all))
     return Layout(
         encoding, delimiter, decimal, names, units, header, first + 1,
-        tuple(map(tuple, data_rows)), tuple(decisions),
+        tuple(map(tuple, data_rows)), tuple(decisions), found.cells,
     )  # fmt: skip
 
 
@@ -115,7 +116,7 @@ def _lines(data: bytes, encoding: str, whole: bool) -> list[str]:
 
 def _delimiter(lines: list[str]) -> str:
     """The delimiter that gives most rows the same number of cells, most of them numbers."""
-    sample = [line for line in lines if line.strip()][-_SAMPLE_ROWS:]
+    sample = [line for line in lines if line.strip()][-SAMPLE_ROWS:]
 
     def score(delimiter: str) -> tuple[float, float]:
         rows = [cells_of(line, delimiter) for line in sample]
@@ -123,26 +124,11 @@ def _delimiter(lines: list[str]) -> str:
         if width < 2:
             return 0.0, 0.0
         cells = [cell for row in rows if len(row) == width for cell in row]
-        usable = sum(_holds_data(c) or c.lower() in MISSING for c in cells)
+        usable = sum(holds_data(c) or c.lower() in MISSING for c in cells)
         return count / len(rows) * usable / sum(map(len, rows)), float(width)
 
     best = max(_DELIMITERS, key=score)
     return best if score(best)[0] > 0 else ","
-
-
-def is_number(cell: str) -> bool:
-    """True for a number with a decimal point or comma."""
-    return bool(_POINT.fullmatch(cell) or _COMMA.fullmatch(cell))
-
-
-def as_number(cell: str) -> float | None:
-    """The number in a cell; None for what is none."""
-    return float(cell.replace(",", ".")) if is_number(cell) else None
-
-
-def _holds_data(cell: str) -> bool:
-    """True for a number, however written, and for a time."""
-    return is_number(cell) or is_stamp(cell) or bool(_THOUSANDS.fullmatch(cell))
 
 
 def _width(rows: list[list[str]]) -> int:
@@ -151,67 +137,19 @@ def _width(rows: list[list[str]]) -> int:
     return often[0][0] if often else 0
 
 
-def _first_row(rows: list[list[str]], width: int) -> int | None:
-    """Index of the first row of full width with at least one number or time, and few words."""
-    for index, row in enumerate(rows):
-        filled = [cell for cell in row if cell.lower() not in MISSING]
-        usable = sum(_holds_data(cell) for cell in filled)
-        if len(row) == width and usable and 2 * usable >= len(filled):
-            return index
-    return None
-
-
-def _headings(
-    rows: list[list[str]], above: list[int], source: LogSource, first: int
-) -> tuple[tuple[str, ...], tuple[str, ...] | None, int]:
-    """Names, units and the line of the names."""
-    if not above:
-        hint = "name the columns in the first line, such as time_s,position_1_mm"
-        message = "expected headings above the numbers, found none"
-        raise _fault(source, "no-header", message, first + 1, hint)
-    units = None
-    if len(above) > 1 and _are_units(rows[above[-1]]):
-        units = tuple(rows[above.pop()])
-    names = list(rows[above[-1]])
-    names[0] = names[0].lstrip("#% ").strip('"')
-    line = above[-1] + 1
-    for nth, name in enumerate(names):
-        if name in names[:nth] and is_time(heading(name).name):
-            names[nth] = f"{name} ({names[:nth].count(name) + 1})"
-        elif name and name in names[:nth]:
-            span = cell_span(source.line(line), line, nth, ",")
-            finding = Diagnostic("double-column", f"there are two columns {name}", span)
-            raise DataFileError(source, [finding])
-    return tuple(name or f"column {n + 1}" for n, name in enumerate(names)), units, line
-
-
-def _are_units(cells: list[str]) -> bool:
-    filled = [cell.strip("[](){}<> ") for cell in cells if cell.strip("[](){}<>-# ")]
-    known = sum(unit_of(cell) is not None for cell in filled)
-    return not filled or 2 * known > len(filled)
-
-
-def _decimal(rows: list[list[str]], delimiter: str, source: LogSource, line: int) -> str:
+def _decimal(rows: list[list[str]], delimiter: str, source: LogSource, lines: list[int]) -> str:
     """The decimal mark; DataFileError where both occur or thousands are grouped."""
-    cells = [cell for row in rows for cell in row if cell and not is_stamp(cell)]
-    for row_index, row in enumerate(rows):
+    cells = [cell for row in rows for cell in row if cell and not (is_stamp(cell) or is_list(cell))]
+    for number, row in zip(lines, rows, strict=True):
         for nth, cell in enumerate(row):
-            if _THOUSANDS.fullmatch(cell):
-                number = line + row_index
+            if is_grouped(cell):
                 span = cell_span(source.line(number), number, nth, delimiter)
                 hint = "write numbers without marks between thousands"
                 message = f"'{cell}' groups its digits by thousands"
                 raise DataFileError(source, [Diagnostic("bad-number", message, span, hint=hint)])
-    commas = any("," in cell and _COMMA.fullmatch(cell) for cell in cells)
-    points = any("." in cell and _POINT.fullmatch(cell) for cell in cells)
+    commas = any(map(has_comma, cells))
+    points = any(map(has_point, cells))
     if commas and points:
         message = "numbers with decimal points stand beside numbers with decimal commas"
-        raise _fault(source, "mixed-decimals", message, line)
+        raise fault(source, "mixed-decimals", message, lines[0])
     return "," if commas else "."
-
-
-def _fault(
-    source: LogSource, rule: str, message: str, line: int, hint: str | None = None
-) -> DataFileError:
-    span = Span(line, 1, max(2, len(source.line(line)) + 1))
-    return DataFileError(source, [Diagnostic(rule, message, span, hint=hint)])

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 _UNITS = {
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms",
     "millisecond": "ms", "milliseconds": "ms", "millis": "ms", "us": "us", "µs": "us", "μs": "us",
-    "usec": "us", "usecs": "us", "microseconds": "us", "micros": "us", "ns": "ns", "nsec": "ns", "nanosec": "ns", "nsecs": "ns",
-    "nanoseconds": "ns", "nanos": "ns", "min": "min", "h": "h",
+    "usec": "us", "usecs": "us", "microseconds": "us", "micros": "us", "ns": "ns", "nsec": "ns",
+    "nsecs": "ns", "nanosec": "ns", "nanoseconds": "ns", "nanos": "ns", "min": "min", "h": "h",
     "m": "m", "meter": "m", "metre": "m", "cm": "cm", "mm": "mm", "millimeter": "mm", "um": "um",
     "µm": "um", "μm": "um", "micron": "um", "microns": "um", "in": "in", "inch": "in",
     "inches": "in", "mil": "mil", "mils": "mil", "thou": "mil",

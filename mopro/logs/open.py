@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from mopro.errors import DataError, DataFileError
 from mopro.inputs import open_to_read
 from mopro.logs.cells import without_missing, without_overload
-from mopro.logs.clock import Clock, Stamp, clock_of, stamps_in
+from mopro.logs.clock import Clock, clock_of
 from mopro.logs.containers import READERS
 from mopro.logs.foreign import refuse_foreign, suffix_of
-from mopro.logs.layout import as_number
+from mopro.logs.grbl import is_grbl, read_grbl
 from mopro.logs.ledger import Rows
+from mopro.logs.lists import with_lists
 from mopro.logs.log import Column, Decision, Floats, Log, listed
 from mopro.logs.names import heading
 from mopro.logs.order import NoClock, TooCoarse
@@ -25,6 +26,8 @@ from mopro.logs.recordings import Ints, Placed, boundaries, placed
 from mopro.logs.stamps import NoStamp
 from mopro.logs.table import Table
 from mopro.logs.text import read_text
+from mopro.logs.timed import Stamp, stamps_in
+from mopro.logs.written import as_number
 
 ROW_CLOCK = "row"
 
@@ -60,17 +63,19 @@ def read_log(path: Path, asked: Asked | None = None) -> Log:
 
 
 def _table(path: Path, asked: Asked) -> Table:
+    stated = asked.rate_hz is not None or (asked.time or "").startswith("column ")
     words = tuple(word for word in asked.missing if as_number(word) is None)
     try:
         open_to_read(path).close()
         reader = READERS.get(suffix_of(path))
         if reader is None:
-            refuse_foreign(path)
-        table = reader(path, str(path)) if reader else read_text(path, str(path), words)
+            head = refuse_foreign(path)
+            reader = read_grbl if is_grbl(head) else None
+        table = reader(path, str(path)) if reader else read_text(path, str(path), words, stated)
     except OSError as error:
         reason = error.strerror or str(error)
         raise DataError(f"{path}: cannot be read: {reason}", "unreadable") from error
-    return without_overload(table)
+    return without_overload(with_lists(table))
 
 
 def _stamps(table: Table, asked: str | None) -> list[Stamp]:

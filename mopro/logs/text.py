@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataFileError, Diagnostic
-from mopro.logs.layout import MISSING, Layout, as_number, is_number, layout_of
+from mopro.logs.layout import Layout, layout_of
 from mopro.logs.log import Decision
 from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span
 from mopro.logs.table import MOST_ROWS, Table
+from mopro.logs.tidy import Tidied, tidied
+from mopro.logs.written import MISSING, as_number, is_number
 from mopro.source import Span
 
 _MOST_FAULTS = 50
@@ -27,26 +29,40 @@ _NUMBERS_SHARE = 0.5
 _LONG_STAMP = 16
 
 
-def read_text(path: Path, name: str, missing: tuple[str, ...] = ()) -> Table:
+def read_text(
+    path: Path, name: str, missing: tuple[str, ...] = (), headless: bool = False
+) -> Table:
     """The columns of the text in file `path`; DataFileError with the place of each bad cell.
 
-    The words of `missing`, besides the usual ones, stand for a reading that is not there.
+    The words of `missing`, besides the usual ones, stand for a reading that is not there. A text
+    without headings is read if it may be `headless`.
     """
-    layout = layout_of(path, name)
+    layout = layout_of(path, name, headless)
     source = LogSource(name, "", layout.encoding, path=path)
-    return _Reader(path, source, layout, missing).table()
+    try:
+        return _Reader(path, source, layout, missing).table()
+    except DataFileError:
+        # Lines between the rows are looked for where the file is no plain table: it takes longer.
+        tidy = tidied(path, layout)
+        if tidy is None:
+            raise
+    return _Reader(path, source, layout, missing, tidy).table()
 
 
 class _Reader:
     """One file that is being read; `_words` are the columns that are not all numbers."""
 
     def __init__(
-        self, path: Path, source: LogSource, layout: Layout, missing: tuple[str, ...]
-    ) -> None:
+        self, path: Path, source: LogSource, layout: Layout, missing: tuple[str, ...],
+        tidy: Tidied | None = None,
+    ) -> None:  # fmt: skip
         self._path = path
         self._source = source
         self._layout = layout
         self._missing = sorted(MISSING | {word.upper() for word in MISSING} | {"NaN", *missing})
+        self._tidy = tidy
+        # Arrow counts the lines above its first row.
+        self._above = layout.first_line - 1 if tidy is None else 0
         self._words: set[int] = set()
         self._ragged: list[Any] = []
 
@@ -59,6 +75,10 @@ class _Reader:
         lines = self._lines(len(arrays[0]))
         cut = self._cut_row()
         decisions = list(self._layout.decisions) + cut
+        left_out = {CUT: len(cut)} if cut else {}
+        if self._tidy is not None:
+            left_out |= self._tidy.left_out
+            decisions += self._tidy.decisions
         columns: dict[str, Any] = {}
         faults: list[Diagnostic] = []
         for nth, (name, array) in enumerate(zip(self._layout.names, arrays, strict=True)):
@@ -72,7 +92,7 @@ class _Reader:
         return Table(
             self._source, columns, {n: u for n, u in units.items() if u}, tuple(decisions),
             self._layout.header_line, self._layout.first_line, lines, self._layout.delimiter,
-            {CUT: len(cut)} if cut else {},
+            left_out,
         )  # fmt: skip
 
     # -- Arrow -------------------------------------------------------------------
@@ -113,9 +133,9 @@ class _Reader:
             csv.ReadOptions(
                 use_threads=False,
                 block_size=_BLOCK_BYTES,
-                skip_rows=layout.first_line - 1,
+                skip_rows=self._above,
                 column_names=names,
-                encoding="utf-8" if layout.encoding == "utf-8-sig" else layout.encoding,
+                encoding=self._encoding,
             ),
             csv.ParseOptions(delimiter=layout.delimiter, invalid_row_handler=self._ragged_row),
             csv.ConvertOptions(
@@ -125,6 +145,11 @@ class _Reader:
                 decimal_point=layout.decimal,
             ),
         )
+
+    @property
+    def _encoding(self) -> str:
+        own = self._layout.encoding
+        return "utf-8" if own == "utf-8-sig" or self._tidy is not None else own
 
     def _number(self, nth: int) -> Any:
         """Integers for long stamps, whose last digits a float would lose."""
@@ -139,8 +164,9 @@ class _Reader:
         import pyarrow as pa
 
         if self._layout.delimiter != " ":
-            return str(self._path)
-        data = re.sub(rb"[ \t]+", b" ", self._path.read_bytes())
+            return str(self._path) if self._tidy is None else pa.BufferReader(self._tidy.data)
+        data = self._path.read_bytes() if self._tidy is None else self._tidy.data
+        data = re.sub(rb"[ \t]+", b" ", data)
         return pa.BufferReader(re.sub(rb"(?m)^ | (?=\r?$)", b"", data))
 
     def _ragged_row(self, row: Any) -> str:
@@ -159,7 +185,7 @@ class _Reader:
             found = f"{last.actual_columns} of {expected} cells"
             return [Decision(f"line {last_line}, the last one", "left out", f"cut off: {found}")]
         findings = []
-        numbers = _rows_of(self._path, self._layout)
+        numbers = self._numbers()
         for row in self._ragged[:_MOST_FAULTS]:
             line = int(numbers[min(self._nth(row), len(numbers) - 1)])
             message = f"{row.actual_columns} cells, expected {expected} as in the headings"
@@ -215,7 +241,7 @@ class _Reader:
         """Line numbers of the rows, None where they follow each other; checks the bounds."""
         if rows > MOST_ROWS:
             raise self._fault("too-long", f"more than {MOST_ROWS} rows", self._layout.first_line)
-        numbers = _rows_of(self._path, self._layout)
+        numbers = self._numbers()
         if len(numbers) == rows and numbers[-1] - numbers[0] + 1 == rows:
             return None
         refused = [nth for row in self._ragged if (nth := self._nth(row)) < len(numbers)]
@@ -224,7 +250,11 @@ class _Reader:
 
     def _nth(self, row: Any) -> int:
         """Index of a refused row among the rows of data; Arrow counts no blank lines in them."""
-        return int(row.number) - self._layout.first_line
+        return int(row.number) - self._above - 1
+
+    def _numbers(self) -> NDArray[np.int64]:
+        """Numbers of the lines of data that are not blank."""
+        return _rows_of(self._path, self._layout) if self._tidy is None else self._tidy.numbers
 
     def _fault(self, rule: str, message: str, line: int) -> DataFileError:
         span = Span(line, 1, max(2, len(self._source.line(line)) + 1))

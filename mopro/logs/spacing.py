@@ -1,0 +1,38 @@
+"""The sampling of a clock: its usual interval, whether it is regular, and its gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# An interval of this many usual ones is a gap, a last one of this share too short to be a row.
+GAP = 5.0
+# Relative spread of the intervals below which a clock is regular.
+_REGULAR = 0.02
+
+
+@dataclass(frozen=True)
+class Spacing:
+    """Sampling of a clock: usual interval, gaps (row before each), true if it is regular."""
+
+    interval_s: float
+    regular: bool
+    gaps: tuple[int, ...]
+
+    @property
+    def rate_hz(self) -> float:
+        return 1 / self.interval_s
+
+
+def spacing_of(time_s: Floats) -> Spacing:
+    """The sampling of ascending times (n >= 2)."""
+    steps = np.diff(time_s)
+    usual = float(np.median(steps))
+    within = steps[steps < GAP * usual]
+    regular = bool(np.quantile(np.abs(within / usual - 1), 0.9) < _REGULAR)
+    gaps = np.flatnonzero(steps >= GAP * usual) if regular else np.empty(0, int)
+    return Spacing(usual, regular, tuple(int(i) for i in gaps))
