@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.tolerances import EXACT, Tolerances
+
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -33,10 +35,11 @@ class Series:
     `position_unit`, `velocity`, `acceleration`, `temperature`) used to describe an unexplained
     residual; what was commanded, or measured by another sensor. `of_place`: its values are
     positions, so that a prediction of them tells the place and the speed better than labels.
-    `fed_back`: an input of the model was computed from these readings by a closed loop, so that a
-    term in the prediction would explain the readings by themselves. `wild` (samples): those that
-    do not count. `told`: times (s) and places of the motion at all rows of the run, also where
-    there is no reading, in `position_unit`.
+    `tolerances`: how exact the sensor is stated to be; what they allow is fitted with every set of
+    effects, alike in all series of the sensor. `fed_back`: an input of the model was computed from
+    these readings by a closed loop, so that a term in the prediction would explain the readings by
+    themselves. `wild` (samples): those that do not count. `told`: times (s) and places of the
+    motion at all rows of the run, also where there is no reading, in `position_unit`.
     """
 
     run: str
@@ -53,6 +56,7 @@ class Series:
     fed_back: bool = False
     wild: Mask | None = None
     told: tuple[Floats, Floats] | None = None
+    tolerances: Tolerances = EXACT
 
     def __len__(self) -> int:
         return len(self.values)

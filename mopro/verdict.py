@@ -155,11 +155,12 @@ class Verdict:
     effects. `settings`: all that was fitted but drafts, and as it was fitted beside those.
     `next_experiment`: a program that would distinguish alternatives, if the caller writes one.
     `calibration`: corrections of the model's own numbers within their tolerances, which are no
-    findings. `alternatives`: sets of effects within 10 of the answer's EBIC, the lowest first.
-    `base`: the model's free numbers, `base_before` those without effects. `drafts`: free-form
-    terms beside the effects or, if the verdict is `ambiguous`, of a set that does as well. `notes`:
-    remarks on the noise, and on that set. `nuisances`: the fitted coefficients of each series'
-    nuisances, in its unit. `correlations` of the estimates, by `effect.parameter`.
+    findings. `sensors`: those of the sensors, within theirs, and of their zeros; the form is the
+    name of the sensor. `alternatives`: sets of effects within 10 of the answer's EBIC, the lowest
+    first. `base`: the model's free numbers, `base_before` those without effects. `drafts`:
+    free-form terms beside the effects or, if the verdict is `ambiguous`, of a set that does as
+    well. `notes`: remarks on the noise, and on that set. `nuisances`: the fitted coefficients of
+    each series' nuisances, in its unit. `correlations` of the estimates, by `effect.parameter`.
     """
 
     verdict: str
@@ -175,6 +176,7 @@ class Verdict:
     signatures: tuple[Signature, ...] = ()
     next_experiment: str | None = None
     calibration: tuple[Named, ...] = ()
+    sensors: tuple[Named, ...] = ()
     explained: Explained = Explained(None, None)
     alternatives: tuple[tuple[str, ...], ...] = ()
     base: Mapping[str, Estimate] = field(default_factory=dict)
@@ -191,6 +193,7 @@ class Verdict:
         kept; only the nuisances of each series (an offset) are its own.
         """
         residuals = Residuals(simulate, data, scaled_at=self.base_before)
+        residuals = residuals.calibrated_at(self.base_before)
         models = (self.base_before, self.settings)
         before, after = (residuals.in_units(residuals.at(settings)) for settings in models)
         return tuple(
@@ -202,7 +205,8 @@ class Verdict:
         """Effects with their evidence, the gap, alternatives and notes."""
         parts = [table(_EFFECTS_SHOWN, _effect_cells(self.fitted))] if self.fitted else []
         parts.append(table(_GAPS_SHOWN, _gap_cells(self.gap.runs)))
-        said = [f"As good an explanation: {' and '.join(n)}." for n in self.alternatives]
+        said = [f"Calibrated: {own.name} of {own.form}." for own in self.sensors]
+        said += [f"As good an explanation: {' and '.join(n)}." for n in self.alternatives]
         said += [f"In no catalogue: {d.law} {d.unit}, of {d.of}." for d in self.drafts]
         if self.remainder.significant:
             said.append(f"Unexplained: {self.remainder.description}.")
@@ -218,7 +222,10 @@ class Verdict:
         return {
             "verdict": self.verdict,
             "effects": [_effect_json(effect) for effect in self.effects],
-            "calibration": [_effect_json(effect) for effect in self.calibration],
+            "calibration": [
+                *map(_effect_json, self.calibration),
+                *({**_effect_json(each), "sensor": each.form} for each in self.sensors),
+            ],
             "where": [vars(where) for where in self.where],
             "gap": {
                 "unit": self.gap.unit,

@@ -23,7 +23,7 @@ ALLOWED = {
     },
     "mopro.diagnosis": _ARRAYS | {
         "cachetools", "mopro.candidate", "mopro.fits", "mopro.freeform", "mopro.jobs",
-        "mopro.residuals", "mopro.verdict", "threadpoolctl",
+        "mopro.residuals", "mopro.tolerances", "mopro.verdict", "threadpoolctl",
     },
     "mopro.benchmark.reference": {"numpy", "scipy", "numba"},
     "mopro.benchmark": {

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mopro.candidate import Candidate, Parameter, ResidualView, Role
 from mopro.series import Series, Settings, Simulate
+from mopro.tolerances import Tolerances
 
 if TYPE_CHECKING:
     from mopro.diagnosis.engine import reconcile
@@ -32,6 +33,7 @@ __all__ = [
     "Series",
     "Settings",
     "Simulate",
+    "Tolerances",
     "Verdict",
     "Where",
     "reconcile",

@@ -15,7 +15,7 @@ from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.screening import Screening
 from mopro.diagnosis.state import State
 from mopro.fits import Evidence, Fit, HeldOut, with_central_jacobian
-from mopro.residuals import Remainder
+from mopro.residuals import Corrected, Remainder
 from mopro.series import Floats, Settings
 from mopro.verdict import (
     BelowResolution,
@@ -60,6 +60,7 @@ def conclude(state: State) -> Verdict:
         after=tuple(sets.residuals.in_units(fit.residual)),
         signatures=tuple(_signature(sets, fit, name) for name in sorted(fit.names)),
         calibration=tuple(effect for c, effect in believed if calibrated(fit, c)),
+        sensors=tuple(map(_of_sensor, _corrected(sets, sizes.fit))),
         explained=_explained(sets, fit, held),
         alternatives=tuple(tuple(sorted(other.names)) for other in others),
         base={p: e for c in fit.base for p, e in sizes.estimates(c).items()},
@@ -207,13 +208,34 @@ def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
     return Explained(share(fit.rss, before), held_share)
 
 
+def _corrected(sets: Hypotheses, fit: Fit) -> tuple[Corrected, ...]:
+    return sets.residuals.corrected(fit.residual, fit.jacobian)
+
+
+def _of_sensor(own: Corrected) -> Named:
+    """What a tolerance of a sensor comes to, as a correction of the model; its form is the sensor.
+
+    Sizes that are known to within their own tolerance need no held-out part.
+    """
+    return Named(
+        name=own.name,
+        form=own.sensor,
+        parameters={name: Estimate(*value, at_bound=False) for name, value in own.values.items()},
+        indistinguishable_from=[],
+        rivals={},
+        alternatives={},
+        log10_bayes_factor=own.log_bayes / math.log(10),
+        sigmas=own.sigmas,
+        held_out=False,
+    )
+
+
 def _nuisances(sets: Hypotheses, settings: Settings) -> list[Floats]:
     """Coefficients of the nuisances of each series, in its unit, by least squares."""
-    residuals = sets.residuals
-    raw = residuals.split(residuals.measured - residuals.predicted(settings))
+    raw = sets.residuals.of_exact_sensors(settings)
     return [
         np.asarray(np.linalg.lstsq(s.nuisance_shapes(), own, rcond=None)[0], dtype=float)
-        for s, own in zip(residuals.data, raw, strict=True)
+        for s, own in zip(sets.residuals.data, raw, strict=True)
     ]
 
 

@@ -270,6 +270,8 @@ class Effect:
     reservation: ClassVar[str | None] = None
     # Its parameter that is a constant added to all readings of one sensor.
     constant_offset: ClassVar[str | None] = None
+    # The tolerance of a sensor (`mopro.tolerances`) that allows sizes of it, which are relative.
+    of_sensor: ClassVar[str | None] = None
 
     # An effect has no state: two objects of one class are one effect, and one kernel.
     def __eq__(self, other: object) -> bool:

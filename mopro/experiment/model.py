@@ -70,7 +70,7 @@ class SteadyTable:
 
     One element a row: the set velocity (m/s) and acceleration (m/s²) of each axis, the
     strokes along x and y (m) and the rise above the air (K). `noise_K` is the standard
-    deviation of the rises, None where it is not known.
+    deviation of the rises, None where it is not known, `gain_tolerance` that of the thermometer.
     """
 
     name: str
@@ -80,6 +80,7 @@ class SteadyTable:
     y_m: Floats
     rise_K: Floats
     noise_K: float | None
+    gain_tolerance: float = 0.0
 
 
 @dataclass(frozen=True)

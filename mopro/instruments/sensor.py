@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from mopro.errors import DataError
 from mopro.instruments.quantity import Quantity
+from mopro.tolerances import Tolerances
 from mopro.units import UNITS
 
 
@@ -15,7 +16,8 @@ class Sensor:
     """One sensor of an experiment.
 
     `column` ends in its unit (`position_1_in`, `temperature_C`); noise_rms and adc_step
-    are in that unit.
+    are in that unit. `linearity` (in that unit), `gain_tolerance`, `clock_tolerance` and
+    `range`: see Tolerances.
     """
 
     name: str
@@ -25,6 +27,15 @@ class Sensor:
     axis: int = 1
     noise_rms: float = 0.0
     adc_step: float = 0.0
+    linearity: float = 0.0
+    gain_tolerance: float = 0.0
+    clock_tolerance: float = 0.0
+    range: tuple[float, float] | float | None = None
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """What the sensor is known to within."""
+        return Tolerances(self.linearity, self.gain_tolerance, self.clock_tolerance, self.range)
 
     @property
     def unit(self) -> str:

@@ -5,6 +5,7 @@ tests whether one is noise and says what else is in it; `without_rough_ends` and
 leave out samples that decide nothing. Knows no model, effect or machine.
 """
 
+from mopro.residuals.calibration import Corrected
 from mopro.residuals.noise import Noise
 from mopro.residuals.noise_tests import cusum_step, whiteness_p
 from mopro.residuals.remainder import NOTHING_LEFT, Remainder, as_noise, examine, noise_of
@@ -18,6 +19,7 @@ from mopro.residuals.wild import (
 
 __all__ = [
     "NOTHING_LEFT",
+    "Corrected",
     "Noise",
     "Remainder",
     "Residuals",

@@ -1,4 +1,8 @@
-"""Residual = measured - simulated, in standard deviations, with the nuisances projected out."""
+"""Residual = measured - simulated, in standard deviations, with the nuisances projected out.
+
+What the tolerances of a sensor allow counts as noise: the residual is white where all that it has
+beyond noise is as large as those.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,7 @@ from cachetools import LRUCache, cached
 from scipy import linalg
 
 from mopro.assumed import ROUNDING
+from mopro.residuals.calibration import Calibration, Corrected, Marginal, corrected
 from mopro.series import Floats, Mask, Series, Settings, Simulate, key_of
 
 # Standard deviations by which a prediction that is not finite is off.
@@ -30,7 +35,7 @@ class Residuals:
     subset of them is a problem of its own for held-out tests, with the `sigmas` of the whole.
     `weights`: 1/sigma of each sample, 0 for wild ones. `count`: samples that count, less the
     nuisances. `coarse`: the same model in larger steps, by which changes are told; the model
-    itself if there is none.
+    itself if there is none. `calibration`: the terms that the tolerances of the sensors allow.
     """
 
     def __init__(
@@ -41,6 +46,7 @@ class Residuals:
         sigmas: Sequence[float] = (),
         scaled_at: Settings | None = None,
         coarse: Simulate | None = None,
+        calibration: Calibration | None = None,
     ) -> None:
         self._simulate, self._coarse = simulate, coarse
         self.data = data
@@ -53,6 +59,7 @@ class Residuals:
         ])  # fmt: skip
         self.basis = self.nuisance_basis(self.mask)
         self._shapes = [_support(column) for column in self.basis.T]
+        self._calibration, self._marginal = calibration, self._marginal_of(calibration)
         self.count = int(np.count_nonzero(self.weights[self.mask])) - self.basis.shape[1]
         # Asked by several threads at once.
         kept: LRUCache[Hashable, Floats] = LRUCache(_KEPT_COARSE)
@@ -60,11 +67,36 @@ class Residuals:
 
     def subset(self, mask: Mask) -> Residuals:
         """This problem restricted to the samples in `mask`."""
-        return Residuals(self._simulate, self.data, mask, self.sigmas, coarse=self._coarse)
+        return Residuals(
+            self._simulate, self.data, mask, self.sigmas, coarse=self._coarse,
+            calibration=self._calibration,
+        )  # fmt: skip
+
+    def calibrated_at(self, settings: Settings) -> Residuals:
+        """These data, what the sensors' tolerances allow told about the prediction at `settings`.
+
+        The same problem where all sensors are exact.
+        """
+        if not any(series.tolerances for series in self.data):
+            return self
+        predicted = self.split(self.predicted(settings))
+        return Residuals(
+            self._simulate, self.data, self.mask, self.sigmas, coarse=self._coarse,
+            calibration=Calibration.of(self.data, predicted, self.sigmas),
+        )  # fmt: skip
+
+    def _marginal_of(self, calibration: Calibration | None) -> Marginal | None:
+        if calibration is None:
+            return None
+        columns = [self._without_offsets(column) for column in calibration.columns.T]
+        return Marginal(np.column_stack(columns))
 
     def part(self, run: str | None) -> Mask | None:
-        """The samples of one run among those in the mask; None for all runs."""
-        if run is None:
+        """The samples among those in the mask that a number of one run changes; None for all.
+
+        The terms of a sensor are those of all its runs.
+        """
+        if run is None or self._marginal is not None:
             return None
         own = [np.full(len(series), series.run == run) for series in self.data]
         return np.concatenate(own)[self.mask]
@@ -75,7 +107,10 @@ class Residuals:
 
     def of_model(self, simulate: Simulate, coarse: Simulate | None) -> Residuals:
         """These data and another model of them."""
-        return Residuals(simulate, self.data, self.mask, self.sigmas, coarse=coarse)
+        return Residuals(
+            simulate, self.data, self.mask, self.sigmas, coarse=coarse,
+            calibration=self._calibration,
+        )  # fmt: skip
 
     def scaled_at(self, settings: Settings) -> Residuals:
         """These data, noise that is not stated taken from the residual at `settings`."""
@@ -139,7 +174,39 @@ class Residuals:
         return predicted
 
     def without_nuisances(self, whitened: Floats) -> Floats:
-        """The samples of a whitened vector in the mask, nuisances projected out."""
+        """The samples of a whitened vector in the mask, nuisances projected out.
+
+        White also where the sensors are off within their tolerances.
+        """
+        return self.white(self._without_offsets(whitened))
+
+    def white(self, residual: Floats) -> Floats:
+        """A residual (samples in the mask) to which what the tolerances allow is noise."""
+        return residual if self._marginal is None else self._marginal.white(residual)
+
+    def corrected(self, residual: Floats, jacobian: Floats) -> tuple[Corrected, ...]:
+        """What the tolerances of the sensors come to, by a residual of this problem (samples).
+
+        `jacobian` (samples x numbers): of the numbers that were fitted beside them.
+        """
+        if self._calibration is None or self._marginal is None:
+            return ()
+        return tuple(corrected(self._calibration, *self._marginal.beside(residual, jacobian)))
+
+    def of_exact_sensors(self, settings: Settings) -> list[Floats]:
+        """Measured less predicted at `settings`, and less what the tolerances come to there.
+
+        One array for each series, in its unit, with its offset; all samples are in the mask.
+        """
+        predicted = self.predicted(settings)
+        if self._calibration is None or self._marginal is None:
+            return self.split(self.measured - predicted)
+        mean, _ = self._marginal.terms(self._whitened(predicted))
+        sigmas = np.repeat(self.sigmas, [len(series) for series in self.data])
+        off = self._calibration.columns @ mean * sigmas
+        return self.split(self.measured - off - predicted)
+
+    def _without_offsets(self, whitened: Floats) -> Floats:
         left = whitened[self.mask]
         for rows, shape in self._shapes:
             own = left[rows]

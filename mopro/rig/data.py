@@ -16,6 +16,7 @@ from mopro.instruments.quantity import Measurable
 from mopro.residuals import least_noise, wild_samples
 from mopro.rig.model import Rig
 from mopro.source import Source
+from mopro.tolerances import EXACT, Tolerances
 from mopro.tomlfile import Value
 
 Indices = NDArray[np.intp]
@@ -27,7 +28,7 @@ class Sensor:
 
     `noise_rms` is None where it is unknown. `scale`, `sign` and `zero` are None where they are
     free; a drift is None (there is none), 0 (straight) or the time (s) after which it may bend.
-    `step`: that of its converter, which is in `noise_rms` as well.
+    `step`: that of its converter, which is in `noise_rms` as well. `tolerances`: in `unit`.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Sensor:
     sign: int | None = 1
     step: float = 0.0
     value: Value | None = field(default=None, compare=False)
+    tolerances: Tolerances = EXACT
 
 
 @dataclass(frozen=True)

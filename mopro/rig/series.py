@@ -48,6 +48,7 @@ def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Float
         position_unit=_place_unit(model, sensor) if labels else "m",
         fed_back=run.feedback,
         told=(run.time_s, motion["position"]) if motion else None,
+        tolerances=sensor.tolerances,
     )
 
 

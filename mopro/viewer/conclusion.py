@@ -81,6 +81,7 @@ def _effects(conclusion: Conclusion) -> Iterator[str]:
     yield from map(paragraph, draft_words(conclusion.verdict))
     if not conclusion.verdict.fitted:
         yield paragraph(_UNDECIDED)
+        yield from map(paragraph, calibration_words(conclusion.verdict))
         return
     yield table(_EFFECTS, _effect_rows(conclusion.verdict), "Effects supported by the data")
     yield from map(paragraph, calibration_words(conclusion.verdict))

@@ -116,6 +116,13 @@ def test_an_interval_in_a_sensor_s_unit_is_compared_in_metres(unit, inside):
     assert covered.inside is inside
 
 
+def test_a_hidden_zero_is_right_as_a_calibration():
+    hidden = {"name": "sensor_offset", "parameters": {"o": 0.0254}, "total_sigma": 50.0}
+    zero = reply("named", "sensor_offset")["effects"]
+    assert outcome(answer(hidden), reply("none", calibration=zero)) == "right"
+    assert outcome(answer(hidden), reply("none", calibration=[])) == "none"
+
+
 def test_angles_are_covered_whichever_turn_they_are_told_in():
     turn = 2 * math.pi
     for shift in (-turn, 0.0, turn):

@@ -85,7 +85,9 @@ class Judgement:
 
 def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> Judgement:
     """The judgement of `reply` (from reconcile, with `seconds`) by `answer` (from answers.json)."""
-    named = [e for e in reply.get("effects") or [] if not _is_true_offset(e, answer)]
+    zeros = [e for e in reply.get("calibration") or [] if e["name"] == "sensor_offset"]
+    told = [*(reply.get("effects") or []), *zeros]
+    named = [e for e in told if not _is_true_offset(e, answer)]
     sizes = [e["total_sigma"] for e in answer["effects"]]
     gap = reply.get("gap") or {}
     noise, variables = _noise_rms(gap, answer), variables_said(reply)

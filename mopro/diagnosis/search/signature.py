@@ -282,7 +282,7 @@ def _view(residuals: Residuals, null: Fit, base: Fit) -> ResidualView:
 
     return ResidualView(
         residuals.data,
-        residuals.split(projected_out(residuals.basis, whitened)),
+        residuals.split(residuals.white(projected_out(residuals.basis, whitened))),
         residuals.sigmas,
         residuals.split(predicted),
         residuals.split(base.tangent),

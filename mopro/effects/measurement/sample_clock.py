@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View
+from mopro.tolerances import CLOCK
 
 
 class SampleClock(Effect):
@@ -17,6 +18,7 @@ class SampleClock(Effect):
     name = "sample_clock"
     domain = Domain.MEASUREMENT
     families = ("clock",)
+    of_sensor = CLOCK
     parameters = (Parameter("e", "1", "ratio", 5e-4, (-5e-3, 5e-3), -0.1, 0.1, "relative excess"),)
 
     def sampled_at(self, time_s: Floats, *p: float) -> Floats:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
+from mopro.tolerances import GAIN
 
 
 class SensorGain(Effect):
@@ -17,6 +18,7 @@ class SensorGain(Effect):
     name = "sensor_gain"
     domain = Domain.MEASUREMENT
     families = ("scale",)
+    of_sensor = GAIN
     parameters = (Parameter("g", "1", "ratio", 2e-3, (-0.01, 0.01), -0.5, 0.5, "excess"),)
 
     def reading(self, x: Floats, scene: Scene, *p: float) -> Floats:

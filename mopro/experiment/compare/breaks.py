@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.logs.clock import spacing_of
+from mopro.logs.spacing import spacing_of
 from mopro.series import Floats, Series
 
 

@@ -17,6 +17,7 @@ from mopro.experiment.conclude.wording import advice, reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
+from mopro.residuals import Residuals
 from mopro.series import Series
 from mopro.source import Source
 from mopro.verdict import Verdict, rms
@@ -130,6 +131,7 @@ def conclude(
     progress("simulating the experiment again with the effects found")
     machine = machine_with(experiment, verdict)
     again = Model(replace(diagnosis.experiment, machine=machine), resolved=diagnosis.resolved)
+    rerun = Residuals(again, series).calibrated_at({}).of_exact_sensors({})
     proposal = None
     if verdict.verdict == "ambiguous":
         progress("designing an experiment that distinguishes the alternatives")
@@ -141,8 +143,7 @@ def conclude(
         where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
         machine_text=machine_text(experiment, verdict),
         rerun_rms=tuple(
-            rms(s.without_nuisances(s.values - own))
-            for s, own in zip(series, again({}), strict=True)
+            rms(s.without_nuisances(own)) for s, own in zip(series, rerun, strict=True)
         ),
         next_experiment=proposal,
         advice=advice(verdict),

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator
 from mopro.effects import catalogue
 from mopro.effects.base import RUN
 from mopro.experiment.compare.comparison import STEADY, Place
+from mopro.tolerances import CLOCK, GAIN, LINEARITY
 from mopro.verdict import Estimate, Named, Verdict
 
 NO_PROPOSAL = (
@@ -19,6 +20,10 @@ _MORE_DATA = (
     "listed."
 )
 _FEWEST_DIGITS, _MOST_DIGITS = 4, 15
+_OF_SENSORS = {
+    LINEARITY: "linearity", GAIN: "gain", CLOCK: "clock",
+    **{name: "zero" for name, effect in catalogue().items() if effect.constant_offset},
+}  # fmt: skip
 _DIRECTIONS = {1: "forward", -1: "backward"}
 
 
@@ -30,8 +35,9 @@ def sentence(verdict: Verdict) -> str:
         return f"Unexplained{beside}: what is left looks like {verdict.remainder.description}."
     if verdict.verdict == "none" and verdict.gap.noise_rms is None:
         return "None: no effect is called for, as far as that shows with unknown noise."
-    if verdict.verdict == "none" and verdict.calibration:
-        corrected = " and ".join(effect.name for effect in verdict.calibration)
+    if verdict.verdict == "none" and (verdict.calibration or verdict.sensors):
+        of_sensors = (f"the {_sensor_words(own)}" for own in verdict.sensors)
+        corrected = " and ".join([*(e.name for e in verdict.calibration), *of_sensors])
         return f"None: with {corrected} calibrated, simulation and data agree."
     if verdict.verdict == "none" and verdict.remainder.note:
         return "None: no effect is called for, and the noise is not as stated."
@@ -72,13 +78,23 @@ def draft_words(verdict: Verdict) -> Iterator[str]:
 
 
 def calibration_words(verdict: Verdict) -> Iterator[str]:
-    """A line for each number corrected within the machine file's tolerance."""
+    """A line for each number corrected within its tolerance, of the machine or of a sensor."""
     for effect in verdict.calibration:
-        values = ", ".join(
-            f"{name} = {value_words(e)} ({interval_words(e)})"
-            for name, e in effect.parameters.items()
-        )
-        yield f"Calibrated, within the machine file's tolerance: {effect.name}, {values}."
+        where = f"within the machine file's tolerance: {effect.name}"
+        yield f"Calibrated, {where}, {_values_words(effect)}."
+    for own in verdict.sensors:
+        yield f"Calibrated, {_sensor_words(own)}: {_values_words(own)}."
+
+
+def _values_words(effect: Named) -> str:
+    return ", ".join(
+        f"{name} = {value_words(e)} ({interval_words(e)})" for name, e in effect.parameters.items()
+    )
+
+
+def _sensor_words(own: Named) -> str:
+    """What of which sensor was corrected."""
+    return f"{_OF_SENSORS.get(own.name, own.name)} of {own.form}"
 
 
 def form_words(effect: Named, verdict: Verdict) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
+from mopro.assumed import CLEAR
 from mopro.candidate import Candidate, Parameter, Role
 from mopro.effects import Domain, Effect, catalogue_of
 from mopro.effects.base import AXIS, WIDER
@@ -108,7 +109,25 @@ def _on_the_machine(candidate: Candidate, model: ForwardModel) -> Candidate:
     if own:
         candidate = _from_the_machine(candidate, own)
     effect = catalogue_of(model.machine)[candidate.name]
+    if effect.of_sensor:
+        return _of_sensors(candidate, effect.of_sensor, model)
     return _with_tolerance(candidate, effect, model.machine)
+
+
+def _of_sensors(candidate: Candidate, tolerance: str, model: ForwardModel) -> Candidate:
+    """Candidate whose sizes are calibrations within the `tolerance` that its sensors state.
+
+    They are fitted with every set to first order; beside little noise the rest shows as well.
+    """
+    axis = candidate.fixed.get(AXIS)
+    sensors = [r.sensor for _, r in model.readings() if axis in (None, r.sensor.axis)]
+    moving = [sensor for sensor in sensors if sensor.quantity.follows_motion]
+    reach = CLEAR * min((getattr(sensor, tolerance) for sensor in moving), default=0.0)
+    if not reach:
+        return candidate
+    (own,) = candidate.parameters
+    ends = own.null - reach, own.null + reach
+    return replace(candidate, parameters=(replace(own, tolerated=ends),))
 
 
 def _from_the_machine(candidate: Candidate, own: Mapping[str, float]) -> Candidate:

@@ -127,26 +127,31 @@ def _judged(
 
 def _chi2(diagnosis: Diagnosis, model: Model, settings: Settings) -> float:
     """Chi-squared of `model` with `settings` against the data of a diagnosis."""
-    return float(np.sum(Residuals(model, diagnosis.series).at(settings) ** 2))
+    residuals = Residuals(model, diagnosis.series).calibrated_at(diagnosis.verdict.base_before)
+    return float(np.sum(residuals.at(settings) ** 2))
 
 
 def _with_offset(
     verdict: Verdict, data: Sequence[Series], model: Model, left_out: Collection[str]
 ) -> Verdict:
-    """`verdict` (none) with the sensor offsets that all runs share, if there are any."""
+    """`verdict` (none) with the sensor offsets that all runs share, if there are any.
+
+    A zero that is off is a calibration; one that may as well be a force is told with that.
+    """
     effects = catalogue_of(model.experiment.machine).values()
     kept = [effect for effect in effects if effect.name not in left_out]
     offset_in = next(((e, e.constant_offset) for e in kept if e.constant_offset), None)
     if offset_in is None:
         return verdict
-    residuals, offsets, predicted = Residuals(model, data), [], model(verdict.settings)
+    residuals = Residuals(model, data).calibrated_at(verdict.base_before)
     # A verdict of `none` has no effects, so no parameters were fitted.
-    residual = residuals.at(verdict.settings)
+    residual, offsets = residuals.at(verdict.settings), []
+    left = residuals.of_exact_sensors(verdict.settings)
     power = noise_of(residuals, residual, 0).power_of_means(residual)
     sensors = {r.sensor.name: r.sensor for t in model.experiment.trials for r in t.readings}
     for sensor in dict.fromkeys(s.sensor for s in data):
         rows = [i for i, s in enumerate(data) if s.sensor == sensor and s.sigma]
-        means = [float(np.mean(data[i].values - predicted[i])) for i in rows]
+        means = [float(np.mean(left[i])) for i in rows]
         memory = math.sqrt(float(np.mean(power[rows]))) if rows else 1.0
         offset = _common_offset(*offset_in, [data[i] for i in rows], means, memory)
         if offset:
@@ -154,10 +159,10 @@ def _with_offset(
             offsets.append(
                 replace(offset, form=sensor, rivals=rivals, indistinguishable_from=[*rivals])
             )
-    if not offsets:
-        return verdict
-    word = "ambiguous" if any(offset.rivals for offset in offsets) else "named"
-    return replace(verdict, verdict=word, effects=tuple(offsets))
+    doubtful = tuple(offset for offset in offsets if offset.rivals)
+    zeros = tuple(offset for offset in offsets if not offset.rivals)
+    word = "ambiguous" if doubtful else verdict.verdict
+    return replace(verdict, verdict=word, effects=doubtful, sensors=(*verdict.sensors, *zeros))
 
 
 def _deflections(

@@ -45,4 +45,5 @@ def _series(model: ForwardModel, index: int, reading: Reading) -> Series:
         labels={"line": own.line, **(motion if quantity.follows_motion else {})},
         position_unit=unit,
         of_place=quantity.sees_place,
+        tolerances=sensor.tolerances,
     )

@@ -9,6 +9,7 @@ from mopro.experiment.model import SteadyTable
 from mopro.experiment.predict.steady import rises
 from mopro.machine import Machine
 from mopro.series import Series
+from mopro.tolerances import Tolerances
 
 
 def series(table: SteadyTable) -> Series:
@@ -20,6 +21,7 @@ def series(table: SteadyTable) -> Series:
     return Series(
         table.name, "temperature", "K", table.rise_K, table.noise_K,
         folds=np.arange(rows), nuisances=np.zeros((rows, 0)),
+        tolerances=Tolerances(gain=table.gain_tolerance),
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from mopro.experiment.read.rows import kept_rows
 from mopro.inputs import no_file
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor
+from mopro.instruments.stated import TOLERANCES
 from mopro.machine import Machine, builtin_machines, load_machine
 from mopro.machine.file import formulas_in
 from mopro.program import AXES
@@ -35,6 +36,7 @@ _SENSOR_KEYS: dict[str, Reader[Any]] = {
     "rate_hz": number(0.0, above=True),
     "noise_rms": number(0.0),
     "adc_step": number(0.0),
+    **TOLERANCES,
 }
 _KIND = one_of(*KINDS, message=f"expected one of {', '.join(KINDS)}")
 _RUN_KEYS = {

@@ -7,7 +7,7 @@ unknown; a thermocouple's file has °C and seconds. A laser and an encoder write
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +40,12 @@ class Kind:
 
 
 def _lvdt_defaults(axis: int, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """25 mV of ripple and a step of 4.883 mV, in the column's unit."""
+    """25 mV of ripple, a step of 4.883 mV and the bend of the data sheet, in the column's unit."""
     lvdt = Lvdt()
     column = stated.get("column", f"position_{axis}_in")
     unit_m = Sensor("lvdt", POSITION, column, 1.0).unit_si
     unit_per_V = lvdt.half_range_m / FULL_SCALE_V / unit_m
+    full_range = 2 * lvdt.half_range_m / unit_m
     return {
         "name": "lvdt",
         "quantity": POSITION.name,
@@ -52,12 +53,17 @@ def _lvdt_defaults(axis: int, stated: Mapping[str, Any]) -> dict[str, Any]:
         "rate_hz": lvdt.rate_hz,
         "noise_rms": lvdt.ripple_V * unit_per_V,
         "adc_step": lvdt.step_V * unit_per_V,
+        "linearity": lvdt.linearity * full_range,
+        "range": full_range,
     }
 
 
 def _read_lvdt(path: Path, sensor: Sensor) -> Reading:
+    """The readings; volts tell where in its range the transducer was."""
     lvdt = Lvdt()
     position_m = lvdt.position_m(read_lvdt(path, samples=None))
+    half = lvdt.half_range_m / sensor.unit_si
+    sensor = replace(sensor, range=(-half, half))
     return Reading(sensor, np.arange(len(position_m)) / sensor.rate_hz, position_m / sensor.unit_si)
 
 

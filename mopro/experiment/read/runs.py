@@ -148,8 +148,9 @@ class _Runs:
                 file.refuse("bad-value", f"expected {name}: at least 0", int(wrong[0]), name)
         warm = [e.sensor for e in self._entries.sensors if e.sensor.quantity.slow]
         noise = warm[0].sigma * warm[0].unit_si if warm else None
+        gain = warm[0].gain_tolerance if warm else 0.0
         velocity, acceleration, x, y, rise = columns.values()
-        return SteadyTable(run.motion, velocity, acceleration, x, y, rise, noise)
+        return SteadyTable(run.motion, velocity, acceleration, x, y, rise, noise, gain)
 
 
 def read_command(path: Path) -> LoggedCommand:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import replace
 
-import numpy as np
-
 from mopro.diagnosis import reconcile
 from mopro.errors import DataError
 from mopro.experiment.conclude.conclusion import Conclusion
@@ -14,9 +12,10 @@ from mopro.experiment.conclude.wording import advice
 from mopro.experiment.rigs.compare import compare, worst
 from mopro.experiment.rigs.repaired import machine_text, machine_with
 from mopro.experiment.rigs.study import Study
+from mopro.residuals import Residuals
 from mopro.rig.candidates import candidates, unlisted
 from mopro.rig.simulation import BASE, Model
-from mopro.verdict import Verdict
+from mopro.verdict import Verdict, rms
 
 _MOST_PLACES = 40
 _ADVICE = (
@@ -70,5 +69,7 @@ def _rerun(study: Study, verdict: Verdict) -> tuple[float, ...]:
     machine = machine_with(study.experiment, verdict)
     again = Model(replace(study.experiment, machine=machine), foreign=study.model.foreign)
     own = {n: v for n, v in verdict.settings.get(BASE, {}).items() if n not in machine.numbers}
-    residuals = study.residuals(again({BASE: own} if own else {}))
-    return tuple(float(np.sqrt(np.mean(r**2))) for r in residuals)
+    settings = {BASE: own} if own else {}
+    residuals = Residuals(again, study.series, scaled_at=settings).calibrated_at(settings)
+    left = residuals.of_exact_sensors(settings)
+    return tuple(rms(s.without_nuisances(each)) for s, each in zip(study.series, left, strict=True))

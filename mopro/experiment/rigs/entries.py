@@ -15,6 +15,7 @@ from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, pars
 from mopro.formula.entry import check_name, read_effects, read_formula
 from mopro.formula.written import Written
 from mopro.instruments.quantity import MEASURABLES, PLACE_UNITS, Measurable, unit_of_column
+from mopro.instruments.stated import TOLERANCES, read_tolerances
 from mopro.rig.data import Sensor
 from mopro.rig.file import HOSTS, load_rig
 from mopro.rig.model import AMBIENT, AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, Rig
@@ -26,7 +27,7 @@ T = TypeVar("T")
 _TOP_KEYS = {"machine", "time", "inputs", "sensor", "run", "effect", "rows"}
 _SENSOR_KEYS = {
     "name", "quantity", "column", "unit", "noise_rms", "adc_step", "zero", "drift", "scale",
-    "sign", "reads", "rate_hz",
+    "sign", "reads", "rate_hz", *TOLERANCES,
 }  # fmt: skip
 _RUN_KEYS = {"data", "name", "part", "use", "columns", "inputs", "start", "without", "program"}
 _INPUT_KEYS = {"column", "formula", "unit", "hold", "feedback"}
@@ -324,6 +325,7 @@ def _sensor(entry: Value, machine: Rig) -> Sensor | None:
     scale = entry.get("scale", _free_or_number, 1.0)
     sign = entry.get("sign", _sign, 1)
     reads = entry.get("reads", _formula, None)
+    tolerances = read_tolerances(entry)
     if entry.faults > before or stated is None or name is None:
         return None
     quantity = MEASURABLES[stated]
@@ -350,6 +352,7 @@ def _sensor(entry: Value, machine: Rig) -> Sensor | None:
         name, quantity, column or "", unit, factor_of(unit), dimension_of_unit(unit),
         None if known == math.inf else known, reads or _default_reads(quantity, name, machine),
         zero, drift, scale, sign, step, entry,
+        tolerances,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 
 import mopro
 from mopro.experiment.conclude.machine_file import machine_with
+from mopro.experiment.conclude.wording import sentence
 from mopro.experiment.diagnose.diagnosis import diagnose
 from mopro.experiment.model import Experiment, LoggedCommand, Reading, Trial
 from mopro.experiment.predict import forward_model as motor
@@ -181,13 +182,18 @@ def test_a_bump_is_unexplained_and_placed():
     assert not found.effects
 
 
-def test_an_offset_of_all_runs_is_named_only_when_nothing_else_is_there():
+def test_an_offset_of_all_runs_is_a_calibration_and_no_effect():
     alone = verdict({}, offset=0.01)
     beside = verdict({"sensor_gain": {"g": 1e-3}}, offset=0.01)
-    assert [effect.name for effect in alone.effects] == ["sensor_offset"]
-    low, high = alone.effects[0].parameters["o"].ci95
+    assert (alone.verdict, alone.effects) == ("none", ())
+    (zero,) = alone.sensors
+    assert (zero.name, zero.form) == ("sensor_offset", FINE.name)
+    low, high = zero.parameters["o"].ci95
     assert low < 0.01 < high
+    assert alone.as_json()["calibration"][0]["sensor"] == FINE.name
+    assert sentence(alone) == "None: with the zero of laser calibrated, simulation and data agree."
     assert "sensor_offset" not in {effect.name for effect in beside.effects}
+    assert beside.sensors == ()
 
 
 @pytest.mark.parametrize("measured_C", [18.0, 28.0])
@@ -220,7 +226,8 @@ def test_slow_noise_of_the_stated_size_is_no_offset(seed):
 
 
 def test_the_interval_of_an_offset_is_as_wide_as_slow_noise_asks_for():
-    (effect,) = verdict({}, phi=0.95, offset=3e-5).effects
+    found = verdict({}, phi=0.95, offset=3e-5)
+    (effect,) = (*found.effects, *found.sensors)
     low, high = effect.parameters["o"].ci95
     of_white = 2 * 1.96 * FINE.noise_rms / math.sqrt(3009)
     assert effect.name == "sensor_offset"
@@ -254,10 +261,10 @@ def test_the_interval_of_an_offset_is_that_of_the_noise_that_is_there():
 def test_a_small_offset_of_all_runs_may_as_well_be_a_tilt(force_N, as_well):
     """That holds the forcer F/K off its place, wherever it is."""
     found = verdict({}, offset=force_N / MACHINE.axis.stiffness_N_m / 0.0254)
-    (offset,) = found.effects
+    (offset,) = found.effects if as_well else found.sensors
     assert offset.name == "sensor_offset"
     assert offset.indistinguishable_from == (["constant_force"] if as_well else [])
-    assert found.verdict == ("ambiguous" if as_well else "named")
+    assert found.verdict == ("ambiguous" if as_well else "none")
 
 
 def test_another_order_of_runs_in_other_units_does_not_change_the_verdict():
