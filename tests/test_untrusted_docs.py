@@ -14,7 +14,7 @@ from mopro.formula import language as formulas
 from mopro.formula.dimension import MOST_FACTORS
 from mopro.instruments import daq
 from mopro.language.load import MOST_BYTES as MOST_PROGRAM_BYTES
-from mopro.language.load import MOST_COLUMNS
+from mopro.language.load import MOST_COLUMNS, MOST_LINES
 from mopro.language.parse import MOST_DIGITS as MOST_DIGITS_OF_PROGRAM
 from mopro.link.template import MOST_DIGITS
 from mopro.lint.stall_margins import MOST_EMULATED_S
@@ -43,6 +43,7 @@ BOUNDS = [
     ("a log (HDF5)", [f"within {PATIENCE_S:g} s"]),
     ("a live page", [f"{server.MOST_CONNECTIONS} connections, {server.PATIENCE_S:g} s"]),
     ("program", [f"{MOST_PROGRAM_BYTES // MIB} MiB", f"{MOST_COLUMNS} characters a line"]),
+    ("program", [f"{MOST_LINES} lines"]),
     ("program", [f"{MOST_DIGITS_OF_PROGRAM} characters a number"]),
     ("a wait", [f"{MOST_DWELL_MS} ms"]),
     ("a move", [f"{LONGEST_RUN_S / 86400:g} days"]),

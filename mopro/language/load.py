@@ -10,6 +10,8 @@ from mopro.source import Source, Span
 
 MOST_BYTES = 16 * 2**20
 MOST_COLUMNS = 4096
+# Of these no command takes longer than some 12 s; ten times as many took minutes.
+MOST_LINES = 100_000
 
 _DOS_END_OF_FILE = b"\x1a"
 _FILE = Span(1, 1, 1)
@@ -48,6 +50,10 @@ def source_from_bytes(data: bytes, name: str) -> Source:
     if b"\0" in data:
         raise _refused(name, "binary-file", "is a binary file: expected the text of a program")
     source = _decode(data, name)
+    if len(source.lines) > MOST_LINES:
+        message = f"{len(source.lines)} lines: expected at most {MOST_LINES}"
+        span = Span(MOST_LINES + 1, 1, 2)
+        raise SourceError(source, [Diagnostic("too-long", message, span)])
     for number, line in enumerate(source.lines, start=1):
         if len(line) > MOST_COLUMNS:
             span = Span(number, MOST_COLUMNS + 1, MOST_COLUMNS + 2)

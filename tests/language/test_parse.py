@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from helpers.paths import DATA
 from mopro.errors import MoproError, SourceError
 from mopro.language import ast, load, parse, source_from_bytes
-from mopro.language.load import MOST_BYTES
+from mopro.language.load import MOST_BYTES, MOST_LINES
 from mopro.program import lower
 from mopro.source import Span
 from mopro.testing import program_texts
@@ -171,6 +171,9 @@ def test_the_message_says_where_what_was_expected_and_how_to_write_it():
         (b"GO" + b" " * 5000, "too-long"),
         (b"MRI1 " + b"9" * 40, "too-long"),
         (b"A" * (MOST_BYTES + 1), "too-long"),
+        (b"WT1\n" * (MOST_LINES + 1), "too-long"),
+        (b"\r" * (MOST_LINES + 1), "too-long"),
+        (b"\n" * MOST_LINES, "empty-program"),
     ],
 )
 def test_files_that_are_no_programs(data, rule):

@@ -49,7 +49,8 @@ RULES = (
     ),
     _error(
         "too-long",
-        "A number or name of more than 30 characters, or a line of more than 4096.",
+        "A number or name of more than 30 characters, or a line of more than 4096, "
+        "or more than 100000 lines.",
         "No program needs them; nearly always the file is damaged.",
         "VEL1 40.0000000000000000000000000000001\n",
         "VEL1 40.0\n",
