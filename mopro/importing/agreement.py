@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, signal
 
-from mopro.instruments.slips import UNIT_SLIPS
+from mopro.instruments.slips import FOLD_SLIPS, UNIT_SLIPS
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +37,7 @@ _FACTORS = {
     1 / (2 * math.pi): "turns taken for radians",
     5.0: "a factor of 5",
     0.2: "a factor of 5",
+    **FOLD_SLIPS,
 }
 
 

@@ -458,3 +458,31 @@ def test_nm_are_nanometres_unless_the_name_is_that_of_a_torque(heading, quantity
     found = taken(heading)
     assert quantity_of(found.name, found.unit) == quantity
     assert unit_of_column(found.unit) == unit
+
+
+# -- slips that are told ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scale", [2.0, 0.5, 4.0, 0.25])
+def test_twice_and_four_times_are_told_by_import_and_compare(mopro, tmp_path, servo, scale):
+    servo(scale)
+    answer, _ = imported(mopro, tmp_path)
+    size = {2.0: "2", 0.5: "1/2", 4.0: "4", 0.25: "1/4"}[scale]
+    assert any(f"a factor of {size}, such as" in words for words in answer["check"])
+    done = mopro("compare", "out/experiment.toml")
+    assert f"a factor of {size}, such as" in done.stdout + done.stderr
+
+
+def test_the_step_of_rounded_readings_is_written_and_asked_for(mopro, tmp_path, servo):
+    times, told, seen = servo()
+    rounded = 0.05 * np.rint(seen / 0.05)
+    columns = {"time_s": times, "target_mm": told, "actual_mm": rounded}
+    write_csv(tmp_path / "log.csv", columns)
+    _, files = imported(mopro, tmp_path)
+    assert files["experiment.toml"]["sensor"][0]["adc_step"] == pytest.approx(0.05)
+    file = tmp_path / "out" / "experiment.toml"
+    lines = [x for x in file.read_text("utf-8").splitlines() if not x.startswith("adc_step")]
+    text = "\n".join("noise_rms = 0.01" if x.startswith("noise_rms") else x for x in lines)
+    file.write_text(text, "utf-8")
+    done = mopro("compare", "out/experiment.toml")
+    assert "every reading is a multiple of 0.05 mm: state adc_step = 0.05" in done.stderr

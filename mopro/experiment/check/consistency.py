@@ -14,9 +14,11 @@ import numpy as np
 
 from mopro.errors import Diagnostic, ModelError
 from mopro.experiment.check.feasible import Suspect, check_motion, too_long, too_short
+from mopro.experiment.check.steps import step_note
 from mopro.experiment.model import Experiment, Floats, Reading
 from mopro.experiment.predict.nominal import compiling_pays, planned
 from mopro.instruments.sensor import Sensor
+from mopro.instruments.slips import FOLD_SLIPS
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import CommandTable
@@ -55,7 +57,19 @@ def check(experiment: Experiment) -> list[str]:
     compiled = compiling_pays(experiment)
     for suspect in suspects:
         check_motion(suspect, machine, compiled)
-    return list(_doubts(suspects, machine))
+    return [*_doubts(suspects, machine), *_unstated_steps(suspects)]
+
+
+def _unstated_steps(suspects: Sequence[Suspect]) -> list[str]:
+    """Notes on sensors whose readings have a step that is not stated, each once."""
+    notes: dict[str, str] = {}
+    for suspect in suspects:
+        for reading in suspect.positions():
+            own = reading.sensor
+            note = step_note(own.name, own.unit, reading.values, own.adc_step, own.noise_rms)
+            if note is not None:
+                notes.setdefault(own.name, note)
+    return [*notes.values()]
 
 
 def _command_m(schedule: Schedule, axis: int, time_s: Floats, machine: Machine) -> Floats:
@@ -171,6 +185,11 @@ def _scale_finding(suspect: Suspect, sensor: Sensor, scale: float) -> Iterator[D
             message = f"{here} {what}: the data seem to be in {other}, not in {unit}"
             hint = "units are not guessed: name the column after its unit, or convert the data"
             yield Diagnostic("mixed-units", message, suspect.trial.span, hint=hint)
+    for factor, slip in FOLD_SLIPS.items():
+        if abs(abs(scale) / factor - 1) < _UNIT_TOLERANCE:
+            hint = "correct the scale of the instrument, and convert the data"
+            message = f"{here} {what}: {slip}?"
+            yield Diagnostic("wrong-scale", message, suspect.trial.span, hint=hint)
 
 
 def _doubts(suspects: Sequence[Suspect], machine: Machine) -> Iterator[str]:

@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from mopro.candidate import Parameter
+from mopro.experiment.check.steps import step_note
 from mopro.formula.evaluate import Floats
-from mopro.instruments.slips import UNIT_SLIPS
+from mopro.instruments.slips import FOLD_SLIPS, UNIT_SLIPS
 from mopro.rig.base import BaseFit, base_of, fitted_base, slope_of
 from mopro.rig.data import Reading
 from mopro.rig.model import KINEMATIC, THERMAL
@@ -29,8 +30,7 @@ _KNOWN: dict[float, str] = {
     1e-3: "a factor of 1/1000, such as m for mm",
     5.0: "a factor of 5",
     0.2: "a factor of 1/5",
-    2.0: "a factor of 2, such as a radius for a diameter",
-    0.5: "a factor of 1/2, such as a diameter for a radius",
+    **FOLD_SLIPS,
 }
 # Share of the variance that a straight line of measured against simulated must explain, share of
 # it that it must leave unexplained at the stated scale, and nearness of a slope to a factor.
@@ -71,6 +71,17 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
             raise sensor.value["column"].error(message, "wrong-scale", _hint(factor))
         notes[sensor.name] = f"{message}: {_hint(factor)}"
     return [*notes.values(), *_levels(model, predicted, notes.keys())]
+
+
+def unstated_steps(model: Model) -> list[str]:
+    """Notes on sensors whose readings are all multiples of a step that is not stated."""
+    notes: dict[str, str] = {}
+    for _, reading in model.readings:
+        sensor = reading.sensor
+        note = step_note(sensor.name, sensor.unit, reading.values, sensor.step, sensor.noise_rms)
+        if note is not None:
+            notes[sensor.name] = note
+    return [*notes.values()]
 
 
 # -- levels, where little changes ----------------------------------------------------------

@@ -14,7 +14,7 @@ import numpy as np
 from mopro.candidate import Parameter
 from mopro.errors import DataError, ModelError
 from mopro.experiment.rigs.bare import completed
-from mopro.experiment.rigs.doubts import check_scales
+from mopro.experiment.rigs.doubts import check_scales, unstated_steps
 from mopro.experiment.rigs.entries import RigEntries
 from mopro.experiment.rigs.read import read_rig_experiment
 from mopro.formula.evaluate import Floats
@@ -65,7 +65,7 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     data = plain_series(model)
     _check_runs(model, parameters)
     base = fitted_base(model, data, parameters)
-    notes = check_scales(model, data, base)
+    notes = [*check_scales(model, data, base), *unstated_steps(model)]
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
     experiment = replace(experiment, notes=(*experiment.notes, *notes))
     return Study(experiment, model, base, series)

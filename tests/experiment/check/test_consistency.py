@@ -5,6 +5,7 @@ import pytest
 
 from helpers.laboratory import LASER
 from mopro.errors import ModelError, MotionError
+from mopro.experiment.check.steps import step_note
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 
@@ -59,6 +60,25 @@ def test_values_in_another_unit_than_their_column_says(lab, factor, unit):
     assert f"the data seem to be in {unit}, not in in [mixed-units]" in text
     assert "units are not guessed" in text
     assert "slow.csv" not in text
+
+
+@pytest.mark.parametrize(("factor", "said"), [(2.0, "2"), (0.5, "1/2"), (4.0, "4"), (0.25, "1/4")])
+def test_values_that_are_twice_or_four_times_as_large(lab, factor, said):
+    lab.two_runs()
+    scaled(lab, factor)
+    text = refusal(lab)
+    assert "times as far as fast.CMD commands: a factor of" in text
+    assert f"a factor of {said}, such as" in text
+    assert "[wrong-scale]" in text
+
+
+@pytest.mark.parametrize(("noise", "told"), [(1e-4, True), (0.01, False), (None, False)])
+def test_readings_of_a_step_that_is_not_stated_are_told(noise, told):
+    rng = np.random.default_rng(0)
+    values = 1e-3 * np.rint(1e3 * np.sin(np.arange(4000) / 500) + rng.normal(size=4000))
+    note = step_note("laser", "in", values, 1e-3 if noise is None else 0.0, noise)
+    wanted = "laser: every reading is a multiple of 0.001 in: state adc_step = 0.001"
+    assert note == (wanted if told else None)
 
 
 def test_data_that_go_the_other_way(lab):

@@ -1,0 +1,20 @@
+"""The step of a converter that readings show and the experiment does not state."""
+
+from __future__ import annotations
+
+from mopro.noise import step_of
+from mopro.series import Floats
+
+
+def step_note(
+    name: str, unit: str, values: Floats, stated: float, noise_rms: float | None
+) -> str | None:
+    """The note on a sensor whose readings (n,) are all multiples of a step that is not stated.
+
+    None if a step is stated, or if the noise is larger than it, which hides the rounding.
+    """
+    step = 0.0 if stated else step_of(values)
+    if not step or (noise_rms is not None and noise_rms >= step):
+        return None
+    words = f"every reading is a multiple of {step:.6g} {unit}"
+    return f"{name}: {words}: state adc_step = {step:.6g}"
