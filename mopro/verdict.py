@@ -153,6 +153,7 @@ class Verdict:
 
     `before` and `after`: the residual of each series, in its unit, without and with the
     effects. `settings`: all that was fitted but drafts, and as it was fitted beside those.
+    `without_drafts`: the same as it fits without them, where there are any.
     `next_experiment`: a program that would distinguish alternatives, if the caller writes one.
     `calibration`: corrections of the model's own numbers within their tolerances, which are no
     findings. `sensors`: those of the sensors, within theirs, and of their zeros; the form is the
@@ -185,16 +186,22 @@ class Verdict:
     notes: tuple[str, ...] = ()
     nuisances: tuple[Floats, ...] = ()
     correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    without_drafts: Settings | None = None
+
+    @property
+    def settings_alone(self) -> Settings:
+        """What was fitted, as it predicts where no draft is added: `after` is what it leaves."""
+        return self.settings if self.without_drafts is None else self.without_drafts
 
     def predict(self, simulate: Simulate, data: Sequence[Series]) -> tuple[RunGap, ...]:
         """Gap of each series of runs that were not fitted, before and after the effects.
 
-        `simulate` predicts `data` as it does for `reconcile`. The settings of this verdict are
-        kept; only the nuisances of each series (an offset) are its own.
+        `simulate` predicts `data` as it does for `reconcile`. The settings of this verdict,
+        without drafts, are kept; only the nuisances of each series (an offset) are its own.
         """
         residuals = Residuals(simulate, data, scaled_at=self.base_before)
         residuals = residuals.calibrated_at(self.base_before)
-        models = (self.base_before, self.settings)
+        models = (self.base_before, self.settings_alone)
         before, after = (residuals.in_units(residuals.at(settings)) for settings in models)
         return tuple(
             RunGap(s.run, s.sensor, s.unit, rms(b), rms(a), None, s.sigma)

@@ -69,6 +69,7 @@ def conclude(state: State) -> Verdict:
         notes=(*state.notes, *(note for note in notes if note)),
         nuisances=tuple(_nuisances(sets, sizes.settings)),
         correlations=sizes.correlations(),
+        without_drafts=None if sizes.fit.key == fit.key else fit.settings,
     )
 
 

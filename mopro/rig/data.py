@@ -80,7 +80,7 @@ class Run:
     `start`: values of states at the first row, None where they are free; a state that is not in it
     begins as the first that is. `without`: effects that are known to be off. `feedback`: an input
     was made from the readings, by a closed loop, so that a dependence of the readings on it tells
-    nothing of the machine.
+    nothing of the machine. `data`: the name of its file, and the checksum of what is in it.
     """
 
     name: str
@@ -91,6 +91,7 @@ class Run:
     start: Mapping[str, float | None]
     without: frozenset[str] = frozenset()
     feedback: bool = False
+    data: tuple[str, str] = ("", "")
     value: Value | None = field(default=None, compare=False)
 
 

@@ -59,6 +59,8 @@ _RESERVED = {
 }
 HOSTS = {kind: Host(kind, ENTERS[kind], _TARGETED, _RESERVED[kind]) for kind in KINDS}
 MOST_NUMBERS = 40
+# The key of an effect's runs, where it belongs to these alone.
+RUNS = "runs"
 # The range of a free number without one, in its value.
 _LOWEST, _HIGHEST = 0.1, 10.0
 
@@ -110,9 +112,10 @@ def _rig(root: Value, source: Source, bare: bool) -> Rig:
     effects = read_effects(root, HOSTS[kind])
     python = root.need("python", _callable, _NO_PYTHON) if kind == PYTHON else None
     active = root.get("effects", _active, {})
+    runs = root.get("effects", _runs, {}) if active else {}
     if root.faults > before:
         raise Refused
-    return Rig(name, kind, unit, numbers, laws, effects, active, source, python)
+    return Rig(name, kind, unit, numbers, laws, effects, active, source, python, runs)
 
 
 _NO_PYTHON = 'expected python = "model.py:simulate"'
@@ -231,11 +234,29 @@ def _active(section: Value) -> dict[str, dict[str, float]]:
 def _values(section: Value) -> dict[str, float]:
     found = {}
     for entry in table_in(section).values():
+        if _states_runs(entry):
+            continue
         number = number_in(entry.data.get("value") if isinstance(entry.data, dict) else entry.data)
         if number is None:
             section.report(f"expected {entry.key}: a number, or {{ value, unit }}", at=entry.key)
         else:
             found[entry.key] = number
+    return found
+
+
+def _states_runs(entry: Value) -> bool:
+    """True for `runs` of an effect, which is a parameter if it has a value."""
+    return entry.key == RUNS and not (isinstance(entry.data, dict) and "value" in entry.data)
+
+
+def _runs(section: Value) -> dict[str, dict[str, str]]:
+    """The runs of the effects that state them: names of data files, and their checksums."""
+    found = {}
+    for effect in table_in(section).values():
+        for entry in effect.values():
+            if _states_runs(entry):
+                stated = inline(entry, '{ "run.csv" = "89abcdef" }')
+                found[effect.key] = {run.key: text()(run) for run in stated.values()}
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from mopro.formula import factor_of
@@ -53,8 +53,10 @@ class Rig:
 
     `laws`: the position of a kinematic machine, the acceleration of an axis, or the rate (the
     power) of each thermal node, by name. `active`: values of the effects that its file switches
-    on, in the units of their parameters. `python`: file and function of a foreign model.
-    `bare`: only its kind was stated, and its numbers are yet to be taken from the data.
+    on, in the units of their parameters. `runs`: of those that belong to certain runs alone, the
+    names of these runs' data files, each with its checksum. `python`: file and function of a
+    foreign model. `bare`: only its kind was stated, and its numbers are yet to be taken from the
+    data.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Rig:
     active: Mapping[str, Mapping[str, float]]
     source: Source
     python: tuple[str, str] | None = None
+    runs: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     bare: bool = False
 
     @cached_property

@@ -111,23 +111,34 @@ class Model:
 
     def values(self, settings: Settings) -> dict[str, float]:
         """The numbers of the model in SI."""
-        base = settings.get(BASE, {})
-        stated = {
-            name: float(settings.get(name, {}).get(name, base.get(name, number.value)))
-            for name, number in self.rig.numbers.items()
-        }
+        stated = self._stated(settings)
         return {name: value * self.rig.numbers[name].factor for name, value in stated.items()}
+
+    def _stated(self, settings: Settings) -> dict[str, float]:
+        """The numbers of the model in their units: free ones are of the base.
+
+        One with a tolerance is a candidate of its own; an effect may be called as a free one is.
+        """
+        found = {}
+        for name, number in self.rig.numbers.items():
+            own = settings.get(name if number.tolerance else BASE, {})
+            found[name] = float(own.get(name, number.value))
+        return found
 
     def active(self, run: Run, settings: Settings) -> Active:
         """The effects that are on in a run, with their parameters in SI."""
         found = []
         for name in self._order:
-            own = settings.get(name, self.rig.active.get(name))
+            own = self._switched(name, settings)
             if own is not None and name not in run.without:
                 effect = self.form(name, own.keys())
                 values = {p.name: own.get(p.name, 0.0) * p.factor for p in effect.parameters}
                 found.append((effect, values))
         return tuple(found)
+
+    def _switched(self, name: str, settings: Settings) -> Mapping[str, float] | None:
+        """The parameters of an effect that the settings, or else the machine's file, have on."""
+        return settings.get(name, self.rig.active.get(name))
 
     def form(self, name: str, parameters: Collection[str]) -> WrittenEffect:
         """The form of an effect that has these parameters."""
@@ -221,10 +232,9 @@ class Model:
         return x
 
     def _of_foreign(self, run: Run, settings: Settings) -> list[Floats]:
-        numbers = {name: float(n.value) for name, n in self.rig.numbers.items()}
-        numbers |= {n: float(v) for n, v in settings.get(BASE, {}).items() if n in numbers}
+        numbers = self._stated(settings)
         for effect in self.forms:
-            own = settings.get(effect.name, {})
+            own = {} if effect.name in run.without else self._switched(effect.name, settings) or {}
             numbers |= {p.name: float(own.get(p.name, 0.0)) for p in effect.parameters}
         assert self.foreign is not None
         assert self.rig.python is not None

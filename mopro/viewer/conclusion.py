@@ -18,7 +18,6 @@ from mopro.experiment.conclude.wording import (
     left_out_words,
     parameters_shown,
     place_words,
-    reservations,
     sentence,
     undecided_words,
     value_words,
@@ -86,7 +85,7 @@ def _effects(conclusion: Conclusion) -> Iterator[str]:
     yield table(_EFFECTS, _effect_rows(conclusion.verdict), "Effects supported by the data")
     yield from map(paragraph, calibration_words(conclusion.verdict))
     yield from map(paragraph, undecided_words(conclusion.verdict))
-    yield from map(paragraph, reservations(conclusion.verdict, conclusion.runs))
+    yield from map(paragraph, conclusion.reservations())
 
 
 def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:

@@ -115,6 +115,8 @@ def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> i
     code = 0
     if out:
         try:
+            if conclusion.machine_fault is not None:
+                raise conclusion.machine_fault
             write(out, conclusion.machine_text.encode("utf-8"))
         except DataError as error:
             say(error.render(), err=True)
@@ -149,7 +151,6 @@ def _tell(conclusion: Conclusion) -> None:
         faint_words,
         left_out_words,
         place_words,
-        reservations,
         sentence,
         undecided_words,
     )
@@ -169,7 +170,7 @@ def _tell(conclusion: Conclusion) -> None:
         *draft_words(verdict),
         *calibration_words(verdict),
         *undecided_words(verdict),
-        *reservations(verdict, conclusion.runs),
+        *conclusion.reservations(),
         *left_out_words(conclusion.left_out, conclusion.tried),
     ):
         say(note)

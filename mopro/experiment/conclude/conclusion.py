@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
@@ -11,9 +11,10 @@ import numpy as np
 
 from mopro import markup
 from mopro.effects import catalogue_of
+from mopro.errors import DataError
 from mopro.experiment.compare.comparison import Place, compare
 from mopro.experiment.conclude.machine_file import machine_text, machine_with
-from mopro.experiment.conclude.wording import advice, reservations
+from mopro.experiment.conclude.wording import advice, file_words, reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
@@ -63,8 +64,10 @@ class Conclusion:
     """A verdict and what follows from it.
 
     `rerun_rms` is the RMS residual of each series, in its unit, when the experiment is
-    simulated again on the machine that `machine_text` describes. `left_out` are the effects
-    that were no candidates, `tried` those that were.
+    simulated again on the machine that `machine_text` describes, None where that cannot be read.
+    `machine_fault`: why that text must not be written. `of_runs`: the effects in it that belong to
+    the runs of this experiment. `left_out` are the effects that were no candidates, `tried` those
+    that were.
     `advice`: what else to do if the verdict is ambiguous and no next experiment is proposed.
     """
 
@@ -73,9 +76,11 @@ class Conclusion:
     verdict: Verdict
     where: tuple[Place, ...]
     machine_text: str
-    rerun_rms: tuple[float, ...]
+    rerun_rms: tuple[float | None, ...]
     next_experiment: Proposal | None
     advice: str
+    machine_fault: DataError | None = None
+    of_runs: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     tried: tuple[str, ...] = ()
 
@@ -94,11 +99,16 @@ class Conclusion:
             title, [markup.listing(self.next_experiment.text, markup.MOST_LINES)]
         )
 
+    def reservations(self) -> Iterator[str]:
+        """Lines on what the machine file leaves out, has for certain runs, or predicts worse."""
+        yield from reservations(self.verdict, self.runs)
+        yield from file_words(self.verdict, self.of_runs, self.rerun_rms, self.series)
+
     def as_json(self) -> dict[str, Any]:
         answer = self.verdict.as_json()
         answer["left_out"] = list(self.left_out)
         answer["where"] = [asdict(place) for place in self.where]
-        answer["reservations"] = list(reservations(self.verdict, self.runs))
+        answer["reservations"] = list(self.reservations())
         answer["gap"]["runs"] = [
             {**run, "rerun_rms": rerun}
             for run, rerun in zip(answer["gap"]["runs"], self.rerun_rms, strict=True)

@@ -41,7 +41,7 @@ def machine_text(experiment: Experiment, verdict: Verdict) -> str:
     machine = experiment.machine
     source = machine.source or Source(machine.name, "")
     named = lasting(experiment, verdict)
-    kept = _without(source, {effect.name for effect in named})
+    kept = without_effects(source, {effect.name for effect in named})
     remaining = "\n".join(_renamed(kept, repaired_name(machine.name))).rstrip("\n")
     place = Path(experiment.source.name).name
     effects, stated = catalogue_of(machine), _stated_elsewhere(machine, source)
@@ -70,7 +70,7 @@ def repaired_name(name: str) -> str:
 
 def _renamed(lines: Iterator[str], name: str) -> Iterator[str]:
     """The lines with the file's name stated as `name`, in the place of its own or first."""
-    stated = f"name = {_quoted(name)}"
+    stated = f"name = {quoted(name)}"
     kept = list(lines)
     top = next((n for n, line in enumerate(kept) if _HEAD.match(line)), len(kept))
     own = next((n for n, line in enumerate(kept[:top]) if _is_name(line)), None)
@@ -91,10 +91,10 @@ def machine_with(experiment: Experiment, verdict: Verdict) -> Machine:
     )
 
 
-def _without(source: Source, effects: set[str]) -> Iterator[str]:
+def without_effects(source: Source, effects: set[str]) -> Iterator[str]:
     """Lines of the file without the sections and keys of these effects."""
     section: list[str] = []
-    for line in source.text.splitlines():
+    for line in source.lines:
         head, key = _HEAD.match(line), _KEY.match(line)
         if head:
             section = _path(head[1])
@@ -108,7 +108,7 @@ def _path(dotted: str) -> list[str]:
 
 
 def _values(effect: Named, verdict: Verdict) -> Mapping[str, float]:
-    return verdict.settings.get(effect.name, {})
+    return verdict.settings_alone.get(effect.name, {})
 
 
 def _section(effect: Effect, named: Named, verdict: Verdict, place: str) -> Iterator[str]:
@@ -116,7 +116,7 @@ def _section(effect: Effect, named: Named, verdict: Verdict, place: str) -> Iter
     for p in effect.parameters:
         if p.per_run:
             values.setdefault(p.name, values.get(angle_in(0, p.name), 0.0))
-    yield f"[effects.{named.name if _BARE.fullmatch(named.name) else _quoted(named.name)}]"
+    yield f"[effects.{named.name if _BARE.fullmatch(named.name) else quoted(named.name)}]"
     if values.get(AXIS):
         yield f"axes = [{int(values[AXIS])}]"
     for parameter in effect.parameters:
@@ -127,11 +127,11 @@ def _section(effect: Effect, named: Named, verdict: Verdict, place: str) -> Iter
         if estimate is not None:
             origin, place_stated = "measured", f"{place}, {origin_words(estimate)}"
             place_stated += "".join(f"; or {name}" for name in named.indistinguishable_from)
-        stated = f'unit = "{parameter.unit}", origin = "{origin}", place = {_quoted(place_stated)}'
+        stated = f'unit = "{parameter.unit}", origin = "{origin}", place = {quoted(place_stated)}'
         yield f"{parameter.name} = {{ value = {value!r}, {stated} }}"
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
     """`text` as a TOML string: that of JSON without DEL and unpaired surrogates."""
     shown = text.encode("utf-8", "replace").decode().replace("\x7f", " ")
     return json.dumps(shown, ensure_ascii=False)

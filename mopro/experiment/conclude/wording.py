@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 from mopro.effects import catalogue
 from mopro.effects.base import RUN
 from mopro.experiment.compare.comparison import STEADY, Place
+from mopro.series import Series
 from mopro.tolerances import CLOCK, GAIN, LINEARITY
+from mopro.units import residual_unit
 from mopro.verdict import Estimate, Named, Verdict
 
 NO_PROPOSAL = (
@@ -24,6 +26,8 @@ _OF_SENSORS = {
     LINEARITY: "linearity", GAIN: "gain", CLOCK: "clock",
     **{name: "zero" for name, effect in catalogue().items() if effect.constant_offset},
 }  # fmt: skip
+# Standard errors of an RMS by which it is told as a larger one.
+_SCATTERS = 3.0
 _DIRECTIONS = {1: "forward", -1: "backward"}
 
 
@@ -213,6 +217,36 @@ def reservations(verdict: Verdict, runs: tuple[str, ...]) -> Iterator[str]:
         elif _differs_by_run(effect.name) and len(runs) > 1:
             stated = f"the machine file has that of {runs[0]}"
             yield f"{effect.name} has another phase in each run; {stated}."
+
+
+def file_words(
+    verdict: Verdict,
+    of_runs: Sequence[str],
+    rerun_rms: Sequence[float | None],
+    data: Sequence[Series],
+) -> Iterator[str]:
+    """Lines on how the machine file differs from the verdict, and on where it is worse than before.
+
+    `of_runs`: its effects of the runs' own time. `rerun_rms`: the RMS residual of each series.
+    """
+    if verdict.without_drafts is not None:
+        yield (
+            "The machine file has no drafts: its numbers are those that fit without them, and may "
+            "differ from those above."
+        )
+    for name in of_runs:
+        yield (
+            f"{name} is of the runs' own time: in the machine file it belongs to the runs of this "
+            "experiment, and is off in all others."
+        )
+    for gap, again, series in zip(verdict.gap.runs, rerun_rms, data, strict=True):
+        scatter = _SCATTERS / math.sqrt(2 * len(series))
+        if again is not None and again > gap.before_rms * (1 + scatter):
+            unit = residual_unit(gap.unit)
+            yield (
+                f"The machine file predicts {gap.sensor} in {gap.run} worse than the machine that "
+                f"came in: {again:.3g} {unit} instead of {gap.before_rms:.3g} {unit}."
+            )
 
 
 def _differs_by_run(name: str) -> bool:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import replace
 
 from mopro.diagnosis import reconcile
 from mopro.errors import DataError
 from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.conclude.wording import advice
 from mopro.experiment.rigs.compare import compare, worst
-from mopro.experiment.rigs.repaired import machine_text, machine_with
+from mopro.experiment.rigs.repaired import effects_of_runs, machine_text
+from mopro.experiment.rigs.rerun import rerun
 from mopro.experiment.rigs.study import Study
-from mopro.residuals import Residuals
 from mopro.rig.candidates import candidates, unlisted
-from mopro.rig.simulation import BASE, Model
-from mopro.verdict import Verdict, rms
 
 _MOST_PLACES = 40
 _ADVICE = (
@@ -44,13 +41,17 @@ def conclude(
     except ValueError as error:
         raise DataError(f"{study.experiment.source.name}: {error}", "not-finite") from error
     progress("simulating the experiment again with the effects found")
+    text = machine_text(study.experiment, verdict)
+    again = rerun(study, verdict, text)
     return Conclusion(
         experiment=study.experiment,
         series=study.series,
         verdict=verdict,
         where=worst(places, _MOST_PLACES),
-        machine_text=machine_text(study.experiment, verdict),
-        rerun_rms=_rerun(study, verdict),
+        machine_text=text,
+        machine_fault=again.fault,
+        of_runs=tuple(effects_of_runs(study.experiment, verdict.fitted)),
+        rerun_rms=again.rms,
         next_experiment=None,
         left_out=tuple(sorted({c.name for c in every} & set(left_out))),
         advice=advice(verdict, _ADVICE),
@@ -62,14 +63,3 @@ def names(study: Study) -> frozenset[str]:
     """The names of all candidates."""
     own = {number.name for number in study.experiment.machine.numbers.values() if number.tolerance}
     return frozenset(own | {effect.name for effect in study.model.forms})
-
-
-def _rerun(study: Study, verdict: Verdict) -> tuple[float, ...]:
-    """RMS of the residual on the repaired machine; starts and scales are those of the verdict."""
-    machine = machine_with(study.experiment, verdict)
-    again = Model(replace(study.experiment, machine=machine), foreign=study.model.foreign)
-    own = {n: v for n, v in verdict.settings.get(BASE, {}).items() if n not in machine.numbers}
-    settings = {BASE: own} if own else {}
-    residuals = Residuals(again, study.series, scaled_at=settings).calibrated_at(settings)
-    left = residuals.of_exact_sensors(settings)
-    return tuple(rms(s.without_nuisances(each)) for s, each in zip(study.series, left, strict=True))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -77,7 +79,7 @@ class _Data:
         feedback = any(made.feedback for made in entry.inputs.values())
         run = Run(
             entry.name, time_s, inputs, held, tuple(readings), start, entry.without, feedback,
-            entry.value,
+            (entry.data.name, _checksum(entry.data)), entry.value,
         )  # fmt: skip
         return run, known, self._notes
 
@@ -203,6 +205,11 @@ class _Data:
                 free = placed and sensor.noise_rms is not None
                 found[node] = None if free else own[0].first
         return found or dict.fromkeys(self._entries.machine.nodes, readings[0].first)
+
+
+def _checksum(path: Path) -> str:
+    """CRC-32 of a file's bytes, in eight hexadecimal digits."""
+    return f"{zlib.crc32(path.read_bytes()):08x}"
 
 
 def _from_first(

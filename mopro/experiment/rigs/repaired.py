@@ -1,22 +1,30 @@
-"""Writes the machine file with the numbers that were fitted and the effects that were found."""
+"""Writes the machine file with the numbers that were fitted and the effects that were found.
+
+A number of `[base]` and a parameter of an effect may have the same name: they are of different
+tables. The values are those that fit without drafts, which are in no machine file.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from mopro.experiment.conclude.wording import interval_words
+from mopro.experiment.conclude.machine_file import quoted, without_effects
+from mopro.experiment.conclude.wording import interval_words, value_words
+from mopro.experiment.rigs.of_runs import fitted_on, of_one_run
 from mopro.formula.written import toml_lines
 from mopro.rig.data import RigExperiment
-from mopro.rig.file import read_rig
+from mopro.rig.file import RUNS, read_rig
 from mopro.rig.model import Rig
+from mopro.rig.names import effects_of
 from mopro.rig.simulation import BASE
+from mopro.series import Settings
 from mopro.source import Source
-from mopro.verdict import Estimate, Verdict
+from mopro.verdict import Estimate, Named, Verdict
 
-_HEAD = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]")
+_HEAD = re.compile(r"\s*(\[+)\s*([^\]]+?)\s*\]")
 _KEY = re.compile(r"\s*(?:base\s*\.\s*)?([A-Za-z_]\w*)\s*=")
 _TOP = re.compile(r"\s*base\s*\.")
 
@@ -25,92 +33,132 @@ def machine_text(experiment: RigExperiment, verdict: Verdict) -> str:
     """Text of the machine's file, each fitted number with its interval, and the effects found."""
     rig = experiment.machine
     place = Path(experiment.source.name).name
-    fitted = {name: e for name, e in verdict.base.items() if name in rig.numbers}
-    for effect in verdict.fitted:
-        fitted |= {n: e for n, e in effect.parameters.items() if n in rig.numbers}
-    found = {e.name for e in verdict.fitted if e.name not in rig.numbers}
-    lines = list(_without_effects(_with_numbers(rig, fitted, verdict, place), found))
-    stated = {effect.name for effect in read_rig(rig.source).effects}
+    found = [effect for effect in verdict.fitted if not corrects(rig, effect.name)]
+    names = {effect.name for effect in found}
+    kept = without_effects(_with_numbers(rig, verdict, place), names)
+    lines = list(_without_replaced(kept, rig))
+    stated = {tuple(toml_lines(effect)) for effect in read_rig(rig.source).effects}
     for written in rig.effects:
-        if written.name in found - stated:
+        if written.name in names and tuple(toml_lines(written)) not in stated:
             lines += ["", *toml_lines(written)]
-    for named in verdict.fitted:
-        if named.name in found:
-            lines += ["", *_section(named.name, verdict, named.parameters, place)]
-            if named.indistinguishable_from:
-                lines.append(
-                    f"# or instead of it: {_plain(', '.join(named.indistinguishable_from))}"
-                )
+    for effect in found:
+        lines += ["", *_section(experiment, effect, verdict, place)]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def machine_with(experiment: RigExperiment, verdict: Verdict) -> Rig:
-    """The machine that `machine_text` describes, in the unit that its sensors gave it."""
-    rig = experiment.machine
-    made = read_rig(Source(f"{rig.name} (reconciled)", machine_text(experiment, verdict)))
-    return replace(made, unit=rig.unit)
+def machine_of(rig: Rig, text: str) -> Rig:
+    """The machine of a repaired file, in the unit that its sensors gave it; ModelError."""
+    return replace(read_rig(Source(f"{rig.name} (reconciled)", text)), unit=rig.unit)
 
 
-def _with_numbers(
-    rig: Rig, fitted: Mapping[str, Estimate], verdict: Verdict, place: str
-) -> Iterator[str]:
-    """Lines of the file, each fitted number with its value in the place of the old one."""
-    section = ""
-    for line in rig.source.text.splitlines():
+def corrects(rig: Rig, name: str) -> bool:
+    """True if what was fitted under this name is a number of the machine, known to a tolerance."""
+    return name in rig.numbers and rig.numbers[name].tolerance > 0
+
+
+def as_written(settings: Settings) -> Settings:
+    """The settings with the digits that a file has."""
+    return {
+        name: {parameter: _rounded(value) for parameter, value in own.items()}
+        for name, own in settings.items()
+    }
+
+
+def _with_numbers(rig: Rig, verdict: Verdict, place: str) -> Source:
+    """The file, each fitted number with its value in the place of the old one."""
+    fitted = dict(_fitted(rig, verdict))
+    section, lines = "", []
+    for line in rig.source.lines:
         head, key = _HEAD.match(line), _KEY.match(line)
-        section = head[1] if head else section
-        named = key[1] if key and (section == "base" or _TOP.match(line)) else ""
-        if named in fitted:
+        section = head[2] if head else section
+        if key and key[1] in fitted and (section == "base" or _TOP.match(line)):
+            named = key[1]
             before = verdict.base_before.get(BASE, {}).get(named, rig.numbers[named].value)
-            yield _number(named, rig, fitted[named], before, place)
-        else:
-            yield line
+            stated = _number(named, rig, *fitted[named], before, place)
+            line = f"{line[: key.end(1)]} = {stated}"
+        lines.append(line)
+    return Source(rig.source.name, "\n".join(lines))
 
 
-def _number(name: str, rig: Rig, estimate: Estimate, before: float, place: str) -> str:
+def _fitted(rig: Rig, verdict: Verdict) -> Iterator[tuple[str, tuple[float, Estimate]]]:
+    """The numbers of the machine that were fitted: name, value to write, and estimate."""
+    settings = verdict.settings_alone
+    for name, estimate in verdict.base.items():
+        if name in rig.numbers:
+            yield name, (settings[BASE][name], estimate)
+    for effect in verdict.fitted:
+        if corrects(rig, effect.name):
+            own = settings[effect.name][effect.name]
+            yield effect.name, (own, effect.parameters[effect.name])
+
+
+def _number(
+    name: str, rig: Rig, value: float, estimate: Estimate, before: float, place: str
+) -> str:
     number = rig.numbers[name]
     tolerance = f", tolerance = {number.tolerance!r}" if number.tolerance else ""
-    tolerance += f", before = {_digits(before)}"
-    value = f'{{ value = {_digits(estimate.value)}, unit = "{number.unit}"{tolerance} }}'
-    return f"{name} = {value}  # {_origin(estimate, place)}"
+    tolerance += f", before = {_rounded(before)!r}"
+    stated = f'{{ value = {_rounded(value)!r}, unit = "{number.unit}"{tolerance} }}'
+    return f"{stated}  # {_origin(value, estimate, place)}"
 
 
-def _origin(estimate: Estimate, place: str) -> str:
-    return f"95 %: {_plain(interval_words(estimate))}; fitted with {_plain(place)}"
+def _origin(value: float, estimate: Estimate, place: str) -> str:
+    interval = f"95 %: {_plain(interval_words(estimate))}"
+    if _rounded(value) == _rounded(estimate.value):
+        return f"{interval}; fitted with {_plain(place)}"
+    beside = f"{_plain(value_words(estimate))}, {interval}"
+    return f"fitted with {_plain(place)}, without the drafts; beside them {beside}"
 
 
-def _without_effects(lines: Iterator[str], names: set[str]) -> Iterator[str]:
-    """Lines without the sections of effects that are stated anew."""
-    dropped = False
+def _without_replaced(lines: Iterator[str], rig: Rig) -> Iterator[str]:
+    """Lines without the `[[effect]]` sections of the file that the experiment's own replace."""
+    own = [tuple(toml_lines(effect)) for effect in rig.effects]
+    replaced = [tuple(toml_lines(e)) not in own for e in read_rig(rig.source).effects]
+    nth, dropped = -1, False
     for line in lines:
         head = _HEAD.match(line)
         if head:
-            path = head[1].split(".", 1)
-            dropped = path[0] == "effects" and path[-1].strip("\"'") in names
+            is_effect = head[1] == "[[" and head[2] == "effect"
+            nth += is_effect
+            dropped = is_effect and replaced[nth]
         if not dropped:
             yield line
 
 
 def _section(
-    name: str, verdict: Verdict, parameters: Mapping[str, Estimate], place: str
+    experiment: RigExperiment, effect: Named, verdict: Verdict, place: str
 ) -> Iterator[str]:
-    yield f'[effects."{_escaped(name)}"]' if not name.isidentifier() else f"[effects.{name}]"
-    for parameter, value in verdict.settings.get(name, {}).items():
-        estimate = parameters.get(parameter)
+    """Lines of the section that switches an effect on."""
+    name = effect.name
+    yield f"[effects.{name if name.isascii() and name.isidentifier() else quoted(name)}]"
+    for parameter, value in verdict.settings_alone.get(name, {}).items():
+        estimate = effect.parameters.get(parameter)
         if estimate is None:
-            yield f"{parameter} = {_digits(value)}"
+            yield f"{parameter} = {_rounded(value)!r}"
         else:
-            stated = f'{{ value = {_digits(value)}, unit = "{estimate.unit}" }}'
-            yield f"{parameter} = {stated}  # {_origin(estimate, place)}"
+            stated = f'{{ value = {_rounded(value)!r}, unit = "{estimate.unit}" }}'
+            yield f"{parameter} = {stated}  # {_origin(value, estimate, place)}"
+    if name in effects_of_runs(experiment, [effect]):
+        runs = fitted_on(experiment, name).items()
+        stated = ", ".join(f"{quoted(file)} = {quoted(checksum)}" for file, checksum in runs)
+        yield f"{RUNS} = {{ {stated} }}  # data files and their CRC-32; off in all other runs"
+    if effect.indistinguishable_from:
+        yield f"# or instead of it: {_plain(', '.join(effect.indistinguishable_from))}"
 
 
-def _digits(value: float) -> str:
-    """Eight digits: more than any data determine."""
-    return repr(float(f"{value:.8g}"))
+def effects_of_runs(experiment: RigExperiment, found: Collection[Named]) -> list[str]:
+    """The names of those effects that belong to the runs that they were fitted on."""
+    keys = {(effect.name, effect.form) for effect in found}
+    return [
+        effect.name
+        for effect in effects_of(experiment)
+        if (effect.name, effect.form) in keys and of_one_run(effect, experiment.units)
+    ]
 
 
-def _escaped(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"')
+def _rounded(value: float) -> float:
+    """The value with eight digits: more than any data determine."""
+    return float(f"{value:.8g}")
 
 
 def _plain(text: str) -> str:

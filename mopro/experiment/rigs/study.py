@@ -16,6 +16,7 @@ from mopro.errors import DataError, ModelError
 from mopro.experiment.rigs.bare import completed
 from mopro.experiment.rigs.doubts import check_scales, unstated_steps
 from mopro.experiment.rigs.entries import RigEntries
+from mopro.experiment.rigs.of_runs import kept_to_their_runs
 from mopro.experiment.rigs.read import read_rig_experiment
 from mopro.formula.evaluate import Floats
 from mopro.inputs import no_file
@@ -26,6 +27,7 @@ from mopro.rig.names import check, effects_of
 from mopro.rig.series import plain_series, series_of
 from mopro.rig.simulation import Model, Simulate
 from mopro.series import Series
+from mopro.tomlfile import Document
 
 # What a program that is somebody's model may raise.
 _OF_A_PROGRAM = (
@@ -57,8 +59,9 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     A model that is a program is run only if `allow_python`.
     """
     foreign = _foreign(entries, allow_python)
-    experiment = completed(read_rig_experiment(entries))
+    experiment = kept_to_their_runs(completed(read_rig_experiment(entries)))
     check(experiment, effects_of(experiment))
+    _check_apart(experiment)
     experiment = _with_signs(experiment, foreign)
     model = Model(experiment, foreign=foreign)
     parameters = base_of(model)
@@ -69,6 +72,30 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
     experiment = replace(experiment, notes=(*experiment.notes, *notes))
     return Study(experiment, model, base, series)
+
+
+def _check_apart(experiment: RigExperiment) -> None:
+    """ModelError where one name would stand for two things that are fitted.
+
+    A number with a tolerance is looked for under its name, as an effect is; a program is given
+    numbers and parameters together.
+    """
+    rig, effects = experiment.machine, effects_of(experiment)
+    for name in {effect.name for effect in effects} & rig.numbers.keys():
+        if rig.numbers[name].tolerance:
+            message = f"{name} is the name of an effect as well, and has a tolerance"
+            number = Document(rig.source).root["base"][name]
+            raise number.error(message, "double-name", f"call it otherwise, such as {name}_1")
+    if rig.python is None:
+        return
+    taken = dict.fromkeys(rig.numbers, "a number of [base]")
+    for effect in effects:
+        for p in effect.parameters:
+            of = taken.setdefault(p.name, f"a parameter of {effect.name}")
+            if of != f"a parameter of {effect.name}" and effect.value is not None:
+                message = f"{p.name} is {of} already, and the program is given all in one dict"
+                hint = f"call it otherwise, such as {p.name}_1"
+                raise effect.value[p.name].error(message, "double-name", hint)
 
 
 def _check_runs(model: Model, parameters: Sequence[Parameter]) -> None:

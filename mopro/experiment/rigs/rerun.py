@@ -1,0 +1,82 @@
+"""The experiment simulated again on the repaired machine, from its file as it is written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mopro.errors import DataError, ModelError
+from mopro.experiment.rigs.of_runs import kept_to_their_runs
+from mopro.experiment.rigs.repaired import as_written, corrects, machine_of
+from mopro.experiment.rigs.study import Study
+from mopro.formula.evaluate import Floats
+from mopro.residuals import Residuals
+from mopro.rig.model import Rig
+from mopro.rig.simulation import BASE, Model
+from mopro.series import Settings
+from mopro.verdict import Verdict, rms
+
+# Difference of two predictions by rounding alone, as a share of the range of the readings.
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Rerun:
+    """RMS residual of each series on the machine of the file (None where it cannot be read).
+
+    `fault`: why the file must not be written: it does not predict what the verdict says.
+    """
+
+    rms: tuple[float | None, ...]
+    fault: DataError | None = None
+
+
+def rerun(study: Study, verdict: Verdict, text: str) -> Rerun:
+    """Simulate with the machine file `text`; starts and scales are those of the verdict."""
+    experiment, settings = study.experiment, as_written(verdict.settings_alone)
+    try:
+        machine = machine_of(experiment.machine, text)
+    except ModelError as error:
+        return Rerun((None,) * len(study.series), _fault(study, [error.diagnostics[0].message]))
+    again = kept_to_their_runs(replace(experiment, machine=machine))
+    own = {n: v for n, v in settings.get(BASE, {}).items() if n not in machine.numbers}
+    model, stated = Model(again, foreign=study.model.foreign), {BASE: own} if own else {}
+    predicted = model(stated)
+    asked = Model(experiment, foreign=study.model.foreign)(settings)
+    residuals = Residuals(model, study.series, scaled_at=stated).calibrated_at(stated)
+    left = zip(study.series, residuals.of_exact_sensors(stated), strict=True)
+    found = tuple(rms(series.without_nuisances(own)) for series, own in left)
+    if _alike(study, predicted, asked):
+        return Rerun(found)
+    return Rerun(found, _fault(study, list(_missing(experiment.machine, again.machine, settings))))
+
+
+def _alike(study: Study, one: Sequence[Floats], other: Sequence[Floats]) -> bool:
+    """True if the predictions differ by rounding alone."""
+    return all(
+        float(np.max(np.abs(a - b))) <= _ROUNDING * float(np.ptp(s.values))
+        for s, a, b in zip(study.series, one, other, strict=True)
+    )
+
+
+def _missing(rig: Rig, written: Rig, settings: Settings) -> Iterator[str]:
+    """What is not in the file as it was fitted, and how to state it."""
+    for name, number in rig.numbers.items():
+        own = settings.get(name if corrects(rig, name) else BASE, {}).get(name, number.value)
+        if not math.isclose(written.numbers[name].value, own, rel_tol=_ROUNDING):
+            stated = f'{name} = {{ value = {own!r}, unit = "{number.unit}" }}'
+            yield f"{name} of [base] was not written: state it there in one line, as {stated}"
+    for name, values in settings.items():
+        if name != BASE and not corrects(rig, name) and written.active.get(name) != values:
+            yield f"{name} was not written: state it in a section [effects.NAME] of its own"
+
+
+def _fault(study: Study, reasons: Sequence[str]) -> DataError:
+    why = "; ".join(reasons) or "its effects act in another order, or on other sensors"
+    message = (
+        f"the repaired file would not predict what the verdict says, and is not written: {why}"
+    )
+    return DataError(f"{study.experiment.machine.source.name}: {message}", "not-as-fitted")
