@@ -7,7 +7,7 @@ after the last character.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 _LINE_END = re.compile(r"\r\n|\n|\r")
@@ -31,12 +31,14 @@ class Source:
     """One program text with the name that messages give it.
 
     `encoding` is the one that turns `text` back into the bytes it came from;
-    `sha256` is the digest of those bytes.
+    `sha256` is the digest of those bytes. `cut`: where a mark ended the text, of what stands behind
+    it as well.
     """
 
     name: str
     text: str
     encoding: str = "utf-8"
+    cut: Span | None = field(default=None, compare=False)
 
     @cached_property
     def lines(self) -> tuple[str, ...]:

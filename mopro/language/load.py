@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+from dataclasses import replace
 from pathlib import Path
 
 from mopro.errors import Diagnostic, SourceError
@@ -14,7 +16,14 @@ MOST_COLUMNS = 4096
 MOST_LINES = 100_000
 
 _DOS_END_OF_FILE = b"\x1a"
+# What may stand behind a Ctrl-Z without being a part of the program: DOS fills up with it.
+_FILLING = b" \t\f\v\r\n\0" + _DOS_END_OF_FILE
+# Shares of zeros in the bytes of a wide character: of the one that tells letters, of the others.
+_FEW_ZEROS, _MOST_ZEROS = 0.1, 0.5
 _FILE = Span(1, 1, 1)
+_SAVE_AS = (
+    "save it as UTF-8: in Notepad by Save as, Encoding; in PowerShell by Set-Content -Encoding utf8"
+)
 
 
 def load(path: str | Path) -> Source:
@@ -37,16 +46,31 @@ def split_at_end_of_file(data: bytes) -> tuple[bytes, bytes]:
     return text, mark + rest
 
 
-def text_before_end_of_file(text: str) -> str:
-    """The part of a DOS file before its Ctrl-Z, as an editor shows it."""
-    return text.partition(_DOS_END_OF_FILE.decode("ascii"))[0]
+def until_end_of_file(source: Source) -> Source:
+    """The part of a DOS text before its Ctrl-Z; `cut` is the place of that if more follows."""
+    text, _, rest = source.text.partition(_DOS_END_OF_FILE.decode("ascii"))
+    kept = replace(source, text=text)
+    return replace(kept, cut=_cut(kept, rest.strip(_FILLING.decode("ascii")))) if rest else kept
+
+
+def _cut(source: Source, rest: str | bytes) -> Span | None:
+    """The place behind the last character of `source`, if there is a `rest`."""
+    if not rest:
+        return None
+    lines = source.lines_with_ends or [""]
+    if lines[-1].endswith(("\r", "\n")):
+        return Span(len(lines) + 1, 1, 2)
+    return Span(len(lines), len(lines[-1]) + 1, len(lines[-1]) + 2)
 
 
 def source_from_bytes(data: bytes, name: str) -> Source:
     """Decode `data`, which ends at a Ctrl-Z; UTF-8 where it is that, else code page 437."""
     if len(data) > MOST_BYTES:
         raise _refused(name, "too-long", f"is larger than {MOST_BYTES // 2**20} MiB")
-    data, _ = split_at_end_of_file(data)
+    if _is_wide(data):
+        message = "is text in UTF-16 or UTF-32, of two or four bytes a character: expected UTF-8"
+        raise _refused(name, "wide-text", message, _SAVE_AS)
+    data, rest = split_at_end_of_file(data)
     if b"\0" in data:
         raise _refused(name, "binary-file", "is a binary file: expected the text of a program")
     source = _decode(data, name)
@@ -54,12 +78,28 @@ def source_from_bytes(data: bytes, name: str) -> Source:
         message = f"{len(source.lines)} lines: expected at most {MOST_LINES}"
         span = Span(MOST_LINES + 1, 1, 2)
         raise SourceError(source, [Diagnostic("too-long", message, span)])
+    source = replace(source, cut=_cut(source, rest.strip(_FILLING)))
     for number, line in enumerate(source.lines, start=1):
         if len(line) > MOST_COLUMNS:
             span = Span(number, MOST_COLUMNS + 1, MOST_COLUMNS + 2)
             message = f"line of {len(line)} characters: expected at most {MOST_COLUMNS}"
             raise SourceError(source, [Diagnostic("too-long", message, span)])
     return source
+
+
+def _is_wide(data: bytes) -> bool:
+    """True for text of two or four bytes a character: it has a mark of that, or zeros as such has.
+
+    Of the letters of a program one byte is hardly ever zero, and the others mostly are.
+    """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)):
+        return True
+    for width in (2, 4):
+        parts = [data[place::width] for place in range(width)]
+        zeros = sorted(part.count(0) / max(len(part), 1) for part in parts)
+        if zeros[0] < _FEW_ZEROS and zeros[1] > _MOST_ZEROS:
+            return True
+    return False
 
 
 def _decode(data: bytes, name: str) -> Source:
@@ -70,5 +110,5 @@ def _decode(data: bytes, name: str) -> Source:
         return Source(name, data.decode("cp437"), "cp437")
 
 
-def _refused(name: str, rule: str, message: str) -> SourceError:
-    return SourceError(Source(name, ""), [Diagnostic(rule, message, _FILE)])
+def _refused(name: str, rule: str, message: str, hint: str | None = None) -> SourceError:
+    return SourceError(Source(name, ""), [Diagnostic(rule, message, _FILE, hint=hint)])

@@ -23,6 +23,7 @@ from lark import __version__ as lark_version
 from mopro.cachefolder import cache_folder, read_kept, with_digest
 from mopro.errors import DataError, Diagnostic, SourceError
 from mopro.language import ast
+from mopro.language.load import until_end_of_file
 from mopro.source import Source, Span
 
 GRAMMARS = {"attested": "mopro.lark", "extended": "mopro_extended.lark"}
@@ -63,9 +64,11 @@ def parse(source: Source, grammar: str = "attested") -> ast.Tree:
     """
     tree, faults = parse_what_can_be(source, grammar)
     if not tree.statements and not faults:
-        faults = [Diagnostic("empty-program", "the program has no statement", Span(1, 1, 1))]
+        hint = None if tree.source.cut is None else f"it ends at the Ctrl-Z in {tree.source.cut}"
+        message = "the program has no statement"
+        faults = [Diagnostic("empty-program", message, Span(1, 1, 1), hint=hint)]
     if faults:
-        raise SourceError(source, faults)
+        raise SourceError(tree.source, faults)
     return tree
 
 
@@ -73,7 +76,7 @@ def parse_what_can_be(
     source: Source, grammar: str = "attested"
 ) -> tuple[ast.Tree, list[Diagnostic]]:
     """The tree of the lines without a fault, which may be none, and the faults of the others."""
-    read = _line_reader(grammar)
+    read, source = _line_reader(grammar), until_end_of_file(source)
     statements: list[ast.Statement] = []
     comments: list[ast.Comment] = []
     faults: list[Diagnostic] = []
@@ -87,6 +90,11 @@ def parse_what_can_be(
             span = line.comment.span(number)
             comments.append(ast.Comment(span, text[span.column - 1 :]))
     return ast.Tree(source, tuple(statements), tuple(comments)), faults
+
+
+def is_statement(text: str) -> bool:
+    """True if `text` is a statement of either grammar, with a comment or without."""
+    return _line_reader("extended")(text).statement is not None
 
 
 @cache

@@ -26,7 +26,7 @@ def lint(source: Source, settings: Settings | None = None) -> list[Finding]:
     tree, faults = _read(source, settings.grammar)
     ops, refusals = examine(tree)
     compiles = not faults and all(d.severity is not Severity.ERROR for d in refusals)
-    subject = Subject(tree, Program(ops, source), settings) if compiles else None
+    subject = Subject(tree, Program(ops, tree.source), settings) if compiles else None
     asked = asked_rules(settings)
     findings = [_with_fix(d, subject) for d in _first_causes(faults, refusals)]
     if subject is not None:

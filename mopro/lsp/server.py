@@ -14,7 +14,7 @@ from pygls.uris import to_fs_path
 from pygls.workspace import PositionCodec, TextDocument
 
 from mopro.errors import MoproError, Severity
-from mopro.language import ast, text_before_end_of_file
+from mopro.language import ast, until_end_of_file
 from mopro.language.format import format_source
 from mopro.language.parse import statement_kinds
 from mopro.lint.config import find_settings
@@ -57,7 +57,7 @@ def _document(uri: str, name: str, text: str) -> Document:
     """The open text in one version; what was worked out about it is kept with it."""
     path = to_fs_path(uri)
     settings = find_settings(Path(path).parent) if path else Settings()
-    return Document(Source(name, text), settings)
+    return Document(until_end_of_file(Source(name, text)), settings)
 
 
 class _Text:
@@ -76,7 +76,7 @@ class _Text:
         self.uri = uri
         self.version = text.version
         self.too_long = len(text.source) > MOST_CHARACTERS
-        source = "" if self.too_long else text_before_end_of_file(text.source)
+        source = "" if self.too_long else text.source
         self.document = _document(uri, text.filename or uri, source)
         self._lines = self.document.source.lines_with_ends
 

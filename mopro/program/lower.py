@@ -34,6 +34,14 @@ class _Lowering:
 
     def __init__(self, tree: ast.Tree) -> None:
         self.found: list[Diagnostic] = []
+        if tree.source.cut is not None:
+            self._report(
+                "text-after-end",
+                "the program ends at this Ctrl-Z (0x1A), and what stands behind it is not read",
+                tree.source.cut,
+                hint="take the Ctrl-Z out if that belongs to it: files that DOS joined have it",
+                warning=True,
+            )
         self._defined: dict[str, ast.Label] = {}
         self._labels = {s.name.key for s in tree.statements if isinstance(s, ast.Label)}
 

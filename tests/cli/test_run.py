@@ -234,3 +234,12 @@ def test_output_into_a_closed_pipe_is_no_traceback(tmp_path):
         ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("command", [("compile",), ("run", "--emulate")])
+def test_what_stands_behind_a_ctrl_z_is_told(mopro_process, tmp_path, command):
+    (tmp_path / "J.CMD").write_bytes(SETUP.encode() + b"MRI1 2\nWX1\n\x1aMRI1 3\n")
+    done = mopro_process(command[0], "J.CMD", *command[1:])
+    assert done.returncode == 0
+    line = SETUP.count("\n") + 3
+    assert f"J.CMD:{line}:1: warning: the program ends at this Ctrl-Z" in done.stderr

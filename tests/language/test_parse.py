@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import mopro
 from helpers.paths import DATA
-from mopro.errors import MoproError, SourceError
+from mopro.errors import MoproError, Severity, SourceError
 from mopro.language import ast, load, parse, source_from_bytes
 from mopro.language.load import MOST_BYTES, MOST_LINES
 from mopro.program import lower
@@ -211,3 +212,55 @@ def test_no_bytes_bring_anything_but_findings_inside_the_file(data, draw):
             assert 1 <= finding.span.line <= max(1, len(source.lines))
             assert 1 <= finding.span.column <= len(source.line(finding.span.line)) + 1
             assert finding.render(source)
+
+
+SETUP = b"UU012500/1\r\nVEL1 15.0\r\nACC1 0.5\r\n"
+
+
+@pytest.mark.parametrize("before", [b"", b"WT1", b"WT1\n", b"WT1\r\n\r\n", b"WT1\r", b"WT1 ;\x81"])
+@pytest.mark.parametrize("rest", [b"WT2\r\n", b"\r\n\x1a\r\nWT2", b"junk \x00\xff", b" ;"])
+def test_what_stands_behind_a_ctrl_z_is_told_with_its_line(before, rest):
+    data = SETUP + before + b"\x1a" + rest
+    program = lower(parse(source_from_bytes(data, "X.CMD")))
+    (found,) = program.warnings
+    assert (found.rule, found.severity) == ("text-after-end", Severity.WARNING)
+    source = source_from_bytes(SETUP + before, "X.CMD")
+    lines = source.lines_with_ends
+    last = lines[-1]
+    place = (len(lines) + 1, 1) if last.endswith(("\r", "\n")) else (len(lines), len(last) + 1)
+    assert (found.span.line, found.span.column) == place
+    assert program.ops == lower(parse(source)).ops
+    if b"\xff" not in rest and b"\x81" not in before:
+        assert mopro.compile(data.decode()).warnings == program.warnings
+
+
+@pytest.mark.parametrize(
+    "rest", [b"", b"\x1a", b"\x1a" * 100, b"\r\n", b" \t\x1a\r\n\x1a\x0c", b"\0" * 128]
+)
+def test_what_fills_up_the_last_block_of_a_file_is_not_told(rest):
+    program = lower(parse(source_from_bytes(SETUP + b"WT1\r\n\x1a" + rest, "X.CMD")))
+    assert program.warnings == ()
+
+
+def test_a_program_that_a_ctrl_z_leaves_empty_is_refused_with_its_place():
+    (found,) = faults(b"; notes\r\n\x1aWT100\r\n")
+    assert (found.rule, found.hint) == ("empty-program", "it ends at the Ctrl-Z in 2:1")
+
+
+@pytest.mark.parametrize(
+    "encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-le", "utf-32-be"]
+)
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+@pytest.mark.parametrize(
+    "text", ["WT1", SETUP.decode() + "WT100 ; caf\u00e9 \u4e2d\n", "WT1\x1a\n"]
+)
+def test_text_of_wide_characters_is_told_from_binary_files(encoding, mark, text):
+    with pytest.raises(SourceError, match="UTF-16 or UTF-32") as raised:
+        source_from_bytes((mark + text).encode(encoding), "X.CMD")
+    (found,) = raised.value.diagnostics
+    assert found.rule == "wide-text"
+    assert "save it as UTF-8" in found.hint
+
+
+def test_text_with_the_mark_of_utf_8_is_read():
+    assert source_from_bytes(b"\xef\xbb\xbfWT1\n", "X.CMD").text == "WT1\n"

@@ -72,8 +72,8 @@ async def test_findings_come_while_typing(client):
 
 async def test_places_count_in_utf_16_and_stop_at_ctrl_z(client):
     text = Opened(client, "utf16", "VELO 1.0 ; \U0001f600\r\nWT10\r\n\x1aVLE")
-    assert await text.findings() == [("letter-o-axis", 0)]
-    (found,) = client.diagnostics[text.id.uri]
+    assert await text.findings() == [("letter-o-axis", 0), ("text-after-end", 2)]
+    found, _ = client.diagnostics[text.id.uri]
     assert (found.range.start.character, found.range.end.character) == (3, 4)
 
 

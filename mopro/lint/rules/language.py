@@ -112,6 +112,16 @@ RULES = (
         ":B1\nWT100\nJUMP B1\n",
     ),
     Rule(
+        "text-after-end",
+        Stage.LANGUAGE,
+        Severity.WARNING,
+        what="Text behind a Ctrl-Z (0x1A), which ends a program.",
+        why="Under DOS a Ctrl-Z ends a text. Of files that are joined with it in place the first "
+        "alone is read.",
+        bad="WT100\n\x1aWT200\n",
+        good="WT100\nWT200\n",
+    ),
+    Rule(
         "letter-o-axis",
         Stage.LANGUAGE,
         Severity.WARNING,

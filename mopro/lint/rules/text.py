@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from mopro.errors import Severity
+from mopro.language.parse import is_statement
 from mopro.lint.fix_checks import same_but_labels
 from mopro.lint.rule import Finding, Rule, Stage
 from mopro.lint.subject import Subject
@@ -46,6 +47,17 @@ def _direction_control(rule: Rule, subject: Subject) -> Iterator[Finding]:
             yield rule.at(span, f"{name} changes the order in which the line is shown")
 
 
+def _statement_in_comment(rule: Rule, subject: Subject) -> Iterator[Finding]:
+    """A comment behind a statement that is one itself; on a line of its own it is out of use."""
+    lines = {statement.span.line for statement in subject.tree.statements}
+    for comment in subject.tree.comments:
+        said = comment.text.lstrip("; \t\f\v")
+        if comment.span.line in lines and is_statement(said):
+            stated = said.partition(";")[0].rstrip()
+            message = f"`{stated}` is in the comment, and never carried out"
+            yield rule.at(comment.span, message, "write it on a line of its own")
+
+
 def _warning(name: str, check: Any, **texts: Any) -> Rule:
     return Rule(name, Stage.TEXT, Severity.WARNING, check=check, **texts)
 
@@ -77,6 +89,14 @@ RULES = (
         "like a comment can be a statement, and the other way round.",
         bad="WT100 ; wait \u202e001 TW\n",
         good="WT100 ; wait\n",
+    ),
+    _warning(
+        "statement-in-comment",
+        _statement_in_comment,
+        what="A comment behind a statement that is a statement itself.",
+        why="A line holds one statement, and `;` begins a comment: it does not part statements.",
+        bad="WT100;WT200\n",
+        good="WT100\nWT200\n",
     ),
     _warning(
         "unused-allow",
