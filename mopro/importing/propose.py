@@ -10,9 +10,9 @@ import numpy as np
 from mopro.errors import DataError
 from mopro.formula import dimension_of_unit
 from mopro.importing.agreement import Agreement, agreement
-from mopro.importing.roles import Signal
+from mopro.importing.roles import Floats, Signal
 from mopro.logs import Decision
-from mopro.noise import NoiseReport, TooShort, level_between, report, step_of
+from mopro.noise import NoiseReport, TooShort, level_between, report, step_of, stuck_of
 
 KINDS = ("kinematic", "axis", "thermal", "sawyer")
 _AXES_OF_SAWYER = 2
@@ -227,7 +227,7 @@ def _relations(command: Signal, sensors: Sequence[Signal]) -> dict[str, Agreemen
 def _noise(sensor: Signal) -> Noise:
     times, values = sensor.present
     try:
-        found = report(times, values)
+        found = _report(times, values)
     except TooShort as error:
         return Noise(None, str(error), step_of(values), level_between(values))
     if found.wanders:
@@ -237,6 +237,20 @@ def _noise(sensor: Signal) -> Noise:
     low, high = found.rms.low, found.rms.high
     where = f"{found.readings} readings in {stretches} standstill{'s' if stretches > 1 else ''}"
     return Noise(found, f"{where}, 95 %: {low:.3g} to {high:.3g}")
+
+
+def _report(times: Floats, values: Floats) -> NoiseReport:
+    """The noise at standstill; where that is a stuck sensor's, that of the other readings."""
+    try:
+        return report(times, values)
+    except TooShort:
+        stuck = stuck_of(values)
+        kept = np.ones(len(values), dtype=bool)
+        for start, end in stuck:
+            kept[start:end] = False
+        if not stuck or not kept.any():
+            raise
+        return report(times[kept], values[kept])
 
 
 def _moves(command: Signal | None) -> list[Decision]:

@@ -3,8 +3,8 @@
 Knows numpy and scipy alone. `report` takes times and readings and gives a `NoiseReport`.
 """
 
-from mopro.noise.odd import level_between
+from mopro.noise.odd import level_between, stuck_of
 from mopro.noise.report import Estimate, NoiseReport, TooShort, report
 from mopro.noise.step import step_of
 
-__all__ = ["Estimate", "NoiseReport", "TooShort", "level_between", "report", "step_of"]
+__all__ = ["Estimate", "NoiseReport", "TooShort", "level_between", "report", "step_of", "stuck_of"]

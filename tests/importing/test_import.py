@@ -486,3 +486,14 @@ def test_the_step_of_rounded_readings_is_written_and_asked_for(mopro, tmp_path, 
     file.write_text(text, "utf-8")
     done = mopro("compare", "out/experiment.toml")
     assert "every reading is a multiple of 0.05 mm: state adc_step = 0.05" in done.stderr
+
+
+def test_the_noise_is_not_that_of_a_stuck_sensor(mopro, tmp_path):
+    times = np.arange(0, 30, 0.01)
+    told = 10 * np.sin(times / 3) * (times > 10)
+    seen = told + 0.02 * np.random.default_rng(0).normal(size=len(times))
+    seen[(times > 15) & (times < 22)] = seen[1500]
+    write_csv(tmp_path / "log.csv", {"time_s": times, "target_mm": told, "actual_mm": seen})
+    _, files = imported(mopro, tmp_path)
+    noise = files["experiment.toml"]["sensor"][0]["noise_rms"]
+    assert noise == pytest.approx(0.02, rel=0.15)
