@@ -73,7 +73,7 @@ def headings_of(
         if headless:
             names = tuple(f"column {n + 1}" for n in range(width))
             told = Decision("headings", "none: columns by number", "above the first row is none")
-            return Headings(names, None, first, (), (told,))
+            return Headings(names, None, max(first, 1), (), (told,))
         raise _no_headings(rows, source, first, width, nearest)
     units = None
     if len(above) > 1 and _are_units(fits[above[-1]]):

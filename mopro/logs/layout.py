@@ -57,7 +57,7 @@ def layout_of(path: Path, name: str, headless: bool = False) -> Layout:
     with open(path, "rb") as file:
         data = file.read(_SAMPLE_BYTES)
         whole = not file.read(1)
-    encoding, decisions = _encoding(data)
+    encoding, decisions = _encoding(data, whole)
     source = LogSource(name, "", encoding, path=path)
     lines = _lines(data, encoding, whole)
     if not any(line.strip() for line in lines):
@@ -93,7 +93,7 @@ def layout_of(path: Path, name: str, headless: bool = False) -> Layout:
     )  # fmt: skip
 
 
-def _encoding(data: bytes) -> tuple[str, list[Decision]]:
+def _encoding(data: bytes, whole: bool) -> tuple[str, list[Decision]]:
     for mark, encoding in _MARKS.items():
         if data.startswith(mark):
             return encoding, [Decision("encoding", encoding, "the file begins with its mark")]
@@ -101,7 +101,7 @@ def _encoding(data: bytes) -> tuple[str, list[Decision]]:
         if data[first::2].count(0) > _WIDE * len(data) / 2 and not data[1 - first :: 2].count(0):
             return encoding, [Decision("encoding", encoding, "each other byte is zero")]
     try:
-        codecs.getincrementaldecoder("utf-8")().decode(data)
+        codecs.getincrementaldecoder("utf-8")().decode(data, final=whole)
     except UnicodeDecodeError:
         return "cp1252", [Decision("encoding", "Windows-1252", "the text is not UTF-8")]
     return "utf-8", []

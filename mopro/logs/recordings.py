@@ -20,7 +20,7 @@ Conflict = Callable[[Ints, Ints], NDArray[np.bool_]]
 
 NO_TIME = "without a time"
 STRAY = "whose time is out of place"
-SHORT = "alone before a jump of the clock"
+SHORT = "in a recording of a single time"
 DOUBLE = "whose time is that of the next row"
 # Share of rows of one time with different readings beyond which the stamps are coarse.
 _DIFFER = 0.1
@@ -95,9 +95,9 @@ class _Placing:
         self._leave_out(STRAY, np.array(clock.strays, int))
         self._leave_out(NO_TIME, np.setdiff1d(absent, clock.strays))
         pieces = [self._piece(a, b) for a, b in pairwise(edges)]
-        long = [piece for piece in pieces if len(piece.rows) > 1]
+        long = [piece for piece in pieces if len(piece.rows) and np.ptp(piece.time_s) > 0]
         for piece in pieces:
-            if len(piece.rows) == 1:
+            if len(piece.rows) and np.ptp(piece.time_s) == 0:
                 self._leave_out(SHORT, piece.rows)
         if not long:
             raise TooCoarse("it has fewer than two times")

@@ -123,6 +123,11 @@ def _parsed(text: Any, form: Form) -> tuple[Ints, str]:
         row = int(np.flatnonzero(bad)[0])
         raise NoStamp(row, f"'{str(text[row])[:40]}' is no stamp like those above it")
     parts = _Fields(fields)
+    bad = (parts.number("minute") > 59) | (parts.number("second") > 60)
+    if form.dated:
+        bad |= parts.number("hour") > 24
+    if bad.any():
+        raise NoStamp(int(np.flatnonzero(bad)[0]), "there is no such time")
     days, how = _days(parts) if form.dated else (np.zeros(len(text), np.int64), "")
     seconds = 3600 * _hours(parts) + 60 * parts.number("minute") + parts.number("second")
     seconds = seconds + days * int(_DAY_S) - _shifts_s(parts)

@@ -74,7 +74,7 @@ class _Tidying:
             self._first[why] = self._first[why] or number
             return None
         excess = cells[width:]
-        if excess and not any(map(holds_data, excess)):
+        if excess and all(not cell or cell[0].isalpha() for cell in excess):
             self._remarks += any(excess)
             return delimiter.join(_quoted(cell, delimiter) for cell in cells[:width])
         return line

@@ -11,7 +11,7 @@ from mcap.writer import Writer
 
 from helpers.paths import DATA
 from mopro.errors import DataError, DataFileError
-from mopro.logs import hdf5, read_log
+from mopro.logs import Asked, hdf5, read_log
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,26 @@ def test_odd_texts_that_were_tracebacks(tmp_path, name, data, words):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(DataError, match=words):
         read_log(tmp_path / name)
+
+
+@pytest.mark.parametrize(("end", "line"), [(b"2,3\xd9", 4), (b"2,3,4\xe1", 4), (b"2\xe8", None)])
+def test_a_character_that_is_cut_off_at_the_end_loses_no_row(tmp_path, capfd, end, line):
+    """Arrow skips a row of another width in silence if it ends within a character."""
+    (tmp_path / "a.csv").write_bytes(b"time_s,x\n0,1\n1,2\n" + end)
+    if line is None:
+        left_out = read_log(tmp_path / "a.csv").rows.as_json()["left_out"]
+        assert left_out == [{"why": "cut off at the end", "count": 1}]
+    else:
+        with pytest.raises(DataError, match=rf"a\.csv:{line}:"):
+            read_log(tmp_path / "a.csv")
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("data", [b"1;2\n1,2;3,5;4", b"5 6\n", b"1,2,3\n", b'1,"2\n', b"1,2\n1"])
+def test_a_text_without_headings_in_which_few_rows_are_whole(tmp_path, data):
+    (tmp_path / "a.csv").write_bytes(data)
+    with pytest.raises(DataError, match=r"a\.csv"):
+        read_log(tmp_path / "a.csv", Asked(rate_hz=1.0))
 
 
 def test_a_row_ends_at_carriage_returns_too_and_at_nothing_else(tmp_path):

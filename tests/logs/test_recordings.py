@@ -173,6 +173,13 @@ def test_a_clock_that_goes_back_all_the_time_is_none(log):
         log(stamps, time="time_s")
 
 
+def test_a_recording_of_a_single_time_is_left_out_and_counted(log):
+    stamps = np.concatenate((np.arange(500) / RATE_HZ, [0.0, 0.0, 0.0], np.arange(-201, 200) / 50))
+    found = log(stamps)
+    assert [len(found.recording(n).clocks["time_s"]) for n in range(found.recordings)] == [500, 401]
+    assert found.rows.left_out == {"in a recording of a single time": 3}
+
+
 @given(
     st.lists(
         st.one_of(

@@ -159,7 +159,17 @@ def test_what_may_be_no_clock_asks(log, heading):
         log({heading: [str(n) for n in range(80)]})
 
 
-@pytest.mark.parametrize("bad", ["32.11.2026 10:00:00", "22.13.2026 10:00:00", "22.11.2026", "x"])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        "32.11.2026 10:00:00",
+        "22.13.2026 10:00:00",
+        "22.11.2026 59:00:00",
+        "22.11.2026 10:61:00",
+        "22.11.2026",
+        "x",
+    ],
+)
 def test_a_stamp_that_is_none_is_named_with_its_line(log, bad):
     words = shown("%d.%m.%Y %H:%M:%S.%f")
     words[5] = bad
