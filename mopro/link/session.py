@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from random import Random
 from typing import Any
 
@@ -24,6 +25,8 @@ _MOST_LINES = 100_000
 _QUIET_S = 0.05
 _BUSY_PAUSE_S = 0.2
 _SHOWN = 60
+# Lines sent last, whose answers may come late.
+_REMEMBERED = 64
 
 
 class Refused(LinkError):
@@ -75,6 +78,10 @@ class Session:
         # Count of numbers beyond the last answered one that may have been used.
         self._ahead = 0
         self._held = bytearray()
+        # Lines that were sent last; whether any was given up, and whether an answer to such a
+        # line has come since the last answer in time.
+        self._sent: deque[str] = deque(maxlen=_REMEMBERED)
+        self._given_up = self._late = False
         # When the controller did the last statement, on the port's clock, as nearly as is known.
         self.moment_s = port.now_s()
         # Bytes of the present answer so far, the echo not counted.
@@ -140,6 +147,8 @@ class Session:
     def _unknown_peer(self, heard: bytes) -> LinkError:
         """The error for a peer that sent `heard` and is no controller of this dialect."""
         name = self.dialect.name
+        if self._late:
+            return LinkError(self._too_late(), "late-answer")
         if not heard:
             message = "nothing answers: is the controller on, is this its port and its baud rate?"
             return LinkError(message, "no-answer")
@@ -160,13 +169,13 @@ class Session:
         attention = self.dialect.conversation.attention.encode("latin-1")
         if attention:
             self.port.write(attention)
-        heard = bytes(self._held)
-        self._held.clear()
+        heard = self._dropped()
         quiet_s = _QUIET_S + 20 * self.byte_s
         started_s = self.port.now_s()
         answers = attention and self._prompt
         patience_s = self.dialect.conversation.reply_timeout_s if answers else quiet_s
         while data := self.port.read(min(self.port.now_s() + patience_s, self._until_s)):
+            self._look_for_late(data)
             heard, patience_s = heard + data, quiet_s
             elapsed_s = self.port.now_s() - started_s
             if (
@@ -252,7 +261,7 @@ class Session:
         """End a half line and discard what is on its way; a download under way stays."""
         self.port.write(self.dialect.line.end.encode("latin-1"))
         self.pause(_QUIET_S + 20 * self.byte_s)
-        self._held.clear()
+        self._dropped()
 
     def one(self, statement: str, **fields: Any) -> dict[str, Any]:
         """`ask` for a statement that has one line of reply."""
@@ -339,6 +348,7 @@ class Session:
             self._ahead = max(self._ahead, check.ahead(number, self._number))
         line = (check.wrap(body, number) if check else body) + self.dialect.line.end
         self.port.write(line.encode("latin-1"))
+        self._sent.append(line.removesuffix(self.dialect.line.end))
         return len(line)
 
     def _answer(self, body: str, number: int) -> list[str]:
@@ -349,7 +359,7 @@ class Session:
         if talk.echo:
             echo = self._line(due)
             if echo != (self.dialect.check.wrap(body, number) if self.dialect.check else body):
-                raise Damaged(f"sent `{body}`, but the echo is {str(echo)[:_SHOWN]!r}")
+                raise self._other_echo(body, echo)
             self._taken = 0
         lines: list[str] = []
         refusal: dict[str, Any] | None = None
@@ -371,7 +381,50 @@ class Session:
         if refusal is not None:
             self._number = number
             raise Refused(body, refusal.get("code", 0), str(refusal.get("text", "")))
+        self._late = False
         return lines
+
+    # -- late answers ----------------------------------------------------------
+
+    def _other_echo(self, body: str, echo: str | None) -> Damaged:
+        """The error for an `echo` that is not of the line `body`; None is a prompt."""
+        if self._is_late(echo):
+            self._late = True
+            return Damaged(f"sent `{body}`: {self._too_late()}", "late-answer")
+        came = "a prompt came first" if echo is None else f"the echo is {echo[:_SHOWN]!r}"
+        return Damaged(f"sent `{body}`, but {came}")
+
+    def _is_late(self, line: str | None) -> bool:
+        """True if `line` (None: a prompt) answers one that was sent before, or is its echo."""
+        if line is None or not self._given_up:
+            return self._given_up
+        line = line.replace(self._prompt.decode("latin-1"), "") if self._prompt else line
+        if self.dialect.check is not None:
+            with suppress(BadFrame):
+                return self.dialect.check.unwrap(line)[0] >= 0
+            return False
+        status = self.dialect.replies["status"].read(line)
+        states = self.dialect.states.values()
+        return line in self._sent or (status is not None and status["state"] in states)
+
+    def _look_for_late(self, data: bytes) -> None:
+        """Notice an answer in bytes that nobody waits for any more."""
+        lines = data.split(self._reply_end)
+        self._late = self._late or any(self._is_late(line.decode("latin-1")) for line in lines)
+
+    def _dropped(self) -> bytes:
+        """The bytes that are held, which are dropped."""
+        data = bytes(self._held)
+        self._held.clear()
+        self._look_for_late(data)
+        return data
+
+    def _too_late(self) -> str:
+        limit_s = self.dialect.conversation.reply_timeout_s
+        return (
+            f"the controller answers later than {limit_s:g} s after a line: state a longer "
+            f"reply_timeout_s in a dialect file (--dialect)"
+        )
 
     def _body(self, number: int, due: int) -> str | None:
         """The next line that answers line `number`, unwrapped; None for a prompt."""
@@ -381,6 +434,7 @@ class Session:
                 answers, body = check.unwrap(line)
             except BadFrame as error:
                 raise Damaged(f"a damaged line came: {line[:_SHOWN]!r}") from error
+            self._late = self._late or answers != number
             if answers == number:
                 if body == check.resend:
                     raise Damaged(f"the controller missed line {number}")
@@ -405,6 +459,9 @@ class Session:
             data = self.port.read(until_s) if self.port.now_s() < until_s else b""
             if not data:
                 self._wait_until_s(0)
+                self._given_up = True
+                if self._late:
+                    raise Damaged(self._too_late(), "late-answer")
                 raise Damaged("the controller does not answer")
             self._hold(data)
 

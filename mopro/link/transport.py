@@ -8,6 +8,7 @@ import re
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
+from socket import gaierror
 from typing import Any, Protocol, TextIO
 
 import serial
@@ -26,6 +27,40 @@ _REMEMBERED = 256
 # pyserial tells an odd option of a URL by KeyError, an odd pattern of hwgrep:// by re.error.
 _BAD_URL = (serial.SerialException, OSError, ValueError, KeyError, TypeError, re.error)
 _PARITY = {"none": "N", "even": "E", "odd": "O"}
+
+# A host and its port, without the kind of the port.
+_ADDRESS = re.compile(r"(?:\w+:/{0,2})?([\w.-]+:\d+)")
+_DEVICE = "expected a device, such as /dev/ttyUSB0 or COM3"
+# How the URLs of pyserial are written.
+_FORMS = {
+    "socket": "socket://HOST:PORT, PORT from 1 to 65535",
+    "rfc2217": "rfc2217://HOST:PORT, PORT from 1 to 65535",
+    "loop": "loop://",
+    "hwgrep": "hwgrep://PATTERN, a regular expression that a port of this machine matches",
+    "spy": "spy://DEVICE",
+    "alt": "alt://DEVICE?class=NAME, a class of pyserial",
+}
+_NO_WAY = "there is no way to that machine: look at the address, the cable and the network"
+_OF_A_NETWORK = {
+    errno.ECONNREFUSED: "nothing listens there: is the controller on, and is this its port number?",
+    errno.ECONNRESET: "the other end hung up: does another program have the controller?",
+    errno.ETIMEDOUT: "that machine does not answer: look at the address and the network",
+    errno.EHOSTUNREACH: _NO_WAY,
+    errno.EHOSTDOWN: _NO_WAY,
+    errno.ENETUNREACH: _NO_WAY,
+    errno.ENETDOWN: _NO_WAY,
+    errno.EADDRNOTAVAIL: _NO_WAY,
+}
+_NO_LINE = f"it is a file, or a device without a serial line: {_DEVICE}"
+_NO_DEVICE = "no device is behind it: is it plugged in, and switched on?"
+_OF_A_DEVICE: dict[int | None, str] = {
+    errno.EISDIR: f"it is a folder: {_DEVICE}",
+    errno.ENOTTY: _NO_LINE,
+    errno.EINVAL: _NO_LINE,
+    errno.EIO: _NO_DEVICE,
+    errno.ENODEV: _NO_DEVICE,
+    errno.ENXIO: _NO_DEVICE,
+}
 
 
 class Port(Protocol):
@@ -120,18 +155,49 @@ class SerialPort:
 
 def _port_error(url: str, error: Exception) -> PortError:
     """The error for a port that could not be opened, with its reason and remedy."""
-    number = getattr(error, "errno", None)
-    text = str(error)
-    if number == errno.ENOENT or "FileNotFoundError" in text:
+    number, text = _number_of(error), str(error)
+    url = url if url.strip() else repr(url)
+    if number in (errno.ENOENT, errno.ENOTDIR) or "FileNotFoundError" in text:
         known = ", ".join(name for name, _ in available_ports()) or "none"
         message = f"{url}: there is no such port; ports of this machine: {known}"
+        if place := _ADDRESS.fullmatch(url):
+            message += f"; one of a network is written socket://{place[1]}"
         return PortError(message, "no-port")
     if number in (errno.EACCES, errno.EPERM) or "PermissionError" in text:
         message = f"{url}: no permission; on Linux, join the group that owns it (often dialout)"
         return PortError(message, "no-permission")
     if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in text:
         return PortError(f"{url}: another program has this port open", "port-in-use")
-    return PortError(f"{url}: cannot be opened: {text}", "no-port")
+    return PortError(f"{url}: cannot be opened: {_why(url, number, error)}", "no-port")
+
+
+def _why(url: str, number: int | None, error: Exception) -> str:
+    """What keeps a port from being opened, and what to do."""
+    scheme, found, rest = url.partition("://")
+    if not found:
+        return _OF_A_DEVICE.get(number, f"it is no serial port: {_DEVICE}")
+    if scheme.lower() not in _FORMS:
+        return f"there are no ports of {scheme}://: {_DEVICE}, or socket://HOST:PORT"
+    if isinstance(error.__context__, gaierror):
+        return f"there is no machine of that name: look at the name, and at the network ({rest})"
+    timed_out = isinstance(error.__context__, TimeoutError)
+    if said := _OF_A_NETWORK.get(errno.ETIMEDOUT if timed_out else number):
+        return said
+    if said := _OF_A_DEVICE.get(number):
+        return said
+    options = ", without these options" if "?" in rest else ""
+    return f"expected {_FORMS[scheme.lower()]}{options}"
+
+
+def _number_of(error: BaseException | None) -> int | None:
+    """The system's number of an error, or of that which it stands for."""
+    while error is not None:
+        first = error.args[0] if error.args else None
+        number = getattr(error, "errno", None) or first
+        if isinstance(number, int):
+            return number
+        error = error.__context__
+    return None
 
 
 def available_ports() -> list[tuple[str, str]]:

@@ -1,5 +1,6 @@
 """Flashing, with both ends in memory and the wire damaged."""
 
+from collections import deque
 from dataclasses import replace
 
 import pytest
@@ -181,6 +182,82 @@ def test_who_is_there_is_told_within_the_deadline(dialect, peer, rule, says):
         session.open()
     assert caught.value.rule == rule
     assert peer.time_s < 16.0
+
+
+class Slow:
+    """A port whose bytes come `delay_s` later than those of `port`, in their order."""
+
+    def __init__(self, port, delay_s=0.0):
+        self.port, self.delay_s, self.coming = port, delay_s, deque()
+
+    def now_s(self):
+        return self.port.now_s()
+
+    def write(self, data):
+        self._take(self.now_s())
+        self.port.write(data)
+
+    def read(self, until_s):
+        while not self.coming or self.coming[0][0] > self.now_s():
+            if self.now_s() >= until_s:
+                return b""
+            self._take(min(until_s, self.coming[0][0]) if self.coming else until_s)
+        return self.coming.popleft()[1]
+
+    def _take(self, until_s):
+        if data := self.port.read(until_s):
+            self.coming.append((self.now_s() + self.delay_s, data))
+
+    def close(self):
+        return
+
+
+def slow(dialect, delay_s, opening):
+    """A session over a slow port, which is slow from the start or once it is open."""
+    joined = bench(dialect, opened=False)
+    joined.session.port = port = Slow(joined.session.port, delay_s if opening else 0.0)
+    if not opening:
+        joined.session.open()
+    port.delay_s = delay_s
+    joined.session.give(60.0)
+    return joined.session
+
+
+@pytest.mark.parametrize(
+    ("dialect", "delay_s"),
+    [
+        *(("plain", d) for d in (1.6, 2.3, 3.1, 4.2)),
+        *(("checked", d) for d in (1.6, 2.3, 3.1, 5.5)),
+    ],
+)
+def test_a_controller_that_answers_late_is_not_told_as_another_dialect(dialect, delay_s):
+    with pytest.raises(LinkError, match=r"answers later than 1 s .* reply_timeout_s") as caught:
+        slow(dialect, delay_s, opening=True).open()
+    assert caught.value.rule == "late-answer"
+
+
+@pytest.mark.parametrize("delay_s", [1.2, 1.6, 2.3, 3.1, 4.2, 5.5])
+def test_answers_that_become_late_are_told_as_such(delay_s):
+    with pytest.raises(LinkError, match="answers later than 1 s") as caught:
+        flash(slow("plain", delay_s, opening=False), PROGRAM, "MAIN")
+    assert caught.value.rule == "late-answer"
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("delay_s", [0.3, 0.9])
+def test_a_controller_that_answers_in_time_is_flashed(dialect, delay_s):
+    session = slow(dialect, delay_s, opening=False)
+    assert flash(session, PROGRAM, "MAIN").statements == 8
+    assert session.retried == 0
+
+
+@pytest.mark.parametrize("delay_s", [0.4, 0.9, 1.2, 2.0, 3.0])
+def test_no_message_has_the_words_of_python(delay_s):
+    """Replies that overtake one another, prompts before echoes."""
+    joined = bench("plain", Fault("late", rate=1.0, delay_s=delay_s), opened=False)
+    with pytest.raises(LinkError) as caught:
+        flash(joined.session, PROGRAM, "MAIN")
+    assert "None" not in str(caught.value)
 
 
 def test_statements_are_those_of_the_wire():
