@@ -317,5 +317,6 @@ def _natural_rate_1_s2(sensor: Signal) -> float:
     grid = np.arange(float(times[0]), float(times[-1]), step)
     even = np.interp(grid, times, values)
     frequencies, power = signals.periodogram(even, 1 / step, "hann", detrend="linear", nfft=None)
-    strongest = float(frequencies[1 + int(np.argmax(power[1:]))])
+    # A log of one or two readings has no frequency of its own but that of its rows.
+    strongest = float(frequencies[1 + int(np.argmax(power[1:]))]) if len(power) > 1 else 1 / step
     return (2 * math.pi * strongest) ** 2

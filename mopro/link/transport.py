@@ -175,15 +175,15 @@ def _why(url: str, number: int | None, error: Exception) -> str:
     """What keeps a port from being opened, and what to do."""
     scheme, found, rest = url.partition("://")
     if not found:
-        return _OF_A_DEVICE.get(number, f"it is no serial port: {_DEVICE}")
+        return _OF_A_DEVICE.get(number or 0, f"it is no serial port: {_DEVICE}")
     if scheme.lower() not in _FORMS:
         return f"there are no ports of {scheme}://: {_DEVICE}, or socket://HOST:PORT"
     if isinstance(error.__context__, gaierror):
         return f"there is no machine of that name: look at the name, and at the network ({rest})"
     timed_out = isinstance(error.__context__, TimeoutError)
-    if said := _OF_A_NETWORK.get(errno.ETIMEDOUT if timed_out else number):
+    if said := _OF_A_NETWORK.get(errno.ETIMEDOUT if timed_out else number or 0):
         return said
-    if said := _OF_A_DEVICE.get(number):
+    if said := _OF_A_DEVICE.get(number or 0):
         return said
     options = ", without these options" if "?" in rest else ""
     return f"expected {_FORMS[scheme.lower()]}{options}"
