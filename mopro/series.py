@@ -14,8 +14,21 @@ from mopro.tolerances import EXACT, Tolerances
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+# A value beyond this has run away. Its powers, and its slopes' squares, are finite.
+RUN_AWAY = 1e60
+
 # effect name -> parameter name -> value; an effect that is absent is off.
 Settings = Mapping[str, Mapping[str, float]]
+
+
+def unless_run_away(values: Floats) -> Floats:
+    """`values`, NaN where they are not finite or have run away.
+
+    What a simulation gives passes here before anything is worked out from it: of infinities
+    numpy would warn, and of NaN follows NaN.
+    """
+    near = np.abs(values) < RUN_AWAY
+    return values if near.all() else np.where(near, values, np.nan)
 
 
 def key_of(settings: Settings) -> Hashable:

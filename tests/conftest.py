@@ -15,6 +15,10 @@ from helpers.paths import PROGRAMS
 # Two workers on two cores: threads of linear algebra would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# A warning fails a process that a test starts, and those that it starts, as it fails a test. Not
+# those of names that libraries give up, nor of what a process that ends leaves open.
+os.environ["PYTHONWARNINGS"] = "error,ignore::DeprecationWarning,ignore::ResourceWarning"
+
 # A shell starts background jobs with these ignored, which processes inherit: tests that send
 # them need what a terminal has.
 for _number, _action in (

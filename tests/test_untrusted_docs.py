@@ -11,7 +11,7 @@ from mopro.emulator.backend import MOST_SAMPLES
 from mopro.experiment.read import data
 from mopro.formula import entry as entries
 from mopro.formula import language as formulas
-from mopro.formula.dimension import MOST_FACTORS
+from mopro.formula.dimension import LARGEST_EXPONENT, MOST_FACTORS
 from mopro.instruments import daq
 from mopro.language.load import MOST_BYTES as MOST_PROGRAM_BYTES
 from mopro.language.load import MOST_COLUMNS, MOST_LINES
@@ -38,7 +38,15 @@ BOUNDS = [
         [f"{rigs.MOST_NUMBERS} numbers, {entries.MOST_EFFECTS} effects"],
     ),
     ("a machine beside the motor", [f"effects of {entries.MOST_PARAMETERS} parameters"]),
-    ("a formula", [f"{formulas.MOST_CHARACTERS} characters", f"{formulas.MOST_LEVELS} levels"]),
+    (
+        "a formula",
+        [
+            f"{formulas.MOST_CHARACTERS} characters",
+            f"{formulas.MOST_LEVELS} levels",
+            f"numbers to {formulas.LARGEST:g}",
+            f"units to the power of {LARGEST_EXPONENT}",
+        ],
+    ),
     ("a unit", [f"exponents of {MOST_FACTORS}"]),
     ("a log (HDF5)", [f"within {PATIENCE_S:g} s"]),
     ("a live page", [f"{server.MOST_CONNECTIONS} connections, {server.PATIENCE_S:g} s"]),

@@ -218,7 +218,7 @@ class FormulaEffect(Effect):
             own = off | {size.name: 1.0}
             values = [own[p.name] for p in self.written.parameters]
             blocks = [s.whitened(self.value(s.names, s.names["t"], values)) for s in series]
-            columns.append(np.nan_to_num(np.concatenate(blocks), posinf=0.0, neginf=0.0))
+            columns.append(np.nan_to_num(np.concatenate(blocks)))
         basis, left = np.stack(columns, axis=1), np.concatenate([s.residual for s in series])
         best = np.linalg.lstsq(basis, left, rcond=1e-9)[0]
         gain = float(left @ left - np.sum((left - basis @ best) ** 2))

@@ -25,7 +25,7 @@ _SYMBOL = re.compile(r"([A-Za-z%]+|1)(?:\^?(-?\d+(?:\.\d+)?))?", re.ASCII)
 _LONGEST = 60
 MOST_FACTORS = 24
 # Of a unit that a formula makes: powers of powers leave what a float holds.
-_LARGEST_EXPONENT = 1000
+LARGEST_EXPONENT = 1000
 
 
 class UnitError(ValueError):
@@ -185,8 +185,8 @@ def _power_of(node: ast.BinOp, names: Mapping[str, Dimension | None]) -> Dimensi
             return None
         power = way * Fraction(exponent.value).limit_denominator(1000)
         found = tuple(power * own for own in base)
-        if max(map(abs, found)) > _LARGEST_EXPONENT:
-            message = f"a unit to a power of more than {_LARGEST_EXPONENT}"
+        if max(map(abs, found)) > LARGEST_EXPONENT:
+            message = f"a unit to a power of more than {LARGEST_EXPONENT}"
             raise FormulaError(message, *place(node))
         return found
     _plain(node.left, base)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mopro.formula import signals
 from mopro.formula.language import PI, ZERO_C_IN_K, Formula
+from mopro.series import unless_run_away
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Floats | float]
@@ -38,22 +39,21 @@ def evaluate(
 ) -> Floats:
     """The formula at each of `time_s` (n,), for names that are numbers or arrays of that length.
 
-    `functions`: those of whole signals. Values that are not finite are the caller's to judge; no
-    warning is given.
+    `functions`: those of whole signals. NaN where there is no value, or it has run away.
     """
     with np.errstate(all="ignore"):
         found = _value(formula.tree, names, time_s, functions)
-    return np.broadcast_to(np.asarray(found, dtype=float), time_s.shape)
+    return np.broadcast_to(unless_run_away(np.asarray(found, dtype=float)), time_s.shape)
 
 
 def over_grid(formula: Formula, names: Values, shape: tuple[int, int]) -> Floats:
     """The formula for names that are numbers or arrays that broadcast to `shape`.
 
-    Not for a formula of whole signals.
+    Not for a formula of whole signals. NaN as in `evaluate`.
     """
     with np.errstate(all="ignore"):
         found = _value(formula.tree, names, np.zeros(0), signals.SIGNALS)
-    return np.broadcast_to(np.asarray(found, dtype=float), shape)
+    return np.broadcast_to(unless_run_away(np.asarray(found, dtype=float)), shape)
 
 
 def _value(node: ast.expr, names: Values, time_s: Floats, functions: Functions) -> Any:

@@ -15,7 +15,7 @@ from difflib import get_close_matches
 
 MOST_CHARACTERS = 500
 MOST_LEVELS = 40
-_LARGEST = 1e30
+LARGEST = 1e30
 PI = "pi"
 ZERO_C_IN_K = 273.15
 
@@ -145,8 +145,8 @@ def _parts(node: ast.expr) -> list[ast.expr]:
             pass
         case ast.Constant(value=int() | float() as number):
             # An integer is compared as it is: one of 310 digits is no float.
-            if not abs(number) <= _LARGEST:
-                message = f"a number that is too large, expected one of at most {_LARGEST:g}"
+            if not abs(number) <= LARGEST:
+                message = f"a number that is too large, expected one of at most {LARGEST:g}"
                 raise FormulaError(message, *place(node))
             return []
         case ast.BinOp(op=op) if isinstance(op, _OPERATORS):

@@ -32,6 +32,7 @@ from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, line_at, plat
 from mopro.program import AXES
 from mopro.recording import MoveOutcome, Stall
 from mopro.recording.record import Columns
+from mopro.series import unless_run_away
 from mopro.source import Source, Span
 
 # RK4 at this step is within 0.03 nm of the exact response to LVDT3.
@@ -169,11 +170,17 @@ class Simulation:
                 axis.advance(times, max(end_s, float(times[-1])))
 
     def positions_m(self, axis: int, times: Floats, end_s: float) -> Floats:
-        """As `advance`, but the positions of one axis only, without outcomes of its moves."""
-        return self._axis(axis).positions_m(times, end_s)
+        """As `advance`, but the positions of one axis only, without outcomes of its moves.
+
+        NaN where they are not finite.
+        """
+        return unless_run_away(self._axis(axis).positions_m(times, end_s))
 
     def temperature_C(self, times: Floats) -> Floats:
-        """The forcer's temperature at `times`, which need not have been reached."""
+        """The forcer's temperature at `times`, which need not have been reached.
+
+        NaN where it has run away.
+        """
         return self._run.heat.temperature_C(times)
 
     def position_m(self, axis: int) -> float:
@@ -308,11 +315,7 @@ def _heat(
     if not effects and all(s.always_full for s in scalings.values()):
         return HeatHistory(machine, schedule.moves, intervals)
     lasting_s = schedule.duration_s
-    try:
-        return SteppedHeat(machine, schedule.moves, effects, scalings, lasting_s, intervals)
-    except OverflowError as error:
-        message = "the forcer's temperature grows beyond all bounds"
-        raise _unusable(machine, message, active) from error
+    return SteppedHeat(machine, schedule.moves, effects, scalings, lasting_s, intervals)
 
 
 def _axis(

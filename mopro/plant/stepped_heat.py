@@ -6,6 +6,8 @@ by RK4 in steps of at most ten seconds, far below the time constant of an hour. 
 moves many times in one step: the distinct balances that hold within a step are weighed
 by their shares of it, and the course of the temperature inside follows from the slope of
 whichever holds. So a run of hours costs by its length, not by its moves.
+
+A temperature that runs away, as under a heat flow that grows with it, is NaN from there on.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from mopro.plant.command_table import Floats
 from mopro.plant.drive_scaling import DriveScaling
 from mopro.plant.heat import HeatBalance, HeatIntervals, heat_intervals
 from mopro.plant.hermite import hermite
+from mopro.series import RUN_AWAY
 
 _LONGEST_STEP_S = 10.0
 # Changes up to this many are each the end of a step.
@@ -133,6 +136,9 @@ class SteppedHeat:
             k3 = self._mean_slope(held, t + h / 2, now_C + h / 2 * k2)
             k4 = self._mean_slope(held, end, now_C + h * k3)
             now_C += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            if not abs(now_C) < RUN_AWAY:
+                temperature[i + 1 :] = after[i:] = before[i:] = math.nan
+                break
             temperature[i + 1] = now_C
             for (k, conditions, _), slope in zip(held, first, strict=True):
                 after[i, k] = slope
@@ -156,8 +162,11 @@ class SteppedHeat:
             balance.lengths_m,
             self._machine,
         )
-        for active in self._effects:
-            active.effect.heat(now, *active.values)
+        try:
+            for active in self._effects:
+                active.effect.heat(now, *active.values)
+        except OverflowError:  # plain Python raises it at a power
+            return math.nan
         return now.flow_W / self._capacity_J_K
 
 

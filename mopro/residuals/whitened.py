@@ -17,10 +17,10 @@ from scipy import linalg
 
 from mopro.assumed import ROUNDING
 from mopro.residuals.calibration import Calibration, Corrected, Marginal, corrected
-from mopro.series import Floats, Mask, Series, Settings, Simulate, key_of
+from mopro.series import Floats, Mask, Series, Settings, Simulate, key_of, unless_run_away
 
-# Standard deviations by which a prediction that is not finite is off.
-_FAR = 1e8
+# Standard deviations by which a prediction is off that is not finite, and the most that any is.
+_FAR = 1e12
 # Residuals by the coarse model that are kept: those of the few sets from which many changes are
 # taken in turn. Halved, some are worked out again.
 _KEPT_COARSE = 8
@@ -132,7 +132,9 @@ class Residuals:
     def at(self, settings: Settings) -> Floats:
         """Whitened residual of the samples in the mask, with the effects in `settings`.
 
-        Where the model with these effects is not finite, it is far from the data.
+        Where the model with these effects has no finite value, or has run away, it is as far from
+        the data as anything can be: such a set is worth nothing, and ends nothing. All that is
+        fitted or judged comes through here, so that nobody else needs to ask.
         """
         return self._whitened(self.predicted(settings))
 
@@ -150,14 +152,14 @@ class Residuals:
     def _whitened(self, predicted: Floats) -> Floats:
         """Whitened residual of the samples in the mask for a prediction of all."""
         whitened = (self.measured - predicted) * self.weights
-        finite = np.isfinite(whitened)
-        if finite.all():
+        near = np.abs(whitened) < _FAR
+        if near.all():
             return self.without_nuisances(whitened)
-        residual = self.without_nuisances(np.where(finite, whitened, 0.0))
-        return np.where(finite[self.mask], residual, _FAR)
+        residual = self.without_nuisances(np.where(near, whitened, 0.0))
+        return np.where(near[self.mask], residual, _FAR)
 
     def predicted(self, settings: Settings) -> Floats:
-        """Predictions of all series in one vector, in their units.
+        """Predictions of all series in one vector, in their units, NaN where they are not finite.
 
         Raises ValueError where the model predicts another number of values than were measured.
         """
@@ -171,7 +173,7 @@ class Residuals:
                 f"the model predicts {predicted.size} values for {self.measured.size} measured"
             )
             raise ValueError(message)
-        return predicted
+        return unless_run_away(predicted)
 
     def without_nuisances(self, whitened: Floats) -> Floats:
         """The samples of a whitened vector in the mask, nuisances projected out.

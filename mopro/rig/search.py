@@ -158,7 +158,7 @@ class Search:
             for reading in run.readings:
                 sigma = view.sigmas[len(blocks)]
                 blocks.append(self._block(run, reading, names, own, shapes) / sigma)
-        return np.nan_to_num(np.concatenate(blocks, axis=1), posinf=0.0, neginf=0.0)
+        return np.nan_to_num(np.concatenate(blocks, axis=1))
 
     def _block(
         self, run: Run, reading: Reading, names: Known, own: Mapping[str, float],

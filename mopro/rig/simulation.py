@@ -31,7 +31,7 @@ from mopro.rig.model import (
     THERMAL,
 )  # fmt: skip
 from mopro.rig.names import axis_law, capacity_of, effects_of, inertia_of, sensors_of, unlisted_of
-from mopro.series import Settings
+from mopro.series import Settings, unless_run_away
 
 BASE = "base"
 SCALE = "scale of {}"
@@ -299,7 +299,7 @@ class Model:
         advance(
             program.codes, program.segments, variables, run.time_s, packed, until, step_s, states
         )
-        return dict(zip(names, states, strict=True))
+        return dict(zip(names, unless_run_away(states), strict=True))
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -407,7 +407,7 @@ def _array(found: Any, sensor: str, rows: int) -> Floats:
         raise ValueError(f"for {sensor} no array ({error}), {expected}") from error
     if values.dtype.kind not in "buif" or values.shape != (rows,):
         raise ValueError(f"an array of {values.dtype} and of shape {values.shape}, {expected}")
-    return values.astype(float)
+    return unless_run_away(values.astype(float))
 
 
 def term_of(

@@ -152,3 +152,11 @@ def test_forces_may_last_no_longer_than_can_be_simulated():
     reading = Reading(GAUGE, np.array([0.0, 2000.0]), np.zeros(2))
     (finding,) = too_long([Trial("long.csv", None, None, 0.0, (reading,))])
     assert finding.message == "long.csv has 2000 s of forces"
+
+
+@pytest.mark.parametrize("b", [-1e7, -1e15])
+def test_a_motion_that_diverges_predicts_nothing_and_ends_nothing(lab, b):
+    model = ForwardModel(measured(lab))
+    predicted = model({"viscous_drag": {"b": b}})
+    assert [len(own) for own in predicted] == [len(own) for own in model({})]
+    assert not np.isfinite(np.concatenate(predicted)).all()

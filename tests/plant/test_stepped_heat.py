@@ -8,6 +8,7 @@ import pytest
 import mopro
 from helpers.paths import PROGRAMS
 from mopro.effects import Active, Domain, Effect, catalogue
+from mopro.effects.unlisted import with_unlisted
 from mopro.machine import load_machine
 from mopro.motion import plan
 from mopro.plant.drive_scaling import DriveScaling
@@ -97,3 +98,19 @@ def test_the_work_does_not_grow_with_the_moves():
         SteppedHeat(MACHINE, moves, [Active(Counted(), (), (1, 2))], FULL, HOUR_S)
         calls.append(Counted.calls - before)
     assert calls[0] == calls[1] < 12 * HOUR_S / 10
+
+
+@pytest.mark.parametrize("name", ["heat of T", "heat of T²", "radiation"])
+def test_a_temperature_that_runs_away_has_no_number_from_there_on(name):
+    """And a finite one before: numpy has nothing to warn of."""
+    effect = with_unlisted(catalogue())[name]
+    sizes = {"heat of T": 1e5, "heat of T²": 10.0, "radiation": -1e5}
+    effects = [Active(effect, (sizes[name],), (1, 2))]
+    schedule = plan(compile_file(PROGRAMS / "TEMP1.CMD"), HOUR_S)
+    heat = SteppedHeat(MACHINE, schedule.moves, effects, FULL, HOUR_S)
+    seen = heat.temperature_C(np.linspace(0.0, HOUR_S, 3601))
+    first = int(np.argmax(np.isnan(seen)))
+    assert seen[0] == MACHINE.heat.ambient_C
+    assert 0 < first < 3600
+    assert np.isfinite(seen[:first]).all()
+    assert np.isnan(seen[first:]).all()

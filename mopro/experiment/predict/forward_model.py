@@ -208,8 +208,7 @@ class ForwardModel:
             columns |= _places(simulation, times, {sensor.axis for sensor in sensors})
         else:
             wanted = {s.recorded_column for s in sensors} | {f"position_{axis}_m" for axis in AXES}
-            of_all = simulation.advance(times, float(times[-1]))
-            columns |= {name: of_all[name] for name in sorted(wanted)}
+            columns |= _advanced(simulation, times, sorted(wanted))
         columns["temperature_C"] = self._dense_temperature(index, _warming(active))
         return columns
 
@@ -303,6 +302,15 @@ def _warming(active: Iterable[Active]) -> tuple[Active, ...]:
     """The effects that change the forcer's temperature: of commands, currents held, and heat."""
     domains = Domain.COMMAND, Domain.HEAT
     return tuple(a for a in active if a.effect.domain in domains or a.effect.hold(*a.values))
+
+
+def _advanced(simulation: Simulation, times: Floats, wanted: Iterable[str]) -> Columns:
+    """Columns of the motion; NaN under effects under which it is not finite."""
+    try:
+        columns = simulation.advance(times, float(times[-1]))
+    except RunError:
+        return {name: np.full(len(times), math.nan) for name in wanted}
+    return {name: columns[name] for name in wanted}
 
 
 def _places(simulation: Simulation, times: Floats, seen: Collection[int]) -> Columns:
