@@ -11,10 +11,11 @@ def visible(text: str) -> str:
     """
     if text.isascii() and text.isprintable():
         return text
-    return "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in text)
+    return "".join(c if c.isprintable() or c in "\n\t" else escaped(c) for c in text)
 
 
-def _escape(character: str) -> str:
+def escaped(character: str) -> str:
+    r"""The character as an escape, such as `\x1b`."""
     return character.encode("unicode_escape").decode("ascii")
 
 

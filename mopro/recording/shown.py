@@ -6,6 +6,10 @@ import io
 from typing import Any
 
 from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, get_font
+from matplotlib.text import Text
+
+from mopro.text import escaped
 
 from mopro.recording.style import library_style
 
@@ -22,6 +26,17 @@ class ShownFigure(Figure):
         super().savefig(*args, **named)
 
     def _repr_png_(self) -> bytes:
+        escape_unknown(self)
         image = io.BytesIO()
         self.savefig(image, format="png", dpi=80)
         return image.getvalue()
+
+
+def escape_unknown(figure: Figure) -> None:
+    """Write what a font cannot draw, which is shown as boxes, so that it can be read."""
+    for own in figure.findobj(Text):
+        assert isinstance(own, Text)
+        text = own.get_text()
+        if not text.isascii():
+            known = get_font(findfont(own.get_fontproperties())).get_charmap()
+            own.set_text("".join(c if c == "\n" or ord(c) in known else escaped(c) for c in text))
