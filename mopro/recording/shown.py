@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.text import Text
 
-from mopro.text import escaped
-
 from mopro.recording.style import library_style
+from mopro.text import escaped
 
 
 class ShownFigure(Figure):
