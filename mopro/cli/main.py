@@ -125,8 +125,10 @@ def main() -> NoReturn:
         say(shown.getvalue(), err=True, nl=False)
         sys.exit(error.exit_code)
     except click.Abort as error:
+        _heed_no_longer()
         notes = getattr(error.__cause__, "__notes__", ())
         say("\n".join(["mopro: interrupted", *notes]), err=True)
+        discard_output()
         sys.exit(EXIT_SIGNAL + signal.SIGINT)
     except MoproError as error:
         say_findings(error.render(), err=True)
@@ -185,6 +187,13 @@ def _heed_signals() -> None:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
     sys.unraisablehook = _unraisable
+
+
+def _heed_no_longer() -> None:
+    """Have a further signal end this process at once: what is still to be said may not be taken."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is _interrupt:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:

@@ -75,9 +75,8 @@ class Protocol:
             number, body = check.unwrap(line)
         except BadFrame:
             return b"" if self._expected is None else self._framed(self._expected, [check.resend])
-        self._greetings += body == check.hello
-        self._speak(now_s)
         if body == check.hello:
+            self._greetings += 1
             self._answers.clear()
             self._expected = number
         elif self._expected is None:
@@ -85,10 +84,12 @@ class Protocol:
             return self._framed(number, [refusal])
         assert self._expected is not None, "greeted"
         ahead = check.ahead(number, self._expected)
+        # Only who knows the number that is due is in this conversation.
         if ahead > 0:
             return self._framed(self._expected, [check.resend])
         if ahead < 0:
             return self._answers.get(number, "").encode("latin-1")
+        self._speak(now_s)
         lines = self._answered(body, now_s) if body != check.hello else self._acknowledged([])
         answer = self._framed(number, lines)
         if not (self.busy and body != check.hello):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Any
 
-from mopro.errors import DataError
+from mopro.errors import DataError, LinkError
 from mopro.link.course import CAUSES, UNDER_WAY, Awaited, Contradiction, Course, Step
 from mopro.link.flash import allowed_s, upload
 from mopro.link.halt import Signals, StopOnError, TimeBudget
@@ -29,6 +29,10 @@ OPENING_S = 15.0
 _SPARE_FACTOR = 1.1
 _SPARE_S = 10.0
 _STOP_S = 8.0
+# Bytes of both directions beside the time that a run, a stop and an outcome of a move take.
+_RUN_BYTES, _STOP_BYTES, _MOVE_BYTES = 4000, 1000, 100
+# The longest answer, several outcomes of moves, of which a silence is longer.
+_LONGEST_ANSWER_BYTES = 800
 # A controller that can brakes by itself after a silence of this, and of some lost lines.
 _SILENCE_S = 3.0
 _LINES_LOST = 3
@@ -100,7 +104,7 @@ class SerialBackend:
         samples = Samples(sink, schedule, self.machine.microstep_m, sensed, whole, self.seen)
         tell = self._teller(schedule, told)
         watch = Watch(self.session, program, samples, self.poll_hz, tell, self.hold)
-        stop_s = _STOP_S + _braking_s(schedule)
+        stop_s = _STOP_S + _braking_s(schedule) + _STOP_BYTES * self.session.byte_s
         budget = TimeBudget(self.session, self.deadline_s, stop_s, self.begun_s)
         guard = StopOnError(watch, budget.for_stop)
         trouble = None
@@ -132,18 +136,18 @@ class SerialBackend:
         self.session.give(allowed_s(self.session, program))
         upload(self.session, program, self.session.dialect.names.scratch, lambda done: None)
         watch.mark_start()
-        self._ask_for_heartbeat()
 
-    def _ask_for_heartbeat(self) -> None:
+    def _ask_for_heartbeat(self, speed: float) -> None:
         """Make the controller brake the run by itself when the line falls silent."""
         dialect = self.session.dialect
         if not dialect.knows("heartbeat"):
             self.warn(f"the dialect {dialect.name} has no heartbeat: {_UNWATCHED}")
             return
-        wait_s = max(dialect.conversation.reply_timeout_s, 1 / self.poll_hz)
+        answer_s = _LONGEST_ANSWER_BYTES * self.session.byte_s
+        wait_s = max(dialect.conversation.reply_timeout_s, 1 / self.poll_hz, answer_s)
         silence_s = max(_SILENCE_S, _LINES_LOST * wait_s)
         try:
-            self.session.ask("heartbeat", milliseconds=silence_s * 1000)
+            self.session.ask("heartbeat", milliseconds=silence_s * speed * 1000)
         except Refused as refused:
             self.warn(f"the controller refused a heartbeat ({refused.reason}): {_UNWATCHED}")
 
@@ -160,11 +164,13 @@ class SerialBackend:
         Raises LinkError for every other end than the one asked for.
         """
         speed = self._speed()
+        self._ask_for_heartbeat(speed)
         due_s = schedule.duration_s / speed
         awaited = self._awaited(schedule)
         moved_s = max((move.end_s for move in schedule.moves), default=-math.inf)
         rest_s = max(0.0, moved_s / speed + settle_s - due_s)
-        planned_s = due_s * _SPARE_FACTOR + _SPARE_S + rest_s
+        on_the_line_s = (_RUN_BYTES + _MOVE_BYTES * len(schedule.moves)) * self.session.byte_s
+        planned_s = due_s * _SPARE_FACTOR + _SPARE_S + rest_s + on_the_line_s
         self.session.give(planned_s if self.deadline_s is None else self.deadline_s)
         watch.start(for_s if awaited is Awaited.CUT else None)
         fastest_u_s = _fastest_u_s(schedule) * speed
@@ -187,9 +193,12 @@ class SerialBackend:
         if not self.session.dialect.knows("speed"):
             return 1.0
         try:
-            return float(self.session.one("speed")["speed"]) or 1.0
+            speed = float(self.session.one("speed")["speed"])
         except Refused:
             return 1.0
+        if speed <= 0:
+            raise LinkError(f"the controller says that it is {speed:g} times as fast", "no-speed")
+        return speed
 
     def _account(self, reason: str, watch: Watch) -> str:
         """Report of a run that did not end well: reason, stop, last state, for a person."""

@@ -49,7 +49,10 @@ CLOCKS_APART = 0.02
 _ANSWERS_S = 0.1
 
 _GO_ON, _END, _STOP = Step.GO_ON, Step.END, Step.STOP
-_EARLY = "the controller says `{}` before the planned end: is it another controller?"
+_EARLY = (
+    "the controller says `{}` before the planned end: is it another controller, or a virtual one "
+    "of another --speed whose dialect has no statement `speed`?"
+)
 _NOT_ASKED = "the controller says `{}`, which this run cannot end with: is it another controller?"
 # Causes that end a run whenever they come.
 CAUSES = {
@@ -103,13 +106,16 @@ class Course:
         # When the present state, or the braking that led to it, was first seen.
         self._since_s = 0.0
 
-    def see(self, state: str, at_s: float) -> Entry:
-        """What follows from `state`, seen `at_s` after the start: a step, or trouble in words."""
+    def see(self, state: str, at_s: float, most_s: float | None = None) -> Entry:
+        """What follows from `state`, seen `at_s` after the start: a step, or trouble in words.
+
+        `most_s` is how long ago the run may have begun, where its answer came late.
+        """
         if trouble := contradiction(self._state, state):
             return trouble
         seen_before = state == self._state
         if not seen_before and self._state != "stopping":
-            self._since_s = at_s
+            self._since_s = at_s if most_s is None else most_s
         self._state = state
         moment_s = at_s if state == "running" else self._since_s
         early = moment_s < (self._due_s if state == "running" else self._earliest_s)
@@ -117,3 +123,12 @@ class Course:
         if entry is _END and not (seen_before and at_s >= self._due_s):
             return _GO_ON
         return entry
+
+    def may_rest_in(self, state: str, most_s: float) -> bool:
+        """True if the controller of this run may rest in `state` after a stop.
+
+        One that knows of no run, or whose run has ended before it can have, is another one.
+        """
+        if state in ("done", "expired"):
+            return TABLE[self._awaited][state][1] is _END and most_s >= self._earliest_s
+        return state != "idle"

@@ -409,6 +409,8 @@ class Session:
 
     def _look_for_late(self, data: bytes) -> None:
         """Notice an answer in bytes that nobody waits for any more."""
+        if self._prompt:
+            data = data.replace(self._prompt, b"")
         lines = data.split(self._reply_end)
         self._late = self._late or any(self._is_late(line.decode("latin-1")) for line in lines)
 

@@ -19,7 +19,7 @@ from mopro.program import AXES, Program
 _MOMENT_S = 0.1
 _JUMPED = (
     "the controller's registers jumped by {} microsteps in {:.3f} s, faster than the program "
-    "moves: is it another controller?"
+    "moves: is it another controller, or a virtual one of another --speed?"
 )
 _MOST_TRIES_TO_STOP = 10
 _PRECAUTION_S = 2.0
@@ -36,6 +36,8 @@ class Stop:
     acknowledged: bool = False
     rested: bool = False
     precaution: bool = False
+    # What rests may be another controller than the one that ran.
+    doubted: bool = False
 
     def report(self) -> str:
         """The controller's confirmation of the stop, for a person; empty if none was tried."""
@@ -46,6 +48,8 @@ class Stop:
         unsure = "NOT CONFIRMED: the machine may still be moving; use its own stop button"
         if not self.tried:
             return ""
+        if self.rested and self.doubted:
+            return f"stop: sent, and a controller rests, but it may be another one, {unsure}"
         if self.rested:
             return "stop: sent and acknowledged, and the controller reports that both axes rest"
         if self.acknowledged:
@@ -76,7 +80,7 @@ class Watch:
         self._poll_s = 1 / poll_hz
         self._zero_u = dict.fromkeys(AXES, 0)
         self._seen_zero_u = dict.fromkeys(AXES, 0)
-        self._started_s = 0.0
+        self._started_s = self._first_sent_s = 0.0
         self._course: Course | None = None
         self._fastest_u_s = math.inf
         self._sampled_s = 0.0
@@ -106,7 +110,7 @@ class Watch:
 
     def start(self, for_s: float | None) -> None:
         scratch = self._session.dialect.names.scratch
-        self._started_s = self._session.port.now_s()
+        self._started_s = self._first_sent_s = self._session.port.now_s()
         self.begun = True
         if for_s is None:
             self._session.ask("run", again=False, name=scratch)
@@ -128,7 +132,9 @@ class Watch:
         if step is Step.STOP:
             return step
         self._prove_rest()
-        self._account()
+        # At rest, and at its own end: what the line is too slow for is not known, and no trouble.
+        with suppress(LinkError):
+            self._account()
         if self.state == "done" and self._sensed:
             self._settle(settle_s)
         return step
@@ -169,15 +175,18 @@ class Watch:
         self.state = status["state"]
         entry: Entry = Step.GO_ON
         if self._course is not None:
-            entry = self._course.see(self.state, self._moment_s())
+            entry = self._course.see(self.state, self._moment_s(), self._longest_s())
         self._under_way(status)
         self.completed = status.get("completed", 0)
         sample = self._sampled()
-        if self._course is not None and self._jumped_to(sample):
+        if self._jumped_to(sample):
             # A damaged digit, where no checksum tells, is not read twice.
             sample = self._sampled()
             if jump := self._jumped_to(sample):
-                return jump if isinstance(entry, Step) else entry
+                self._stop.doubted = True
+                entry = jump if isinstance(entry, Step) else entry
+                if self._course is not None:
+                    return entry
         self.position_u, self._sampled_s = sample.command_u, sample.time_s
         self.elapsed_s = self._session.port.now_s() - self._started_s
         self._samples.add(sample)
@@ -220,6 +229,10 @@ class Watch:
         at_rest = self.state not in UNDER_WAY
         line = self._line(self.statement)
         return Sample(self._moment_s(), line, command_u, seen_u, at_rest or not self._sensed)
+
+    def _longest_s(self) -> float:
+        """How long the run may have lasted at that moment: it may have begun when first told to."""
+        return self._session.moment_s - self._first_sent_s
 
     def _moment_s(self) -> float:
         """The time (s from the start of the run) at which the last statement was done."""
@@ -265,7 +278,7 @@ class Watch:
         if not self.begun:
             self._stop.precaution = True
             within_s = min(within_s, _PRECAUTION_S) if self._session.greeted else 0.0
-        self._course = None
+        course, self._course = self._course, None
         self._samples.hold()
         self._hold()
         self._session.give(within_s)
@@ -277,10 +290,12 @@ class Watch:
             tries -= 1
             with suppress(*_TRY_AGAIN):
                 self._confirm_stop()
+        if course is not None and not course.may_rest_in(self.state, self._longest_s()):
+            self._stop.doubted = True
         with suppress(*_TRY_AGAIN):
             if self._stop.rested and self.begun:
                 self._account()
-        return self._stop.rested
+        return self._stop.rested and not self._stop.doubted
 
     def _send_stop(self) -> None:
         """Send the stop without awaiting an answer; a failing trace cannot prevent it."""

@@ -310,3 +310,25 @@ def test_a_run_in_the_background_goes_on(controller, tmp_path, number):
         process.send_signal(signal.SIGINT)
         _, errors = told(process, controller)
     assert "keyboard" in errors
+
+
+@pytest.mark.parametrize("sink", ["gone", "/dev/full"])
+@pytest.mark.parametrize("more", [[], ["--json"], ["--out", "-"]])
+def test_trouble_is_told_whatever_standard_output_does(controller, tmp_path, sink, more):
+    (tmp_path / "P.CMD").write_text(TEXT)
+    read, write = os.pipe()
+    os.close(read)
+    out = write if sink == "gone" else os.open(sink, os.O_WRONLY)
+    command = [sys.executable, "-m", "mopro", "run", "P.CMD", "--port", controller.end.address,
+               "--baud", str(BAUD), *more]  # fmt: skip
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=out, stderr=subprocess.PIPE, text=True
+    ) as run:
+        assert controller.polled.wait(LIMIT_S)
+        run.send_signal(signal.SIGTERM)
+        _, errors = run.communicate(timeout=LIMIT_S)
+    for handle in {write, out}:
+        os.close(handle)
+    assert run.returncode != 0
+    assert "ended by SIGTERM" in errors
+    assert "both axes rest" in errors

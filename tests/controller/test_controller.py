@@ -234,3 +234,19 @@ def test_a_heartbeat_belongs_to_who_started_the_run():
             session.pause(0.4)
             state = session.one("status")["state"]
         assert state == "QUIET"
+
+
+def test_frames_of_one_who_does_not_know_the_number_keep_no_run_alive():
+    joined = bench()
+    session, station = joined.session, joined.station
+    station.store.write("SCRATCH", ["WT60000"])
+    session.ask("heartbeat", milliseconds=1000)
+    session.ask("run", name="SCRATCH")
+    check = session.dialect.check
+    now_s = session.port.now_s()
+    for nth in range(40):
+        number = (session._number + 50 + nth) % check.numbers
+        station.hear((check.wrap("SR", number) + "\r").encode(), now_s + 0.1 * nth)
+        station.say(now_s + 0.1 * nth)
+    station.device.move_on(now_s + 4.0)
+    assert station.device.state in ("silent", "stopping")

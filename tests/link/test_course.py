@@ -121,3 +121,58 @@ def test_a_controller_that_is_faster_by_its_own_word_is_in_time():
 
 def test_the_page_shows_the_table():
     assert "\n".join(rows()) in (ROOT / "docs" / "link.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("late_s", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_an_answer_to_the_start_that_comes_late_makes_no_end_early(dialect, late_s):
+    joined = bench(dialect)
+    injector, reply = joined.station.injector, joined.station.injector.reply
+
+    def late(data):
+        started = joined.station.device.state == "running" and not waited
+        if started:
+            waited.append(late_s)
+        return (late_s, data) if started else reply(data)
+
+    waited = []
+    injector.reply = late
+    assert (
+        joined.run(mopro.compile("UU012500/1\nVEL0 10.0\nACC0 0.1\nWT3000\n")).run.trouble is None
+    )
+    assert waited == [late_s]
+
+
+def test_an_answer_to_the_start_that_is_lost_makes_no_end_early():
+    joined = bench("checked")
+    injector, reply = joined.station.injector, joined.station.injector.reply
+
+    def lost(data):
+        first = joined.station.device.state == "running" and not dropped
+        dropped.extend([data] * first)
+        return (0.0, b"") if first else reply(data)
+
+    dropped = []
+    injector.reply = lost
+    assert (
+        joined.run(mopro.compile("UU012500/1\nVEL0 10.0\nACC0 0.1\nWT3000\n")).run.trouble is None
+    )
+    assert dropped
+
+
+@pytest.mark.parametrize("seed", [2, 5, 6])
+def test_a_stop_that_another_controller_heard_is_not_confirmed(seed):
+    done = trial("another controller", seed)
+    assert not done.failures
+    assert not done.begun or "NOT CONFIRMED" in done.told
+
+
+@pytest.mark.parametrize("baud", [300, 1200])
+def test_a_slow_line_has_time_to_tell_of_many_moves(baud):
+    moves = "MRI1 0.05\nWX1\nMRI1 -0.05\nWX1\n" * 10
+    language = load_dialect("checked")
+    language = replace(language, line=replace(language.line, baud=baud))
+    program = mopro.compile(f"UU012500/1\nVEL1 2.0\nACC1 0.1\n{moves}")
+    run = bench(language).run(program).run
+    assert run.trouble is None
+    assert len(run.moves) == 20

@@ -15,7 +15,7 @@ from mopro.cli.main import EXIT_FAILED
 from mopro.cli.motion.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.motion.live import live_run
 from mopro.cli.motion.recordings import recording_sink, replaces_recording
-from mopro.cli.motion.summary import Written, tell
+from mopro.cli.motion.summary import Written, tell, tell_trouble
 from mopro.cli.terminal.options import (
     STANDARD,
     OutputFile,
@@ -35,7 +35,7 @@ from mopro.cli.terminal.outputs import (
     page_bytes,
 )
 from mopro.cli.terminal.progress import in_motion, length_unit, simulated
-from mopro.cli.terminal.say import say
+from mopro.cli.terminal.say import say, say_if_taken
 
 if TYPE_CHECKING:
     from mopro.cli.motion.live import Live
@@ -167,11 +167,10 @@ def command(
             backend = _linked(outer, files, (port, dialect, baud, trace), plant, deadline, page)
             reporting = backend.signals.released_in_time()
         with simulated() if port is None else in_motion(length_unit(program, plant)) as told:
-            run = _recorded(backend, program, (for_s, settle_s), out, pictures, told)
-        with reporting:
-            run = _closed(files, run, page)
-            all_drawn = pictures.draw(backend.header(program), run, plant, machine)
-            tell(run, program, Written(out, replaces), for_s, as_json)
+            run = _recorded(backend, program, (for_s, settle_s), out, pictures, (told, reporting))
+        run = _closed(files, run, program, page)
+        all_drawn = pictures.draw(backend.header(program), run, plant, machine)
+        tell(run, program, Written(out, replaces), for_s, as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
@@ -231,7 +230,7 @@ def _linked(
         deadline_s=deadline_s,
         begun_s=begun_s,
         signals=signals,
-        warn=lambda text: say(f"warning: {text} [no-heartbeat]", err=True),
+        warn=lambda text: say_if_taken(f"warning: {text} [no-heartbeat]"),
         seen=page.see if page else lambda row: None,
         hold=session.port.hold if isinstance(session.port, TracedPort) else lambda: None,
     )
@@ -243,38 +242,46 @@ def _recorded(
     lasting_s: tuple[float | None, float],
     out: Path,
     pictures: _Pictures,
-    told: Told,
+    during: tuple[Told, AbstractContextManager[None]],
 ) -> Run:
     """The run of `program` on either back end, its recording in `out`.
 
     `lasting_s` limits the run, and states how long its settling is recorded. A controller's
-    run is reported even if its recording cannot be written.
+    run is reported even if its recording cannot be written. `during`: who is told of its
+    progress, and a context that is entered after it until the command ends. What went wrong is
+    told before anything else is written.
     """
-    from dataclasses import replace
-
     from mopro.errors import DataError
 
+    told, reporting = during
     header = backend.header(program)
     run = None
     try:
         with recording_sink(out, header, apart=header.clock == "host") as sink:
             run = backend.run(program, pictures.beside(sink), *lasting_s, told)
+            click.get_current_context().with_resource(reporting)
+            tell_trouble(program, run.trouble)
             sink.header, sink.run = header.after(run), run
     except DataError as error:
         if run is None or header.clock != "host":
             raise
-        lost = f"the run has ended, but its recording is lost: {error}"
-        return replace(run, trouble="\n".join(filter(None, (run.trouble, lost))))
+        return _worse(run, program, f"the run has ended, but its recording is lost: {error}")
     return run
 
 
-def _closed(files: ExitStack, run: Run, page: Live | None) -> Run:
+def _worse(run: Run, program: Program, trouble: str) -> Run:
+    """The run with more that went wrong, which is told."""
+    from dataclasses import replace
+
+    tell_trouble(program, trouble)
+    return replace(run, trouble="\n".join(filter(None, (run.trouble, trouble))))
+
+
+def _closed(files: ExitStack, run: Run, program: Program, page: Live | None) -> Run:
     """The run after its port and trace are closed, and its page told how it ended.
 
     A trace that has not been written whole is trouble.
     """
-    from dataclasses import replace
-
     from mopro.errors import DataError
 
     if page is not None:
@@ -282,7 +289,7 @@ def _closed(files: ExitStack, run: Run, page: Live | None) -> Run:
     try:
         files.close()
     except DataError as error:
-        run = replace(run, trouble="\n".join(filter(None, (run.trouble, str(error)))))
+        run = _worse(run, program, str(error))
     return run
 
 

@@ -29,8 +29,14 @@ class Written:
         return f"Recording: {self.out}" + (" (replaced the one before)" if self.replaced else "")
 
 
+def tell_trouble(program: Program, trouble: str | None) -> None:
+    """Print what went wrong with a run, if anything, to stderr."""
+    if trouble:
+        say(f"{program.source.name}: {trouble} [run-failed]", err=True)
+
+
 def tell(run: Run, program: Program, written: Written, for_s: float | None, as_json: bool) -> None:
-    """Print the summary to stdout, and warnings and findings to stderr.
+    """Print the summary to stdout, and findings to stderr; trouble has been told before.
 
     The summary goes to stderr if stdout has the recording.
     """
@@ -46,9 +52,7 @@ def tell(run: Run, program: Program, written: Written, for_s: float | None, as_j
         _print_moves(run.moves)
         say(outcome(run))
         say(str(written))
-    if run.trouble:
-        say(f"{program.source.name}: {run.trouble} [run-failed]", err=True)
-    elif not run.complete and run.trip is None:
+    if not run.trouble and not run.complete and run.trip is None:
         say(f"{program.source.name}: {_cut_text(run, for_s)}", err=True)
     for span, message, hint in stall_findings(run, program):
         finding = Diagnostic("stall", message, span, Severity.ERROR, hint)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import select
 import shutil
 import sys
 from contextlib import nullcontext, suppress
@@ -46,6 +47,14 @@ def say(text: str = "", err: bool = False, nl: bool = True) -> None:
         return
     with suppress(OSError):
         click.echo(visible(text), err=True, nl=nl)
+
+
+def say_if_taken(text: str) -> None:
+    """Write a short line to standard error, unless that would have to be waited for."""
+    if is_terminal(sys.stderr):
+        _written_at_once(f"{_ERASE}{visible(text)}\r\n")
+    elif not _can_be_asked(sys.stderr) or select.select([], [sys.stderr], [], 0)[1]:
+        say(text, err=True)
 
 
 def say_findings(text: str, err: bool = False) -> None:
@@ -94,7 +103,7 @@ def _written_at_once(text: str) -> bool:
     A terminal may be held (Ctrl-S) at any moment, so it is opened once more, as one that never
     blocks: the way it was opened is shared with other processes, and stays as it is.
     """
-    if not (_has_descriptor(sys.stderr) and hasattr(os, "ttyname")):  # Windows, or no terminal
+    if not _can_be_asked(sys.stderr):
         with suppress(OSError):
             sys.stderr.write(text)
             sys.stderr.flush()
@@ -113,9 +122,10 @@ def _written_at_once(text: str) -> bool:
     return True
 
 
-def _has_descriptor(stream: TextIO) -> bool:
+def _can_be_asked(stream: TextIO) -> bool:
+    """True for what this system can tell whether it takes text now: not on Windows."""
     try:
-        return stream.fileno() >= 0
+        return hasattr(os, "ttyname") and stream.fileno() >= 0
     except (OSError, ValueError, AttributeError):
         return False
 
