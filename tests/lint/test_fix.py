@@ -56,7 +56,8 @@ def test_every_rule_with_a_fix_check_has_a_fix_in_its_example():
 def test_fix_keeps_code_page_and_ctrl_z(lint, tmp_path):
     path = tmp_path / "old.CMD"
     path.write_bytes(b";\xc9\xcd\xbb\r\nVELO 1.0 ;\x80\r\n\x1ajunk\xff")
-    assert lint("--fix", path).returncode == 0
+    done = lint("--fix", path)
+    assert (done.returncode, done.stdout.count(b"[text-after-end]")) == (1, 1)
     assert path.read_bytes() == b";\xc9\xcd\xbb\r\nVEL0 1.0 ;\x80\r\n\x1ajunk\xff"
 
 

@@ -613,7 +613,8 @@ _TEXTS = (
     ),
     Parser(
         "formula",
-        ("mopro.formula",),
+        # Without `signals`: numba cannot compile what is instrumented.
+        ("mopro.formula.language", "mopro.formula.evaluate", "mopro.formula.dimension"),
         _formula,
         lambda: [b"A * sin(x)", b"lag(x, 1) + min(v, T)", b"x if v > 0 else -x ** 2"],
         _FORMULA,
