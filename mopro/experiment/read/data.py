@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import codecs
 import csv
-import io
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -181,10 +180,7 @@ def _from_recording(path: Path, name: str, wanted: Collection[str]) -> DataFile:
 
 
 def _opened(path: Path) -> TextIO:
-    """The text of a file: UTF-16 where it has the mark of that, else UTF-8."""
-    data = open(path, "rb")  # noqa: SIM115 (closed with the text)
-    wide = data.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-    return io.TextIOWrapper(data, "utf-16" if wide else "utf-8-sig", "replace", newline=None)
+    return open(path, encoding="utf-8-sig", errors="replace", newline=None)
 
 
 def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
