@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from mopro.noise import step_of
 from mopro.series import Floats
+
+# Readings in these are whole by their unit.
+_COUNTED = ("count", "step")
 
 
 def step_note(
@@ -11,8 +13,14 @@ def step_note(
 ) -> str | None:
     """The note on a sensor whose readings (n,) are all multiples of a step that is not stated.
 
-    None if a step is stated, or if the noise is larger than it, which hides the rounding.
+    None if a step is stated, if the unit is one, or if the noise is larger than it, which hides
+    the rounding.
     """
+    if unit in _COUNTED:
+        return None
+    # It brings SciPy's statistics, which take a third of a second.
+    from mopro.noise import step_of
+
     step = 0.0 if stated else step_of(values)
     if not step or (noise_rms is not None and noise_rms >= step):
         return None
