@@ -82,7 +82,7 @@ def words(verdict: Verdict) -> str:
 
 
 def column(case: Measured) -> str:
-    """What a column of the table is headed: the program, and the minutes of a cut run."""
+    """Heading of a column of the table: the program, and the minutes of a cut run."""
     cut = "" if case.cut_s is None else f" {case.cut_s // 600 * 10:.0f} min"
     return f"{Path(case.program).stem}{cut}"
 

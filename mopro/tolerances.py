@@ -33,7 +33,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What a sensor is known to within: standard uncertainties, 0 where it is exact.
+    """Stated standard uncertainties of a sensor, 0 where it is exact.
 
     `linearity`: of a reading at either end of the range, in the unit of the readings, beside the
     straight line of the stated gain. `gain` and `clock`: relative. `range`: the ends of the range,

@@ -190,7 +190,7 @@ class Verdict:
 
     @property
     def settings_alone(self) -> Settings:
-        """What was fitted, as it predicts where no draft is added: `after` is what it leaves."""
+        """The fitted settings to predict with where no draft is added."""
         return self.settings if self.without_drafts is None else self.without_drafts
 
     def predict(self, simulate: Simulate, data: Sequence[Series]) -> tuple[RunGap, ...]:

@@ -214,7 +214,7 @@ def _corrected(sets: Hypotheses, fit: Fit) -> tuple[Corrected, ...]:
 
 
 def _of_sensor(own: Corrected) -> Named:
-    """What a tolerance of a sensor comes to, as a correction of the model; its form is the sensor.
+    """A sensor's fitted tolerance as a correction of the model; its form is the sensor's name.
 
     Sizes that are known to within their own tolerance need no held-out part.
     """

@@ -55,7 +55,7 @@ class Opened(Protocol):
 
     @property
     def rows(self) -> KeptRows | None:
-        """What an import did with the rows of the log; None if no import wrote the experiment."""
+        """The ledger of the log's rows; None if no import wrote the experiment."""
         ...
 
     @property

@@ -192,7 +192,7 @@ def _suits(kind: str, signal: Signal) -> bool:
 
 
 def _inputs(kind: str, signals: Sequence[Signal]) -> list[Signal]:
-    """What drives a machine of a kind: efforts, or for want of them a commanded speed."""
+    """Signals that drive a machine of a kind: efforts, or for want of them a commanded speed."""
     if kind not in ("axis", "thermal"):
         return []
     inputs = [s for s in signals if s.role == "input"]

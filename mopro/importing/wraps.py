@@ -92,7 +92,7 @@ def _turns(steps: Floats, span: float) -> Floats:
 
 
 def _sizes(steps: Floats, jumps: Indices, span: float) -> Floats:
-    """What each jump is more than the mean step beside it, against its own direction."""
+    """Size of each jump beyond the mean step beside it, against its direction (signal's unit)."""
     own = steps - span * _turns(steps, span)
     padded = np.concatenate((own[1:2], own, own[-2:-1]))
     beside = (padded[jumps] + padded[jumps + 2]) / 2

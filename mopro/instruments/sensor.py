@@ -34,7 +34,7 @@ class Sensor:
 
     @property
     def tolerances(self) -> Tolerances:
-        """What the sensor is known to within."""
+        """The stated standard uncertainties of the sensor."""
         return Tolerances(self.linearity, self.gain_tolerance, self.clock_tolerance, self.range)
 
     @property

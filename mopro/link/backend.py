@@ -183,7 +183,7 @@ class SerialBackend:
         return self._account(CAUSES.get(watch.state, "") if unasked else "", watch)
 
     def _awaited(self, schedule: Schedule) -> Awaited:
-        """What ends the run of `schedule`."""
+        """The end that the run of `schedule` is to have."""
         if schedule.complete:
             return Awaited.PROGRAM
         return Awaited.CUT if self.session.dialect.knows("run_for") else Awaited.HOST

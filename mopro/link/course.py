@@ -17,7 +17,7 @@ UNDER_WAY = ("running", "stopping")
 
 
 class Awaited(Enum):
-    """What ends a run as it was asked for."""
+    """The end of a run as it was asked for."""
 
     PROGRAM = "the program's end"
     CUT = "the controller's own cut (`run_for`)"
@@ -25,7 +25,7 @@ class Awaited(Enum):
 
 
 class Step(Enum):
-    """What the host does next; every other entry of the table is trouble, in words."""
+    """The next act of the host; every other entry of the table is trouble, in words."""
 
     GO_ON = "go on"
     # To be seen once more, not before the planned end.
@@ -37,14 +37,13 @@ Entry = Step | str
 
 
 class Contradiction(LinkError):
-    """What the controller says does not belong to this run, or ends it otherwise than asked for."""
+    """A state or a position that does not belong to this run, or that ends it unasked."""
 
     rule = "contradiction"
 
 
-# Two clocks of ceramic resonators differ by less than 1 %; halved or doubled, no run of
-# `bench/endings.py` or `bench/link_campaign.py` ends otherwise.
-CLOCKS_APART = 0.02
+# Assumed: both clocks are ceramic resonators or better, which are off by less than 1 % each.
+_CLOCKS_APART = 0.02
 # The start and the state are each known to within an answer on a slow line.
 _ANSWERS_S = 0.1
 
@@ -101,15 +100,15 @@ class Course:
     def __init__(self, awaited: Awaited, due_s: float) -> None:
         self._awaited = awaited
         self._due_s = due_s
-        self._earliest_s = due_s * (1 - CLOCKS_APART) - _ANSWERS_S
+        self._earliest_s = due_s * (1 - _CLOCKS_APART) - _ANSWERS_S
         self._state = "running"
         # When the present state, or the braking that led to it, was first seen.
         self._since_s = 0.0
 
     def see(self, state: str, at_s: float, most_s: float | None = None) -> Entry:
-        """What follows from `state`, seen `at_s` after the start: a step, or trouble in words.
+        """The entry for `state`, seen `at_s` seconds after the start: a step, or trouble in words.
 
-        `most_s` is how long ago the run may have begun, where its answer came late.
+        `most_s` (s) is how long ago the run may have begun, where its answer came late.
         """
         if trouble := contradiction(self._state, state):
             return trouble

@@ -131,6 +131,8 @@ class Session:
                 self._wait_while_busy(busy)
             except Damaged:
                 heard += bytes(self._held)
+                # Whatever still answers this greeting comes when nobody waits for it any more.
+                self._given_up = True
                 tries -= 1
         raise self._unknown_peer(heard)
 
@@ -147,6 +149,7 @@ class Session:
     def _unknown_peer(self, heard: bytes) -> LinkError:
         """The error for a peer that sent `heard` and is no controller of this dialect."""
         name = self.dialect.name
+        self._look_for_late(heard)
         if self._late:
             return LinkError(self._too_late(), "late-answer")
         if not heard:
@@ -409,8 +412,6 @@ class Session:
 
     def _look_for_late(self, data: bytes) -> None:
         """Notice an answer in bytes that nobody waits for any more."""
-        if self._prompt:
-            data = data.replace(self._prompt, b"")
         lines = data.split(self._reply_end)
         self._late = self._late or any(self._is_late(line.decode("latin-1")) for line in lines)
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import errno
-import io
 import re
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, suppress
 from socket import gaierror
 from typing import Any, Protocol, TextIO
 
@@ -172,7 +171,7 @@ def _port_error(url: str, error: Exception) -> PortError:
 
 
 def _why(url: str, number: int | None, error: Exception) -> str:
-    """What keeps a port from being opened, and what to do."""
+    """The reason why a port cannot be opened, and what to do, in words."""
     scheme, found, rest = url.partition("://")
     if not found:
         return _OF_A_DEVICE.get(number or 0, f"it is no serial port: {_DEVICE}")
@@ -208,23 +207,23 @@ def available_ports() -> list[tuple[str, str]]:
 class TracedPort:
     """A port that logs every byte with its time, as text and in hexadecimal.
 
-    `log` is an open text file, or a context that opens one and closes it; `name` is what a person
-    calls it. Bytes are sent before they are logged, and nobody waits for the log. One that cannot
-    be written raises one DataError, and ends.
+    `log` is a context that opens a text file and closes it, as a file is itself; `name` is that of
+    the file, unless it has one. Bytes are sent before they are logged, and nobody waits for the
+    log. One that cannot be written raises one DataError, and ends.
     """
 
     def __init__(
         self,
         port: Port,
-        log: TextIO | AbstractContextManager[TextIO],
+        log: AbstractContextManager[TextIO],
         note: Callable[[], str] = lambda: "",
-        name: str | None = None,
+        name: str = "the log",
     ) -> None:
         self._port = port
         self._start_s = port.now_s()
-        opened = nullcontext(log) if isinstance(log, io.TextIOBase) else log
-        title = f"{name or getattr(log, 'name', 'the log')}: the trace"
-        self._writer: Writer[TextIO] | None = Writer(title, opened)
+        self._writer: Writer[TextIO] | None = Writer(
+            f"{getattr(log, 'name', name)}: the trace", log
+        )
         self._write_log(
             "# seconds from opening; > to the controller, < from it; hexadecimal; text\n" + note()
         )

@@ -1,4 +1,4 @@
-"""Files that are not read as logs: what they are by their first bytes, and what to do."""
+"""Kinds of files that are not read as logs, by their first bytes, and what to do with each."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def refuse_foreign(path: Path) -> bytes:
 
 
 def kind_of(head: bytes, path: Path) -> tuple[str, str] | None:
-    """What a file is by its first bytes, and what to do; None for a text of rows."""
+    """Kind of a file by its first bytes, and what to do; None for a text of rows."""
     for beginning, kind, advice in _BEGINNINGS:
         if head.startswith(beginning):
             return kind, advice

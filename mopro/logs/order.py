@@ -53,7 +53,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Habits:
-    """What is known of a clock: its name, seconds of one unit of its column, if it tells dates."""
+    """Known traits of a clock: its name, seconds of one unit of its column, if it tells dates."""
 
     name: str
     unit_s: float

@@ -1,4 +1,4 @@
-"""What stands in a cell: a number, however written, a list of numbers, a stamp, or a word."""
+"""Kinds of cells: numbers, however written, lists of numbers, stamps and words."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class Calibration:
 
 
 def _read(series: Series, predicted: Floats) -> Floats:
-    """What an exact sensor would read where the model is, with the zero that the readings have.
+    """Readings (n,) of an exact sensor at the model's prediction, with the zero of the readings.
 
     A prediction has no noise and no wild samples; where it is not finite, the readings stand for
     it.

@@ -187,7 +187,7 @@ class Residuals:
         return residual if self._marginal is None else self._marginal.white(residual)
 
     def corrected(self, residual: Floats, jacobian: Floats) -> tuple[Corrected, ...]:
-        """What the tolerances of the sensors come to, by a residual of this problem (samples).
+        """Fitted tolerances of the sensors, by a residual of this problem (samples).
 
         `jacobian` (samples x numbers): of the numbers that were fitted beside them.
         """

@@ -226,7 +226,7 @@ def slow(dialect, delay_s, opening):
 @pytest.mark.parametrize(
     ("dialect", "delay_s"),
     [
-        *(("plain", d) for d in (2.3, 3.1, 4.2)),
+        *(("plain", d) for d in (1.6, 2.3, 3.1, 4.2)),
         *(("checked", d) for d in (1.6, 2.3, 3.1, 5.5)),
     ],
 )

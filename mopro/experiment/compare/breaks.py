@@ -1,4 +1,4 @@
-"""Where a series has no readings: times at which it is drawn, so that a gap stays a gap."""
+"""Gaps of a series, and the times at which it is drawn so that they stay gaps."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def _values_words(effect: Named) -> str:
 
 
 def _sensor_words(own: Named) -> str:
-    """What of which sensor was corrected."""
+    """The corrected quantity of a sensor, such as `linearity of lvdt`."""
     return f"{_OF_SENSORS.get(own.name, own.name)} of {own.form}"
 
 

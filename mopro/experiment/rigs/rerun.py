@@ -63,7 +63,7 @@ def _alike(study: Study, one: Sequence[Floats], other: Sequence[Floats]) -> bool
 
 
 def _missing(rig: Rig, written: Rig, settings: Settings) -> Iterator[str]:
-    """What is not in the file as it was fitted, and how to state it."""
+    """Numbers and effects that the file lacks, or has otherwise than fitted; how to state each."""
     for name, number in rig.numbers.items():
         own = settings.get(name if corrects(rig, name) else BASE, {}).get(name, number.value)
         if not math.isclose(written.numbers[name].value, own, rel_tol=_ROUNDING):
