@@ -55,12 +55,13 @@ def test_compiling_loads_nothing_heavy(heavy):
     assert run(sys.executable, "-c", code).strip() == "False"
 
 
-def test_running_loads_neither_compiler_nor_plotter_nor_pandas(tmp_path):
+def test_an_emulated_run_loads_neither_compiler_nor_plotter_nor_link(tmp_path):
     code = (
         "import sys; from mopro.cli.main import group\n"
         f"group(['run', {str(ROOT / 'programs' / 'LVDT3.CMD')!r}, '--emulate'], "
         "standalone_mode=False)\n"
-        "print([m for m in ('numba', 'matplotlib', 'pandas', 'scipy') if m in sys.modules])"
+        "heavy = ('numba', 'matplotlib', 'pandas', 'scipy', 'serial')\n"
+        "print([m for m in heavy if m in sys.modules])"
     )
     assert run(sys.executable, "-c", code, cwd=tmp_path).splitlines()[-1] == "[]"
 

@@ -12,7 +12,6 @@ import click
 from mopro.cli.terminal.outputs import DrawingSink
 from mopro.cli.terminal.say import say
 from mopro.errors import DataError
-from mopro.link.writer import Writer
 
 if TYPE_CHECKING:
     from mopro.controller import Station
@@ -34,6 +33,8 @@ class Live:
     """A live page: what it shows of the run, and the signals that its button is one of."""
 
     def __init__(self, run: LiveRun, signals: Signals) -> None:
+        from mopro.link.writer import Writer
+
         self.signals = signals
         self._feed = run.feed
         self._drawing = DrawingSink(run)
