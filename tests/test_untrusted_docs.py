@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from helpers.attacks import ATTACKS, files_of
 from helpers.paths import ROOT
 from mopro.controller import device, station, store
 from mopro.controller.tcp import IDLE_S
@@ -96,6 +97,21 @@ def test_the_tests_that_the_page_names_are_there():
     named = re.findall(r"`([\w/]+\.py)`", text)
     assert len(named) > 10
     assert [name for name in named if not (ROOT / "tests" / name).is_file()] == []
+
+
+def test_the_table_of_attacks_is_that_of_the_bench():
+    text = (ROOT / "docs" / "untrusted.md").read_text("utf-8")
+    tried = text.partition("\n## Tried\n")[2].partition("\n## ")[0]
+    rows = [line.strip("| ").split(" | ") for line in tried.splitlines() if line.startswith("| ")]
+    shown = {attack: re.findall(r"`([\w/]+\.py)`", files) for attack, files, *_ in rows[1:]}
+    assert shown == {attack: files_of(attack) for attack in ATTACKS}
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_each_test_of_an_attack_is_there(attack):
+    for name in ATTACKS[attack]:
+        file, _, begins = name.partition("::")
+        assert f"def {begins.partition('[')[0]}" in (ROOT / "tests" / file).read_text("utf-8")
 
 
 @pytest.mark.parametrize(("name", "bounds"), BOUNDS)
