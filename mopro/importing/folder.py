@@ -15,6 +15,7 @@ from mopro.importing.agreement import agreement
 from mopro.importing.propose import Proposal, Wishes, propose
 from mopro.importing.roles import Chosen, Signal, signals_of, stated_unit
 from mopro.importing.runs import file_of, ledger_of, recordings_of, run_of, told
+from mopro.importing.stuck import stuck_in
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
 from mopro.importing.wraps import unwrapped
 from mopro.logs import Asked, Decision, Log, Rows, read_log
@@ -58,6 +59,9 @@ def import_logs(
     others = [_aligned(_unwrapped(_signals(own, wishes, []), []), []) for own in recordings]
     runs = [run_of(proposal, own) for own in others]
     runs[longest] = proposal
+    for nth, run in enumerate(runs):
+        where = f" of recording {nth + 1}" if len(runs) > 1 else ""
+        decisions += stuck_in(run, where, own_noise=nth == longest)
     rows = ledger_of(logs, runs)
     decisions.append(told(rows))
     files = tuple(folder / name for name in _names(proposal, len(runs)))
