@@ -12,6 +12,7 @@ from mopro.formula import dimension_of_unit
 from mopro.importing.agreement import Agreement, agreement
 from mopro.importing.roles import Floats, Signal
 from mopro.logs import Decision
+from mopro.logs.names import is_command
 from mopro.noise import NoiseReport, TooShort, level_between, report, step_of, stuck_of
 
 KINDS = ("kinematic", "axis", "thermal", "sawyer")
@@ -114,10 +115,11 @@ def _places_in_volts(signals: Sequence[Signal], wishes: Wishes) -> list[Signal]:
 
 def _nothing_measured(source: str, kind: str, signals: Sequence[Signal]) -> DataError:
     message = f"{source}: no column is a measurement for a machine of kind {kind}"
-    bare = next((s.raw for s in signals if s.unit is None and not s.stands), None)
+    bare = [s.raw for s in signals if s.unit is None and not s.stands]
+    bare = [raw for raw in bare if not is_command(raw)] or bare
     hint = "name one with --measured COLUMN"
-    if bare is not None:
-        hint += f", and state its unit, such as --measured {bare} --unit {bare}=mm"
+    if bare:
+        hint += f", and state its unit, such as --measured {bare[0]} --unit {bare[0]}=mm"
     return DataError(f"{message}; {hint}", "which-columns")
 
 

@@ -16,7 +16,7 @@ from mopro.logs.log import Decision
 from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span
 from mopro.logs.table import MOST_ROWS, Table
 from mopro.logs.tidy import DOS_END, Tidied, tidied
-from mopro.logs.written import MISSING, as_number, is_number
+from mopro.logs.written import MISSING, as_number, is_grouped, is_number
 from mopro.source import Span
 
 _MOST_FAULTS = 50
@@ -224,8 +224,7 @@ class _Reader:
             return array, []
         hint = "an empty cell stands for a missing reading, as do words given with --missing"
         return values, [
-            self._cell(nth, row, f"'{words[row][:40]}' is no number", lines, hint)
-            for row in bad[:_MOST_FAULTS]
+            self._cell(nth, row, _fault_of(words[row]), lines, hint) for row in bad[:_MOST_FAULTS]
         ]
 
     def _infinite(
@@ -267,6 +266,12 @@ class _Reader:
     def _fault(self, rule: str, message: str, line: int) -> DataFileError:
         span = Span(line, 1, max(2, len(self._source.line(line)) + 1))
         return DataFileError(self._source, [Diagnostic(rule, message, span)])
+
+
+def _fault_of(word: str) -> str:
+    if is_grouped(word.strip()):
+        return f"'{word}' groups its digits by thousands"
+    return f"'{word[:40]}' is no number"
 
 
 def _rows_of(path: Path, layout: Layout) -> NDArray[np.int64]:
