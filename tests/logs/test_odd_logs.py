@@ -86,6 +86,21 @@ def test_an_array_of_an_npz_that_claims_what_it_has_not(tmp_path):
     assert caught.value.rule == "too-long"
 
 
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+def test_messages_of_ros_are_named_with_what_to_do(tmp_path, encoding):
+    with open(tmp_path / "a.mcap", "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("sensor_msgs/JointState", "ros2msg", b"float64[] position")
+        channel = writer.register_channel("/joint_states", encoding, schema)
+        for n in range(20):
+            writer.add_message(channel, n, bytes(40), 0)
+        writer.finish()
+    words = r"/joint_states \((cdr|ros1)\): messages of ROS; export the topic as CSV"
+    with pytest.raises(DataError, match=words):
+        read_log(tmp_path / "a.mcap")
+
+
 def test_an_mcap_message_beyond_all_times(tmp_path):
     with open(tmp_path / "a.mcap", "wb") as file:
         writer = Writer(file)
