@@ -140,6 +140,13 @@ def agreement(
     return Agreement(delay, interval, scale, offset, correlation, step)
 
 
+def followed(
+    found: Agreement, command_s: Floats, command: Floats, times_s: Floats, held: bool
+) -> Floats:
+    """The readings at `times_s` that the relation gives for a command."""
+    return found.scale * _at(times_s - found.delay_s, command_s, command, held) + found.offset
+
+
 def _grid(command_s: Floats, measured_s: Floats) -> Floats:
     """Regular times over both columns, as close as the measured ones, at most _MOST_POINTS.
 

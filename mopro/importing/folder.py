@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,9 +16,10 @@ from mopro.importing.agreement import agreement
 from mopro.importing.propose import Proposal, Wishes, propose
 from mopro.importing.roles import Chosen, Signal, signals_of, stated_unit
 from mopro.importing.runs import file_of, ledger_of, recordings_of, run_of, told
+from mopro.importing.stuck import stuck_in
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
 from mopro.importing.wraps import unwrapped
-from mopro.logs import Asked, Decision, Log, Rows, read_log
+from mopro.logs import Asked, Column, Decision, Log, Rows, read_log
 from mopro.logs.spacing import spacing_of
 
 Floats = NDArray[np.float64]
@@ -25,6 +27,8 @@ Floats = NDArray[np.float64]
 # Seconds since 1970: an earlier first stamp is a time of the log's own.
 _FIRST_DATE_S = 1e8
 _LATEST_START_S = 1.0
+# Steps of different size of even stamps that were rounded, see _one_clock.
+_STEPS_OF_EVEN = 3
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,8 @@ def import_logs(
     Raises DataError where a log cannot be read or does not say what it is about, and where
     a file would be overwritten: before anything is written.
     """
-    logs = [_with_units(read_log(path, asked), wishes.units) for path in paths]
+    logs = _told_apart([read_log(path, asked) for path in paths], paths)
+    logs = [_with_units(log, wishes.units) for log in logs]
     decisions: list[Decision] = [d for log in logs for d in log.decisions]
     recordings = recordings_of(logs)
     # The longest recording tells most about the columns.
@@ -58,6 +63,9 @@ def import_logs(
     others = [_aligned(_unwrapped(_signals(own, wishes, []), []), []) for own in recordings]
     runs = [run_of(proposal, own) for own in others]
     runs[longest] = proposal
+    for nth, run in enumerate(runs):
+        where = f" of recording {nth + 1}" if len(runs) > 1 else ""
+        decisions += stuck_in(run, where, own_noise=nth == longest)
     rows = ledger_of(logs, runs)
     decisions.append(told(rows))
     files = tuple(folder / name for name in _names(proposal, len(runs)))
@@ -87,6 +95,21 @@ def _keep(files: Sequence[Path]) -> None:
 
 
 # -- signals ------------------------------------------------------------------------------
+
+
+def _told_apart(logs: Sequence[Log], paths: Sequence[Path]) -> list[Log]:
+    """The logs; a column whose heading others have as well is named with its file before it."""
+    stems = [path.stem for path in paths]
+    stems = [f"log{n}" for n, _ in enumerate(stems, 1)] if len(set(stems)) < len(stems) else stems
+    often = Counter(column.raw for log in logs for column in log.columns)
+
+    def named(column: Column, stem: str) -> Column:
+        return replace(column, raw=f"{stem}:{column.raw}") if often[column.raw] > 1 else column
+
+    return [
+        replace(log, columns=tuple(named(column, stem) for column in log.columns))
+        for log, stem in zip(logs, stems, strict=True)
+    ]
 
 
 def _with_units(log: Log, units: Mapping[str, str]) -> Log:
@@ -173,6 +196,10 @@ def _own(clock: str) -> str:
 def _offset(other: Signal, measured: Signal, decisions: list[Decision]) -> float:
     """Seconds to add to the times of `other`; 0 where the two do not follow each other."""
     subject = f"clock {_own(other.clock)} of {other.raw}"
+    if _one_clock(other.time_s, measured.time_s):
+        reason = f"its stamps are those of {measured.raw}, and no two clocks have the same jitter"
+        decisions.append(Decision(subject, "not shifted", reason))
+        return 0.0
     found = agreement(*other.present, *measured.present, other.held)
     if found is None or not found.related:
         reason = f"{measured.raw} does not follow it"
@@ -185,6 +212,17 @@ def _offset(other: Signal, measured: Signal, decisions: list[Decision]) -> float
     reason = f"offset to the clock of {measured.raw} by cross-correlation: {interval}"
     decisions.append(Decision(subject, f"shifted by {found.delay_s:.6g} s", reason, check=True))
     return found.delay_s
+
+
+def _one_clock(one: Floats, other: Floats) -> bool:
+    """True if the stamps of one are among those of the other, and are no even ones.
+
+    Even ones have two steps that differ, however they are rounded, and three with a missing row.
+    """
+    shorter, longer = sorted((one, other), key=len)
+    shorter, longer = np.round(shorter, 9), np.round(longer, 9)
+    uneven = len(np.unique(np.round(np.diff(shorter), 9))) > _STEPS_OF_EVEN
+    return uneven and bool(np.isin(shorter, longer).all())
 
 
 def _tell_sampling(signals: Sequence[Signal], decisions: list[Decision]) -> None:

@@ -12,6 +12,7 @@ from mopro.formula import dimension_of_unit
 from mopro.importing.agreement import Agreement, agreement
 from mopro.importing.roles import Floats, Signal
 from mopro.logs import Decision
+from mopro.logs.names import is_command
 from mopro.noise import NoiseReport, TooShort, level_between, report, step_of, stuck_of
 
 KINDS = ("kinematic", "axis", "thermal", "sawyer")
@@ -38,13 +39,15 @@ class Noise:
     """Noise of a sensor to state: a report, or why there is none.
 
     Without a report `step` is the converter's, and `between` the level that readings of a smooth
-    motion leave between neighbours; 0 if there is none.
+    motion leave between neighbours; 0 if there is none. `stuck` are index ranges of readings that
+    do not change as the others do.
     """
 
     found: NoiseReport | None
     reason: str
     step: float = 0.0
     between: float = 0.0
+    stuck: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ def propose(source: str, signals: Sequence[Signal], wishes: Wishes) -> Proposal:
     unused = tuple(_unused(s, sensors) for s in signals if s.label not in used)
     relations = {} if command is None else _relations(command, sensors)
     decisions = (Decision("kind of machine", kind, reason), *_moves(command))
-    noises = {sensor.label: _noise(sensor) for sensor in sensors}
+    noises = {sensor.label: noise_of(sensor) for sensor in sensors}
     return Proposal(
         kind, command, tuple(inputs), tuple(sensors), unused, noises, relations, decisions
     )
@@ -112,10 +115,11 @@ def _places_in_volts(signals: Sequence[Signal], wishes: Wishes) -> list[Signal]:
 
 def _nothing_measured(source: str, kind: str, signals: Sequence[Signal]) -> DataError:
     message = f"{source}: no column is a measurement for a machine of kind {kind}"
-    bare = next((s.raw for s in signals if s.unit is None and not s.stands), None)
+    bare = [s.raw for s in signals if s.unit is None and not s.stands]
+    bare = [raw for raw in bare if not is_command(raw)] or bare
     hint = "name one with --measured COLUMN"
-    if bare is not None:
-        hint += f", and state its unit, such as --measured {bare} --unit {bare}=mm"
+    if bare:
+        hint += f", and state its unit, such as --measured {bare[0]} --unit {bare[0]}=mm"
     return DataError(f"{message}; {hint}", "which-columns")
 
 
@@ -224,10 +228,11 @@ def _relations(command: Signal, sensors: Sequence[Signal]) -> dict[str, Agreemen
     return relations
 
 
-def _noise(sensor: Signal) -> Noise:
+def noise_of(sensor: Signal) -> Noise:
+    """The noise of a sensor to state."""
     times, values = sensor.present
     try:
-        found = _report(times, values)
+        found, stuck = _report(times, values)
     except TooShort as error:
         return Noise(None, str(error), step_of(values), level_between(values))
     if found.wanders:
@@ -236,13 +241,14 @@ def _noise(sensor: Signal) -> Noise:
     stretches = len(found.stretches)
     low, high = found.rms.low, found.rms.high
     where = f"{found.readings} readings in {stretches} standstill{'s' if stretches > 1 else ''}"
-    return Noise(found, f"{where}, 95 %: {low:.3g} to {high:.3g}")
+    return Noise(found, f"{where}, 95 %: {low:.3g} to {high:.3g}", stuck=stuck)
 
 
-def _report(times: Floats, values: Floats) -> NoiseReport:
-    """The noise at standstill; where that is a stuck sensor's, that of the other readings."""
+def _report(times: Floats, values: Floats) -> tuple[NoiseReport, tuple[tuple[int, int], ...]]:
+    """The noise at standstill, without stretches that are stuck, and these."""
     try:
-        return report(times, values)
+        found = report(times, values)
+        return found, found.stuck
     except TooShort:
         stuck = stuck_of(values)
         kept = np.ones(len(values), dtype=bool)
@@ -250,7 +256,8 @@ def _report(times: Floats, values: Floats) -> NoiseReport:
             kept[start:end] = False
         if not stuck or not kept.any():
             raise
-        return report(times[kept], values[kept])
+        found = report(times[kept], values[kept])
+        return found, () if found.hidden else tuple(stuck)
 
 
 def _moves(command: Signal | None) -> list[Decision]:

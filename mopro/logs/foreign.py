@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import zipfile
+import zlib
 from pathlib import Path
 
 from mopro.errors import DataError
@@ -12,7 +13,6 @@ _HEAD_BYTES = 1 << 16
 _EXPORT = "export it as CSV"
 # First bytes -> what the file is, what to do.
 _BEGINNINGS: tuple[tuple[bytes, str, str], ...] = (
-    (b"\x1f\x8b", "a gzip archive", "unpack it with gunzip"),
     (b"BZh", "a bzip2 archive", "unpack it with bunzip2"),
     (b"\xfd7zXZ\0", "an xz archive", "unpack it with unxz"),
     (b"\x28\xb5\x2f\xfd", "a Zstandard archive", "unpack it with unzstd"),
@@ -43,6 +43,10 @@ _BEGINNINGS: tuple[tuple[bytes, str, str], ...] = (
     (b"<!DOCTYPE", "an HTML page", "save the table as CSV"),
     (b"<html", "an HTML page", "save the table as CSV"),
 )  # fmt: skip
+_COLUMNS = "write a column for each number, as CSV or Parquet"
+_GZIP = b"\x1f\x8b"
+# Klipper ends each of its messages so.
+_KLIPPER_END = b"\x03"
 _SQLITE, _ZIP = b"SQLite format 3\0", b"PK\x03\x04"
 _PICKLE = re.compile(rb"\x80[\x02-\x05][\x95\]}\x8c(cX\x88K]")
 _JSON = re.compile(rb"\s*(?:\[\s*)?[\[{]\s*[\"\[\]{}\d-]")
@@ -89,9 +93,27 @@ def kind_of(head: bytes, path: Path) -> tuple[str, str] | None:
         return _archive(path)
     if _PICKLE.match(head):
         return "a pickle of Python, which could run code", "write it as CSV or Parquet"
+    if head.startswith(_GZIP):
+        return _capture(_unpacked(head)) or ("a gzip archive", "unpack it with gunzip")
     if _JSON.match(head):
-        return "a JSON file", "write a column for each number, as CSV or Parquet"
+        return _capture(head) or ("a JSON file", _COLUMNS)
     return None
+
+
+def _unpacked(head: bytes) -> bytes:
+    """The beginning of what a gzip archive has in it; nothing if it is damaged."""
+    try:
+        return zlib.decompressobj(wbits=31).decompress(head, _HEAD_BYTES)
+    except zlib.error:
+        return b""
+
+
+def _capture(head: bytes) -> tuple[str, str] | None:
+    """Messages in JSON that Klipper's motan recorded."""
+    if not (_JSON.match(head) and _KLIPPER_END in head):
+        return None
+    advice = f"{_COLUMNS}, for example with readlog.py of klipper/scripts/motan"
+    return "a capture of Klipper's motan", advice
 
 
 def _database(head: bytes) -> tuple[str, str]:

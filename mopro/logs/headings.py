@@ -13,6 +13,8 @@ from mopro.source import Span
 
 # Rows of data that are looked at.
 SAMPLE_ROWS = 200
+# Lines of pairs above the rows from which they are those of TwinCAT's Scope.
+_FEWEST_FACTS = 2
 _REMARKS = frozenset({"comment", "remark", "note", "annotation", "bemerkung", "kommentar"})
 
 
@@ -58,6 +60,8 @@ class Headings:
 def headings_of(
     rows: list[list[str]], source: LogSource, first: int, width: int, headless: bool
 ) -> Headings:
+    if (paired := _paired(rows[:first], width)) is not None:
+        return paired
     sample = [row for row in rows[first : first + SAMPLE_ROWS] if len(row) == width]
     # A comma behind each row makes a column without cells.
     filled = max(n + 1 for row in sample for n, cell in enumerate(row) if cell)
@@ -81,6 +85,27 @@ def headings_of(
     line = above[-1] + 1
     names = _named(fits[above[-1]], source, line)
     return Headings(names, units, line, tuple(rows[above[-1]][:width]), extra)
+
+
+def _paired(above: list[list[str]], width: int) -> Headings | None:
+    """Headings of TwinCAT's Scope: a pair of a key and a value above each pair of time and column.
+
+    Its times are in ms. None where no such line has the names.
+    """
+    facts = {
+        row[0].lower(): (n + 1, row)
+        for n, row in enumerate(above)
+        if len(row) == width and width % 2 == 0 and row[0] and set(row[::2]) == {row[0]}
+    }
+    line, row = facts.get("name") or facts.get("symbolname") or (0, [])
+    names = row[1::2]
+    if not names or not all(names) or len(set(names)) < len(names) or len(facts) < _FEWEST_FACTS:
+        return None
+    _, stated = facts.get("unit") or (0, [""] * width)
+    columns = [cell for name in names for cell in (f"{name} time", name)]
+    units = [cell for unit in stated[1::2] for cell in ("ms", unit)]
+    told = Decision("headings", f"those of line {line}, times in ms", "TwinCAT's Scope wrote them")
+    return Headings(tuple(columns), tuple(units), line, tuple(row), (told,))
 
 
 def _named(cells: list[str], source: LogSource, line: int) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import re
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,8 @@ from mopro.logs.layout import Layout, layout_of
 from mopro.logs.log import Decision
 from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span
 from mopro.logs.table import MOST_ROWS, Table
-from mopro.logs.tidy import Tidied, tidied
-from mopro.logs.written import MISSING, as_number, is_number
+from mopro.logs.tidy import DOS_END, Tidied, tidied
+from mopro.logs.written import MISSING, as_number, is_grouped, is_number
 from mopro.source import Span
 
 _MOST_FAULTS = 50
@@ -39,14 +40,21 @@ def read_text(
     """
     layout = layout_of(path, name, headless)
     source = LogSource(name, "", layout.encoding, path=path)
+    tidy = tidied(path, layout) if _has_end(path) else None
     try:
-        return _Reader(path, source, layout, missing).table()
+        return _Reader(path, source, layout, missing, tidy).table()
     except DataFileError:
         # Lines between the rows are looked for where the file is no plain table: it takes longer.
-        tidy = tidied(path, layout)
+        tidy = None if tidy else tidied(path, layout)
         if tidy is None:
             raise
     return _Reader(path, source, layout, missing, tidy).table()
+
+
+def _has_end(path: Path) -> bool:
+    """True if the file has the byte of a Ctrl-Z somewhere."""
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        return data.find(DOS_END.encode("ascii")) >= 0
 
 
 class _Reader:
@@ -216,8 +224,7 @@ class _Reader:
             return array, []
         hint = "an empty cell stands for a missing reading, as do words given with --missing"
         return values, [
-            self._cell(nth, row, f"'{words[row][:40]}' is no number", lines, hint)
-            for row in bad[:_MOST_FAULTS]
+            self._cell(nth, row, _fault_of(words[row]), lines, hint) for row in bad[:_MOST_FAULTS]
         ]
 
     def _infinite(
@@ -261,6 +268,12 @@ class _Reader:
         return DataFileError(self._source, [Diagnostic(rule, message, span)])
 
 
+def _fault_of(word: str) -> str:
+    if is_grouped(word.strip()):
+        return f"'{word}' groups its digits by thousands"
+    return f"'{word[:40]}' is no number"
+
+
 def _rows_of(path: Path, layout: Layout) -> NDArray[np.int64]:
     """Numbers of the lines of data that are not blank."""
     # Of the other encodings each character that ends a line, or is blank, is one byte.
@@ -275,5 +288,5 @@ def _last_line(path: Path, encoding: str) -> tuple[int, str]:
     number, last = 0, ""
     with open(path, encoding=encoding, errors="replace") as file:
         for number, line in enumerate(file, start=1):  # noqa: B007 (the last one is used)
-            last = line if line.strip() else last
+            last = line if line.strip(_BLANKS + DOS_END) else last
     return number, last[:MOST_CHARACTERS]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,9 @@ from mopro.logs.written import MISSING, holds_data, is_word
 
 NOTE = "notes between the rows, no rows of the table"
 HEADING = "headings again"
+# Ends a text under DOS; files that DOS joined have it in their middle.
+DOS_END = "\x1a"
+_MOST_TOLD = 5
 _STARTS = frozenset("0123456789+-.")
 
 
@@ -45,22 +49,29 @@ class _Tidying:
         self._count = {NOTE: 0, HEADING: 0}
         self._first = {NOTE: 0, HEADING: 0}
         self._remarks = 0
+        # The line of each Ctrl-Z, and the first line that has text behind it.
+        self._ends: list[tuple[int, int]] = []
 
     def of(self, path: Path) -> Tidied | None:
         layout, rows, numbers = self._layout, [], []
         with open(path, encoding=layout.encoding, newline=None) as file:
             for number, line in enumerate(file, start=1):
+                if DOS_END in line:
+                    behind = line.partition(DOS_END)[2].strip(DOS_END + "\n ")
+                    self._ends.append((number, number if behind else number + 1))
+                    line = line.replace(DOS_END, "")
                 if number < layout.first_line or not line.strip():
                     continue
                 kept = self._kept(line.rstrip("\n"), number)
                 if kept is not None:
                     rows.append(kept)
                     numbers.append(number)
-        if not rows or not (any(self._count.values()) or self._remarks):
+        if not rows or not (any(self._count.values()) or self._remarks or self._ends):
             return None
         data = "\n".join(rows).encode("utf-8", "replace") + b"\n"
         left_out = {why: count for why, count in self._count.items() if count}
-        return Tidied(data, np.array(numbers, np.int64), left_out, tuple(self._decisions()))
+        decisions = (*self._decisions(), *self._told_ends(numbers[-1]))
+        return Tidied(data, np.array(numbers, np.int64), left_out, decisions)
 
     def _kept(self, line: str, number: int) -> str | None:
         """The line as a row; None if it is none. A row of another width stays as it is."""
@@ -98,6 +109,13 @@ class _Tidying:
             taken = f"left out behind {self._remarks} rows"
             found.append(Decision("cells without a heading", taken, "they are words"))
         return found
+
+    def _told_ends(self, last: int) -> Iterator[Decision]:
+        """Each Ctrl-Z that is not behind the last row, which is in line `last`."""
+        for line in [line for line, behind in self._ends if behind <= last][:_MOST_TOLD]:
+            taken = "a Ctrl-Z (0x1A), at which a text ends under DOS: what follows it is read, too"
+            reason = "files that DOS joined have it; if the log ends there, cut the file there"
+            yield Decision(f"line {line}", taken, reason, check=True, lasting=True)
 
 
 def _filled(layout: Layout) -> list[list[str]]:

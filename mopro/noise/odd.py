@@ -12,10 +12,10 @@ Indices = NDArray[np.intp]
 # Chance that normal noise without outliers shows one. Doubled, one record in 500 does.
 _FALSE_ALARM = 1e-3
 # Standard deviation of normal noise, in median distances from its median.
-_MAD_TO_SIGMA = 1.4826
+MAD_TO_SIGMA = 1.4826
 # Chance that noise repeats itself so often by accident; small, as readings are not independent.
 # Doubled, a sensor is stuck from a run on that is shorter by 3 %.
-_STUCK_ALARM = 1e-6
+STUCK_ALARM = 1e-6
 # Share of readings equal to the one before, above which the sensor holds its value: held for two,
 # it is a half. Halved, a coarse converter passes for one that holds.
 _HELD_SHARE = 0.45
@@ -31,7 +31,7 @@ _LEAST_SLACK = 4
 def outliers_of(values: Floats, step: float = 0.0) -> Indices:
     """Indices of readings too far from the median for normal noise of the robust width."""
     centre = float(np.median(values))
-    width = _MAD_TO_SIGMA * float(np.median(np.abs(values - centre)))
+    width = MAD_TO_SIGMA * float(np.median(np.abs(values - centre)))
     width = float(np.hypot(width, step / 2))
     limit = float(stats.norm.isf(_FALSE_ALARM / (2 * len(values)))) * max(width, 1e-300)
     return np.flatnonzero(np.abs(values - centre) > limit)
@@ -49,7 +49,7 @@ def stuck_of(values: Floats) -> list[tuple[int, int]]:
     if share > 0.9 or len(starts) < _FEWEST_RUNS:
         return []
     share = max(share, 1 / len(values))
-    longest = 2 + np.log(len(values) / _STUCK_ALARM) / -np.log(share)
+    longest = 2 + np.log(len(values) / STUCK_ALARM) / -np.log(share)
     long = np.flatnonzero(lengths > longest)
     return [(int(starts[i]), int(starts[i] + lengths[i])) for i in long]
 
@@ -85,4 +85,4 @@ def level_between(values: Floats) -> float:
         return 0.0
     second = np.diff(values, 2)
     width = float(np.median(np.abs(second - np.median(second))))
-    return float(_MAD_TO_SIGMA * width / np.sqrt(6.0))
+    return float(MAD_TO_SIGMA * width / np.sqrt(6.0))

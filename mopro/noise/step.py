@@ -30,7 +30,7 @@ def step_of(values: Floats) -> float:
 
     Printed digits may round the steps themselves: 0.32, 0.33, 0.32 are one step of 0.324.
     """
-    distinct = _distinct(values)
+    distinct = distinct_of(values)
     if len(distinct) < _FEWEST_VALUES:
         return float(distinct[-1] - distinct[0]) if len(distinct) == 2 else 0.0
     if len(values) < _LEAST_REPEATED * len(distinct):
@@ -47,7 +47,7 @@ def step_of(values: Floats) -> float:
     return float(slope) if np.std(deviation) < _MOST_DEVIATION * slope else 0.0
 
 
-def _distinct(values: Floats) -> Floats:
+def distinct_of(values: Floats) -> Floats:
     """The distinct readings in order; those that differ by a rounding of binary digits are one."""
     ordered = np.unique(values)
     least = _BINARY_DIGITS * max(float(np.abs(ordered[[0, -1]]).max()), 1e-300)

@@ -1,7 +1,10 @@
 """Runs measured by mopro's own instruments: what is the instrument's is no effect."""
 
+import json
+
 import pytest
 
+from helpers.commands import run_here
 from helpers.measured import Measured
 from mopro.experiment.conclude.wording import calibration_words, sentence
 
@@ -77,3 +80,29 @@ def test_what_is_beyond_it_is_named(instrument, effect, size, keys, tmp_path):
     )
     (own,) = verdict.effects
     assert effect in {own.name, *own.indistinguishable_from}
+
+
+@pytest.mark.parametrize(
+    ("keys", "code"),
+    [("", 0), ("linearity = 0.05", 0), ("linearity = 1e-9", 1), ("linearity = 0.003", 1)],
+)
+def test_compare_judges_what_is_left_of_the_stated_linearity(keys, code, tmp_path):
+    """The bend of the LVDT comes to 0.05 in; sizes are those of the residual as it is."""
+    path = Measured("lvdt", "LVDT3.CMD", 1, keys=keys).write(tmp_path)
+    done = run_here(tmp_path, "compare", path, "--json")
+    answer = json.loads(done.stdout)
+    assert done.returncode == code, answer["verdict"]
+    assert answer["series"][0]["rms"] == pytest.approx(0.02786, rel=1e-3)
+    if code == 0:
+        (own,) = answer["calibration"]
+        assert (own["sensor"], own["name"]) == ("lvdt", "linearity")
+        said = run_here(tmp_path, "compare", path).stdout
+        assert "Within the stated linearity of lvdt: arc = " in said
+
+
+@pytest.mark.parametrize("off", [1.0, 30.0])
+def test_a_gain_that_is_off_within_its_tolerance_is_no_disagreement(off, tmp_path):
+    hidden = {"sensor_gain": {"g": off * 1e-3}}
+    case = Measured("encoder", "LVDT3.CMD", 4, hidden=hidden, keys="gain_tolerance = 1e-3")
+    done = run_here(tmp_path, "compare", case.write(tmp_path))
+    assert done.returncode == (off > 20)

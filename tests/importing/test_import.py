@@ -497,3 +497,46 @@ def test_the_noise_is_not_that_of_a_stuck_sensor(mopro, tmp_path):
     _, files = imported(mopro, tmp_path)
     noise = files["experiment.toml"]["sensor"][0]["noise_rms"]
     assert noise == pytest.approx(0.02, rel=0.15)
+
+
+# -- command and readings in two files --------------------------------------------------------
+
+
+@pytest.mark.parametrize("one_clock", [True, False])
+def test_columns_of_one_name_in_two_files_are_told_apart_by_their_files(tmp_path, mopro, one_clock):
+    """As robots log: lists in cells, the same headings in the file of commands and of states.
+
+    The stamps of both are one clock's: a lag of the machine stays in the data.
+    """
+    times, told = moves(np.random.default_rng(0), seconds=12.0)
+    times = np.round(times + 1e-4 * np.random.default_rng(2).uniform(size=len(times)), 7)
+    lag = 20 if one_clock else 0
+    seen = np.concatenate((np.full(lag, told[0]), told))[
+        : len(told)
+    ] + 0.01 * np.random.default_rng(1).normal(size=len(times))
+    for name, values, start in (("m.control", told, 0), ("m.state", seen, 0 if one_clock else 3)):
+        stamps = 1e6 * times + start
+        rows = [f'X,{t:.1f},"[{v:.6f}, 0.5]"' for t, v in zip(stamps, values, strict=True)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["type,timestamp,positions", *rows]))
+    files = ("m.control.csv", "m.state.csv", "--time-unit", "us")
+    refused = mopro("import", *files, "--as", "out", "--command", "positions[0]")
+    assert "there are m.control:positions[0], m.control:positions[1], m.state:" in refused.stderr
+    one, other = "m.control:positions[0]", "m.state:positions[0]"
+    stated = ("--command", one, "--measured", other, "--unit", f"{one}=rad", "--unit",
+              f"{other}=rad")  # fmt: skip
+    done = mopro("import", *files, "--as", "out", *stated, "--json")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert (answer["kind"], answer["command"], answer["sensors"]) == ("kinematic", one, [other])
+    told = [d for d in answer["decisions"] if d["subject"].startswith("clock timestamp of")]
+    assert [d["taken_as"] for d in told] == ["not shifted"]
+    assert ("no two clocks have the same jitter" in told[0]["reason"]) == one_clock
+    done = mopro("compare", "out/experiment.toml", "--json")
+    rms = json.loads(done.stdout)["series"][0]["rms"]
+    assert rms > 1.0 if one_clock else rms == pytest.approx(0.01, rel=0.1)
+
+
+def test_a_command_is_not_offered_as_what_is_measured(tmp_path, mopro):
+    scope(tmp_path, ("command", "position"))
+    done = mopro("import", "log.csv", "--as", "out")
+    assert "such as --measured position --unit position=mm" in done.stderr

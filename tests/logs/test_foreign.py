@@ -17,6 +17,8 @@ from mopro.logs import read_log
 
 TEXT = b"time_s,x_mm\n" + b"".join(b"%d,%d\n" % (n, n % 7) for n in range(200))
 
+MOTAN = b"".join(b'{"q": "status", "eventtime": %d.5}\x03' % n for n in range(200))
+
 
 def zipped(*names):
     file = io.BytesIO()
@@ -61,6 +63,9 @@ KINDS = {
     "npy": lambda _: (npy(), "an NPY array", "numpy.savez"),
     "json": lambda _: (b'[{"t": 0, "x": 1}, {"t": 1, "x": 2}]', "a JSON file", "as CSV"),
     "json lines": lambda _: (b'{"t": 0, "x": 1}\n{"t": 1, "x": 2}\n', "a JSON file", "as CSV"),
+    "motan": lambda _: (gzip.compress(MOTAN), "a capture of Klipper's motan", "readlog.py"),
+    "motan, unpacked": lambda _: (MOTAN, "a capture of Klipper's motan", "as CSV"),
+    "cut gzip": lambda _: (gzip.compress(TEXT)[:14], "a gzip archive", "gunzip"),
     "ulog": lambda _: (b"ULog\x01\x12\x35" + bytes(99), "a ULog of PX4", "ulog2csv"),
 }
 

@@ -249,3 +249,34 @@ def test_status_reports_of_grbl(log, before, clock):
     if not clock:
         with pytest.raises(DataError, match="--rate HZ"):
             log(text, name="grbl.log")
+
+
+FACTS = [
+    ("Name", "Axis1.SetPos", "Axis1.ActPos"), ("SymbolComment", "", ""),
+    ("Data-Type", "REAL64", "REAL64"), ("SampleTime[ms]", "10", "10"), ("VariableSize", "8", "8"),
+    ("SymbolName", "Axes.Axis 1.SetPos", "Axes.Axis 1.ActPos"), ("Port", "501", "501"),
+    ("Offset", "0", "0"), ("ScaleFactor", "1", "1"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("delimiter", ["\t", ";", ","])
+@pytest.mark.parametrize("unit", [None, "mm"])
+@pytest.mark.parametrize("without", [None, "Name"])
+def test_twincat_scope(log, delimiter, unit, without):
+    """A pair of times and values for each channel, below lines of pairs of a key and a value."""
+    head = [["Name", "YT Scope"], ["StartTime of export", "1335", "Monday", "10:00:00.000"], [""]]
+    facts = [fact for fact in FACTS if fact[0] != without]
+    facts += [("Unit", unit, unit)] if unit else []
+    head += [[key, one, key, other] for key, one, other in facts]
+    rows = [[f"{10 * n}", f"{n + 0.5}", f"{10 * n + 3}", f"{n + 0.25}"] for n in range(N)]
+    text = "\r\n".join(delimiter.join(cells) for cells in [*head, [""], *rows]) + "\r\n"
+    found = log(text.replace(".", ",") if delimiter == ";" else text)
+    one, other = ("Axes,Axis 1,", "Axis1,") if delimiter == ";" else ("Axes.Axis 1.", "Axis1.")
+    stem = one if without else other
+    assert [(c.raw, c.unit) for c in found.columns] == [
+        (f"{stem}SetPos", unit), (f"{stem}ActPos", unit),
+    ]  # fmt: skip
+    assert found.columns[1].values[:2].tolist() == [0.25, 1.25]
+    assert found.time_of(found.columns[1])[2] == pytest.approx(0.02)
+    assert found.origins[found.columns[1].clock] == pytest.approx(0.003)
+    assert found.rows.used == N

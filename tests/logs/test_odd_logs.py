@@ -86,6 +86,21 @@ def test_an_array_of_an_npz_that_claims_what_it_has_not(tmp_path):
     assert caught.value.rule == "too-long"
 
 
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+def test_messages_of_ros_are_named_with_what_to_do(tmp_path, encoding):
+    with open(tmp_path / "a.mcap", "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("sensor_msgs/JointState", "ros2msg", b"float64[] position")
+        channel = writer.register_channel("/joint_states", encoding, schema)
+        for n in range(20):
+            writer.add_message(channel, n, bytes(40), 0)
+        writer.finish()
+    words = r"/joint_states \((cdr|ros1)\): messages of ROS; export the topic as CSV"
+    with pytest.raises(DataError, match=words):
+        read_log(tmp_path / "a.mcap")
+
+
 def test_an_mcap_message_beyond_all_times(tmp_path):
     with open(tmp_path / "a.mcap", "wb") as file:
         writer = Writer(file)
@@ -102,3 +117,41 @@ def test_an_hdf5_file_that_its_library_never_finishes(monkeypatch):
     monkeypatch.setattr(hdf5, "PATIENCE_S", 2.0)
     with pytest.raises(DataError, match="it was not read in 2 s: is it damaged"):
         read_log(DATA / "fuzz" / "hangs.h5")
+
+
+@pytest.mark.parametrize(
+    ("between", "line"),
+    [("\x1a", 22), ("\x1a\n", 22), ("\x1a\x1a", 22), ("\x1atime_s,x_mm\n", 22)],
+)
+@pytest.mark.parametrize("dated", [False, True])
+def test_a_ctrl_z_in_the_middle_is_told_and_no_row_is_lost(tmp_path, between, line, dated):
+    """Also where the cell behind it is a time of day, which is a word."""
+    form = "2026-11-22 10:00:{:02d}" if dated else "{:d}"
+    rows = [f"{form.format(n)},{n + 0.5}\n" for n in range(40)]
+    text = "time_s,x_mm\n" + "".join(rows[:20]) + between + "".join(rows[20:])
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    found = read_log(path)
+    assert found.columns[0].values.tolist() == [n + 0.5 for n in range(40)]
+    told = [d for d in found.decisions if d.check and d.lasting]
+    assert [d.subject for d in told] == [f"line {line}"]
+    assert "a Ctrl-Z (0x1A)" in told[0].taken_as
+    assert found.rows.used == 40
+
+
+@pytest.mark.parametrize("end", ["\x1a", "\x1a\n", "\x1a" * 50 + "\r\n"])
+@pytest.mark.parametrize("last", ["39,39.5", "39,39.5\n"])
+def test_a_ctrl_z_at_the_end_of_the_log_is_no_row(tmp_path, end, last):
+    rows = "".join(f"{n},{n + 0.5}\n" for n in range(39))
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,x_mm\n" + rows + last + end)
+    found = read_log(path)
+    assert len(found.columns[0].values) == found.rows.read == found.rows.used == 40
+    assert not [d for d in found.decisions if "Ctrl-Z" in d.taken_as]
+
+
+def test_a_log_in_utf_16_may_have_the_byte_of_a_ctrl_z(tmp_path):
+    rows = "".join(f"{n},{n + 0.5}\n" for n in range(40))
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,\u011asouhlas_mm\n" + rows, encoding="utf-16")
+    assert read_log(path).rows.used == 40

@@ -75,3 +75,19 @@ def test_a_play_is_named_beside_a_sensor_that_bends(tmp_path, noise):
     assert effect.name == "backlash"
     low, high = effect.parameters["w"].ci95
     assert low < 0.5 < high
+
+
+@pytest.mark.parametrize("keys", WITHIN)
+def test_compare_judges_what_is_left_of_the_tolerance(tmp_path, keys):
+    """Sizes are those of the residual as it is."""
+    verdict_of = {}
+    for stated in (keys, ""):
+        (tmp_path / "experiment.toml").write_text(EXPERIMENT.format(noise="0.02", keys=stated))
+        data = {"time_s": T, "target_mm": MOVES, "position_mm": WITHIN[keys] + NOISE + ZERO}
+        write(tmp_path / "run.csv", data)
+        found = open_experiment(tmp_path / "experiment.toml").compare(0)
+        verdict_of[stated] = (found.verdict, found.series[0].rms)
+        told = [(own.sensor, own.name) for own in found.calibration]
+        assert told == ([("scale", keys.split()[0])] if stated else [])
+    assert verdict_of[keys][0] == "no disagreement"
+    assert verdict_of[""] == ("disagreement", verdict_of[keys][1])

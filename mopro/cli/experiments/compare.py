@@ -172,6 +172,10 @@ def _print(comparison: Comparison) -> None:
 
     print_table(_SERIES, map(_series_cells, comparison.series), _MOST_ROWS)
     print_table(_PLACES, map(_place_cells, comparison.where), _MOST_ROWS)
+    for own in comparison.calibration:
+        values = ", ".join(f"{name} = {value:.3g} {unit}" for name, (value, unit, _) in
+                           own.values.items())  # fmt: skip
+        say(f"Within the stated {own.name} of {own.sensor}: {values}.")
     say(f"{comparison.verdict}{_reason(comparison)}")
 
 

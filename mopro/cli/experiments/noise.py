@@ -59,10 +59,11 @@ def command(
         try:
             rows, noise = _noise_of(log, column, start_s, end_s)
         except TooShort as error:
-            told.append({"column": column.raw, "reason": str(error)})
+            entry: dict[str, Any] = {"column": column.raw, "reason": str(error)}
         else:
-            told.append(as_data(column, log, rows, noise))
+            entry = as_data(column, log, rows, noise)
             found += 1
+        told.append(entry | {"ends": _ends(column, log)})
     if as_json:
         answer = {
             "file": str(data),
@@ -100,6 +101,23 @@ def _noise_of(
         high = float("inf") if end_s is None else end_s
         rows = rows[(absolute >= low) & (absolute <= high)]
     return rows, report(times[rows], column.values[rows], whole=stated)
+
+
+def _ends(column: Column, log: Log) -> list[dict[str, Any]]:
+    """Ends of its range at which the column may have stayed."""
+    from mopro.noise import ends_of
+
+    rows = column.present
+    return [
+        {
+            "value": end.value,
+            "count": end.count,
+            "line": log.line_of(int(rows[end.first])),
+            "words": end.words(column.unit or ""),
+        }
+        for end in ends_of(column.values[rows])
+        if end.certain or end.sharp
+    ]
 
 
 def as_data(column: Column, log: Log, rows: Any, noise: NoiseReport) -> dict[str, Any]:
@@ -181,6 +199,8 @@ def _print(log: Log, told: list[dict[str, Any]]) -> None:
             say(f"{entry['column']}: no noise told: {entry['reason']}")
         else:
             say("\n".join(_lines(entry)))
+        for end in entry.get("ends", ()):
+            say(f"  CHECK: {end['words']} (first in line {end['line']})")
 
 
 def _lines(entry: dict[str, Any]) -> list[str]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from mopro.experiment.compare.allowed import allowed
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
 from mopro.experiment.compare.noise_tests import (
     chi2_p,
@@ -17,7 +18,7 @@ from mopro.experiment.compare.noise_tests import (
 from mopro.experiment.model import Experiment, Floats, Reading, SteadyTable
 from mopro.experiment.predict.alignment import aligned
 from mopro.experiment.predict.nominal import planned, predict, predict_table
-from mopro.residuals import whiteness_p
+from mopro.residuals import Corrected, whiteness_p
 from mopro.series import Series
 from mopro.units import residual_unit
 from mopro.verdict import rms
@@ -140,20 +141,31 @@ class Compared:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Verdict, places (worst first) and series of a comparison; `compared` are their samples."""
+    """Verdict, places (worst first) and series of a comparison; `compared` are their samples.
+
+    `calibration`: the stated tolerances of sensors that the data call for. Chances are those of
+    residuals without what these come to, sizes are those of residuals as they are.
+    """
 
     verdict: str
     where: tuple[Place, ...]
     series: tuple[SeriesTest, ...]
     compared: tuple[Compared, ...] = field(default=(), repr=False, compare=False)
+    calibration: tuple[Corrected, ...] = ()
 
     @staticmethod
     def of(
-        where: Sequence[Place], series: Sequence[SeriesTest], compared: Sequence[Compared]
+        where: Sequence[Place],
+        series: Sequence[SeriesTest],
+        compared: Sequence[Compared],
+        calibration: Sequence[Corrected] = (),
     ) -> Comparison:
         """The comparison of these places and series."""
         first = sorted(where, key=lambda p: (not p.significant, -(p.sigma or 0.0), -p.rms))
-        return Comparison(_verdict_of(where, series), tuple(first), tuple(series), tuple(compared))
+        return Comparison(
+            _verdict_of(where, series), tuple(first), tuple(series), tuple(compared),
+            tuple(calibration),
+        )  # fmt: skip
 
     def _repr_html_(self) -> str:
         """Verdict, series, and the places that differ most."""
@@ -171,6 +183,7 @@ class Comparison:
             "verdict": self.verdict,
             "where": [asdict(place) for place in self.where],
             "series": [asdict(series) for series in self.series],
+            "calibration": [asdict(own) for own in self.calibration],
         }
 
 
@@ -198,9 +211,18 @@ class _Residual:
             run=self.run, sensor=sensor.name, unit=sensor.unit, values=reading.values,
             sigma=sensor.sigma or None, time_s=reading.time_s,
             labels={"line": labels.line, **placed},
-            position_unit=sensor.unit if placed else "m",
+            position_unit=sensor.unit if placed else "m", tolerances=sensor.tolerances,
         )  # fmt: skip
         return Compared(series, self.values)
+
+    def judged(self, off: Floats | None, generator: np.random.Generator) -> _Residual:
+        """This residual with the σ of what is left without `off`."""
+        if off is None:
+            return self
+        reading = self.reading
+        left = aligned(self.values - off)
+        z = quantile_residual(reading.values, reading.values - left, reading.sensor, generator)
+        return replace(self, z=z)
 
 
 def compare(
@@ -213,12 +235,14 @@ def compare(
     `generator` draws the position of a reading within a converter's step (quantile_residual).
     """
     residuals = list(_residuals(experiment, prediction(experiment), generator))
+    compared = [r.compared() for r in residuals]
+    within = allowed([c.series for c in compared], [c.residual for c in compared])
+    residuals = [r.judged(off, generator) for r, off in zip(residuals, within.off, strict=True)]
     groups = [(r, rows) for r in residuals for rows in _places(r.labels)]
     tests = 2 * len(residuals) + 2 * len(groups) + sum(len(t.rise_K) for t in experiment.tables)
     level = FALSE_ALARMS / max(tests, 1)
-    series = [_series(r, level) for r in residuals]
+    series = [_series(r, level, within.chance.get(r.reading.sensor.name, 1.0)) for r in residuals]
     where = [_place(r, rows, level) for r, rows in groups]
-    compared = [r.compared() for r in residuals]
     for table in experiment.tables:
         predicted = predict_table(table, experiment.machine)
         rows, whole = _table(table, predicted, level)
@@ -226,7 +250,7 @@ def compare(
         series.append(whole)
         seen = Series(table.name, _TABLE, "C", table.rise_K, table.noise_K)
         compared.append(Compared(seen, table.rise_K - predicted))
-    return Comparison.of(where, series, compared)
+    return Comparison.of(where, series, compared, within.told)
 
 
 def _verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
@@ -278,8 +302,8 @@ def _place(r: _Residual, rows: np.ndarray[Any, np.dtype[np.intp]], level: float)
     )
 
 
-def _series(r: _Residual, level: float) -> SeriesTest:
-    sensor, size_p = r.reading.sensor, chi2_p(r.z, fitted=1)
+def _series(r: _Residual, level: float, chance: float) -> SeriesTest:
+    sensor, size_p = r.reading.sensor, min(chi2_p(r.z, fitted=1), chance)
     return SeriesTest.of(
         r.values, sensor.sigma, size_p, whiteness_p(r.z), level,
         run=r.run, sensor=sensor.name, unit=sensor.unit,

@@ -34,7 +34,9 @@ _ROUNDING = float(np.finfo(float).eps)
 MOST_SIZE = 1e70
 _MOST_FAULTS = 50
 _COMMA = ","
-_DOS_END_OF_FILE = "\x1a"
+# Ends a text under DOS, and what may stand behind it there without being data.
+_DOS_END, _FILLING = "\x1a", "\x1a\0 \t\r\n"
+_TEXT_AFTER = "text-after-end"
 _FILE = Span(1, 1, 1)
 _RECORDINGS = (".parquet", ".npz")
 
@@ -184,14 +186,11 @@ def _opened(path: Path) -> TextIO:
 
 
 def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
-    """Numbered lines up to DOS's end of file, each cut at MOST_CHARACTERS."""
+    """Numbered lines, each cut at MOST_CHARACTERS."""
     number = 0
     while text := file.readline(MOST_CHARACTERS):
         number += 1
-        text, end, _ = text.partition(_DOS_END_OF_FILE)
         yield number, text
-        if end:
-            return
 
 
 class _Rows:
@@ -244,6 +243,8 @@ class _Rows:
         at_top = True
         for number, text in _lines(file):
             comment = at_top and text.startswith("#")
+            if _DOS_END in text:
+                text = self._ended(number, text, file)
             if len(text) >= MOST_CHARACTERS and not comment:
                 message = f"a line of more than {MOST_CHARACTERS - 1} characters"
                 self._report("too-long", message, number, text[:200], 0)
@@ -252,6 +253,22 @@ class _Rows:
             if text.strip() and not comment:
                 at_top = False
                 yield number, text
+
+    def _ended(self, line: int, text: str, file: TextIO) -> str:
+        """The text before a Ctrl-Z, which ends a file of DOS; what stands behind it is a fault."""
+        kept, _, rest = text.partition(_DOS_END)
+        while not rest.strip(_FILLING) and (rest := file.readline(MOST_CHARACTERS)):
+            pass
+        if rest:
+            hint = "take the Ctrl-Z out if that belongs to the data, else cut the file there"
+            message = "the data end at this Ctrl-Z (0x1A), and text stands behind it"
+            self._faults.append(
+                Diagnostic(
+                    _TEXT_AFTER, message, Span(line, len(kept) + 1, len(kept) + 2), hint=hint
+                )
+            )
+            self._check()
+        return kept
 
     def _header(self, cells: list[str]) -> tuple[str, ...]:
         self._complete = True

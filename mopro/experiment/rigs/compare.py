@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from mopro.experiment.compare.allowed import allowed
 from mopro.experiment.compare.comparison import (
     FALSE_ALARMS,
     Compared,
@@ -30,16 +31,19 @@ def compare(study: Study) -> Comparison:
     """
     residuals = study.residuals(study.model(study.base.settings))
     groups = [list(_parts(series)) for series in study.series]
+    within = allowed(study.series, residuals)
+    left = [r if off is None else r - off for r, off in zip(residuals, within.off, strict=True)]
     tests = 2 * len(residuals) + 2 * sum(map(len, groups))
     level = FALSE_ALARMS / max(tests, 1)
-    series = tuple(_series(s, r, level) for s, r in zip(study.series, residuals, strict=True))
+    triples = list(zip(study.series, residuals, left, strict=True))
+    series = [_series(s, r, own, level, within.chance.get(s.sensor, 1.0)) for s, r, own in triples]
     where = [
-        _place(own, residual, rows, level)
-        for own, residual, parts in zip(study.series, residuals, groups, strict=True)
+        _place(s, r, own, rows, level)
+        for (s, r, own), parts in zip(triples, groups, strict=True)
         for rows in parts
     ]
     compared = [Compared(s, r) for s, r in zip(study.series, residuals, strict=True)]
-    return Comparison.of(where, series, compared)
+    return Comparison.of(where, series, compared, within.told)
 
 
 def _direction(series: Series) -> Floats:
@@ -59,13 +63,15 @@ def _parts(series: Series) -> Iterator[np.ndarray[tuple[int], np.dtype[np.intp]]
 
 
 def _place(
-    series: Series, residual: Floats, rows: np.ndarray[tuple[int], np.dtype[np.intp]], level: float
-) -> Place:
-    own, sigma, time_s = residual[rows], series.sigma, series.time_s
+    series: Series, residual: Floats, left: Floats,
+    rows: np.ndarray[tuple[int], np.dtype[np.intp]], level: float,
+) -> Place:  # fmt: skip
+    """The place at `rows`; `left` is the residual without what the tolerances allow."""
+    own, sigma, time_s = left[rows], series.sigma, series.time_s
     assert time_s is not None, "a reading has times"
     p_value = None if sigma is None else min(chi2_p(own / sigma), mean_p(own / sigma))
     return Place.of(
-        own,
+        residual[rows],
         sigma,
         p_value,
         level,
@@ -79,10 +85,12 @@ def _place(
     )
 
 
-def _series(series: Series, residual: Floats, level: float) -> SeriesTest:
+def _series(
+    series: Series, residual: Floats, left: Floats, level: float, chance: float
+) -> SeriesTest:
     sigma = series.sigma
-    size_p = None if sigma is None else chi2_p(residual / sigma, fitted=1)
-    memory_p = None if sigma is None else whiteness_p(residual / sigma)
+    size_p = None if sigma is None else min(chi2_p(left / sigma, fitted=1), chance)
+    memory_p = None if sigma is None else whiteness_p(left / sigma)
     return SeriesTest.of(
         residual, sigma, size_p, memory_p, level,
         run=series.run, sensor=series.sensor, unit=series.unit,

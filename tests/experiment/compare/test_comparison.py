@@ -228,7 +228,8 @@ def test_raw_files_of_the_lvdt_are_read_back(lvdt):
 
 
 def test_the_bend_of_a_real_lvdt_is_a_disagreement_of_a_straight_one(lvdt, mopro):
-    lvdt.experiment(['program = "LVDT3.CMD"\ndata = "LVDT3.DAT"'], '[[sensor]]\nkind = "lvdt"\n')
+    straight = '[[sensor]]\nkind = "lvdt"\nlinearity = 0\n'
+    lvdt.experiment(['program = "LVDT3.CMD"\ndata = "LVDT3.DAT"'], straight)
     done = mopro("compare", "e.toml", "--json")
     assert done.returncode == 1
     answer = json.loads(done.stdout)
