@@ -237,3 +237,14 @@ def test_a_second_column_of_times_has_the_unit_of_its_heading(tmp_path):
 def test_blanks_before_the_cells_of_a_date_and_a_time(log):
     dates = [f"  {d}" for d in shown("%d.%m.%Y")]
     clock_of(log({"Date": dates, "Time": [f"   {t} " for t in shown("%H:%M:%S.%f")]}))
+
+
+@pytest.mark.parametrize("delimiter", ["\t", ";", ",", "|"])
+def test_the_blank_in_a_stamp_parts_no_cells(tmp_path, delimiter):
+    rows = [
+        delimiter.join((str(s).replace("T", " "), f"{n}", "None")) for n, s in enumerate(STAMPS)
+    ]
+    text = "\n".join([delimiter.join(("time", "x [mm]", "y [mm]")), *rows]) + "\n"
+    (tmp_path / "log.csv").write_text(text)
+    clock = read_log(tmp_path / "log.csv").clocks["time"]
+    assert clock == pytest.approx(ELAPSED_S, abs=2e-3)
