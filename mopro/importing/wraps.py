@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mopro.importing.roles import Signal
 from mopro.logs import Decision
+from mopro.logs.spacing import spacing_of
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -28,6 +29,7 @@ _CLEAR = 5.0
 # A wrap may fall on the sharpest bend of all: it is at most so much sharper than the others.
 _AS_BENT = 2.0
 _FEWEST = 8
+_NO_GAPS: Indices = np.array((), np.intp)
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ def unwrapped(signal: Signal) -> tuple[Signal, Decision | None]:
     """The signal as it goes on beyond its range, and what was done to it; None if nothing was."""
     rows = np.flatnonzero(~np.isnan(signal.values))
     values = signal.values[rows]
-    found = wraps_of(values, signal.unit, signal.si) if signal.is_place else None
+    gaps = _gaps(signal.time_s[rows])
+    found = wraps_of(values, signal.unit, signal.si, gaps) if signal.is_place else None
     if found is None:
         return signal, None
     turned = signal.values.copy()
@@ -50,12 +53,22 @@ def unwrapped(signal: Signal) -> tuple[Signal, Decision | None]:
         ([0.0], np.cumsum(_turns(np.diff(values), found.span)))
     )
     reason = f"it wraps at {found.span:.10g} {signal.unit_word}, {found.count} times"
+    reason += "; the turns in a gap of the readings are not known" if len(gaps) else ""
     done = Decision(f"column {signal.raw}", "unwrapped in the data", reason, check=True)
     return replace(signal, values=turned), done
 
 
-def wraps_of(values: Floats, unit: str | None, size: float = 1.0) -> Wraps | None:
+def _gaps(time_s: Floats) -> Indices:
+    """The steps between readings that lead over a gap."""
+    return np.array(spacing_of(time_s).gaps if len(time_s) > 1 else (), np.intp)
+
+
+def wraps_of(
+    values: Floats, unit: str | None, size: float = 1.0, gaps: Indices = _NO_GAPS
+) -> Wraps | None:
     """The wraps of the values of a place in `unit`, of `size` in SI; None if there are none.
+
+    Steps at the indices `gaps` tell nothing: the axis may have turned as often as it likes.
 
     A wrap is a jump by nearly one span, after which the motion goes on as before but for that
     span: all jumps have the same size then, no value is beyond one span, and the axis moves on
@@ -65,9 +78,9 @@ def wraps_of(values: Floats, unit: str | None, size: float = 1.0) -> Wraps | Non
         return None
     steps = np.diff(values)
     for span in _spans(values, unit, size):
-        jumps = np.flatnonzero(np.abs(steps) > span / 2)
+        jumps = np.setdiff1d(np.flatnonzero(np.abs(steps) > span / 2), gaps)
         inside = float(np.ptp(values)) <= span * (1 + _ROUNDED)
-        if inside and len(jumps) and _goes_on(steps, jumps, span):
+        if inside and len(jumps) and _goes_on(steps, jumps, span, gaps):
             return Wraps(span, len(jumps))
     return None
 
@@ -100,17 +113,20 @@ def _sizes(steps: Floats, jumps: Indices, span: float) -> Floats:
     return sizes
 
 
-def _goes_on(steps: Floats, jumps: Indices, span: float) -> bool:
+def _goes_on(steps: Floats, jumps: Indices, span: float, gaps: Indices) -> bool:
     """True if the jumps are of the span, as nearly as other steps are like their neighbours."""
     own = steps - span * _turns(steps, span)
     bends = np.abs(own[1:-1] - (own[2:] + own[:-2]) / 2)
-    near = np.concatenate((jumps - 2, jumps - 1, jumps))
+    known = np.concatenate((jumps, gaps))
+    near = np.concatenate((known - 2, known - 1, known))
     other = np.delete(bends, near[(near >= 0) & (near < len(bends))])
     largest = float(other.max()) if len(other) else 0.0
     tiny = 1e-6 * span
     off = _sizes(steps, jumps, span) - span
     alike = float(np.max(np.abs(off))) <= _AS_BENT * largest + tiny
-    right = abs(float(np.mean(off))) <= _AS_BENT * largest / math.sqrt(len(jumps)) + tiny
+    # Noise chooses the side of an axis that rests at the end of the range: its mean is not zero.
+    usual = float(np.mean(other)) if len(other) else 0.0
+    right = abs(float(np.mean(off))) <= _AS_BENT * largest / math.sqrt(len(jumps)) + usual + tiny
     return alike and right and _moves(steps, own, jumps, float(np.median(bends)))
 
 

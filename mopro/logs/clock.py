@@ -59,7 +59,7 @@ def clock_of(table: Table, stamp: Stamp, unit: str | None = None) -> Clock:
     subject = f"column {stamp.name}"
     unit_s, worded = 1.0, not isinstance(values, np.ndarray)
     if worded:
-        text, together = _with_date(table, stamp)
+        text, together = words_of_stamp(table, stamp)
         elapsed, origin, how = seconds_of_words(text)
         check = how.endswith(UNSURE)
         decisions = [Decision(subject, f"times ({how})", f"the cells say so{together}", check)]
@@ -84,7 +84,7 @@ def clock_of(table: Table, stamp: Stamp, unit: str | None = None) -> Clock:
     )  # fmt: skip
 
 
-def _with_date(table: Table, stamp: Stamp) -> tuple[Any, str]:
+def words_of_stamp(table: Table, stamp: Stamp) -> tuple[Any, str]:
     """The words of a stamp, behind those of its date if another column has them."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -97,7 +97,7 @@ def _with_date(table: Table, stamp: Stamp) -> tuple[Any, str]:
         numbers = pa.array(dates.astype(float), from_pandas=True)
         digits = pc.cast(pc.cast(numbers, pa.int64()), pa.string())
         dates = pc.replace_substring_regex(digits, r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3")
-    dates = pc.utf8_trim_whitespace(dates)
+    dates, words = map(pc.utf8_trim_whitespace, (dates, words))
     return pc.binary_join_element_wise(dates, words, " "), f", with the date in {stamp.date}"
 
 

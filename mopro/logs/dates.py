@@ -11,6 +11,8 @@ TIME = (
     r"(?P<hour>\d{1,3}):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:[.,:](?P<part>\d{1,12}))?)?"
     r"(?: ?(?P<half>[AaPp])\.?[Mm]\.?)?"
 )
+# Minutes and seconds, as Excel shows a time of day that it saves as text.
+_SHORT = r"(?P<minute>\d{1,2}):(?P<second>\d\d)[.,](?P<part>\d{1,9})"
 ZONE = r"(?: ?(?P<zone>Z|UTC|GMT|[+-]\d\d(?::?\d\d)?))?"
 _NAME = r"(?P<name>[A-Za-z]{3,9})\.?"
 # Year first; month by its name; two numbers of which either is the day.
@@ -26,6 +28,7 @@ _BETWEEN = r"(?:T|[ _,:]{1,2})"
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _FORMS = (
     rf"{TIME}{ZONE}",
+    _SHORT,
     *(f"{_WEEKDAY}{date}(?:{_BETWEEN}{TIME}{ZONE})?" for date in _DATES),
 )
 _PATTERNS = tuple(re.compile(form) for form in _FORMS)
@@ -49,7 +52,8 @@ def form_of(cell: str) -> Form | None:
     for nth, pattern in enumerate(_PATTERNS):
         match = pattern.fullmatch(cell.strip())
         if match is not None and not _COMPACT.fullmatch(cell.strip()):
-            return Form(_FORMS[nth], nth > 0, match["hour"] is not None)
+            dated = "year" in match.groupdict()
+            return Form(_FORMS[nth], dated, match["minute"] is not None)
     return None
 
 

@@ -125,7 +125,9 @@ def _delimiter(lines: list[str]) -> str:
             return 0.0, 0.0
         cells = [cell for row in rows if len(row) == width for cell in row]
         usable = sum(holds_data(c) or c.lower() in MISSING for c in cells)
-        return count / len(rows) * usable / sum(map(len, rows)), float(width)
+        # A stamp has a blank in it: of as good ones, a blank is the last.
+        share = count / len(rows) * usable / sum(map(len, rows))
+        return share, 0.0 if delimiter == " " else float(width)
 
     best = max(_DELIMITERS, key=score)
     return best if score(best)[0] > 0 else ","

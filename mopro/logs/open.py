@@ -21,6 +21,7 @@ from mopro.logs.ledger import Rows
 from mopro.logs.lists import with_lists
 from mopro.logs.log import Column, Decision, Floats, Log, listed
 from mopro.logs.names import heading
+from mopro.logs.newest import oldest_first
 from mopro.logs.order import NoClock, TooCoarse
 from mopro.logs.recordings import Ints, Placed, boundaries, placed
 from mopro.logs.stamps import NoStamp
@@ -55,7 +56,7 @@ def read_log(path: Path, asked: Asked | None = None) -> Log:
     table = _table(path, asked)
     stamps = [] if asked.rate_hz is not None else _stamps(table, asked.time)
     parts = {part for stamp in stamps for part in stamp.parts}
-    table = without_missing(table, parts, asked.missing)
+    table = oldest_first(without_missing(table, parts, asked.missing), stamps)
     clocks = [_clock(table, stamp, asked.time_unit) for stamp in stamps]
     if asked.rate_hz is not None:
         clocks = [_row_clock(table, asked.rate_hz)]
@@ -146,9 +147,14 @@ def _log(table: Table, clocks: list[Clock], places: list[Placed]) -> Log:
     columns: list[Column] = []
     texts: list[str] = []
     current = places[0] if places else None
-    by_name = {place.clock.name: place for place in places}
+    by_name = {place.clock.name: _first_alike(place, places) for place in places}
+    for name, place in by_name.items():
+        if place.clock.name != name:
+            taken, reason = f"the clock {place.clock.name}", "its times are the same"
+            decisions.append(Decision(f"column {name}", taken, reason))
+    places = [place for place in places if by_name[place.clock.name] is place]
     parts = {part for clock in clocks for part in clock.stamp.parts}
-    shared = len(clocks) > 1 and not _paired(names, clocks)
+    shared = len(places) > 1 and not _paired(_filled(table), clocks)
     for nth, name in enumerate(names):
         if name in by_name:
             current = by_name[name] if not shared else current
@@ -197,6 +203,31 @@ def _ledger(table: Table, places: list[Placed]) -> Rows:
         for why, gone in place.left_out.items():
             rows = rows.without(why, int(np.count_nonzero(lost[gone])))
     return rows
+
+
+def _first_alike(place: Placed, places: Sequence[Placed]) -> Placed:
+    """The first of the places with the same times, which is the same clock."""
+    return next(
+        other
+        for other in places
+        if other is place
+        or (
+            other.origins == place.origins
+            and np.array_equal(other.rows, place.rows)
+            and np.array_equal(other.time_s, place.time_s)
+        )
+    )
+
+
+def _filled(table: Table) -> list[str]:
+    """The columns that are not empty; a comma behind each row makes one that is."""
+    return [
+        name
+        for name, values in table.columns.items()
+        if not isinstance(values, np.ndarray)
+        or values.dtype.kind != "f"
+        or not np.all(np.isnan(values))
+    ]
 
 
 def _paired(names: Sequence[str], clocks: list[Clock]) -> bool:

@@ -144,8 +144,11 @@ class _Fields:
         self._names = {f.name for f in fields.type}
 
     def words(self, name: str) -> Any:
+        import pyarrow as pa
         import pyarrow.compute as pc
 
+        if not self.has(name):
+            return pa.repeat("", len(self._fields))
         return pc.fill_null(pc.struct_field(self._fields, name), "")
 
     def has(self, name: str) -> bool:
@@ -250,11 +253,24 @@ UNSURE = ", the day first: the cells do not say"
 
 
 def _over_midnight(elapsed: Floats) -> Floats:
+    """Times of day (s from the first) that go on over midnight.
+
+    A recording that passed midnight may be followed by another one that begins before it again.
+    """
     known = np.flatnonzero(~np.isnan(elapsed))
-    steps = np.diff(elapsed[known])
-    if not (steps < -_DAY_S / 2).any():
+    times = elapsed[known]
+    steps = np.diff(times)
+    jumps = np.flatnonzero(np.abs(steps) > _DAY_S / 2)
+    if not len(jumps):
         return elapsed
-    days = np.cumsum(np.concatenate(([0.0], np.where(steps < -_DAY_S / 2, _DAY_S, 0.0))))
+    days, shift = np.zeros(len(times)), 0.0
+    for i in jumps:
+        before, after = float(times[i]) + shift, float(times[i + 1]) + shift
+        if steps[i] < 0:
+            days[i + 1] = _DAY_S
+        elif abs(after - _DAY_S) <= before:
+            days[i + 1] = -_DAY_S
+        shift += float(days[i + 1])
     unwrapped = elapsed.copy()
-    unwrapped[known] += days
+    unwrapped[known] += np.cumsum(days)
     return unwrapped

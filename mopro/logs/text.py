@@ -16,7 +16,7 @@ from mopro.logs.log import Decision
 from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span
 from mopro.logs.table import MOST_ROWS, Table
 from mopro.logs.tidy import DOS_END, Tidied, tidied
-from mopro.logs.written import MISSING, as_number, is_grouped, is_number
+from mopro.logs.written import SPELLINGS, as_number, is_grouped, is_number
 from mopro.source import Span
 
 _MOST_FAULTS = 50
@@ -67,7 +67,7 @@ class _Reader:
         self._path = path
         self._source = source
         self._layout = layout
-        self._missing = sorted(MISSING | {word.upper() for word in MISSING} | {"NaN", *missing})
+        self._missing = sorted(SPELLINGS | set(missing))
         self._tidy = tidy
         # Arrow counts the lines above its first row.
         self._above = layout.first_line - 1 if tidy is None else 0
@@ -213,7 +213,8 @@ class _Reader:
         values = np.full(len(words), np.nan)
         bad: list[int] = []
         for row, word in enumerate(words):
-            if word is not None:
+            # Arrow knows a missing cell only if no blanks stand beside it.
+            if word is not None and word.strip() not in self._missing:
                 number = as_number(word.strip())
                 if number is None:
                     bad.append(row)

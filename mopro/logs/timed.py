@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +18,8 @@ from mopro.logs.table import Table
 _MOST_BACKWARD = 0.05
 _FINER = ("ms", "us", "ns")
 _DATE_NUMBERS = (19_700_101, 20_991_231)
+# Behind the name of a second column of times, which has the unit before it.
+_REPEATED = re.compile(r"(?<=.) \(\d+\)$")
 # Numbers that are looked at before all are.
 _FIRST = 50
 
@@ -66,12 +69,12 @@ class TimeColumns:
         }
         self._forms = forms
         self._dates = [n for n, f in forms.items() if not f.timed]
-        self._dates += [n for n in table.columns if n not in forms and self._is_date_number(n)]
         self._of_day = [n for n, f in forms.items() if f.timed and not f.dated]
+        self._dates += [n for n in table.columns if n not in forms and self._is_date_number(n)]
 
     def heading(self, name: str) -> Heading:
         """The heading; its unit is also the last word of a name such as `stamp.nanosec`."""
-        found = heading(name, self._table.units.get(name))
+        found = heading(_REPEATED.sub("", name), self._table.units.get(name))
         last = (words_of(name) or [""])[-1]
         unit = unit_of(last)
         if found.unit is None and unit in PER_S and len(last) > 1 and last != "min":
@@ -124,12 +127,14 @@ class TimeColumns:
         return known
 
     def _ascends(self, name: str) -> bool:
+        """True for numbers that ascend, or descend where the newest row is the first."""
         if self._numbers(name) is None:
             return False
         known = self._known(name)
         if len(known) < 2 or known.min() == known.max():
             return False
-        return bool(np.mean(np.diff(known) < 0) <= _MOST_BACKWARD)
+        steps = np.diff(known)
+        return bool(min(np.mean(steps < 0), np.mean(steps > 0)) <= _MOST_BACKWARD)
 
     def _is_even(self, name: str) -> bool:
         """True for a first column that ascends as a clock does and is named as nothing else."""
@@ -141,13 +146,18 @@ class TimeColumns:
         return bool(np.all(steps > 0)) and not counts and spacing_of(self._known(name)).regular
 
     def _is_date_number(self, name: str) -> bool:
-        """True for a column of numbers such as 20261122 beside a time of day."""
+        """True for numbers such as 20261122: beside a time of day, or by the heading."""
         values = self._numbers(name)
-        if values is None or not is_time(self.heading(name).name):
+        if values is None or not (self._of_day or is_time(self.heading(name).name)):
             return False
         known = self._known(name)
         low, high = _DATE_NUMBERS
-        return bool(len(known) and low <= known.min() and known.max() <= high)
+        if not len(known) or known.min() < low or known.max() > high or not _are_whole(known):
+            return False
+        months, days = known // 100 % 100, known % 100
+        return bool(
+            months.min() >= 1 and months.max() <= 12 and days.min() >= 1 and days.max() <= 31
+        )
 
     def _finer(self, name: str) -> str | None:
         """The column of ms, us or ns that belongs to whole seconds in column `name`."""

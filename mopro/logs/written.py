@@ -11,6 +11,9 @@ _COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+|\d+)([eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d+|[+-]?\d{1,3}(,\d{3})+\.\d+")
 _LIST = re.compile(r"(?:array\()?[\[(][-+0-9.eE,;\s]*(?:nan[-+0-9.eE,;\s]*)*[\])]\)?")
 MISSING = frozenset({"", "nan", "n/a", "na", "null", "none", "-", "--", "#n/a"})
+# Each as programs write it: `nan`, `NaN`, `NAN`, `None`, `N/A`.
+_FORMS = (str.lower, str.upper, str.capitalize, str.title)
+SPELLINGS = frozenset(form(word) for word in MISSING for form in _FORMS) | {"NaN"}
 
 
 def is_number(cell: str) -> bool:

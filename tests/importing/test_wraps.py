@@ -111,3 +111,34 @@ def test_import_tells_and_unwraps(tmp_path, unit, span, signed):
         assert np.ptp(off) < 1e-6
         assert off[0] == pytest.approx(np.rint(off[0]), abs=1e-6)
     assert run_here(tmp_path, "compare", "out/experiment.toml").returncode in (0, 1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_an_axis_that_rests_at_the_end_of_its_range_trembles_over_it(seed, unit):
+    """At home, at 0, noise takes the readings over the end and back, again and again."""
+    rng = np.random.default_rng(seed)
+    turns = motion(rng, 2.0)
+    turns = np.where(TIMES < 6, 0.0, turns - turns[TIMES >= 6][0])
+    seen = wrapped(SPANS[unit] * (turns + 3e-4 * rng.normal(size=len(TIMES))), SPANS[unit], False)
+    found = wraps_of(seen, unit, factor_of(unit))
+    assert found is not None
+    assert found.span == pytest.approx(SPANS[unit])
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.3, 0.5])
+def test_a_wrap_is_recognised_beside_a_gap_whose_turns_nobody_knows(tmp_path, missing):
+    place = 300.0 * TIMES + 40 * np.sin(TIMES)
+    kept = (TIMES < 7) | (7 + 360 * (1 + missing) / 300 < TIMES)
+    rows = [f"{t:.3f},{x:.4f},{x % 360:.4f}" for t, x in zip(TIMES, place, strict=True)]
+    lines = [row for row, there in zip(rows, kept, strict=True) if there]
+    text = "\n".join(["time_s,target_deg,angle_deg", *lines]) + "\n"
+    (tmp_path / "log.csv").write_text(text)
+    done = run_here(tmp_path, "import", "log.csv", "--as", "out")
+    assert "CHECK: column angle_deg: unwrapped" in done.stdout
+    assert "the turns in a gap of the readings are not known" in done.stdout
+    data = np.genfromtxt(tmp_path / "out/data.csv", delimiter=",", names=True)
+    turns = (data["angle_deg"] - place[kept]) / 360
+    assert turns == pytest.approx(np.round(turns), abs=1e-5)
+    assert np.all(np.diff(turns[data["time_s"] < 7]) == pytest.approx(0, abs=1e-5))
+    assert np.all(np.diff(turns[data["time_s"] > 7.5]) == pytest.approx(0, abs=1e-5))

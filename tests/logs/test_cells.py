@@ -72,3 +72,15 @@ def test_ordinary_values_are_not_called_absurd(log, values):
 def test_a_number_stated_as_missing_stays_in_the_times(log):
     found = log(readings(), missing=("0", "5.0"))
     assert found.rows.used == 200
+
+
+@pytest.mark.parametrize(
+    "word", ["None", "Null", "Nan", "NaN", "N/A", "Na", "NULL", "none", "#N/A"]
+)
+@pytest.mark.parametrize("beside", ["", " ", "   "])
+def test_a_word_for_a_missing_reading_is_one_in_any_spelling(log, word, beside):
+    values = readings()
+    values[3] = values[150] = f"{beside}{word}{beside}"
+    values[90] = beside
+    found = log([*values[:199], values[199]])
+    assert np.flatnonzero(np.isnan(found.columns[0].values)).tolist() == [3, 90, 150]

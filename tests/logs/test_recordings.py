@@ -205,3 +205,16 @@ def test_the_ledger_adds_up(tmp_path_factory, stamps, last):
     assert rows.used >= len(next(iter(found.clocks.values())))
     for nth in range(found.recordings):
         assert np.all(np.diff(found.recording(nth).clocks["time_s"]) > 0)
+
+
+@pytest.mark.parametrize("start", ["23:59:55", "23:59:00", "12:00:00"])
+@pytest.mark.parametrize("back_s", [0.0, 0.5, -0.3])
+def test_a_recording_that_begins_before_midnight_again(log, start, back_s):
+    seconds = np.arange(1300) / RATE_HZ
+    first = np.datetime64(f"2026-11-22T{start}", "ms")
+    own = [*seconds, *(seconds - back_s)]
+    stamps = [str(first + np.timedelta64(round(1000 * s), "ms"))[11:] for s in own]
+    found = log(stamps, np.random.default_rng(2).normal(size=2600), heading="time")
+    assert found.recordings == 2
+    for nth in range(2):
+        assert found.recording(nth).clocks["time"] == pytest.approx(seconds, abs=2e-3)

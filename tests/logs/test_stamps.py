@@ -188,3 +188,62 @@ def test_two_clocks_named_time_each_have_their_columns(tmp_path):
     found = read_log(tmp_path / "log.csv")
     assert [(c.raw, c.clock) for c in found.columns] == [("x", "Time"), ("y", "Time (2)")]
     assert found.origins == {"Time": 0.0, "Time (2)": 3.0}
+
+
+def test_a_date_in_digits_is_one_under_any_name(log):
+    dates = [s[:8] for s in shown("%Y%m%d")]
+    times = shown("%H:%M:%S.%f")
+    clock_of(log({"Datum": dates, "Uhrzeit": times}))
+
+
+@pytest.mark.parametrize("digits", ["20261399", "20260100", "20260732.5", "19000101"])
+def test_digits_that_are_no_date_are_readings(log, digits):
+    found = log({"serial": [digits] * len(STAMPS), "Uhrzeit": shown("%H:%M:%S.%f")})
+    assert [c.raw for c in found.columns] == ["serial", "pos_mm"]
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_minutes_and_seconds_go_on_over_the_hour(tmp_path, mark):
+    """As Excel saves times of day that it shows without their hours."""
+    ticks = 35_900 + np.arange(300)
+    cells = [f"{t // 600 % 60:02}:{t // 10 % 60:02}{mark}{t % 10}" for t in ticks]
+    rows = [f"{c};{n}" for n, c in enumerate(cells)]
+    (tmp_path / "log.csv").write_text("\n".join(["Time;x_mm", *rows]) + "\n")
+    found = read_log(tmp_path / "log.csv")
+    assert found.recordings == 1
+    assert found.clocks["Time"] == pytest.approx(np.arange(300) / 10, abs=1e-6)
+
+
+@pytest.mark.parametrize("heading", ["Time [ms]", "Time (ms)", "Time_ms"])
+def test_a_second_column_of_the_same_times_is_the_same_clock(tmp_path, heading):
+    rows = [f"{10 * n},{n},{10 * n},{-n}," for n in range(100)]
+    text = "\n".join([f"{heading},a_mm,{heading},b_mm", *rows]) + "\n"
+    (tmp_path / "log.csv").write_text(text)
+    found = read_log(tmp_path / "log.csv")
+    assert list(found.clocks) == [heading]
+    assert found.clocks[heading] == pytest.approx(np.arange(100) / 100)
+    assert [c.raw for c in found.columns] == ["a_mm", "b_mm"]
+    assert not any(d.check for d in found.decisions)
+
+
+def test_a_second_column_of_times_has_the_unit_of_its_heading(tmp_path):
+    rows = [f"{10 * n},{n},{10 * n + 3},{-n}" for n in range(100)]
+    text = "\n".join(["Time [ms],a_mm,Time [ms],b_mm", *rows]) + "\n"
+    (tmp_path / "log.csv").write_text(text)
+    found = read_log(tmp_path / "log.csv")
+    assert [own[-1] for own in found.clocks.values()] == pytest.approx([0.99, 0.99])
+
+
+def test_blanks_before_the_cells_of_a_date_and_a_time(log):
+    dates = [f"  {d}" for d in shown("%d.%m.%Y")]
+    clock_of(log({"Date": dates, "Time": [f"   {t} " for t in shown("%H:%M:%S.%f")]}))
+
+
+@pytest.mark.parametrize("delimiter", ["\t", ";", ",", "|"])
+def test_the_blank_in_a_stamp_parts_no_cells(tmp_path, delimiter):
+    stamps = [str(START + np.timedelta64(100 * n, "ms")).replace("T", " ") for n in range(400)]
+    rows = [delimiter.join((stamp, f"{n}", "nan")) for n, stamp in enumerate(stamps)]
+    text = "\n".join([delimiter.join(("time", "x [mm]", "y [mm]")), *rows]) + "\n"
+    (tmp_path / "log.csv").write_text(text)
+    clock = read_log(tmp_path / "log.csv").clocks["time"]
+    assert clock == pytest.approx(np.arange(400) / 10, abs=2e-3)
