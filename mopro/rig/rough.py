@@ -21,6 +21,8 @@ _SPRUNG = 0.2
 # Windows in a run at the least. Halved, a regression may follow a single bend; doubled, slow
 # motions drown in the noise.
 _WINDOWS = 8
+# Usual intervals that are a gap, as where a log is read.
+_GAP = 5.0
 # Time constants in a run where the regression gives no loss.
 _SLOWEST = 3.0
 _NEWTON, _NEWTON_METRE, _METRE, _RAD, _WATT = map(dimension_of_unit, ("N", "N m", "m", "rad", "W"))
@@ -138,8 +140,9 @@ def _sizes(seen: Sampled, names: Sequence[str], of_place: bool) -> _Sizes:
     x = x0 + w t + sum of gain * input integrated twice - damping * integral of x - stiffness *
     x integrated twice + half the steady acceleration * t²; of a speed, the same integrated once
     less. Both sides are differenced over windows of several lengths, twice for a place, which
-    removes x0 and w: an integral over the whole run would add up what is not linear. The window
-    with the smallest share of squares left is taken.
+    removes x0 and w: an integral over the whole run would add up what is not linear. Windows with a
+    gap in them are left out, as nobody knows what was integrated there. The length with the
+    smallest share of squares left is taken.
     """
     times = 2 if of_place else 1
     time_s, measured = seen.since_s, seen.values
@@ -149,8 +152,12 @@ def _sizes(seen: Sampled, names: Sequence[str], of_place: bool) -> _Sizes:
     steady = time_s**times
     columns = [*pushed, -once, steady, -_integral(once, time_s)]
     plain, sprung = (np.inf, [0.0] * len(columns)), (np.inf, [0.0] * len(columns))
+    gaps = _gaps_before(time_s)
     for window in _windows(len(time_s)):
-        own, *others = (_differences(c, time_s, window, times) for c in (measured, *columns))
+        whole = gaps[times * window :] == gaps[: -times * window]
+        if not whole.any():
+            continue
+        own, *others = (_differences(c, time_s, window, times)[whole] for c in (measured, *columns))
         plain = min(plain, _regressed(own, others[:-1]))
         sprung = min(sprung, _regressed(own, others))
     has_spring = sprung[0] < _SPRUNG * plain[0] and sprung[1][-1] > 0
@@ -169,6 +176,13 @@ def _windows(count: int) -> Iterator[int]:
     while window == 1 or window * _WINDOWS <= count:
         yield window
         window *= 2
+
+
+def _gaps_before(time_s: Floats) -> Floats:
+    """The number of gaps before each time."""
+    steps = np.diff(time_s)
+    found: Floats = np.cumsum(np.r_[0, steps > _GAP * np.median(steps)])
+    return found
 
 
 def _differences(values: Floats, time_s: Floats, window: int, times: int) -> Floats:
