@@ -113,9 +113,10 @@ def _rig(root: Value, source: Source, bare: bool) -> Rig:
     python = root.need("python", _callable, _NO_PYTHON) if kind == PYTHON else None
     active = root.get("effects", _active, {})
     runs = root.get("effects", _runs, {}) if active else {}
+    units = root.get("effects", _units, {}) if active else {}
     if root.faults > before:
         raise Refused
-    return Rig(name, kind, unit, numbers, laws, effects, active, source, python, runs)
+    return Rig(name, kind, unit, numbers, laws, effects, active, source, python, runs, units=units)
 
 
 _NO_PYTHON = 'expected python = "model.py:simulate"'
@@ -242,6 +243,18 @@ def _values(section: Value) -> dict[str, float]:
         else:
             found[entry.key] = number
     return found
+
+
+def _units(section: Value) -> dict[str, dict[str, str]]:
+    """The units in which parameters of effects are stated, by the names of both."""
+    return {
+        effect.key: {
+            entry.key: read_unit(entry["unit"])
+            for entry in effect.values()
+            if isinstance(entry.data, dict) and "value" in entry.data and "unit" in entry.data
+        }
+        for effect in table_in(section).values()
+    }
 
 
 def _states_runs(entry: Value) -> bool:

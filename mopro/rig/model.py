@@ -53,10 +53,10 @@ class Rig:
 
     `laws`: the position of a kinematic machine, the acceleration of an axis, or the rate (the
     power) of each thermal node, by name. `active`: values of the effects that its file switches
-    on, in the units of their parameters. `runs`: of those that belong to certain runs alone, the
-    names of these runs' data files, each with its checksum. `python`: file and function of a
-    foreign model. `bare`: only its kind was stated, and its numbers are yet to be taken from the
-    data.
+    on, in the units of their parameters, or in those of `units` where the file states any. `runs`:
+    of those that belong to certain runs alone, the names of these runs' data files, each with its
+    checksum. `python`: file and function of a foreign model. `bare`: only its kind was stated, and
+    its numbers are yet to be taken from the data.
     """
 
     name: str
@@ -70,6 +70,7 @@ class Rig:
     python: tuple[str, str] | None = None
     runs: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     bare: bool = False
+    units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @cached_property
     def factor(self) -> float:

@@ -98,13 +98,17 @@ def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
 
     A user's effect takes the place of a listed one of its name.
     """
-    rig = experiment.machine
+    rig, listed = experiment.machine, listed_of(experiment)
     own = {effect.name for effect in rig.effects} | rig.numbers.keys()
-    of = EFFORT if _effort(experiment) else ""
-    listed = catalogue(rig.kind, tuple(sorted(units_of(experiment).items())), of)
     if _only_speeds(experiment):
         listed = tuple(e for e in listed if e.enters != MEASUREMENT)
     return (*rig.effects, *(e for e in _usable(listed, experiment) if e.name not in own))
+
+
+def listed_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
+    """The effects of the catalogue for the machine's kind, those that these data lack included."""
+    of = EFFORT if _effort(experiment) else ""
+    return catalogue(experiment.machine.kind, tuple(sorted(units_of(experiment).items())), of)
 
 
 def unlisted_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
