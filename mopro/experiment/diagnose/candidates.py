@@ -82,11 +82,15 @@ def _shows(effect: Effect, quantity: Quantity) -> bool:
 
 
 def _of_heat(model: ForwardModel, lasting: bool) -> Iterator[Candidate]:
-    """Thermal candidates: those that change the steady state (`lasting`), or all others."""
+    """Thermal candidates: those that change the steady state (`lasting`), or all others.
+
+    A few rows of final rises tell no assumed constant from the sizes that it multiplies: with
+    tables alone they keep their values.
+    """
     machine = model.experiment.machine
     for effect in catalogue_of(machine).values():
         if effect.domain is Domain.HEAT and thermal.lasts(effect, machine) is lasting:
-            yield from effect.candidates(model)
+            yield from effect.candidates(model) if model.experiment.trials else effect.forms(model)
 
 
 def _on_one(candidate: Candidate, axis: int) -> Candidate:

@@ -32,26 +32,23 @@ def test_conduction_that_grows_with_the_stroke_and_heat_that_grows_with_speed(ve
     assert verdict.verdict == "named"
     found = {effect.name: effect for effect in verdict.effects}
     assert set(found) == {"platen_conduction", "speed_dependent_heat"}
-    assert set(found["platen_conduction"].parameters) == {"G", "g", "T_p"}
+    assert set(found["platen_conduction"].parameters) == {"G", "g"}
     assert set(found["speed_dependent_heat"].parameters) == {"kh"}
     for effect in found.values():
         assert effect.held_out
         assert effect.log10_bayes_factor > 2
         for estimate in effect.parameters.values():
-            assert 0 <= estimate.ci95[0] < estimate.value < estimate.ci95[1]
+            assert 0 < estimate.ci95[0] < estimate.value < estimate.ci95[1]
 
 
 def test_thirty_kelvins_become_one_and_a_half(verdict):
     assert verdict.gap.before_rms == pytest.approx(30.5, abs=0.1)
     assert verdict.gap.after_rms <= 1.6
-    assert verdict.gap.held_out_rms <= 2.75
+    assert verdict.gap.held_out_rms <= 2.7
 
 
 def test_the_fit_is_the_least_squares_of_the_closed_form(verdict):
-    """(P + kh Σf + (G + g s)(T_p - T_air))/(hA + G + g s), with every row left out once.
-
-    Worked out here; the platen is as warm as fits best within what is plausible.
-    """
+    """(P + kh Σf)/(hA + G + g s), worked out here, with every row left out once."""
 
     of_table = table()
     moving = (of_table.x_m > 0).astype(float) + (of_table.y_m > 0)
@@ -60,26 +57,20 @@ def test_the_fit_is_the_least_squares_of_the_closed_form(verdict):
     path, hertz = np.hypot(of_table.x_m, of_table.y_m), moving * of_table.velocity_m_s / CYCLE_M
 
     def residual(p, rows=slice(None)):
-        platen = p[0] + p[1] * path
-        model = (power + p[2] * hertz + platen * (p[3] - AIR)) / (film + platen)
+        model = (power + p[2] * hertz) / (film + p[0] + p[1] * path)
         return (model - of_table.rise_K)[rows]
 
-    ends = [0.0, 0.0, 0.0, 15.0], [80.0, 80.0, 1.0, 40.0]
-    best = least_squares(residual, [3.0, 3.0, 0.1, AIR], bounds=ends, x_scale="jac").x
+    best = least_squares(residual, [3.0, 3.0, 0.1]).x
     left_out = []
     for row in range(8):
         rows = [i for i in range(8) if i != row]
-        inside = np.clip(
-            best, *(np.array(end) + d for end, d in zip(ends, (1e-6, -1e-6), strict=True))
-        )
-        refit = least_squares(residual, inside, bounds=ends, x_scale="jac", args=(rows,)).x
+        refit = least_squares(residual, best, args=(rows,)).x
         left_out.append(residual(refit, row))
     platen, speed = (verdict.settings[n] for n in ("platen_conduction", "speed_dependent_heat"))
-    found = [platen["G"], platen["g"], speed["kh"], platen["T_p"]]
-    assert found == pytest.approx(best, rel=1e-2)
+    assert [platen["G"], platen["g"], speed["kh"]] == pytest.approx(best, rel=5e-3)
     assert verdict.gap.after_rms == pytest.approx(math.sqrt(np.mean(residual(best) ** 2)), rel=1e-3)
     assert verdict.gap.held_out_rms == pytest.approx(
-        math.sqrt(np.mean(np.square(left_out))), rel=0.02
+        math.sqrt(np.mean(np.square(left_out))), rel=0.01
     )
 
 

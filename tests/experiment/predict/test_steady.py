@@ -116,9 +116,8 @@ def test_candidates_are_what_changes_a_steady_state():
     assert len({c.key for c in found}) == len(found)
     for candidate in found:
         for p in candidate.parameters:
-            low, high = p.plausible or (p.low, p.high)
-            assert p.low <= low <= high <= p.high
-            assert all(p.low <= start <= p.high for start in p.starts)
+            assert p.low <= p.plausible[0] <= p.plausible[1] <= p.high
+            assert all(p.low < start < p.high for start in p.starts)
         if candidate.extends:
             (coarser,) = (c for c in found if c.key == (candidate.name, candidate.extends))
             assert set(coarser.fixed) > set(candidate.fixed)
