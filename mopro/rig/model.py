@@ -29,7 +29,8 @@ IN_EQUATIONS = (FORCE, FRICTION, POWER)
 class Number:
     """A number of the model, in `unit`: fixed, known with a tolerance, or free to be fitted.
 
-    `before`: the value that fitted before effects were found, in a repaired file.
+    `tolerance`: a share of the value; `doubt`: a note on how it was read. `before`: the value that
+    fitted before effects were found, in a repaired file.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Number:
     low: float = 0.0
     high: float = 0.0
     before: float | None = None
+    doubt: str = ""
 
     @cached_property
     def factor(self) -> float:

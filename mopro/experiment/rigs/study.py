@@ -69,7 +69,8 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     data = plain_series(model)
     _check_runs(model, parameters)
     base = fitted_base(model, data, parameters)
-    notes = [*check_scales(model, data, base), *unstated_steps(model)]
+    doubts = (f"{n.name}: {n.doubt}" for n in experiment.machine.numbers.values() if n.doubt)
+    notes = [*doubts, *check_scales(model, data, base), *unstated_steps(model)]
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
     experiment = replace(experiment, notes=(*experiment.notes, *notes))
     return Study(experiment, model, base, series)
