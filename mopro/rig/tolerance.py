@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from decimal import Decimal
 
 from mopro.assumed import LEAST_SHARE
 from mopro.formula import dimension_of_unit
@@ -13,12 +12,14 @@ from mopro.formula.entry import inline, read_unit
 from mopro.tomlfile import Value
 from mopro.tomlfile.schema import number_in
 
-# A tolerance is no share of its number if it would be so much finer than the number's last digit.
-_FINEST = LEAST_SHARE**2
+# A number of a machine is seldom known to better than this share of it: a tolerance that is less,
+# and more than this in the unit of the number, is in that. Doubled, few more are.
+_FINEST = LEAST_SHARE**3
 _DOUBT = (
-    "a tolerance of {0:g} is taken in {1}, {2:.3g} of the number, as a share would be finer than "
-    'its digits: state tolerance = {2:.3g}, or {{ value = {0:g}, unit = "{1}" }}'
+    "a tolerance of {0:g} is taken in {1}, {2:.3g} of the number, as hardly any is known to such a "
+    'share: state tolerance = {2:.3g}, or {{ value = {0:g}, unit = "{1}" }}'
 )
+_EXPECTED = "expected {} as a share, such as 0.1"
 
 
 def tolerance_of(number: float, unit: str) -> Callable[[Value], tuple[float, str]]:
@@ -28,14 +29,13 @@ def tolerance_of(number: float, unit: str) -> Callable[[Value], tuple[float, str
         if isinstance(value.data, dict):
             return _in_its_unit(value, number, unit), ""
         stated = number_in(value.data)
-        share = math.inf if stated is None or stated < 0 else stated
-        if share < 1 and (share == 0 or share > _FINEST * _rounding(number)):
-            return share, ""
-        of_number = share / abs(number) if number else math.inf
+        if stated is None or stated < 0:
+            raise value.refused(_EXPECTED.format(value.key))
+        of_number = stated / abs(number) if number else math.inf
+        if stated < 1 and not (0 < stated < _FINEST <= of_number < 1):
+            return stated, ""
         if not of_number < 1:
-            if share < 1:
-                return share, ""
-            raise value.refused(f"expected {value.key} as a share, such as 0.1")
+            raise value.refused(_EXPECTED.format(value.key))
         return of_number, _DOUBT.format(stated, unit, of_number)
 
     return read
@@ -54,9 +54,3 @@ def _in_its_unit(value: Value, number: float, unit: str) -> float:
     if not share < 1:
         raise value.refused("the tolerance is as large as the number: state it free")
     return share
-
-
-def _rounding(number: float) -> float:
-    """Half a unit of the last digit that a number is stated with, as a share of it."""
-    exponent = Decimal(repr(number)).as_tuple().exponent
-    return 10.0 ** int(exponent) / 2 / abs(number) if number else 0.0
