@@ -105,7 +105,12 @@ class Parameter:
         return low - error <= value <= high + error
 
     def within(self, value: float) -> float:
-        """`value` clipped to the range; an angle is turned into ±π first."""
+        """`value` clipped to the range; an angle is turned into ±π first.
+
+        In place of what is no finite number, the value in the range that is nearest to the null.
+        """
+        if not math.isfinite(value):
+            value = self.null
         if self.role is Role.PHASE:
             value = math.remainder(value, 2 * math.pi)
         return float(min(max(value, self.low), self.high))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -63,7 +63,8 @@ class Parameter:
     at which the effect vanishes, `default` the value of an effect that states none.
     `dimension` is the units.py dimension that a machine file may convert from. A `per_run`
     angle has a value of its own in each run. `role` is how the response depends on it; unless
-    given, one whose null is its default and not 0 is a shape, any other an amplitude.
+    given, one whose null is its default and not 0 is a shape, any other an amplitude. A `unit_of`
+    others is the measure in which they are stated: any value of it does, with other ones of them.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Parameter:
     whole: bool = False
     per_run: bool = False
     role: Role | None = None
+    unit_of: tuple[str, ...] = ()
 
     def converted(self, number: float, unit: str) -> float:
         """`number`, stated in `unit`, in the parameter's own unit; ValueError if it is no such."""
@@ -107,11 +109,11 @@ class Parameter:
             starts, plausible=(low, high),
         )  # fmt: skip
 
-    def assumed(self, *starts: float) -> Fitted:
-        """A constant to fit from `starts`, which is assumed to be in the plausible range."""
+    def assumed(self, value: float) -> Fitted:
+        """A constant assumed to be in the plausible range, to fit from `value` and its ends."""
         low, high = self.plausible
-        inside = tuple(min(max(start, low), high) for start in starts)
-        return Fitted(self.name, self.unit, low, high, inside, Role.CONSTANT)
+        starts = dict.fromkeys((min(max(value, low), high), low, high))
+        return Fitted(self.name, self.unit, low, high, tuple(starts), Role.CONSTANT)
 
     def tried(self) -> Fitted:
         """The fitted parameter of an effect without forms: twice the plausible reach as range."""
@@ -337,12 +339,32 @@ class Effect:
 
     # -- forms for the fit ----------------------------------------------------------
 
+    def candidates(self, view: View) -> Iterator[Candidate]:
+        """Its `forms`, in which each constant that it only assumes is fitted as well.
+
+        That is one with a plausible range which all forms fix at one value, and the machine's file
+        does not state. Held there, a wrong effect fits better than the true one.
+        """
+        forms = list(self.forms(view))
+        assumed = [p for p in self.parameters if self._assumes(p, forms, view)]
+        for form in forms:
+            own = [p.assumed(form.fixed[p.name]) for p in assumed if p.name in form.fixed]
+            fixed = {k: v for k, v in form.fixed.items() if k not in {p.name for p in own}}
+            yield replace(form, parameters=(*form.parameters, *own), fixed=fixed)
+
+    def _assumes(self, p: Parameter, forms: Sequence[Candidate], view: View) -> bool:
+        if p.response is not Role.SHAPE or p.unit_of or p.name in view.own(self.name):
+            return False
+        known = p.plausible[0] == p.plausible[1]
+        fitted = any(p.name == own.name for form in forms for own in form.parameters)
+        return not (known or fitted) and len({form.fixed.get(p.name) for form in forms}) == 1
+
     def forms(self, view: View) -> Iterator[Candidate]:
         """The forms in which it is fitted to the experiment of `view`.
 
         Unless overridden: each amplitude alone, and, extending that form, all amplitudes. The
         others are fixed at the machine's values, else at their nulls; reference temperatures
-        are that of the air.
+        are that of the air. `candidates` frees those of them that are only assumed.
         """
         own, air_C = view.own(self.name), view.machine.heat.ambient_C
         amplitudes, angles, fixed = [], [], {}

@@ -118,7 +118,7 @@ def _row(p: Parameter) -> str:
 
 
 def _forms(effect: Effect, view: _ExampleView) -> Iterator[str]:
-    forms = list(effect.forms(view))
+    forms = list(effect.candidates(view))
     if not forms:
         yield "Not fitted."
     elif len(forms) == 1 and not forms[0].form:

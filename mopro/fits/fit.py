@@ -133,8 +133,8 @@ def least_squares_fit(
 ) -> Fit:
     """The best fit of `candidates` and `base` from any of `starts`, each parameter in its range.
 
-    A start has a value for every parameter; those that are searched keep it. A fit that
-    cannot come down to `limit` is `abandoned`.
+    A start has a value for every parameter, which is moved into its range; those that are searched
+    keep it. A fit that cannot come down to `limit` is `abandoned`.
     """
     problems = [_Problem(residuals, candidates, base, start) for start in starts]
     return min((problem.solve(limit) for problem in problems), key=lambda fit: fit.rss)
@@ -201,7 +201,8 @@ class _Problem:
         self._order = tuple((n, p) for n, p in parameters if p.role is not Role.SEARCHED)
         self._searched = len(parameters) - len(self._order)
         self._start = start
-        values = [start[name][p.name] for name, p in self._order]
+        # Whoever found the start, a fit begins inside of the ranges.
+        values = [p.within(start[name][p.name]) for name, p in self._order]
         self._begun = [(p.scaled(v), v) for (_, p), v in zip(self._order, values, strict=True)]
         self._last: tuple[tuple[float, ...], Floats] | None = None
 

@@ -17,7 +17,8 @@ MOST_EFFECTS, MOST_PARAMETERS = 60, 8
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
 _EFFECT_NAME = re.compile(r"[^\W][^\n\"]{0,59}")
 _PLACE = re.compile(r"\{([a-z]+)\}")
-_EFFECT_KEYS = {"name", "enters", "formula", "form", "extends", "driven", "rotary"}
+_OF_AXES = ("rotary", "angular")
+_EFFECT_KEYS = {"name", "enters", "formula", "form", "extends", "driven", *_OF_AXES}
 _PARAMETER_KEYS = {"unit", "range", "start", "role", "positive"}
 
 
@@ -87,10 +88,22 @@ def read_effect(entry: Value, host: Host, units: Mapping[str, str], own: bool) -
     form, extends = (entry.get(key, text(empty=True), None) for key in ("form", "extends"))
     if entry.faults > before:
         raise Refused
-    driven, rotary = (entry.get(key, flag, False) for key in ("driven", "rotary"))
+    driven, rotary, angular = (entry.get(key, flag, False) for key in ("driven", *_OF_AXES))
     of = "" if own else entry.get("of", text(), "")
     return WrittenEffect(
-        name, enters, target, term, parameters, form or "", extends, own, driven, rotary, of, entry
+        name,
+        enters,
+        target,
+        term,
+        parameters,
+        form or "",
+        extends,
+        own,
+        driven,
+        rotary,
+        of,
+        entry,
+        angular,
     )
 
 

@@ -115,8 +115,8 @@ class WrittenEffect:
 
     `target`: the one input or sensor that it is for, "" for all. `form` and `extends` as those
     of a candidate of the diagnosis. `own`: it is of the user's file. `driven`: of a machine
-    that has an input. `rotary`: of an axis that makes a whole turn. `of`: the variable of a
-    free-form term, which no catalogue lists.
+    that has an input. `rotary`: of an axis that makes a whole turn, `angular`: of one whose place
+    is an angle. `of`: the variable of a free-form term, which no catalogue lists.
     """
 
     name: str
@@ -131,6 +131,7 @@ class WrittenEffect:
     rotary: bool = False
     of: str = ""
     value: Value | None = field(default=None, compare=False)
+    angular: bool = False
 
 
 def toml_lines(effect: WrittenEffect) -> list[str]:

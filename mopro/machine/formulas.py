@@ -44,7 +44,7 @@ def read_formulas(root: Value) -> tuple[WrittenEffect, ...]:
 
 def _check(effect: WrittenEffect) -> None:
     assert effect.value is not None, "it was read from a file"
-    for key in ("form", "extends", "driven", "rotary"):
+    for key in ("form", "extends", "driven", "rotary", "angular"):
         if key in effect.value:
             message = f"{key} is of effects of other kinds of machine"
             raise effect.value[key].error(message, "unknown-key")

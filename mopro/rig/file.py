@@ -33,6 +33,7 @@ from mopro.rig.model import (
     Number,
     Rig,
 )  # fmt: skip
+from mopro.rig.tolerance import tolerance_of
 from mopro.source import Source, Span
 from mopro.tomlfile import Document, Refused, Value, read_source
 from mopro.tomlfile.schema import flag, number_in, one_of, table_in, text
@@ -113,9 +114,10 @@ def _rig(root: Value, source: Source, bare: bool) -> Rig:
     python = root.need("python", _callable, _NO_PYTHON) if kind == PYTHON else None
     active = root.get("effects", _active, {})
     runs = root.get("effects", _runs, {}) if active else {}
+    units = root.get("effects", _units, {}) if active else {}
     if root.faults > before:
         raise Refused
-    return Rig(name, kind, unit, numbers, laws, effects, active, source, python, runs)
+    return Rig(name, kind, unit, numbers, laws, effects, active, source, python, runs, units=units)
 
 
 _NO_PYTHON = 'expected python = "model.py:simulate"'
@@ -158,9 +160,9 @@ def _number(value: Value) -> Number:
     unit = table.need("unit", read_unit, f"{value.key} has no unit") or "1"
     number = number_in(table.data.get("value"))
     free = table.get("free", flag, False)
-    tolerance = table.get("tolerance", _share, 0.0)
     if number is None:
         raise value.refused(f"expected {value.key} = {{ value = number, unit = ... }}")
+    tolerance, doubt = table.get("tolerance", tolerance_of(number, unit), (0.0, ""))
     if free and tolerance:
         value.report(f"{value.key} is free, and has a tolerance: state one of them")
     low, high = table.get("range", read_range, (None, None))
@@ -171,7 +173,7 @@ def _number(value: Value) -> Number:
     if free and not low <= number <= high:
         value.report(f"{value.key} is outside of its range")
     before = number_in(table.data.get("before"))
-    return Number(value.key, unit, number, free, tolerance, low, high, before)
+    return Number(value.key, unit, number, free, tolerance, low, high, before, doubt)
 
 
 def _check_inertia(root: Value, unit: str, numbers: Mapping[str, Number]) -> None:
@@ -184,13 +186,6 @@ def _check_inertia(root: Value, unit: str, numbers: Mapping[str, Number]) -> Non
                 f"{name} is in {own.unit}: times an acceleration in {unit}/s2 it is not in {force}",
                 "wrong-unit", hint="an axis has a mass in kg, one that turns an inertia in kg m2",
             )  # fmt: skip
-
-
-def _share(value: Value) -> float:
-    number = number_in(value.data)
-    if number is None or not 0 <= number < 1:
-        raise value.refused(f"expected {value.key} as a share, such as 0.1")
-    return number
 
 
 # -- laws --------------------------------------------------------------------------------
@@ -242,6 +237,18 @@ def _values(section: Value) -> dict[str, float]:
         else:
             found[entry.key] = number
     return found
+
+
+def _units(section: Value) -> dict[str, dict[str, str]]:
+    """The units in which parameters of effects are stated, by the names of both."""
+    return {
+        effect.key: {
+            entry.key: read_unit(entry["unit"])
+            for entry in effect.values()
+            if isinstance(entry.data, dict) and "value" in entry.data and "unit" in entry.data
+        }
+        for effect in table_in(section).values()
+    }
 
 
 def _states_runs(entry: Value) -> bool:

@@ -29,7 +29,8 @@ IN_EQUATIONS = (FORCE, FRICTION, POWER)
 class Number:
     """A number of the model, in `unit`: fixed, known with a tolerance, or free to be fitted.
 
-    `before`: the value that fitted before effects were found, in a repaired file.
+    `tolerance`: a share of the value; `doubt`: a note on how it was read. `before`: the value that
+    fitted before effects were found, in a repaired file.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Number:
     low: float = 0.0
     high: float = 0.0
     before: float | None = None
+    doubt: str = ""
 
     @cached_property
     def factor(self) -> float:
@@ -53,10 +55,10 @@ class Rig:
 
     `laws`: the position of a kinematic machine, the acceleration of an axis, or the rate (the
     power) of each thermal node, by name. `active`: values of the effects that its file switches
-    on, in the units of their parameters. `runs`: of those that belong to certain runs alone, the
-    names of these runs' data files, each with its checksum. `python`: file and function of a
-    foreign model. `bare`: only its kind was stated, and its numbers are yet to be taken from the
-    data.
+    on, in the units of their parameters, or in those of `units` where the file states any. `runs`:
+    of those that belong to certain runs alone, the names of these runs' data files, each with its
+    checksum. `python`: file and function of a foreign model. `bare`: only its kind was stated, and
+    its numbers are yet to be taken from the data.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Rig:
     python: tuple[str, str] | None = None
     runs: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     bare: bool = False
+    units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @cached_property
     def factor(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -33,6 +34,9 @@ TIME = dimension_of_unit("s")
 _KELVIN = dimension_of_unit("K")
 # An angle (rad) that is a whole turn but for a step.
 _TURN = 0.95 * 2 * math.pi
+
+
+_NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 def divided(one: Dimension, other: Dimension) -> Dimension:
@@ -96,15 +100,37 @@ def power_dimension(experiment: RigExperiment) -> Dimension:
 def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
     """The effects of the machine's file, and those of the catalogue whose names there are.
 
-    A user's effect takes the place of a listed one of its name.
+    A user's effect takes the place of a listed one of its name, and of one with the same formula:
+    under two names one effect would be ambiguous.
     """
-    rig = experiment.machine
+    rig, listed = experiment.machine, listed_of(experiment)
     own = {effect.name for effect in rig.effects} | rig.numbers.keys()
-    of = EFFORT if _effort(experiment) else ""
-    listed = catalogue(rig.kind, tuple(sorted(units_of(experiment).items())), of)
     if _only_speeds(experiment):
         listed = tuple(e for e in listed if e.enters != MEASUREMENT)
-    return (*rig.effects, *(e for e in _usable(listed, experiment) if e.name not in own))
+    same = {_in_essence(effect) for effect in rig.effects}
+    return (
+        *rig.effects,
+        *(
+            e
+            for e in _usable(listed, experiment)
+            if e.name not in own and _in_essence(e) not in same
+        ),
+    )
+
+
+def _in_essence(effect: WrittenEffect) -> tuple[str, ...]:
+    """Where an effect enters, and its formula without spaces and names of its parameters."""
+    text, own = effect.term.formula.text, {p.name for p in effect.parameters}
+    used = dict.fromkeys(name for name in _NAME.findall(text) if name in own)
+    places = {name: f"${i}" for i, name in enumerate(used)}
+    text = _NAME.sub(lambda m: places.get(m[0], m[0]), text)
+    return effect.enters, effect.target, re.sub(r"\s", "", text)
+
+
+def listed_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
+    """The effects of the catalogue for the machine's kind, those that these data lack included."""
+    of = EFFORT if _effort(experiment) else ""
+    return catalogue(experiment.machine.kind, tuple(sorted(units_of(experiment).items())), of)
 
 
 def unlisted_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
@@ -125,6 +151,7 @@ def _usable(effects: Iterable[WrittenEffect], experiment: RigExperiment) -> Iter
             _needs(effect) <= known | _local(experiment.machine, effect)
             and (experiment.units or not driven)
             and (not effect.rotary or _turns(experiment))
+            and (not effect.angular or axis_dimension(experiment) == NUMBER)
             and _of_its_force(effect, experiment)
             and not (fed_back and _follows(effect))
         ):

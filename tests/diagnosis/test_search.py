@@ -683,3 +683,18 @@ def test_of_sets_that_leave_the_same_noise_one_is_expanded():
     search(sets, screening, [known])
     assert sets.best().names == {"second"}
     assert set(expanded) == {frozenset(), frozenset({"first"})}
+
+
+@pytest.mark.parametrize("found", [math.nan, math.inf, -math.inf, 1e300, -50.0])
+def test_what_a_search_finds_beyond_all_bounds_ends_nothing(found):
+    """A model that ran away leaves a search nothing that is a number."""
+    t = times(500)
+
+    def simulate(settings):
+        there, wild = sizes(settings, "there", "wild")
+        return [there * np.sin(7 * t) + wild * np.cos(11 * t)]
+
+    there, wild = candidates("there", "wild")
+    wild = replace(wild, find_starts=lambda view: iter([{"size": found}]))
+    verdict = diagnosed(simulate, [there, wild], of_size(there=1.0), 0.1, 3)
+    assert (verdict.verdict, names(verdict)) == ("named", {"there"})

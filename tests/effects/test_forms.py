@@ -43,7 +43,7 @@ def view():
 
 @ALL
 def test_forms_fit_the_effect_s_own_parameters_within_its_bounds(effect, view):
-    forms = {form.form: form for form in effect.forms(view)}
+    forms = {form.form: form for form in effect.candidates(view)}
     names = {p.name: p for p in effect.parameters}
     names |= {angle_in(0, p.name): p for p in effect.parameters if p.per_run}
     for form in forms.values():
@@ -59,6 +59,38 @@ def test_forms_fit_the_effect_s_own_parameters_within_its_bounds(effect, view):
         if form.extends is not None:
             fewer = {p.name for p in forms[form.extends].parameters}
             assert fewer < {p.name for p in form.parameters}
+
+
+@ALL
+def test_no_number_is_held_that_is_only_known_to_within_a_range(effect):
+    """With one that is wrong, another effect fits better than the one that is there."""
+    forms = list(effect.candidates(motor(LASER, OTHER_AXIS, THERMOCOUPLE)))
+    fitted = {angle for p in effect.parameters for angle in (p.name, angle_in(0, p.name))}
+    fitted &= {p.name for form in forms for p in form.parameters}
+    for p in effect.parameters:
+        tried = {form.fixed[p.name] for form in forms if p.name in form.fixed}
+        known = p.plausible[0] == p.plausible[1] or len(tried) > 1 or p.unit_of
+        of_a_series = effect.constant_offset is not None
+        assert known or of_a_series or {p.name, angle_in(0, p.name)} & fitted, p.name
+
+
+def test_a_constant_that_is_assumed_is_fitted_at_the_price_of_its_prior(view):
+    (form,) = catalogue()["resistance_tempco"].candidates(view)
+    size, reference = form.parameters
+    air_C = MACHINE.heat.ambient_C
+    assert (reference.name, reference.role) == ("T0", Role.CONSTANT)
+    assert (reference.low, reference.high) == catalogue()["resistance_tempco"].parameter(
+        "T0"
+    ).plausible
+    assert reference.starts == (air_C, reference.low, reference.high)
+    assert (size.name, dict(form.fixed)) == ("alpha", {})
+
+
+def test_a_constant_that_the_machine_s_file_states_is_not_assumed():
+    stated = MACHINE.with_effects({"resistance_tempco": {"alpha": 0.00393, "T0": 21.0}})
+    (form,) = catalogue()["resistance_tempco"].candidates(motor(THERMOCOUPLE, machine=stated))
+    assert [p.name for p in form.parameters] == ["alpha"]
+    assert dict(form.fixed) == {"T0": 21.0}
 
 
 @ALL
@@ -130,6 +162,12 @@ def test_what_declares_no_forms_is_fitted_by_each_amplitude_and_by_all(view):
         (0.0, 6.0, (1.0,)), (-3.0, 4.0, (1.0,)),
     ]  # fmt: skip
     assert phi.role is Role.PHASE
+
+
+def test_what_declares_no_forms_has_the_constants_that_it_assumes_fitted(view):
+    for form in Twofold().candidates(view):
+        assert not {"L", "T0"} & {*form.fixed}
+        assert {p.name for p in form.parameters if p.role is Role.CONSTANT} == {"L", "T0"}
 
 
 # -- what a machine makes of an effect ---------------------------------------------

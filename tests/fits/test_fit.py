@@ -422,3 +422,25 @@ def test_a_limit_includes_closer_ones_by_the_same_noise():
     assert not Limit(50.0).includes(Limit(60.0))
     assert Limit.of_deviance(50.0, other).includes(Limit.of_deviance(40.0, other))
     assert not Limit.of_deviance(50.0, other).includes(Limit(40.0))
+
+
+# -- starts -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_fit_begins_inside_of_its_ranges_whatever_the_start(seed):
+    """A search may find a size beyond the range, or, where a model ran away, no number at all."""
+    draw = np.random.default_rng(seed)
+    odd = (math.nan, math.inf, -math.inf, -1e300, 1e300, 5.0)
+    start = {"decay": {p.name: odd[draw.integers(len(odd))] for p in DECAY.parameters}}
+    fit = least_squares_fit(problem(decaying), [DECAY], [start])
+    for parameter in DECAY.parameters:
+        assert parameter.low <= fit.settings["decay"][parameter.name] <= parameter.high
+    assert math.isfinite(fit.rss)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("role", Role)
+def test_what_is_no_number_is_the_absence_of_an_effect(value, role):
+    assert Parameter("size", "V", -2.0, 3.0, role=role).within(value) == 0.0
+    assert Parameter("size", "V", 1.0, 3.0, role=role).within(value) == 1.0

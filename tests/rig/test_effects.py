@@ -128,6 +128,34 @@ def test_a_model_that_is_a_program_is_run_only_if_it_is_allowed(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        ("", 0.0),
+        ("gap = 2.5", 2.5),
+        ('gap = { value = 2.5, unit = "mm" }', 2.5),
+        ('gap = { value = 0.0025, unit = "m" }', 2.5),
+    ],
+)
+def test_a_program_is_told_what_the_machine_file_switches_on_in_its_own_units(
+    tmp_path, stated, told
+):
+    """Numbers are in the units of the file, parameters in those of their effects."""
+    foreign_folder(tmp_path)
+    own = '\n[[effect]]\nname = "play"\ngap = { unit = "mm", range = [0, 5] }\n'
+    text = FOREIGN + own + (f"\n[effects.play]\n{stated}\n" if stated else "")
+    (tmp_path / "machine.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "model.py").write_text(
+        "def simulate(numbers, columns):\n"
+        "    place = columns['position_mm']\n"
+        "    return {'scale': place - place + 100 * numbers['gap'] + numbers['k'] / 1e3}\n",
+        encoding="utf-8",
+    )
+    model = open_experiment(tmp_path / "experiment.toml", allow_python=True).study.model
+    (predicted,) = model({"base": {"k": 100.0}})
+    assert predicted == pytest.approx(np.full(len(predicted), 100 * told + 0.1))
+
+
+@pytest.mark.parametrize(
     "text", ["def simulate(n, c):\n    return 1 / 0\n", "x = )", "y = 1\n", "import nothing_here\n"]
 )
 def test_a_program_that_fails_is_told_in_words(tmp_path, text):

@@ -44,12 +44,20 @@ def estimate(value, unit="1"):
     return Estimate(value, unit, (0.9 * value, 1.1 * value), False)
 
 
-def verdict(base, effects, without_drafts=None):
+def verdict(study, base, effects, without_drafts=None):
     """A verdict with these values of the base, and of effects of (name, form)."""
+    units = {
+        (name, p.name): p.unit
+        for (name, _), own in effects.items()
+        for p in study.model.form(name, own).parameters
+    }
     named = tuple(
-        Named(name, form, {n: estimate(v) for n, v in own.items()}, [], {}, {}, 9.0, 9.0, True)
+        Named(
+            name, form, {n: estimate(v, units[name, n]) for n, v in own.items()},
+            [], {}, {}, 9.0, 9.0, True,
+        )
         for (name, form), own in effects.items()
-    )
+    )  # fmt: skip
     settings = {BASE: dict(base), **{name: dict(own) for (name, _), own in effects.items()}}
     return Verdict(
         "named", named, (), (), (), Gap("mm", 1.0, 0.2, 0.2, None), NOTHING_LEFT, settings,
@@ -74,7 +82,7 @@ def test_a_number_called_as_a_parameter_keeps_its_own_value(
     assert (name, form) in {(e.name, e.form) for e in study.model.forms}
     values = {n: 0.125 + 0.01 * i for i, n in enumerate(parameters)}
     base = {clash: 0.7123456789, "viscous": 3.0, "w2": 20.0}
-    found = verdict(base, {(name, form): values})
+    found = verdict(study, base, {(name, form): values})
     text = machine_text(study.experiment, found)
     written = tomllib.loads(text)
     assert written["base"][clash]["value"] == 0.71234568
@@ -89,7 +97,7 @@ def test_a_free_number_called_as_an_effect_is_another_thing(tmp_path, name):
     own += f'{name} = {{ unit = "1/s2" }}\n'
     study = studied(tmp_path, OWN_LAW.format(n=name) + own)
     base = {name: 0.75, "viscous": 3.0, "w2": 20.0}
-    found = verdict(base, {(name, ""): {name: 5.0}})
+    found = verdict(study, base, {(name, ""): {name: 5.0}})
     assert study.model.values(found.settings)[name] == 0.75
     text = machine_text(study.experiment, found)
     written = tomllib.loads(text)
@@ -131,7 +139,7 @@ SPELLINGS = {name: LAW + text for name, text in SPELLINGS.items()}
 @pytest.mark.parametrize("machine", SPELLINGS.values(), ids=SPELLINGS)
 def test_a_file_is_written_as_fitted_or_refused_with_what_to_do(tmp_path, machine):
     study = studied(tmp_path, machine)
-    found = verdict({"w2": 20.0}, {("viscous_drag", ""): {"b": 3.0}})
+    found = verdict(study, {"w2": 20.0}, {("viscous_drag", ""): {"b": 3.0}})
     text = machine_text(study.experiment, found)
     again = rerun(study, found, text)
     if again.fault is None:
@@ -147,7 +155,7 @@ def test_only_usual_spellings_are_written(tmp_path):
     """What a repaired file of its own, or a new one, is spelled as."""
     for name in ("in one line each", "dotted at the top", "spaces and a comment"):
         study = studied(tmp_path, SPELLINGS[name])
-        found = verdict({"w2": 20.0}, {})
+        found = verdict(study, {"w2": 20.0}, {})
         assert rerun(study, found, machine_text(study.experiment, found)).fault is None
 
 
@@ -155,7 +163,7 @@ def test_an_effect_of_the_experiment_replaces_that_of_the_machine(tmp_path):
     own = '\n[[effect]]\nname = "mine"\nenters = "force"\nformula = "{}"\nq = {{ unit = "{}" }}\n'
     machine = SPELLINGS["in one line each"] + own.format("-q * v", "1/s")
     study = studied(tmp_path, machine, BY_VOLTS + own.format("-q * x", "1/s2"))
-    found = verdict({"w2": 20.0}, {("mine", ""): {"q": 4.0}})
+    found = verdict(study, {"w2": 20.0}, {("mine", ""): {"q": 4.0}})
     text = machine_text(study.experiment, found)
     assert [e["formula"] for e in tomllib.loads(text)["effect"]] == ["-q * x"]
     assert rerun(study, found, text).fault is None
@@ -212,7 +220,7 @@ def test_effects_of_the_machine_file_reach_a_program(tmp_path):
     study = program(tmp_path, "f", "[effects.one]\nf = 0.25\n[effects.two]\nh = 0.5\n")
     (read,) = study.model({BASE: {"g": 1.5}})
     assert read == pytest.approx(4.5 * study.experiment.columns[0]["force_N"])
-    found = verdict({"g": 1.5}, {("one", ""): {"f": 0.125}})
+    found = verdict(study, {"g": 1.5}, {("one", ""): {"f": 0.125}})
     text = machine_text(study.experiment, found)
     assert tomllib.loads(text)["effects"]["one"]["f"]["value"] == 0.125
     assert rerun(study, found, text).fault is None
@@ -225,7 +233,7 @@ def test_the_file_has_what_fits_without_the_drafts(tmp_path):
     study = studied(tmp_path, OWN_LAW.format(n="g"))
     base = {"g": 0.7, "viscous": 3.0, "w2": 20.0}
     alone = {BASE: {**base, "w2": 22.0}, "bias_force": {"g": 0.25}}
-    found = verdict(base, {("bias_force", ""): {"g": 0.5}}, without_drafts=alone)
+    found = verdict(study, base, {("bias_force", ""): {"g": 0.5}}, without_drafts=alone)
     text = machine_text(study.experiment, found)
     written = tomllib.loads(text)
     assert written["base"]["w2"]["value"] == 22.0
@@ -282,7 +290,7 @@ def stage(folder, *files, machine=STAGE, seed=1):
 def test_what_is_of_a_run_s_own_time_stays_with_the_run(tmp_path, name, values, own):
     path = stage(tmp_path / "fitted", "a.csv", "b.csv", machine=STAGE + own)
     study = open_experiment(path).study
-    found = verdict({}, {(name, ""): values, ("scale", ""): {"k": 0.01}})
+    found = verdict(study, {}, {(name, ""): values, ("scale", ""): {"k": 0.01}})
     text = machine_text(study.experiment, found)
     assert rerun(study, found, text).fault is None
     assert tomllib.loads(text)["effects"][name]["runs"].keys() == {"a.csv", "b.csv"}
@@ -313,7 +321,7 @@ def test_what_is_of_a_run_s_own_time_stays_with_the_run(tmp_path, name, values, 
 def test_a_run_beside_those_of_an_effect_is_without_it(tmp_path):
     path = stage(tmp_path, "a.csv")
     study = open_experiment(path).study
-    text = machine_text(study.experiment, verdict({}, {("drift", ""): {"r": 0.05}}))
+    text = machine_text(study.experiment, verdict(study, {}, {("drift", ""): {"r": 0.05}}))
     first = (tmp_path / "a.csv").read_bytes()
     both = stage(tmp_path, "a.csv", "b.csv", machine=text, seed=3)
     (tmp_path / "a.csv").write_bytes(first)
@@ -327,7 +335,7 @@ def test_an_effect_of_place_is_the_machine_s_in_every_run(tmp_path):
     path = stage(tmp_path, "a.csv")
     study = open_experiment(path).study
     values = {"P": 5.0, "s": 0.2, "c": 0.1}
-    text = machine_text(study.experiment, verdict({}, {("periodic_error", ""): values}))
+    text = machine_text(study.experiment, verdict(study, {}, {("periodic_error", ""): values}))
     assert "runs" not in text
 
 

@@ -242,7 +242,8 @@ def unabsorbed(
 def searched(residuals: Residuals, null: Fit, base: Fit, candidate: Candidate) -> list[Group]:
     """The starts that the candidate's own search finds in the residual of `base`, as probes.
 
-    `null`: the fit without effects.
+    `null`: the fit without effects. None in the residual of a model that has run away, nor where a
+    search finds no finite number.
     """
     if candidate.find_starts is None:
         return []
@@ -268,7 +269,10 @@ def searched(residuals: Residuals, null: Fit, base: Fit, candidate: Candidate) -
         lower = float(by_other @ by_other) < float(by_start @ by_start)
         return other if lower else replace(start, moved=("", None))
 
-    starts = candidate.find_starts(_view(residuals, null, base))
+    view = _view(residuals, null, base)
+    if not all(np.isfinite(own).all() for own in view.residuals):
+        return []
+    starts = (s for s in candidate.find_starts(view) if all(map(math.isfinite, s.values())))
     return [(as_found_or_resized(probe(values)),) for values in starts]
 
 

@@ -31,8 +31,5 @@ class ForceConstantTemperature(Effect):
 
     def forms(self, view: View) -> Iterator[Candidate]:
         """Magnets weaken from where F0 was measured on, which is assumed, not known."""
-        measured = self.parameter("T0")
-        ambient_C = view.machine.heat.ambient_C
-        yield self.form(
-            self.fitted("alpha", 5e-4), measured.assumed(ambient_C, *measured.plausible)
-        )
+        fixed = {"T0": view.machine.heat.ambient_C}
+        yield self.form(self.fitted("alpha", 5e-4), fixed=fixed)

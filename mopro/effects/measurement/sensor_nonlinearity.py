@@ -32,7 +32,7 @@ class SensorNonlinearity(Effect):
         Parameter("mid", "m", "length", 0.0, (-0.3, 0.3), -2.0, 2.0, "middle of the range"),
         Parameter(
             "half", "m", "length", _LVDT_HALF_RANGE_M, (0.01, 1.0), 1e-4, 10.0, "half the range",
-            null=_LVDT_HALF_RANGE_M,
+            null=_LVDT_HALF_RANGE_M, unit_of=("c3", "c5"),
         ),
     )  # fmt: skip
 

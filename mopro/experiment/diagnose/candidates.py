@@ -53,7 +53,7 @@ def unlisted(model: ForwardModel) -> list[Candidate]:
     if experiment.tables or any(quantity.slow for quantity in quantities):
         domains.add(Domain.HEAT)
     terms = [term for term in unlisted_terms() if term.domain in domains]
-    return [candidate for term in terms for candidate in term.forms(model)]
+    return [candidate for term in terms for candidate in term.candidates(model)]
 
 
 def _of_motion(model: ForwardModel) -> Iterator[Candidate]:
@@ -69,7 +69,7 @@ def _of_motion(model: ForwardModel) -> Iterator[Candidate]:
         seen = {s.axis for s in sensors if _shows(effect, s.quantity)}
         if not seen:
             continue
-        for candidate in effect.forms(model):
+        for candidate in effect.candidates(model):
             yield candidate
             if effect.domain is Domain.MEASUREMENT and len(seen) > 1:
                 yield from (_on_one(candidate, axis) for axis in sorted(seen))
@@ -82,11 +82,15 @@ def _shows(effect: Effect, quantity: Quantity) -> bool:
 
 
 def _of_heat(model: ForwardModel, lasting: bool) -> Iterator[Candidate]:
-    """Thermal candidates: those that change the steady state (`lasting`), or all others."""
+    """Thermal candidates: those that change the steady state (`lasting`), or all others.
+
+    A few rows of final rises tell no assumed constant from the sizes that it multiplies: with
+    tables alone they keep their values.
+    """
     machine = model.experiment.machine
     for effect in catalogue_of(machine).values():
         if effect.domain is Domain.HEAT and thermal.lasts(effect, machine) is lasting:
-            yield from effect.forms(model)
+            yield from effect.candidates(model) if model.experiment.trials else effect.forms(model)
 
 
 def _on_one(candidate: Candidate, axis: int) -> Candidate:

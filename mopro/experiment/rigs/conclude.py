@@ -19,6 +19,11 @@ _ADVICE = (
     "A run that is driven in another way, another sensor, or a known change of the machine "
     "(`without` in a run) may distinguish them."
 )
+# What a library says of such numbers tells nobody what to do.
+_NOT_FINITE = (
+    "{}: with some effects the model comes to numbers that cannot be worked with: look at the "
+    "signs of its law and at the ranges of its free numbers, or leave effects out with --without"
+)
 
 
 def conclude(
@@ -39,7 +44,7 @@ def conclude(
             unlisted=unlisted(study.model, study.series, study.base.settings),
         )  # fmt: skip
     except ValueError as error:
-        raise DataError(f"{study.experiment.source.name}: {error}", "not-finite") from error
+        raise DataError(_NOT_FINITE.format(study.experiment.source.name), "not-finite") from error
     progress("simulating the experiment again with the effects found")
     text = machine_text(study.experiment, verdict)
     again = rerun(study, verdict, text)

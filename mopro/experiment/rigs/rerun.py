@@ -16,6 +16,7 @@ from mopro.formula.evaluate import Floats
 from mopro.residuals import Residuals
 from mopro.rig.model import Rig
 from mopro.rig.simulation import BASE, Model
+from mopro.rig.switched import as_stated
 from mopro.series import Settings
 from mopro.verdict import Verdict, rms
 
@@ -41,7 +42,7 @@ def rerun(study: Study, verdict: Verdict, text: str) -> Rerun:
         machine = machine_of(experiment.machine, text)
     except ModelError as error:
         return Rerun((None,) * len(study.series), _fault(study, [error.diagnostics[0].message]))
-    again = kept_to_their_runs(replace(experiment, machine=machine))
+    again = as_stated(kept_to_their_runs(replace(experiment, machine=machine)))
     own = {n: v for n, v in settings.get(BASE, {}).items() if n not in machine.numbers}
     model, stated = Model(again, foreign=study.model.foreign), {BASE: own} if own else {}
     predicted = model(stated)

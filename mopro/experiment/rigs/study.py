@@ -26,6 +26,7 @@ from mopro.rig.data import RigExperiment
 from mopro.rig.names import check, effects_of
 from mopro.rig.series import plain_series, series_of
 from mopro.rig.simulation import Model, Simulate
+from mopro.rig.switched import as_stated
 from mopro.series import Series
 from mopro.tomlfile import Document
 
@@ -59,7 +60,7 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     A model that is a program is run only if `allow_python`.
     """
     foreign = _foreign(entries, allow_python)
-    experiment = kept_to_their_runs(completed(read_rig_experiment(entries)))
+    experiment = as_stated(kept_to_their_runs(completed(read_rig_experiment(entries))))
     check(experiment, effects_of(experiment))
     _check_apart(experiment)
     experiment = _with_signs(experiment, foreign)
@@ -68,7 +69,8 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     data = plain_series(model)
     _check_runs(model, parameters)
     base = fitted_base(model, data, parameters)
-    notes = [*check_scales(model, data, base), *unstated_steps(model)]
+    doubts = (f"{n.name}: {n.doubt}" for n in experiment.machine.numbers.values() if n.doubt)
+    notes = [*doubts, *check_scales(model, data, base), *unstated_steps(model)]
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
     experiment = replace(experiment, notes=(*experiment.notes, *notes))
     return Study(experiment, model, base, series)
