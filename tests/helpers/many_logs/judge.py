@@ -131,12 +131,15 @@ def _check_ledger(sheet, rows):
     lost = sum(one["count"] for one in rows["left_out"])
     if rows["read"] != rows["used"] + lost:
         raise Wrong(f"the ledger does not add up: {rows};")
-    blank = np.all([np.isnan(c.values) for c in sheet.sensors()], axis=0)
     kept = [r for r in sheet.order if r not in sheet.right.lost]
-    unread = int(np.count_nonzero(blank[list(dict.fromkeys(map(int, kept)))]))
+    once = list(dict.fromkeys(map(int, kept)))
+    files = [sheet.sensors()]
+    if sheet.split:
+        files.append([c for c in sheet.columns if c.role not in ("sensor", "unused")])
+    blank = [np.all([np.isnan(c.values) for c in own], axis=0) for own in files]
+    unread = sum(int(np.count_nonzero(own[once])) for own in blank)
     right = len(sheet.order) - len(kept) + sheet.right.lost_lines + unread
-    files = 2 if sheet.split else 1
-    if lost != right or rows["read"] != files * len(sheet.order) + sheet.right.lost_lines:
+    if lost != right or rows["read"] != len(files) * len(sheet.order) + sheet.right.lost_lines:
         raise Wrong(f"{right} rows of {len(sheet.order)} must be left out, not {rows};")
 
 
