@@ -115,22 +115,33 @@ def _lines(data: bytes, encoding: str, whole: bool) -> list[str]:
 
 
 def _delimiter(lines: list[str]) -> str:
-    """The delimiter that gives most rows the same number of cells, most of them numbers."""
+    """The delimiter that gives most numbers and stamps to each row of the usual width."""
     sample = [line for line in lines if line.strip()][-SAMPLE_ROWS:]
 
-    def score(delimiter: str) -> tuple[float, float]:
+    def score(delimiter: str) -> tuple[float, float, float]:
         rows = [cells_of(line, delimiter) for line in sample]
-        width, count = Counter(map(len, rows)).most_common(1)[0]
+        width = Counter(map(len, rows)).most_common(1)[0][0]
         if width < 2:
-            return 0.0, 0.0
-        cells = [cell for row in rows if len(row) == width for cell in row]
+            return 0.0, 0.0, 0.0
+        whole = [row for row in rows if len(row) == width]
+        cells = [c for row in whole for c in (_stamps_whole(row) if delimiter == " " else row)]
         usable = sum(holds_data(c) or c.lower() in MISSING for c in cells)
-        # A stamp has a blank in it: of as good ones, a blank is the last.
-        share = count / len(rows) * usable / sum(map(len, rows))
-        return share, 0.0 if delimiter == " " else float(width)
+        # Of as good ones, a blank is the last.
+        return usable / len(rows), usable / len(cells), 0.0 if delimiter == " " else float(width)
 
     best = max(_DELIMITERS, key=score)
     return best if score(best)[0] > 0 else ","
+
+
+def _stamps_whole(cells: list[str]) -> list[str]:
+    """The cells between blanks, of which a date and the time behind it are one."""
+    found: list[str] = []
+    for cell in cells:
+        if found and is_stamp(f"{found[-1]} {cell}"):
+            found[-1] += f" {cell}"
+        else:
+            found.append(cell)
+    return found
 
 
 def _width(rows: list[list[str]]) -> int:

@@ -239,11 +239,13 @@ def test_blanks_before_the_cells_of_a_date_and_a_time(log):
     clock_of(log({"Date": dates, "Time": [f"   {t} " for t in shown("%H:%M:%S.%f")]}))
 
 
+@pytest.mark.parametrize("words", [(), ("runs",), ("runs", "ok")])
 @pytest.mark.parametrize("delimiter", ["\t", ";", ",", "|"])
-def test_the_blank_in_a_stamp_parts_no_cells(tmp_path, delimiter):
+def test_the_blank_in_a_stamp_parts_no_cells(tmp_path, delimiter, words):
     stamps = [str(START + np.timedelta64(100 * n, "ms")).replace("T", " ") for n in range(400)]
-    rows = [delimiter.join((stamp, f"{n}", "nan")) for n, stamp in enumerate(stamps)]
-    text = "\n".join([delimiter.join(("time", "x [mm]", "y [mm]")), *rows]) + "\n"
+    rows = [delimiter.join((stamp, f"{n}", "nan", *words)) for n, stamp in enumerate(stamps)]
+    names = ("time", "x [mm]", "y [mm]", *(f"state {n}" for n in range(len(words))))
+    text = "\n".join([delimiter.join(names), *rows]) + "\n"
     (tmp_path / "log.csv").write_text(text)
     clock = read_log(tmp_path / "log.csv").clocks["time"]
     assert clock == pytest.approx(np.arange(400) / 10, abs=2e-3)

@@ -24,7 +24,8 @@ CATALOGUE = Path(machine_files.__file__).with_name("catalogue") / "axis.toml"
 AXIS_EFFECTS = [
     (e["name"], e.get("form", ""), [key for key, own in e.items() if isinstance(own, dict)])
     for e in tomllib.loads(CATALOGUE.read_text("utf-8"))["effect"]
-    if "force" not in e["formula"]  # an axis that states its own law has none
+    # An axis that states its own law has no force, and this one does not turn.
+    if "force" not in e["formula"] and not e.get("angular")
 ]
 BY_VOLTS = DRIVEN.replace("force = {", 'drive = { unit = "V",')
 OWN_LAW = """\
