@@ -115,19 +115,23 @@ def _lines(data: bytes, encoding: str, whole: bool) -> list[str]:
 
 
 def _delimiter(lines: list[str]) -> str:
-    """The delimiter that gives most numbers and stamps to each row of the usual width."""
+    """The delimiter that gives most numbers and stamps to a row, and few other cells.
+
+    Judged by their number in a row, of those of the usual width, times their share.
+    """
     sample = [line for line in lines if line.strip()][-SAMPLE_ROWS:]
 
-    def score(delimiter: str) -> tuple[float, float, float]:
+    def score(delimiter: str) -> tuple[float, float]:
         rows = [cells_of(line, delimiter) for line in sample]
         width = Counter(map(len, rows)).most_common(1)[0][0]
         if width < 2:
-            return 0.0, 0.0, 0.0
+            return 0.0, 0.0
         whole = [row for row in rows if len(row) == width]
         cells = [c for row in whole for c in (_stamps_whole(row) if delimiter == " " else row)]
         usable = sum(holds_data(c) or c.lower() in MISSING for c in cells)
         # Of as good ones, a blank is the last.
-        return usable / len(rows), usable / len(cells), 0.0 if delimiter == " " else float(width)
+        good = usable / len(rows) * usable / len(cells)
+        return good, 0.0 if delimiter == " " else float(width)
 
     best = max(_DELIMITERS, key=score)
     return best if score(best)[0] > 0 else ","
