@@ -270,6 +270,8 @@ class Effect:
     acts_last: ClassVar[bool] = False
     # Reason why it is no property of the machine; follows "not in the machine file: ".
     reservation: ClassVar[str | None] = None
+    # It is one of the time since a run began, and says nothing of other runs.
+    of_one_run: ClassVar[bool] = False
     # Its parameter that is a constant added to all readings of one sensor.
     constant_offset: ClassVar[str | None] = None
     # The tolerance of a sensor (`mopro.tolerances`) that allows sizes of it, which are relative.
@@ -305,6 +307,11 @@ class Effect:
         return {p.name: p.null for p in self.parameters}
 
     # -- facts for a machine file and a diagnosis ---------------------------------
+
+    @property
+    def belongs_to_runs(self) -> bool:
+        """True if a diagnosis may state it for the runs that it was fitted on alone."""
+        return self.of_one_run or any(p.per_run for p in self.parameters)
 
     def stated_by(self, machine: Machine) -> tuple[float, ...] | None:
         """Values on a machine that states the effect outside of `[effects]`, else None."""

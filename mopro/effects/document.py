@@ -156,6 +156,8 @@ def _notes(effect: Effect, effects: Sequence[Effect], machine: Machine) -> Itera
         yield f"A calibration, if within the machine file's tolerance of {number.key}{halves}."
     if effect.reservation is not None:
         yield f"Not in the machine file that a diagnosis writes: {effect.reservation}."
+    if effect.belongs_to_runs:
+        yield "In that file it belongs to the runs that it was fitted on, and is off in others."
     for family in effect.families:
         alike = [e.name for e in effects if family in e.families and e is not effect]
         yield f"Easily confused ({family}) with {', '.join(alike)}."

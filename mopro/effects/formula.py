@@ -52,6 +52,7 @@ def effect_of(written: WrittenEffect) -> Effect:
     facts: dict[str, Any] = {
         "name": written.name,
         "written": written,
+        "of_one_run": "t" in written.term.formula.names,
         "parameters": tuple(map(_parameter, written.parameters)),
         "__doc__": f"A file's formula.\n\n{written.enters}: {written.term.formula.text}",
     }

@@ -2,27 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from difflib import get_close_matches
 
-from mopro.effects.base import Active, Effect, Parameter
+from mopro.effects.base import Active, Effect, Parameter, angle_in
 from mopro.effects.registry import Catalogue, in_order
 from mopro.errors import MOST_SHOWN, Diagnostic, ModelError
 from mopro.machine import Machine, StatedEffect, StatedValue
+from mopro.machine.runs import NO_DATA, Data, nth_of
 from mopro.program import AXES
 from mopro.source import Source, Span
 
 
-def active_effects(machine: Machine, catalogue: Catalogue) -> tuple[Active, ...]:
-    """The effects that `machine` switches on, in the order in which they act.
+def active_effects(
+    machine: Machine, catalogue: Catalogue, data: Data = NO_DATA
+) -> tuple[Active, ...]:
+    """The effects that `machine` switches on in a run, in the order in which they act.
 
-    An effect that the file states outside of `[effects]` is added unless it is listed there as
-    well. Raises ModelError with all findings.
+    `data`: the run's data file. Those that belong to other runs are off, as they are in a run
+    without data. Raises ModelError with all findings.
+    """
+    off = {name for name, runs in machine.runs.items() if nth_of(data, runs) is None}
+    return stated_effects(machine, catalogue, data, off)
+
+
+def stated_effects(
+    machine: Machine, catalogue: Catalogue, data: Data = NO_DATA, off: Collection[str] = ()
+) -> tuple[Active, ...]:
+    """The effects that `machine` states, whatever runs they belong to, without those in `off`.
+
+    Each has the values of the run with this `data`, or else of the first of its runs. An effect
+    that the file states outside of `[effects]` is added unless it is listed there as well. Raises
+    ModelError with all findings.
     """
     resolver = _Resolver(catalogue)
-    active = [a for stated in machine.effects if (a := resolver.resolve(stated))]
+    resolved = [a for stated in machine.effects if (a := resolver.resolve(stated, data))]
     if resolver.faults:
         raise ModelError(machine.source or Source(machine.name, ""), resolver.faults)
+    active = [a for a in resolved if a.name not in off]
     names = {a.name for a in active}
     for effect in catalogue.stated_elsewhere():
         values = effect.stated_by(machine)
@@ -44,7 +61,7 @@ class _Resolver:
         self.faults: list[Diagnostic] = []
         self._catalogue = catalogue
 
-    def resolve(self, stated: StatedEffect) -> Active | None:
+    def resolve(self, stated: StatedEffect, data: Data) -> Active | None:
         effect = self._catalogue.get(stated.name)
         if effect is None:
             message = f"there is no effect {stated.name}"
@@ -52,18 +69,19 @@ class _Resolver:
                 "unknown-effect", message, stated.span, self._near(stated.name, self._catalogue)
             )
             return None
-        parameters = {p.name: p for p in effect.parameters}
+        angles = _angles(effect, stated)
+        known = {p.name: p for p in effect.parameters} | {n: p for own in angles for n, p in own}
         for key, value in stated.values.items():
-            if key not in parameters:
+            if key not in known:
                 message = f"{effect.name} has no parameter {key}"
-                self._report("unknown-parameter", message, value.span, self._near(key, parameters))
-        values = tuple(self._value(p, stated.values.get(p.name)) for p in effect.parameters)
-        return Active(effect, values, stated.axes)
+                self._report("unknown-parameter", message, value.span, self._near(key, known))
+        found = {n: self._value(known[n], v) for n, v in stated.values.items() if n in known}
+        nth = nth_of(data, stated.runs) or 0
+        in_run = {p.name: found[n] for own in angles[nth : nth + 1] for n, p in own if n in found}
+        return with_values(effect, found | in_run, stated.axes)
 
-    def _value(self, parameter: Parameter, stated: StatedValue | None) -> float:
-        """The value in SI; an unstated one is the default."""
-        if stated is None:
-            return parameter.default
+    def _value(self, parameter: Parameter, stated: StatedValue) -> float:
+        """The value in SI; the default after a finding about its unit."""
         value = stated.number
         if stated.unit is not None:
             try:
@@ -81,6 +99,12 @@ class _Resolver:
 
     def _report(self, rule: str, message: str, span: Span, hint: str | None = None) -> None:
         self.faults.append(Diagnostic(rule, message, span, hint=hint))
+
+
+def _angles(effect: Effect, stated: StatedEffect) -> list[list[tuple[str, Parameter]]]:
+    """The names that the effect's `per_run` parameters have in each of the runs that it is of."""
+    angles = [p for p in effect.parameters if p.per_run]
+    return [[(angle_in(nth, p.name), p) for p in angles] for nth in range(len(stated.runs))]
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

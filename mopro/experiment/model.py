@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
+from mopro.machine.runs import NO_DATA, Data
 from mopro.program import Program
 from mopro.source import Source, Span
 
@@ -43,6 +44,7 @@ class Trial:
 
     It has a program or a logged command, never both. `span` is the place of its data in
     the experiment file; data of a run that is `partial` may end before its program does.
+    `data`: its file, and the checksum of what is in it.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Trial:
     readings: tuple[Reading, ...]
     span: Span = field(default=Span(1, 1, 1), compare=False)
     partial: bool = False
+    data: Data = NO_DATA
 
     @property
     def follows_motion(self) -> bool:

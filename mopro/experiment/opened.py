@@ -178,10 +178,8 @@ def open_experiment(
     rows = rows_of(path)
     if is_rig(path):
         return OfARig(study(_entries(path, applied), allow_python), rows)
-    experiment = load_experiment(path)
-    if applied is not None:
-        experiment = replace(experiment, machine=load_machine(applied))
-    return OfTheMotor(experiment, rows)
+    machine = None if applied is None else load_machine(applied)
+    return OfTheMotor(load_experiment(path, machine), rows)
 
 
 def _entries(path: str | Path, applied: str | None) -> RigEntries:

@@ -126,11 +126,15 @@ def _delimiter(lines: list[str]) -> str:
         width = Counter(map(len, rows)).most_common(1)[0][0]
         if width < 2:
             return 0.0, 0.0
-        whole = [row for row in rows if len(row) == width]
-        cells = [c for row in whole for c in (_stamps_whole(row) if delimiter == " " else row)]
-        usable = sum(holds_data(c) or c.lower() in MISSING for c in cells)
+        cells = [_stamps_whole(row) if delimiter == " " else row for row in rows]
+        usable = sum(
+            holds_data(c) or c.lower() in MISSING
+            for row, own in zip(rows, cells, strict=True)
+            for c in own
+            if len(row) == width
+        )
         # Of as good ones, a blank is the last.
-        good = usable / len(rows) * usable / len(cells)
+        good = usable / len(rows) * usable / sum(map(len, cells))
         return good, 0.0 if delimiter == " " else float(width)
 
     best = max(_DELIMITERS, key=score)

@@ -23,6 +23,7 @@ from mopro.machine.model import (
     StatedEffect,
     StatedValue,
 )
+from mopro.machine.runs import RUNS, read_runs, states_runs
 from mopro.program import AXES
 from mopro.source import Source
 from mopro.tomlfile import Document, Refused, Value, read_named, shown
@@ -196,7 +197,7 @@ def _provenance(root: Value) -> dict[str, Provenance]:
         )
         for section in (*sections, *effects)
         for value in section.values()
-        if isinstance(value.data, dict)
+        if isinstance(value.data, dict) and not states_runs(value)
     }
 
 
@@ -236,12 +237,15 @@ def _effects(value: Value) -> tuple[StatedEffect, ...]:
 def _effect(table: Value) -> StatedEffect:
     if not isinstance(table.data, dict):
         raise table.refused(f"expected a section [{table.name}]")
-    values = {key: table.get(key, _stated, None) for key in table.data if key != "axes"}
+    belongs = RUNS in table and states_runs(table[RUNS])
+    others = {"axes", RUNS} if belongs else {"axes"}
+    values = {key: table.get(key, _stated, None) for key in table.data if key not in others}
     return StatedEffect(
         table.key,
         {key: number for key, number in values.items() if number is not None},
         table.get("axes", _axes, AXES),
         table.span,
+        table.get(RUNS, read_runs, {}) if belongs else {},
     )
 
 

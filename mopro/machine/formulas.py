@@ -27,7 +27,9 @@ NAMES: dict[str, dict[str, Dimension]] = {
     MEASUREMENT: {**_IN_TIME, "y": _PLACE, "T": _KELVIN},
 }
 _WANTED = {AS_FORCE: _NEWTON, AS_FRICTION: _NEWTON, COMMAND: _PLACE, MEASUREMENT: _PLACE}
-_RESERVED = frozenset([PI]).union(*NAMES.values())
+# What a section `[effects.NAME]`, or a setting of a fit, has beside parameters.
+_BESIDE = ("axes", "axis", "run")
+_RESERVED = frozenset([PI, *_BESIDE]).union(*NAMES.values())
 _HOST = Host("sawyer", PLACES, frozenset(), _RESERVED)
 
 

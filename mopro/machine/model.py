@@ -179,12 +179,16 @@ class StatedValue:
 
 @dataclass(frozen=True)
 class StatedEffect:
-    """An effect as a machine file switches it on; its names are checked by the emulator."""
+    """An effect as a machine file switches it on; its names are checked by the emulator.
+
+    `runs`: data files of the runs that alone have it, each with its checksum; empty if all have it.
+    """
 
     name: str
-    values: Mapping[str, StatedValue]
+    values: Mapping[str, StatedValue] = field(hash=False)
     axes: tuple[int, ...] = AXES
     span: Span = field(default=Span(1, 1, 1), compare=False)
+    runs: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True)
@@ -261,6 +265,11 @@ class Machine:
             for name, values in effects.items()
         )
         return replace(self, effects=others + added, source=None)
+
+    @property
+    def runs(self) -> dict[str, Mapping[str, str]]:
+        """The runs of each effect that belongs to certain runs alone."""
+        return {effect.name: effect.runs for effect in self.effects if effect.runs}
 
     def beside(self, formulas: Iterable[WrittenEffect]) -> Machine:
         """This machine with `formulas`, which take the place of its own of the same names."""

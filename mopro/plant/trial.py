@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 from mopro.effects import catalogue_of
-from mopro.effects.resolve import active_effects
+from mopro.effects.resolve import stated_effects
 from mopro.errors import Diagnostic, ModelError, RunError
 from mopro.machine import Machine
 from mopro.plant.planning import plan_with_effects
@@ -24,8 +24,11 @@ _PLACE = Span(1, 1, 2)
 
 
 def try_out(machine: Machine) -> None:
-    """Emulate a move of one pitch and an hour of heating; ModelError if a value is not finite."""
-    active = active_effects(machine, catalogue_of(machine))
+    """Emulate a move of one pitch and an hour of heating; ModelError if a value is not finite.
+
+    With all effects that it states, whatever runs they belong to.
+    """
+    active = stated_effects(machine, catalogue_of(machine))
     schedule = plan_with_effects(_one_pitch(machine), machine, active)
     warm = replace(schedule, duration_s=_WARM_S)
     simulation = simulate(warm, machine, active, compiled=False)

@@ -13,6 +13,7 @@ from mopro.formula import Dimension
 from mopro.formula.evaluate import Floats
 from mopro.formula.written import Written
 from mopro.instruments.quantity import Measurable
+from mopro.machine.runs import NO_DATA, Data
 from mopro.residuals import least_noise, wild_samples
 from mopro.rig.model import Rig
 from mopro.source import Source
@@ -80,7 +81,7 @@ class Run:
     `start`: values of states at the first row, None where they are free; a state that is not in it
     begins as the first that is. `without`: effects that are known to be off. `feedback`: an input
     was made from the readings, by a closed loop, so that a dependence of the readings on it tells
-    nothing of the machine. `data`: the name of its file, and the checksum of what is in it.
+    nothing of the machine. `data`: its file, and the checksum of what is in it.
     """
 
     name: str
@@ -91,7 +92,7 @@ class Run:
     start: Mapping[str, float | None]
     without: frozenset[str] = frozenset()
     feedback: bool = False
-    data: tuple[str, str] = ("", "")
+    data: Data = NO_DATA
     value: Value | None = field(default=None, compare=False)
 
 

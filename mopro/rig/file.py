@@ -21,6 +21,7 @@ from mopro.formula.entry import (
 from mopro.formula.language import PI
 from mopro.formula.written import Written, WrittenEffect
 from mopro.instruments.quantity import AXIS_UNITS
+from mopro.machine.runs import read_runs, states_runs
 from mopro.rig.model import (
     AXIS,
     ENTERS,
@@ -60,8 +61,6 @@ _RESERVED = {
 }
 HOSTS = {kind: Host(kind, ENTERS[kind], _TARGETED, _RESERVED[kind]) for kind in KINDS}
 MOST_NUMBERS = 40
-# The key of an effect's runs, where it belongs to these alone.
-RUNS = "runs"
 # The range of a free number without one, in its value.
 _LOWEST, _HIGHEST = 0.1, 10.0
 
@@ -229,7 +228,7 @@ def _active(section: Value) -> dict[str, dict[str, float]]:
 def _values(section: Value) -> dict[str, float]:
     found = {}
     for entry in table_in(section).values():
-        if _states_runs(entry):
+        if states_runs(entry):
             continue
         number = number_in(entry.data.get("value") if isinstance(entry.data, dict) else entry.data)
         if number is None:
@@ -251,20 +250,14 @@ def _units(section: Value) -> dict[str, dict[str, str]]:
     }
 
 
-def _states_runs(entry: Value) -> bool:
-    """True for `runs` of an effect, which is a parameter if it has a value."""
-    return entry.key == RUNS and not (isinstance(entry.data, dict) and "value" in entry.data)
-
-
 def _runs(section: Value) -> dict[str, dict[str, str]]:
     """The runs of the effects that state them: names of data files, and their checksums."""
-    found = {}
-    for effect in table_in(section).values():
-        for entry in effect.values():
-            if _states_runs(entry):
-                stated = inline(entry, '{ "run.csv" = "89abcdef" }')
-                found[effect.key] = {run.key: text()(run) for run in stated.values()}
-    return found
+    return {
+        effect.key: read_runs(entry)
+        for effect in table_in(section).values()
+        for entry in effect.values()
+        if states_runs(entry)
+    }
 
 
 # -- the catalogue -----------------------------------------------------------------------

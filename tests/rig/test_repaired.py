@@ -332,6 +332,31 @@ def test_a_run_beside_those_of_an_effect_is_without_it(tmp_path):
     assert without == pytest.approx(model.experiment.trials[1].inputs["command"] * 1e3)
 
 
+def test_files_of_one_name_in_two_folders_are_two_runs(tmp_path):
+    path = stage(tmp_path, "one.csv", "two.csv")
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / f"{folder}.csv").rename(tmp_path / folder / "run.csv")
+        path.write_text(path.read_text().replace(f"{folder}.csv", f"{folder}/run.csv"))
+    study = open_experiment(path).study
+    text = machine_text(study.experiment, verdict({}, {("drift", ""): {"r": 0.05}}))
+    assert tomllib.loads(text)["effects"]["drift"]["runs"].keys() == {"one/run.csv", "two/run.csv"}
+    (tmp_path / "machine.toml").write_text(text)
+    opened = open_experiment(path)
+    assert not any("left out" in note for note in opened.notes)
+    for seen, asked in zip(
+        opened.study.model({}), study.model({"drift": {"r": 0.05}}), strict=True
+    ):
+        assert seen == pytest.approx(asked, abs=1e-9)
+
+
+@pytest.mark.parametrize("stated", ['"a.csv"', "{}", '{ "a.csv" = 3 }', '{ "a.csv" = "1c29" }'])
+def test_bad_runs_are_refused_at_their_place(tmp_path, stated):
+    path = stage(tmp_path, "a.csv", machine=f"{STAGE}[effects.drift]\nr = 0.05\nruns = {stated}\n")
+    with pytest.raises(ModelError, match=r"machine.toml:6:\d+: expected runs = "):
+        open_experiment(path)
+
+
 def test_an_effect_of_place_is_the_machine_s_in_every_run(tmp_path):
     path = stage(tmp_path, "a.csv")
     study = open_experiment(path).study

@@ -90,12 +90,16 @@ def command(
         if applied is None
         else open_before(experiment, applied, allow_python)
     )
-    for note in loaded.notes:
+    told = loaded.notes
+    for note in told:
         say(note, err=True)
     with claimed(plot, report):
         comparison, before = loaded.compare(seed), None
         if applied is not None:
             loaded, before = open_experiment(experiment, applied, allow_python), comparison
+            for note in loaded.notes:
+                if note not in told:
+                    say(note, err=True)
             comparison = loaded.compare(seed)
     gaps = [] if before is None else list(_gaps(before, comparison))
     if as_json:

@@ -9,6 +9,7 @@ import click
 
 from mopro.cli.language.programs import compiled_program
 from mopro.cli.terminal.complete import instrument_names
+from mopro.cli.terminal.of_runs import tell_of_runs
 from mopro.cli.terminal.options import (
     OutputFile,
     duration_type,
@@ -83,7 +84,9 @@ def command(
     sensor = None if own is None else _sensor(own, axis, out)
     program = compiled_program(file, grammar)
     rate_hz = 10.0 if _is_slow(instrument, sensor) else 4000.0
-    emulator = Emulator(load_machine(machine), payload, rate_hz, seed)
+    plant = load_machine(machine)
+    tell_of_runs(plant)
+    emulator = Emulator(plant, payload, rate_hz, seed)
     if instrument == "lvdt" and for_s is None:
         for_s = _lvdt_duration_s()
     sink = MemorySink()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -14,10 +15,11 @@ import click
 from mopro.cli.language.texts import read_text, show_difference, write_text
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.terminal.complete import machine_names, rule_names
+from mopro.cli.terminal.of_runs import tell_of_runs
 from mopro.cli.terminal.options import payload_type
 from mopro.cli.terminal.progress import counted
 from mopro.cli.terminal.say import is_terminal, say, say_findings
-from mopro.errors import MoproError, Severity
+from mopro.errors import ModelError, MoproError, Severity
 from mopro.language.parse import GRAMMARS
 from mopro.lint.config import check_rule_names, find_settings, lengths
 from mopro.lint.output import FORMATS, Report, summary
@@ -85,13 +87,14 @@ def command(
         keep_inputs([("--fix", file) for file in files], [("--machine", machine)])
     # Files of one folder have the same.
     settings_in = cache(partial(_settings, chosen))
+    tell_of = cache(_tell_of_runs)
     reports: list[Report] = []
     code = 0
     with counted("lint", len(files), "files") as tell:
         for number, file in enumerate(files):
             tell(number)
             try:
-                report, changed = _lint_file(file, settings_in, fix, diff)
+                report, changed = _lint_file(file, settings_in, tell_of, fix, diff)
             except MoproError as error:
                 say_findings(error.render(), err=True)
                 code = EXIT_BAD_INPUT
@@ -121,7 +124,11 @@ def _tell(reports: list[Report], form: str, err: bool) -> None:
 
 
 def _lint_file(
-    file: str, settings_in: Callable[[Path], Settings], fix: bool, diff: bool
+    file: str,
+    settings_in: Callable[[Path], Settings],
+    tell_of: Callable[[str], None],
+    fix: bool,
+    diff: bool,
 ) -> tuple[Report, bool]:
     """The report on one file, and whether --diff showed a change of it."""
     from mopro.lint.check import lint
@@ -139,7 +146,19 @@ def _lint_file(
         elif better != source or file == "-":
             write_text(file, better, tail)
         source = source if diff else better
-    return Report(source, lint(source, settings)), changed
+    report = Report(source, lint(source, settings))
+    tell_of(settings.machine)
+    return report, changed
+
+
+def _tell_of_runs(machine: str) -> None:
+    """Tell which effects are off; a machine that cannot be read is told where a rule needs it."""
+    if machine == Settings.machine:
+        return  # built in, and most rules need no machine
+    from mopro.machine import load_machine
+
+    with suppress(ModelError):
+        tell_of_runs(load_machine(machine))
 
 
 def _settings(chosen: dict[str, Any], folder: Path) -> Settings:

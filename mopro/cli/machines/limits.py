@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mopro.cli.main import EXIT_FAILED
+from mopro.cli.terminal.of_runs import tell_of_runs
 from mopro.cli.terminal.options import OutputFile, machine_option, payload_type
 from mopro.cli.terminal.outputs import claimed, drawn, keep_inputs, machine_file
 from mopro.cli.terminal.say import say
@@ -86,6 +87,7 @@ def command(
 
     keep_inputs([("--plot", plot)], [("--machine", machine_file(machine))])
     loaded = load_machine(machine)
+    tell_of_runs(loaded)
     if drive == "full":
         loaded = with_full_drive(loaded)
     with claimed(plot):

@@ -173,10 +173,10 @@ def _of_rig(rig: Rig) -> Iterator[dict[str, Any]]:
 
 def _effects(machine: Machine) -> list[dict[str, Any]]:
     from mopro.effects import catalogue_of
-    from mopro.effects.resolve import active_effects
+    from mopro.effects.resolve import stated_effects
 
-    rows = []
-    for active in active_effects(machine, catalogue_of(machine)):
+    rows: list[dict[str, Any]] = []
+    for active in stated_effects(machine, catalogue_of(machine)):
         for parameter, value in zip(active.effect.parameters, active.values, strict=True):
             key = f"effects.{active.name}.{parameter.name}"
             source = machine.provenance.get(key)
@@ -189,4 +189,7 @@ def _effects(machine: Machine) -> list[dict[str, Any]]:
                     "place": source.place if source else parameter.meaning,
                 }
             )
+        if runs := machine.runs.get(active.name):
+            row = {"key": f"effects.{active.name}.runs", "value": ", ".join(runs), "unit": ""}
+            rows.append({**row, "origin": "stated", "place": "off in all other runs"})
     return rows

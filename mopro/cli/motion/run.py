@@ -16,6 +16,7 @@ from mopro.cli.motion.link import baud_option, connected_session, dialect_option
 from mopro.cli.motion.live import live_run
 from mopro.cli.motion.recordings import recording_sink, replaces_recording
 from mopro.cli.motion.summary import Written, tell, tell_trouble
+from mopro.cli.terminal.of_runs import tell_of_runs
 from mopro.cli.terminal.options import (
     STANDARD,
     OutputFile,
@@ -157,7 +158,9 @@ def command(
     with ExitStack() as outer, ExitStack() as files:
         files.enter_context(claimed(plot, report))
         plant = load_machine(machine)
-        if port is not None:
+        if port is None:
+            tell_of_runs(plant)
+        else:
             program = _runnable_from(program, from_line, yes, machine, for_s)
         page = files.enter_context(live_run(program, plant, for_s)) if live else None
         reporting: AbstractContextManager[None] = nullcontext()

@@ -9,6 +9,7 @@ import click
 
 from mopro.cli.motion.link import baud_option, dialect_option, token
 from mopro.cli.motion.live import controller_panel
+from mopro.cli.terminal.of_runs import tell_of_runs
 from mopro.cli.terminal.options import Quantity, grammar_option, machine_option, payload_type
 from mopro.cli.terminal.outputs import keep_inputs, machine_file
 from mopro.cli.terminal.say import say
@@ -102,7 +103,9 @@ def command(
     if seed is not None:
         scenario = replace(scenario, seed=seed)
     language = load_dialect(dialect)
-    emulator = Emulator(load_machine(machine), payload, compiled=speed > _PLAIN_SPEED)
+    plant = load_machine(machine)
+    tell_of_runs(plant)
+    emulator = Emulator(plant, payload, compiled=speed > _PLAIN_SPEED)
     if emulator.compiled:
         _warm(emulator)
     station = Station(language, emulator, _programs(store), scenario, baud, grammar)

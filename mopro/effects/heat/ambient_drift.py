@@ -17,6 +17,7 @@ class AmbientDrift(Effect):
 
     name = "ambient_drift"
     domain = Domain.HEAT
+    of_one_run = True
     parameters = (
         Parameter("r", "K/s", "temperature rate", 2.8e-4, (-5.6e-4, 5.6e-4), -0.1, 0.1, "rate"),
     )

@@ -72,7 +72,7 @@ def _shortest_s(trial: Trial, machine: Machine) -> float:
     assert trial.program is not None, "a logged command has no program"
     effects = catalogue_of(machine).values()
     faster = (Active(e, values, AXES) for e in effects if (values := e.fastest()) is not None)
-    own = active_effects(machine, catalogue_of(machine))
+    own = active_effects(machine, catalogue_of(machine), trial.data)
     return plan_with_effects(trial.program, machine, (*own, *faster)).duration_s
 
 

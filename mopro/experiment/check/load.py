@@ -8,14 +8,19 @@ from pathlib import Path
 from mopro.experiment.check.consistency import check
 from mopro.experiment.model import Experiment
 from mopro.experiment.read.runs import read_experiment
+from mopro.machine import Machine
+from mopro.machine.runs import left_out
 
 
-def load_experiment(path: str | Path) -> Experiment:
+def load_experiment(path: str | Path, machine: Machine | None = None) -> Experiment:
     """Read the experiment in file `path` with all its data, and check them against the programs.
 
-    Raises ModelError, SourceError, MotionError and DataError, each with all findings of
-    its kind; units and columns are not guessed.
+    It is on `machine` if one is given, else on that of the file; data are checked with the latter.
+    Raises ModelError, SourceError, MotionError and DataError, each with all findings of its kind;
+    units and columns are not guessed.
     """
     experiment = read_experiment(path)
     doubts = check(experiment)
-    return replace(experiment, notes=(*experiment.notes, *doubts))
+    machine = machine or experiment.machine
+    off = left_out(machine.name, machine.runs, experiment.trials)
+    return replace(experiment, machine=machine, notes=(*experiment.notes, *doubts, *off))

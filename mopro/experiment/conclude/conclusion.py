@@ -13,7 +13,7 @@ from mopro import markup
 from mopro.effects import catalogue_of
 from mopro.errors import DataError
 from mopro.experiment.compare.comparison import Place, compare
-from mopro.experiment.conclude.machine_file import machine_text, machine_with
+from mopro.experiment.conclude.machine_file import machine_text, machine_with, of_runs
 from mopro.experiment.conclude.wording import advice, file_words, reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
@@ -152,6 +152,7 @@ def conclude(
         verdict=verdict,
         where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
         machine_text=machine_text(experiment, verdict),
+        of_runs=tuple(of_runs(experiment, verdict)),
         rerun_rms=tuple(
             rms(s.without_nuisances(own)) for s, own in zip(series, rerun, strict=True)
         ),

@@ -209,14 +209,11 @@ def reservation(effect: Named, verdict: Verdict, runs: tuple[str, ...]) -> str |
 
 
 def reservations(verdict: Verdict, runs: tuple[str, ...]) -> Iterator[str]:
-    """Lines on effects left out of the machine file, and on parameters that differ by run."""
+    """Lines on effects left out of the machine file."""
     for effect in verdict.effects:
         reason = reservation(effect, verdict, runs)
         if reason:
             yield f"{effect.name} is not in the machine file: {reason}."
-        elif _differs_by_run(effect.name) and len(runs) > 1:
-            stated = f"the machine file has that of {runs[0]}"
-            yield f"{effect.name} has another phase in each run; {stated}."
 
 
 def file_words(
@@ -247,8 +244,3 @@ def file_words(
                 f"The machine file predicts {gap.sensor} in {gap.run} worse than the machine that "
                 f"came in: {again:.3g} {unit} instead of {gap.before_rms:.3g} {unit}."
             )
-
-
-def _differs_by_run(name: str) -> bool:
-    effect = catalogue().get(name)
-    return effect is not None and any(p.per_run for p in effect.parameters)

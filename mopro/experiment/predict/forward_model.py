@@ -25,6 +25,7 @@ from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
+from mopro.machine.runs import NO_DATA, known_off
 from mopro.motion import Schedule
 from mopro.plant import (
     CommandTable,
@@ -81,7 +82,12 @@ class ForwardModel:
         period_s = math.tau * math.sqrt(axis.moving_mass_kg / axis.stiffness_N_m)
         self._averaged_s = _FAST_TICK * period_s if stepping.max_s > FINE.max_s else 0.0
         self._catalogue = with_unlisted(catalogue_of(experiment.machine))
-        self._own = active_effects(experiment.machine, self._catalogue)
+        # Of each run, and last of one without data.
+        self._own = [
+            active_effects(experiment.machine, self._catalogue, data)
+            for data in (*(trial.data for trial in experiment.trials), NO_DATA)
+        ]
+        self._off = known_off(experiment.machine.runs, experiment.trials)
         self._grouped = tuple(e for e in self._catalogue.values() if e.kernel_group)
         # Two threads may compute the same result; the lock guards the caches only.
         self._lock = Lock()
@@ -104,13 +110,15 @@ class ForwardModel:
         return self.experiment.trials
 
     def own(self, name: str) -> dict[str, float]:
-        """Parameters of the effect `name` in the machine file; empty if it has no such effect."""
-        return {
-            p.name: value
-            for a in self._own
-            if a.name == name
-            for p, value in zip(a.effect.parameters, a.values, strict=True)
-        }
+        """Parameters of the effect `name` in the machine file; empty if no run has it from there.
+
+        Of those that differ by run the first run's.
+        """
+        of_runs = (a for own in self._own for a in own if a.name == name)
+        first = next(of_runs, None)
+        if first is None:
+            return {}
+        return {p.name: v for p, v in zip(first.effect.parameters, first.values, strict=True)}
 
     def readings(self) -> list[tuple[int, Reading]]:
         """Every reading with the number of its run, in the order of the predictions."""
@@ -134,21 +142,21 @@ class ForwardModel:
 
     def schedule(self, index: int) -> Schedule:
         """Schedule of run `index` with the machine's own effects only."""
-        return self._schedule(index, self._own)
+        return self._schedule(index, self._own[index])
 
     def travel_m(self) -> tuple[float, float]:
         """Least and greatest position (m) at any position sensor."""
         places = [
-            self._motion(run, _of_the_motion(self._own))[f"position_{reading.sensor.axis}_m"]
+            self._motion(run, _of_the_motion(self._own[run]))[f"position_{reading.sensor.axis}_m"]
             for run, reading in self.positions().values()
         ]
         return min(float(x.min()) for x in places), max(float(x.max()) for x in places)
 
     def active(self, index: int, settings: Settings) -> tuple[Active, ...]:
         """The machine's effects and those in `settings`, as they are in run `index`."""
-        chosen = {a.name: a for a in self._own}
+        chosen = {a.name: a for a in self._own[index]}
         for name, values in settings.items():
-            if values.get(RUN, -1) in (-1, index):
+            if values.get(RUN, -1) in (-1, index) and name not in self._off[index]:
                 chosen[name] = _active(self._catalogue[name], values, index)
         return in_order(chosen.values(), self._catalogue)
 

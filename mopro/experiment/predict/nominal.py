@@ -41,7 +41,7 @@ def planned(trial: Trial, machine: Machine) -> Schedule:
         return schedule_of(trial.command, machine)
     endless = trial.program.loops_forever or trial.partial
     for_s = trial.duration_s if endless else None
-    active = active_effects(machine, catalogue_of(machine))
+    active = active_effects(machine, catalogue_of(machine), trial.data)
     return plan_with_effects(trial.program, machine, active, for_s)
 
 

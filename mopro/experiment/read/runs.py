@@ -22,6 +22,7 @@ from mopro.experiment.read.file import Entries, RunEntry, SensorEntry, read_entr
 from mopro.experiment.read.raw import KINDS, RAW_KINDS, RAW_SUFFIX
 from mopro.experiment.read.readings import clock, reading
 from mopro.instruments.sensor import Sensor
+from mopro.machine.runs import data_of
 from mopro.program import AXES, Program
 from mopro.program.compile import compile_file
 from mopro.units import INCH_M, UNITS
@@ -74,7 +75,10 @@ class _Runs:
         # An LVDT's file holds 960 samples, however long the program is.
         raw = Path(run.data).suffix.lower() == RAW_SUFFIX
         partial = run.partial or raw or any(map(self._is_full, readings))
-        return Trial(run.data, program, command, run.payload_kg, readings, run.span, partial)
+        data = data_of(folder / run.data, run.data)
+        return Trial(
+            run.data, program, command, run.payload_kg, readings, run.span, partial, data
+        )  # fmt: skip
 
     def _is_full(self, reading: Reading) -> bool:
         """True if the memory of the instrument was full: the run may have gone on."""

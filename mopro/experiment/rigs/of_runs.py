@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from mopro.formula.written import WrittenEffect
-from mopro.rig.data import RigExperiment, Run
+from mopro.machine.runs import files_of, known_off, left_out, others
+from mopro.rig.data import RigExperiment
 from mopro.rig.model import AMBIENT
 
 
@@ -22,7 +23,7 @@ def of_one_run(effect: WrittenEffect, units: Mapping[str, str]) -> bool:
 
 def fitted_on(experiment: RigExperiment, effect: str) -> dict[str, str]:
     """The data files of the runs that have `effect`, each with its checksum."""
-    return dict(run.data for run in experiment.trials if effect not in run.without)
+    return files_of([run for run in experiment.trials if effect not in run.without])
 
 
 def kept_to_their_runs(experiment: RigExperiment) -> RigExperiment:
@@ -30,26 +31,15 @@ def kept_to_their_runs(experiment: RigExperiment) -> RigExperiment:
 
     Such an effect is no part of the machine where none of those runs is here.
     """
-    machine, trials, notes = experiment.machine, experiment.trials, experiment.notes
-    for name, runs in machine.runs.items():
-        others = [run.name for run in trials if not _is_of(run, runs)]
-        if others:
-            here = {run.data[0] for run in trials if run.name in others}
-            files = ", ".join(f"another {file}" if file in here else file for file in runs)
-            where = "here" if len(others) == len(trials) else f"in {', '.join(others)}"
-            notes += (f"{name} of {machine.name} is left out {where}: it belongs to {files}",)
-        if len(others) == len(trials):
-            active = {n: own for n, own in machine.active.items() if n != name}
-            machine = replace(machine, active=active)
-        else:
-            trials = tuple(
-                replace(run, without=run.without | {name}) if run.name in others else run
-                for run in trials
-            )
-    return replace(experiment, machine=machine, trials=trials, notes=notes)
-
-
-def _is_of(run: Run, runs: Mapping[str, str]) -> bool:
-    """True if the run's data are of one of the files `runs`, with their content as it was."""
-    name, checksum = run.data
-    return runs.get(name) == checksum
+    machine, trials = experiment.machine, experiment.trials
+    notes = (*experiment.notes, *left_out(machine.name, machine.runs, trials))
+    active = {
+        name: own
+        for name, own in machine.active.items()
+        if name not in machine.runs or len(others(machine.runs[name], trials)) < len(trials)
+    }
+    kept = tuple(
+        replace(run, without=run.without | off)
+        for run, off in zip(trials, known_off(machine.runs, trials), strict=True)
+    )
+    return replace(experiment, machine=replace(machine, active=active), trials=kept, notes=notes)

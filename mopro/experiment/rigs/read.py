@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +13,7 @@ from mopro.experiment.rigs.entries import RigEntries, RunEntry
 from mopro.formula import Formula, FormulaError, factor_of
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.language import check_names
+from mopro.machine.runs import data_of
 from mopro.rig.data import Reading, RigExperiment, Run, Sensor
 from mopro.rig.model import AXIS, THERMAL
 from mopro.tomlfile import Value
@@ -79,7 +78,7 @@ class _Data:
         feedback = any(made.feedback for made in entry.inputs.values())
         run = Run(
             entry.name, time_s, inputs, held, tuple(readings), start, entry.without, feedback,
-            (entry.data.name, _checksum(entry.data)), entry.value,
+            data_of(entry.data, entry.shown), entry.value,
         )  # fmt: skip
         return run, known, self._notes
 
@@ -204,11 +203,6 @@ class _Data:
                 free = sensor.zero is not None or "ambient" in self._entry.inputs
                 found[node] = None if free else own[0].first
         return found or dict.fromkeys(self._entries.machine.nodes, readings[0].first)
-
-
-def _checksum(path: Path) -> str:
-    """CRC-32 of a file's bytes, in eight hexadecimal digits."""
-    return f"{zlib.crc32(path.read_bytes()):08x}"
 
 
 def _from_first(

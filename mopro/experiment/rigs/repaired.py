@@ -11,12 +11,18 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from mopro.experiment.conclude.machine_file import quoted, without_effects
+from mopro.experiment.conclude.machine_file import (
+    HEAD,
+    quoted,
+    runs_line,
+    without_effects,
+    without_replaced,
+)
 from mopro.experiment.conclude.wording import interval_words, value_words
 from mopro.experiment.rigs.of_runs import fitted_on, of_one_run
 from mopro.formula.written import toml_lines
 from mopro.rig.data import RigExperiment
-from mopro.rig.file import RUNS, read_rig
+from mopro.rig.file import read_rig
 from mopro.rig.model import Rig
 from mopro.rig.names import effects_of
 from mopro.rig.simulation import BASE
@@ -24,7 +30,6 @@ from mopro.series import Settings
 from mopro.source import Source
 from mopro.verdict import Estimate, Named, Verdict
 
-_HEAD = re.compile(r"\s*(\[+)\s*([^\]]+?)\s*\]")
 _KEY = re.compile(r"\s*(?:base\s*\.\s*)?([A-Za-z_]\w*)\s*=")
 _TOP = re.compile(r"\s*base\s*\.")
 
@@ -36,8 +41,9 @@ def machine_text(experiment: RigExperiment, verdict: Verdict) -> str:
     found = [effect for effect in verdict.fitted if not corrects(rig, effect.name)]
     names = {effect.name for effect in found}
     kept = without_effects(_with_numbers(rig, verdict, place), names)
-    lines = list(_without_replaced(kept, rig))
-    stated = {tuple(toml_lines(effect)) for effect in read_rig(rig.source).effects}
+    own = read_rig(rig.source).effects
+    lines = list(without_replaced(kept, own, rig.effects))
+    stated = {tuple(toml_lines(effect)) for effect in own}
     for written in rig.effects:
         if written.name in names and tuple(toml_lines(written)) not in stated:
             lines += ["", *toml_lines(written)]
@@ -69,7 +75,7 @@ def _with_numbers(rig: Rig, verdict: Verdict, place: str) -> Source:
     fitted = dict(_fitted(rig, verdict))
     section, lines = "", []
     for line in rig.source.lines:
-        head, key = _HEAD.match(line), _KEY.match(line)
+        head, key = HEAD.match(line), _KEY.match(line)
         section = head[2] if head else section
         if key and key[1] in fitted and (section == "base" or _TOP.match(line)):
             named = key[1]
@@ -110,21 +116,6 @@ def _origin(value: float, estimate: Estimate, place: str) -> str:
     return f"fitted with {_plain(place)}, without the drafts; beside them {beside}"
 
 
-def _without_replaced(lines: Iterator[str], rig: Rig) -> Iterator[str]:
-    """Lines without the `[[effect]]` sections of the file that the experiment's own replace."""
-    own = [tuple(toml_lines(effect)) for effect in rig.effects]
-    replaced = [tuple(toml_lines(e)) not in own for e in read_rig(rig.source).effects]
-    nth, dropped = -1, False
-    for line in lines:
-        head = _HEAD.match(line)
-        if head:
-            is_effect = head[1] == "[[" and head[2] == "effect"
-            nth += is_effect
-            dropped = is_effect and replaced[nth]
-        if not dropped:
-            yield line
-
-
 def _section(
     experiment: RigExperiment, effect: Named, verdict: Verdict, place: str
 ) -> Iterator[str]:
@@ -139,9 +130,7 @@ def _section(
             stated = f'{{ value = {_rounded(value)!r}, unit = "{estimate.unit}" }}'
             yield f"{parameter} = {stated}  # {_origin(value, estimate, place)}"
     if name in effects_of_runs(experiment, [effect]):
-        runs = fitted_on(experiment, name).items()
-        stated = ", ".join(f"{quoted(file)} = {quoted(checksum)}" for file, checksum in runs)
-        yield f"{RUNS} = {{ {stated} }}  # data files and their CRC-32; off in all other runs"
+        yield runs_line(fitted_on(experiment, name))
     if effect.indistinguishable_from:
         yield f"# or instead of it: {_plain(', '.join(effect.indistinguishable_from))}"
 

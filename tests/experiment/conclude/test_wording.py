@@ -169,14 +169,6 @@ def test_what_happened_in_one_run_is_reserved_with_its_name():
     assert list(parameters_shown(STEPS)) == ["n"]
 
 
-def test_a_hum_has_a_phase_of_its_own_in_each_run():
-    humming = verdict("named", named("hum", A=1.0))
-    assert not list(reservations(humming, ("a.csv",)))
-    assert list(reservations(humming, ("a.csv", "b.csv"))) == [
-        "hum has another phase in each run; the machine file has that of a.csv."
-    ]
-
-
 def test_what_was_nearly_seen_comes_first_of_what_was_too_faint():
     faint = (BelowResolution("constant_force", 0.5, 4.0), BelowResolution("backlash", 3.0, 4.0))
     assert faint_words(verdict("none", faint=faint)) == [
