@@ -6,11 +6,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from mopro.benchmark.grids import base, deleted, foreign, noise, short, standard
+from mopro.benchmark.grids import base, deleted, foreign, machines, noise, short, standard
+from mopro.benchmark.grids.machines import MachineSpec
 from mopro.benchmark.hidden.spec import CaseSpec
 from mopro.benchmark.hidden.stated import StatedEffects
 
-GRIDS: dict[str, Callable[[np.random.Generator], Iterator[CaseSpec]]] = {
+Spec = CaseSpec | MachineSpec
+
+GRIDS: dict[str, Callable[[np.random.Generator], Iterator[Spec]]] = {
     "smoke": standard.smoke,
     "small": standard.small,
     "full": standard.full,
@@ -19,13 +22,14 @@ GRIDS: dict[str, Callable[[np.random.Generator], Iterator[CaseSpec]]] = {
     "short": short.short,
     "noise": noise.noise,
     "base": base.base,
+    "machines": machines.machines,
 }
 
 # Tolerance that the machine file states in the cases of a grid, as a share of each number.
 TOLERANCES = {"base": base.TOLERANCE}
 
 
-def case_specs(grid: str, seed: int, stated: StatedEffects | None = None) -> list[CaseSpec]:
+def case_specs(grid: str, seed: int, stated: StatedEffects | None = None) -> list[Spec]:
     """The cases of a grid in random order, so that a number does not reveal a case's kind.
 
     With effects of a user's file, `stated`, also those in which one of them is hidden.

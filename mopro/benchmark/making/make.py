@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from mopro.benchmark.grids.named import case_specs, spread
-from mopro.benchmark.hidden.spec import CaseSpec
+from mopro.benchmark.grids.machines import MachineSpec
+from mopro.benchmark.grids.named import Spec, case_specs, spread
 from mopro.benchmark.hidden.stated import StatedEffects
 from mopro.benchmark.making.case import Case, Generator, draw_case, program_name
+from mopro.benchmark.making.machine_case import machine_case
 from mopro.benchmark.making.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
 from mopro.benchmark.making.sizes import Plant
 from mopro.benchmark.reference.foreign import Foreign
@@ -88,7 +89,7 @@ def make(
 
 
 def _draw_all(
-    seed: int, chosen: list[tuple[str, CaseSpec]], jobs: int, machine: BenchmarkMachine
+    seed: int, chosen: list[tuple[str, Spec]], jobs: int, machine: BenchmarkMachine
 ) -> Iterable[tuple[str, dict[str, Any], Contents]]:
     """Number, answer and files of each chosen case, from `jobs` processes."""
     tasks = [(seed, number, spec, machine) for number, spec in chosen]
@@ -96,9 +97,11 @@ def _draw_all(
 
 
 def _task(
-    task: tuple[int, str, CaseSpec, BenchmarkMachine],
+    task: tuple[int, str, Spec, BenchmarkMachine],
 ) -> tuple[str, dict[str, Any], Contents]:
     seed, number, spec, machine = task
+    if isinstance(spec, MachineSpec):
+        return number, *machine_case(np.random.default_rng([seed, 2, int(number)]), spec)
     case = draw_case(seed, number, spec, machine.nominal, machine.tolerated, machine.effects)
     contents = experiment(case, np.random.default_rng([seed, 3, int(number)]), machine)
     return number, case.answer(), contents

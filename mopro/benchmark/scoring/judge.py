@@ -52,7 +52,10 @@ class Judgement:
     them is right. `visible_sigma` is the size of all effects without an offset of each series.
     `foreign` is the kind of what no catalogue has, `coloured` if it is noise of the stated size.
     `size_is_right` if each hidden effect is named with its size. `leaves` is the chi-squared that
-    the named effects leave of the hidden response, None where it was not asked.
+    the named effects leave of the hidden response, None where it was not asked. `drafted` if a
+    free-form term was told. Of the file that was written: `same` if it leaves of its own data what
+    the verdict says, and the rms residual over the noise of a run that it has not seen, before and
+    after; None where no file was asked for.
     """
 
     number: str
@@ -76,6 +79,10 @@ class Judgement:
     coloured: bool = False
     size_is_right: bool = False
     leaves: float | None = None
+    drafted: bool = False
+    same: bool | None = None
+    unseen_before: float | None = None
+    unseen_after: float | None = None
 
     @property
     def good(self) -> bool:
@@ -102,8 +109,8 @@ def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> J
         verdict=str(reply.get("verdict", FAILED)),
         described=bool((reply.get("remainder") or {}).get("description")),
         covered=tuple(c for e in named for c in _coverage(e, answer)),
-        gap_before=_ratio(gap.get("before_rms"), noise),
-        gap_after=_ratio(gap.get("after_rms"), noise),
+        gap_before=ratio(gap.get("before_rms"), noise),
+        gap_after=ratio(gap.get("after_rms"), noise),
         seconds=reply.get("seconds"),
         variables=variables,
         right_variable=bool({*variables} & {*(answer.get("variables") or [])}),
@@ -163,5 +170,6 @@ def _noise_rms(gap: Mapping[str, Any], answer: Mapping[str, Any]) -> float | Non
     return math.sqrt(sum(sigma**2 for sigma in sigmas) / len(sigmas))
 
 
-def _ratio(rms: float | None, noise: float | None) -> float | None:
+def ratio(rms: float | None, noise: float | None) -> float | None:
+    """`rms` over the noise; None if either is not known."""
     return rms / noise if rms is not None and noise else None

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from mopro.benchmark.grids.named import spread
+from mopro.benchmark.making.machine_case import UNSEEN
 from mopro.benchmark.making.make import hashes
 from mopro.benchmark.making.manifest import (
     ANSWERS,
@@ -26,15 +27,18 @@ from mopro.benchmark.making.manifest import (
 )
 from mopro.benchmark.scoring.follow import FOLDER, add_proposed_run
 from mopro.benchmark.scoring.judge import Judgement, judge
+from mopro.benchmark.scoring.judge_machine import judge_machine
 from mopro.benchmark.scoring.named_set import with_named_set
 from mopro.benchmark.scoring.outcome import FAILED
 from mopro.benchmark.scoring.score import FollowUp, pair_key
 from mopro.errors import DataError
-from mopro.files import write
+from mopro.files import make_folder, write
 from mopro.inputs import read_bytes
 from mopro.jobs import in_threads, run_module
 
 VERDICT = "verdict.json"
+# Folder of the machine files that were written for the cases of the grid `machines`.
+REPAIRED = "repaired"
 _STDERR_KEPT = 2000  # characters of a process's messages that go into its verdict
 # Keys that the answer of each case has at least.
 _ANSWER_KEYS = {"files", "group", "sensor", "effects", "offsets", "instruments", "strange"}
@@ -125,10 +129,14 @@ class VerdictSource:
     replies: Path | None = None
     simulations: int = 1
 
-    def ask(self, number: str, experiment: Path, without: Sequence[str] = ()) -> Reply:
+    def ask(
+        self, number: str, experiment: Path, without: Sequence[str] = (), out: Path | None = None
+    ) -> Reply:
         """The reply to one experiment, with `seconds`; DataError for a bad recorded reply.
 
-        Effects in `without` are left out of the candidates.
+        Effects in `without` are left out of the candidates. With `out` the repaired machine is
+        written there and tried: `applied` and `unseen` have its gaps of the experiment's runs and
+        of those of unseen.toml.
         """
         if self.replies is not None:
             return _read_reply(self.replies / f"{number}.json")
@@ -138,16 +146,31 @@ class VerdictSource:
         asked = {"files": files, "without": list(without)}
         if known is not None and asked == {"files": known["files"], "without": without_of(known)}:
             return known
-        reply = {**self._reconciled(experiment, without), **asked}
+        reply = {**self._reconciled(experiment, without, out), **asked}
+        if out is not None and out.is_file():
+            reply["applied"] = self._applied(experiment, out)
+            reply["unseen"] = self._applied(experiment.with_name(UNSEEN), out)
         if reply["verdict"] != FAILED:
             write(file, (json.dumps(reply, indent=1) + "\n").encode())
         return reply
 
-    def _reconciled(self, experiment: Path, without: Sequence[str]) -> Reply:
+    def _applied(self, experiment: Path, machine: Path) -> list[Any]:
+        """Gaps of each run before and after the repair, as `mopro compare --apply` gives them."""
+        words = ["compare", str(experiment), "--apply", str(machine), "--json"]
+        try:
+            done = run_module("mopro", words, self.patience_s)
+            return list(json.loads(done.stdout)["applied"])
+        except (subprocess.TimeoutExpired, ValueError, KeyError):
+            return []
+
+    def _reconciled(
+        self, experiment: Path, without: Sequence[str], out: Path | None = None
+    ) -> Reply:
         """The JSON that `mopro reconcile` prints, with its time (s), exit code and messages."""
         start = time.perf_counter()
         words = ["reconcile", "--jobs", str(self.simulations), str(experiment), "--json"]
         words += [part for name in without for part in ("--without", name)]
+        words += [] if out is None else ["--out", str(out)]
         try:
             done = run_module("mopro", words, self.patience_s)
         except subprocess.TimeoutExpired:
@@ -197,6 +220,12 @@ def judge_cases(cases: CaseFolder, source: VerdictSource, jobs: int) -> Iterator
     def judge_one(number: str) -> Judgement:
         answer = cases.cases[number]
         folder = cases.folder / number
+        if cases.grid == "machines":
+            make_folder(cases.folder / REPAIRED)
+            out = cases.folder / REPAIRED / f"{number}.toml"
+            return judge_machine(
+                number, answer, source.ask(number, folder / EXPERIMENT, out=out), folder
+            )
         reply = source.ask(number, folder / EXPERIMENT, without_of(answer))
         return judge(number, with_named_set(answer, reply, folder, cases.seed), reply)
 
@@ -222,7 +251,7 @@ def follow_up_cases(
         }
         return FollowUp(first, predicted, second)
 
-    ambiguous = [j for j in judgements if j.verdict == "ambiguous"]
+    ambiguous = [j for j in judgements if j.verdict == "ambiguous" and cases.grid != "machines"]
     asked = [j for j in ambiguous if not without_of(cases.cases[j.number])]
     yield from in_threads(follow_up, asked, jobs)
 

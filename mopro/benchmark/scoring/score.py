@@ -24,6 +24,7 @@ from mopro.benchmark.scoring.outcome import (
 from mopro.benchmark.scoring.rows import CLEAR_SIGMA, TableRow, percent, share
 from mopro.benchmark.scoring.rows_deleted import deleted_rows
 from mopro.benchmark.scoring.rows_foreign import foreign_rows
+from mopro.benchmark.scoring.rows_machines import machines_rows
 from mopro.benchmark.scoring.rows_short import short_rows
 
 OUTCOMES = (RIGHT, FAMILY, PARTLY, WRONG, NONE, UNEXPLAINED, FAILED)
@@ -33,7 +34,10 @@ _DISTINGUISHED_SIGMA = 6.0
 
 
 # Tables of grids that are not judged as the grid `full` is.
-_TABLES = {"deleted": deleted_rows, "foreign": foreign_rows, "short": short_rows}
+_TABLES = {
+    "deleted": deleted_rows, "foreign": foreign_rows, "machines": machines_rows,
+    "short": short_rows,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
