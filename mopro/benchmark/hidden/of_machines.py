@@ -80,6 +80,11 @@ def _small_wave(g: Generator, s: Span) -> Parameters:
     return {"P": period, "s": height * math.cos(angle), "c": height * math.sin(angle)}
 
 
+def _gravity(g: Generator, s: Span) -> Parameters:
+    size, angle = _share(g) * s.rate, g.uniform(0.0, 2 * math.pi)
+    return {"gs": size * math.cos(angle), "gc": size * math.sin(angle)}
+
+
 def _drift(g: Generator, s: Span) -> Parameters:
     return {"r": float(g.choice([-1.0, 1.0])) * _small(g) * s.x / s.length_s}
 
@@ -130,6 +135,7 @@ LISTED: Mapping[str, Mapping[str, tuple[str, Draw]]] = {
         "stiffness": ("stiffness", _sized("k", lambda s: s.rate / s.x)),
         "cubic_stiffness": ("cubic_stiffness", _sized("k3", lambda s: s.rate / s.x**3)),
         "cogging": ("cogging", _wave(lambda s: 0.5 * s.rate, 0.05, 0.2)),
+        "gravity": ("gravity", _gravity),
         "sensor_lag": ("sensor_lag", _steps("tau", 2.0, 8.0)),
         "delay": ("delay", _steps("d", 1.0, 5.0)),
     },
@@ -155,9 +161,6 @@ UNLISTED: Mapping[str, Mapping[str, tuple[Draw, tuple[str, ...]]]] = {
     },
     "effort": {
         "friction of place": (_sized("F1", lambda s: s.rate / s.x), ("x",)),
-        "gravity": (
-            lambda g, s: {"M": _share(g) * s.rate, "x0": g.uniform(-1.5, 1.5)}, ("x",),
-        ),
     },
 }  # fmt: skip
 # Effects of the time since a run began, which belong to that run.

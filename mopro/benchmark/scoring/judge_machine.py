@@ -16,7 +16,6 @@ from mopro.benchmark.scoring.judge import IntervalCheck, Judgement, ratio
 from mopro.benchmark.scoring.outcome import (
     FAILED,
     FAMILY,
-    GOOD,
     RIGHT,
     UNEXPLAINED,
     WRONG,
@@ -48,7 +47,7 @@ def judge_machine(number: str, answer: Document, reply: Document, folder: Path) 
     if answer["unlisted"] and known:
         result = _of_unlisted(answer, reply, result)
     gap = reply.get("gap") or {}
-    covered = _coverage(answer, reply) if result in GOOD else ()
+    covered = _coverage(answer, reply) if result == RIGHT else ()
     return Judgement(
         number=number,
         group=answer["group"],
@@ -131,8 +130,8 @@ def _of_file(answer: Document, reply: Document) -> dict[str, Any]:
     told = {(r["run"], r["sensor"]): r for r in (reply.get("gap") or {}).get("runs") or []}
     same = None
     if own:
-        pairs = [(r["after_rms"], told[r["run"], r["sensor"]]["after_rms"]) for r in own]
-        same = all(abs(a - b) <= _EQUAL * abs(b) for a, b in pairs)
+        pairs = [(r["after_rms"], told[r["run"], r["sensor"]]["rerun_rms"]) for r in own]
+        same = all(b is not None and abs(a - b) <= _EQUAL * abs(b) for a, b in pairs)
     if not unseen:
         return {"same": same}
     rms = [np.sqrt(np.mean([r[key] ** 2 for r in unseen])) for key in ("before_rms", "after_rms")]

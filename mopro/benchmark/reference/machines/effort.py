@@ -33,7 +33,7 @@ def readings(
     current += of("quadratic_drag", "d") * v * np.abs(v) + of("cubic_damping", "b3") * v**3
     current += of("stiffness", "k") * x + of("cubic_stiffness", "k3") * x**3
     current += of("bias_force", "g") + of("drift", "r") * t
-    current += of("gravity", "M") * np.sin(x - of("gravity", "x0"))
+    current += of("gravity", "gs") * np.sin(x) + of("gravity", "gc") * np.cos(x)
     if own := effects.get("cogging"):
         angle = 2 * math.pi * x / own["P"]
         current += own["s"] * np.sin(angle) + own["c"] * np.cos(angle)
