@@ -27,8 +27,8 @@ ALLOWED = {
     },
     "mopro.benchmark.reference": {"numpy", "scipy", "numba"},
     "mopro.benchmark": {
-        "numpy", "scipy", "numba", "mopro.errors", "mopro.files", "mopro.inputs", "mopro.jit",
-        "mopro.jobs", "mopro.machine", "mopro.units",
+        "numpy", "scipy", "numba", "mopro.errors", "mopro.files", "mopro.formula.dimension",
+        "mopro.inputs", "mopro.jit", "mopro.jobs", "mopro.machine", "mopro.units",
     },
 }  # fmt: skip
 # The formulas of a user's file are hidden by mopro's own plant: the reference plant knows none.
