@@ -339,7 +339,7 @@ def test_files_of_one_name_in_two_folders_are_two_runs(tmp_path):
         (tmp_path / f"{folder}.csv").rename(tmp_path / folder / "run.csv")
         path.write_text(path.read_text().replace(f"{folder}.csv", f"{folder}/run.csv"))
     study = open_experiment(path).study
-    text = machine_text(study.experiment, verdict({}, {("drift", ""): {"r": 0.05}}))
+    text = machine_text(study.experiment, verdict(study, {}, {("drift", ""): {"r": 0.05}}))
     assert tomllib.loads(text)["effects"]["drift"]["runs"].keys() == {"one/run.csv", "two/run.csv"}
     (tmp_path / "machine.toml").write_text(text)
     opened = open_experiment(path)
