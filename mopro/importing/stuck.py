@@ -20,7 +20,7 @@ _ROUNDED = 1e-9
 
 
 def stuck_in(run: Proposal, where: str = "", own_noise: bool = True) -> Iterator[Decision]:
-    """What is to be checked of the sensors of a run; `where` names the run among several.
+    """CHECKs on the sensors of a run that stay at a value; `where` names the run among several.
 
     The noises of the proposal are this run's if it has its `own_noise`.
     """
@@ -55,7 +55,7 @@ def _is_end(end: End, command: Signal | None, times: Floats, values: Floats) -> 
 def _beyond(
     end: End, command: Signal, times: Floats, values: Floats
 ) -> tuple[float, Floats] | None:
-    """How far the command goes beyond the end in the middle, and what it leaves of all others.
+    """Median excess of the command over the end (sensor's unit), and the other residuals.
 
     None where they do not follow it.
     """

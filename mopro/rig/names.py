@@ -119,7 +119,7 @@ def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
 
 
 def _in_essence(effect: WrittenEffect) -> tuple[str, ...]:
-    """Where an effect enters, and its formula without spaces and names of its parameters."""
+    """Key of an effect under any names: its entry, and its formula with numbered parameters."""
     text, own = effect.term.formula.text, {p.name for p in effect.parameters}
     used = dict.fromkeys(name for name in _NAME.findall(text) if name in own)
     places = {name: f"${i}" for i, name in enumerate(used)}

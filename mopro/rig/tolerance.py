@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from mopro.assumed import LEAST_SHARE
 from mopro.formula import dimension_of_unit
 from mopro.formula.dimension import factor_of
 from mopro.formula.entry import inline, read_unit
 from mopro.tomlfile import Value
 from mopro.tomlfile.schema import number_in
 
-# A number of a machine is seldom known to better than this share of it: a tolerance that is less,
-# and more than this in the unit of the number, is in that. Doubled, few more are.
-_FINEST = LEAST_SHARE**3
+# Assumed: no number of a machine is known to better than this share of it. A tolerance that is
+# less as a share, and more in the unit of the number, is in that unit.
+_FINEST = 1e-3
 _DOUBT = (
     "a tolerance of {0:g} is taken in {1}, {2:.3g} of the number, as hardly any is known to such a "
     'share: state tolerance = {2:.3g}, or {{ value = {0:g}, unit = "{1}" }}'

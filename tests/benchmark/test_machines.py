@@ -1,7 +1,9 @@
 """Plants of machines beside the motor against closed forms, and the cases made with them."""
 
+import io
 import json
 import math
+import tomllib
 
 import numpy as np
 import pytest
@@ -199,6 +201,42 @@ def test_what_a_free_number_takes_up_does_not_show():
         "cubic_damping": {"b3": 1.0},
     })  # fmt: skip
     assert sizes["viscous_drag"] < 1e-3 * sizes["cubic_damping"]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_number_with_a_tolerance_is_off_by_less(seed):
+    answer, files = a_case("axis", ("quadratic_drag",), seed=seed)
+    base = tomllib.loads(files["machine.toml"].decode())["base"]
+    (name,) = answer["machine"]["off"]
+    stated, true = base[name], answer["machine"]["numbers"][name]
+    off = abs(stated["value"] / true - 1)
+    assert 0 < off < stated["tolerance"] == 0.1  # a share, whatever the unit
+    assert off == pytest.approx(abs(answer["machine"]["off"][name]), abs=1e-5)
+
+
+@pytest.mark.parametrize("kind", PLANTS)
+def test_residuals_of_an_unseen_run_are_told_over_the_noise(tmp_path, kind):
+    """By the noise of the readings themselves: what is left by the truth, in the log's unit."""
+    answer, files = a_case(kind, ())
+    data = np.genfromtxt(io.BytesIO(files["unseen.csv"]), delimiter=",", names=True)
+    read = data[data.dtype.names[-1]]
+    # Of differences that a motion leaves out: its fourth ones are noise, times the root of 70.
+    rms = float(np.std(np.diff(read, 4)) / math.sqrt(70))
+    row = {"run": "unseen.csv", "sensor": "s", "before_rms": 3 * rms, "after_rms": rms}
+    judged = judge_machine("001", answer, {"verdict": "none", "unseen": [row]}, tmp_path)
+    assert judged.unseen_after == pytest.approx(1.0, rel=0.2)
+    assert judged.unseen_before == pytest.approx(3 * judged.unseen_after)
+
+
+@pytest.mark.parametrize("words", [("--effects", "mine.toml"), ("--machine", "mine.toml")])
+def test_other_machines_and_effects_are_not_for_this_grid(tmp_path, words):
+    (tmp_path / "mine.toml").write_text("")
+    done = run_here(
+        tmp_path, "blind", "make", "--seed", 1, "--grid", "machines", "--out", "c", *words
+    )
+    assert done.returncode == 2
+    assert "draws its own machines" in done.stderr
+    assert not (tmp_path / "c").exists()
 
 
 def reply_of(name, **parameters):

@@ -1,4 +1,4 @@
-"""What is hidden in machines beside the motor: listed effects, and what nobody listed.
+"""Effects that are hidden in machines beside the motor: listed ones, and such as nobody listed.
 
 Each draw gives the parameters (SI) of an effect that changes the motion by some percent; how much
 it shows is decided by the noise.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,6 +89,7 @@ def _drift(g: Generator, s: Span) -> Parameters:
     return {"r": float(g.choice([-1.0, 1.0])) * _small(g) * s.x / s.length_s}
 
 
+# By kind and key, the name of the effect and its draw.
 LISTED: Mapping[str, Mapping[str, tuple[str, Draw]]] = {
     "axis": {
         "dry friction": ("dry_friction", _sized("Fc", lambda s: 0.5 * s.drive)),
@@ -129,7 +130,7 @@ LISTED: Mapping[str, Mapping[str, tuple[str, Draw]]] = {
     },
     "effort": {
         "dry friction": ("dry_friction", _sized("Fc", lambda s: s.rate)),
-        "Stribeck": ("dry_friction", lambda g, s: _stribeck(g, _with_drive(s))),
+        "Stribeck": ("dry_friction", lambda g, s: _stribeck(g, replace(s, drive=s.rate))),
         "quadratic_drag": ("quadratic_drag", _sized("d", lambda s: s.rate / s.v**2)),
         "cubic_damping": ("cubic_damping", _sized("b3", lambda s: s.rate / s.v**3)),
         "stiffness": ("stiffness", _sized("k", lambda s: s.rate / s.x)),
@@ -165,7 +166,3 @@ UNLISTED: Mapping[str, Mapping[str, tuple[Draw, tuple[str, ...]]]] = {
 }  # fmt: skip
 # Effects of the time since a run began, which belong to that run.
 OF_A_RUN = frozenset({"drift", "surroundings_drift", "fading damping", "growing loss"})
-
-
-def _with_drive(s: Span) -> Span:
-    return Span(s.rate, s.x, s.v, s.a, s.step_s, s.length_s, s.rate)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,6 +20,8 @@ _RATES_HZ = {
     "thermal": (0.2, 0.5, 1.0),
 }
 _JITTER = 0.2
+# Stated tolerance, as a share; a number is off by less.
+TOLERANCE = 0.1
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class Machine:
     kind: str
     numbers: dict[str, float]
     free: tuple[str, ...] = ()
-    off: dict[str, float] | None = None
-    start: bool = True
+    off: dict[str, float] = field(default_factory=dict)
+    start: bool = False
     zero: bool = True
 
 
@@ -43,8 +45,9 @@ def drawn(g: Generator, kind: str) -> Machine:
     """A machine of a kind."""
     numbers, free = _NUMBERS[kind](g)
     stated = [name for name in numbers if name not in (*free, "nodes", "begin", "spring")]
-    off = {str(g.choice(stated)): float(g.uniform(-0.09, 0.09))} if stated else {}
-    return Machine(kind, numbers, free, off, bool(g.integers(2)), bool(g.integers(2)))
+    off = {str(g.choice(stated)): TOLERANCE * float(g.uniform(-0.9, 0.9))} if stated else {}
+    start, zero = kind == "axis" and bool(g.integers(2)), bool(g.integers(2))
+    return Machine(kind, numbers, free, off, start, zero)
 
 
 def _axis(g: Generator) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -68,9 +71,8 @@ def _thermal(g: Generator) -> tuple[dict[str, float], tuple[str, ...]]:
 
 
 def _effort(g: Generator) -> tuple[dict[str, float], tuple[str, ...]]:
-    return {"inertia": g.uniform(0.5, 5.0) * 1e-3, "damping": g.uniform(2.0, 20.0) * 1e-3}, (
-        "inertia", "damping",
-    )  # fmt: skip
+    numbers = {"inertia": g.uniform(0.5, 5.0) * 1e-3, "damping": g.uniform(2.0, 20.0) * 1e-3}
+    return numbers, tuple(numbers)
 
 
 _NUMBERS = {"axis": _axis, "kinematic": _kinematic, "thermal": _thermal, "effort": _effort}
@@ -107,7 +109,7 @@ def _excitation(g: Generator, t: Floats) -> Floats:
     return chosen
 
 
-def _told(g: Generator, machine: Machine, t: Floats) -> Columns:
+def _commands(g: Generator, machine: Machine, t: Floats) -> Columns:
     travel = g.uniform(0.02, 0.3)
     if g.integers(2):
         places = np.r_[0.0, np.sort(g.uniform(0.1, 1.0, 2)), g.uniform(0.0, 1.0, 6)] * travel
@@ -140,7 +142,7 @@ def _swinging(g: Generator, machine: Machine, t: Floats) -> Columns:
 
 
 _MOTIONS: dict[str, Callable[[Generator, Machine, Floats], Columns]] = {
-    "axis": _forces, "kinematic": _told, "thermal": _heating, "effort": _swinging,
+    "axis": _forces, "kinematic": _commands, "thermal": _heating, "effort": _swinging,
 }  # fmt: skip
 
 

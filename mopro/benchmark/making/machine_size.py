@@ -42,7 +42,7 @@ def visible(machine: Machine, runs: Sequence[Columns], effects: Effects) -> dict
     taken = np.array([
         stacked(machine, runs, {**machine.numbers, name: value * (1 + _STEP)}, effects) - every
         for name, value in machine.numbers.items()
-        if name in machine.free or name in (machine.off or {})
+        if name in machine.free or name in machine.off
     ])  # fmt: skip
     base = np.linalg.qr(taken.T)[0] if len(taken) else np.zeros((len(every), 0))
     found = {}
@@ -58,7 +58,7 @@ def left_by(
 ) -> float:
     """Chi-squared that the effects `named`, refitted with the free numbers, leave of `truth`."""
     target = stacked(machine, runs, machine.numbers, truth)
-    fitted = [*machine.free, *(machine.off or {})]
+    fitted = [*machine.free, *machine.off]
     keys = [(name, parameter) for name, own in named.items() for parameter in own]
     start = np.array(
         [machine.numbers[n] for n in fitted] + [named[n][parameter] for n, parameter in keys]

@@ -11,7 +11,7 @@ import numpy as np
 from mopro.benchmark.making.equivalent import MARGIN
 from mopro.benchmark.making.machine_drawn import Machine
 from mopro.benchmark.making.machine_size import left_by
-from mopro.benchmark.making.machine_texts import columns_of
+from mopro.benchmark.making.machine_texts import columns_of, per_si
 from mopro.benchmark.scoring.judge import IntervalCheck, Judgement, ratio
 from mopro.benchmark.scoring.outcome import (
     FAILED,
@@ -45,7 +45,7 @@ def judge_machine(number: str, answer: Document, reply: Document, folder: Path) 
         left = _left(answer, named, folder)
         result = FAMILY if left < MARGIN else WRONG
     if answer["unlisted"] and known:
-        result = _of_unlisted(answer, reply, result)
+        result = _of_unlisted(answer, reply)
     gap = reply.get("gap") or {}
     covered = _coverage(answer, reply) if result == RIGHT else ()
     return Judgement(
@@ -71,8 +71,8 @@ def judge_machine(number: str, answer: Document, reply: Document, folder: Path) 
     )
 
 
-def _of_unlisted(answer: Document, reply: Document, result: str) -> str:
-    """Right if a draft is of its variable and nothing is named without one."""
+def _of_unlisted(answer: Document, reply: Document) -> str:
+    """The outcome where nobody listed what is hidden: right if a draft is of its variable."""
     if not {*variables_said(reply)} & {*answer["variables"]}:
         return WRONG if reply.get("effects") else str(reply["verdict"])
     return WRONG if reply.get("effects") and reply["verdict"] == "named" else RIGHT
@@ -135,5 +135,5 @@ def _of_file(answer: Document, reply: Document) -> dict[str, Any]:
     if not unseen:
         return {"same": same}
     rms = [np.sqrt(np.mean([r[key] ** 2 for r in unseen])) for key in ("before_rms", "after_rms")]
-    noise = answer["sigma"]
+    noise = answer["sigma"] * per_si(answer["machine"]["kind"])
     return {"same": same, "unseen_before": rms[0] / noise, "unseen_after": rms[1] / noise}

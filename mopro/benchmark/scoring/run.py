@@ -146,6 +146,8 @@ class VerdictSource:
         asked = {"files": files, "without": list(without)}
         if known is not None and asked == {"files": known["files"], "without": without_of(known)}:
             return known
+        if out is not None:
+            out.unlink(missing_ok=True)
         reply = {**self._reconciled(experiment, without, out), **asked}
         if out is not None and out.is_file():
             reply["applied"] = self._applied(experiment, out)

@@ -66,6 +66,8 @@ def make(
     from mopro.benchmark.making.make import make as write_cases
     from mopro.benchmark.making.manifest import ANSWERS
 
+    if grid == "machines" and (effects or machine != "chow1992"):
+        raise click.UsageError("the grid machines draws its own machines and effects")
     only, stated = _case_numbers(cases), read_machine(machine, TOLERANCES.get(grid, 0.0), effects)
     if Path(machine).is_file() and out.resolve() in Path(machine).resolve().parents:
         raise click.UsageError(f"--machine {machine} lies in the folder that --out would fill")

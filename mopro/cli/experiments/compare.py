@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -90,16 +90,12 @@ def command(
         if applied is None
         else open_before(experiment, applied, allow_python)
     )
-    told = loaded.notes
-    for note in told:
-        say(note, err=True)
+    told = _tell(loaded.notes)
     with claimed(plot, report):
         comparison, before = loaded.compare(seed), None
         if applied is not None:
             loaded, before = open_experiment(experiment, applied, allow_python), comparison
-            for note in loaded.notes:
-                if note not in told:
-                    say(note, err=True)
+            _tell(note for note in loaded.notes if note not in told)
             comparison = loaded.compare(seed)
     gaps = [] if before is None else list(_gaps(before, comparison))
     if as_json:
@@ -121,6 +117,14 @@ def command(
         ]
     )
     return EXIT_FAILED if comparison.verdict == DISAGREEMENT or not all_drawn else 0
+
+
+def _tell(notes: Iterable[str]) -> tuple[str, ...]:
+    """Say the notes on standard error, and give them."""
+    told = tuple(notes)
+    for note in told:
+        say(note, err=True)
+    return told
 
 
 def _figure_of(comparison: Comparison, before: Comparison | None, title: str, form: str) -> bytes:

@@ -1,4 +1,4 @@
-"""What is told of a machine whose file has effects of certain runs alone."""
+"""The note on effects of a machine file that are off in a simulation."""
 
 from __future__ import annotations
 

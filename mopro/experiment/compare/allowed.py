@@ -1,4 +1,4 @@
-"""What the stated tolerances of sensors come to in residuals, fitted at their stated widths."""
+"""Stated tolerances of sensors, fitted to residuals at their stated widths."""
 
 from __future__ import annotations
 

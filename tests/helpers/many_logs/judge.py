@@ -1,4 +1,4 @@
-"""What mopro makes of a log, against what is right: one outcome and the reason."""
+"""Judgement of an import against what is right: one outcome and the reason."""
 
 import json
 import re

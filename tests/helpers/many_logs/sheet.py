@@ -20,7 +20,7 @@ class Stamps:
 
 @dataclass
 class Style:
-    """How a text is written."""
+    """Layout of a text: encoding, delimiter, decimals, ends of lines."""
 
     delimiter: str = ","
     decimal: str = "."

@@ -149,7 +149,7 @@ def upper_case(sheet):
 
 
 def two_files(sheet):
-    """What the machine was told in one file, what it did in another, of one clock."""
+    """Commands in one file and readings in another, of one clock."""
     sheet.split = True
 
 

@@ -32,7 +32,7 @@ def readings(
 
 
 def _read(t: Floats, x: Floats, effects: Effects) -> Floats:
-    """What the sensor adds to the place."""
+    """Errors of the sensor (m), shape (rows,)."""
     added = np.zeros(len(t))
     if own := effects.get("periodic_error"):
         added += _wave(x, own)
