@@ -33,7 +33,7 @@ def plain_series(model: Model) -> list[Series]:
 
 def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Floats]) -> Series:
     sensor, time_s = reading.sensor, run.time_s[reading.rows]
-    motion = _motion(run, reading, states) if _told(model, run, reading) else {}
+    motion = _motion(model, run, reading, states) if _told(model, run, reading) else {}
     labels = {name: values[reading.rows] for name, values in motion.items()}
     return Series(
         run=run.name,
@@ -81,19 +81,24 @@ def nuisances(reading: Reading, time_s: Floats) -> Floats:
     return np.array(shapes).reshape(len(shapes), len(time_s)).T
 
 
-def _motion(run: Run, reading: Reading, states: Mapping[str, Floats]) -> dict[str, Floats]:
+def _motion(
+    model: Model, run: Run, reading: Reading, states: Mapping[str, Floats]
+) -> dict[str, Floats]:
     """Position, speed and acceleration of the model at all rows, as the labels have them.
 
     In the unit of a position sensor, or in SI.
     """
     if "x" not in states or len(run.time_s) < 2 or not np.isfinite(states["x"]).all():
         return {}
-    placed = reading.sensor.quantity.tells_place
-    x = states["x"] / (reading.sensor.factor if placed else 1.0)
-    if not np.ptp(x):
+    if not np.ptp(states["x"]):
         return {}
-    v = np.gradient(x, run.time_s)
-    return {"position": x, "velocity": v, "acceleration": np.gradient(v, run.time_s)}
+    unit = reading.sensor.factor if reading.sensor.quantity.tells_place else 1.0
+    rates = model.rates_of(run, states)
+    return {
+        "position": states["x"] / unit,
+        "velocity": rates["v"] / unit,
+        "acceleration": rates["a"] / unit,
+    }
 
 
 def _folds(run: Run, reading: Reading, velocity: Floats | None) -> NDArray[np.int64]:

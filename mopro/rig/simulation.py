@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -31,6 +31,7 @@ from mopro.rig.model import (
     THERMAL,
 )  # fmt: skip
 from mopro.rig.names import axis_law, capacity_of, effects_of, inertia_of, sensors_of, unlisted_of
+from mopro.rig.rates import Rates, rate_between
 from mopro.series import Settings, unless_run_away
 
 BASE = "base"
@@ -90,6 +91,7 @@ class Model:
         self.foreign = foreign
         self._programs: dict[tuple[tuple[str, str], ...], _Program] = {}
         self._steps: dict[str, float] = {}
+        self._rates: dict[str, Rates] = {}
 
     def __call__(self, settings: Settings) -> list[Floats]:
         return [
@@ -155,10 +157,29 @@ class Model:
         """Time, inputs and states of a run, with the speed and acceleration of an axis."""
         motion = self.motion(run, settings)
         found = {"t": run.time_s, **motion.inputs, **motion.states}
-        if "x" in found:
-            found["v"] = found.get("v", _gradient(found["x"], run.time_s))
-            found["a"] = _gradient(found["v"], run.time_s)
-        return found
+        return {**found, **self.rates_of(run, found)}
+
+    def rates_of(self, run: Run, known: Known) -> dict[str, Floats]:
+        """Speed and acceleration of a position among the names; none without one."""
+        if "x" not in known:
+            return {}
+        if "v" in known:
+            v = np.asarray(known["v"])
+            return {"v": v, "a": rate_between(v, run.time_s)}
+        x, rates = np.asarray(known["x"]), self.rates(run)
+        return {"v": rates.velocity(x), "a": rates.second(x)}
+
+    def rates(self, run: Run) -> Rates:
+        """How the position of a kinematic machine is differentiated, by the noise of its inputs."""
+        if run.name not in self._rates:
+            x = self._followed(run, run.inputs, (), {})
+            self._rates[run.name] = Rates.of(run.time_s, x)
+        return self._rates[run.name]
+
+    def _rated(self, run: Run, known: Known, formulas: Iterable[Formula]) -> Known:
+        """The names, with the speed and acceleration if a formula asks for one that is missing."""
+        missing = {"v", "a"} & frozenset().union(*(f.names for f in formulas)) - known.keys()
+        return {**known, **self.rates_of(run, known)} if missing else known
 
     # -- one run -----------------------------------------------------------------------
 
@@ -168,6 +189,8 @@ class Model:
         motion, values = self.motion(run, settings), self.values(settings)
         known: Known = {"t": run.time_s, **motion.inputs, **values, **motion.states}
         active = self.active(run, settings)
+        terms = [effect.term.formula for effect, _ in self._entering(MEASUREMENT, active)]
+        known = self._rated(run, known, [*terms, *(r.sensor.reads.formula for r in run.readings)])
         made: dict[str, Floats] = {}
         return [self._reading(r, known, active, settings, run, made) for r in run.readings]
 
@@ -177,7 +200,7 @@ class Model:
         made: dict[str, Floats],
     ) -> Floats:  # fmt: skip
         sensor = reading.sensor
-        value = evaluate(sensor.reads.formula, with_rates(known, sensor.reads.formula), run.time_s)
+        value = evaluate(sensor.reads.formula, known, run.time_s)
         for effect, own in self._entering(MEASUREMENT, active):
             if self.shows(effect, sensor):
                 value = value + term_of(effect, own, {**known, "y": value}, run.time_s)
@@ -228,7 +251,8 @@ class Model:
         known: dict[str, Any] = {"t": run.time_s, **inputs, **self.values(settings)}
         x = evaluate(self.rig.laws["position"].formula, known, run.time_s)
         for effect, own in self._entering(COMMAND, active):
-            x = x + term_of(effect, own, {**known, "x": x}, run.time_s)
+            before = self._rated(run, {**known, "x": x}, [effect.term.formula])
+            x = x + term_of(effect, own, before, run.time_s)
         return x
 
     def _of_foreign(self, run: Run, settings: Settings) -> list[Floats]:
@@ -414,22 +438,7 @@ def term_of(
     effect: WrittenEffect, own: Mapping[str, float], known: Known, time_s: Floats,
     functions: Functions = SIGNALS,
 ) -> Floats:  # fmt: skip
-    formula = effect.term.formula
-    return evaluate(formula, with_rates({**known, **own}, formula), time_s, functions)
-
-
-def with_rates(known: Known, formula: Formula) -> Known:
-    """The names, with the speed and acceleration if the formula asks for them."""
-    missing = formula.names & {"v", "a"} - known.keys()
-    if not missing or "x" not in known:
-        return known
-    time_s = np.asarray(known["t"])
-    v = np.asarray(known.get("v", _gradient(np.asarray(known["x"]), time_s)))
-    return {**known, "v": v, "a": _gradient(v, time_s)}
-
-
-def _gradient(values: Floats, time_s: Floats) -> Floats:
-    return np.gradient(values, time_s) if len(values) > 1 else np.zeros_like(values)
+    return evaluate(effect.term.formula, {**known, **own}, time_s, functions)
 
 
 def _alike(one: Mapping[str, Floats], other: Mapping[str, Floats]) -> bool:
