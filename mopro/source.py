@@ -30,7 +30,7 @@ class Span:
 class Source:
     """One program text with the name that messages give it.
 
-    `encoding` is the one that turns `text` back into the bytes it came from;
+    `encoding` is the one that turns `text` back into the bytes it came from, behind `mark`;
     `sha256` is the digest of those bytes. `cut`: where a mark ended the text, of what stands behind
     it as well.
     """
@@ -39,6 +39,7 @@ class Source:
     text: str
     encoding: str = "utf-8"
     cut: Span | None = field(default=None, compare=False)
+    mark: bytes = b""
 
     @cached_property
     def lines(self) -> tuple[str, ...]:
@@ -63,7 +64,12 @@ class Source:
     def sha256(self) -> str:
         import hashlib
 
-        return hashlib.sha256(self.text.encode(self.encoding)).hexdigest()
+        return hashlib.sha256(self.encoded).hexdigest()
+
+    @property
+    def encoded(self) -> bytes:
+        """The text as the bytes it came from."""
+        return self.mark + self.text.encode(self.encoding)
 
     def line(self, number: int) -> str:
         """The text of line `number`; empty beyond the last line."""

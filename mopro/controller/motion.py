@@ -120,14 +120,8 @@ class Motion:
 
         Stored programs have a statement a line.
         """
-        activity = self.schedule.activity
-        at = bisect_right(activity, at_s, key=lambda entry: entry[0]) - 1
-        lines = [line for _, line in activity[max(0, at - 1) : at + 1]]
-        if at < 0:
-            return 0, 0
-        if at_s >= self.end_s and not self.cut:
-            return 0, lines[-1]
-        return lines[-1], lines[0] if at > 0 else 0
+        under_way, completed = self.schedule.lines_at(min(at_s, self._cut_s))
+        return under_way or 0, completed or 0
 
     # -- the machine -----------------------------------------------------------
 

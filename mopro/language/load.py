@@ -9,17 +9,18 @@ from pathlib import Path
 from mopro.errors import Diagnostic, SourceError
 from mopro.inputs import open_to_read
 from mopro.source import Source, Span
+from mopro.text import wide_encoding
 
 MOST_BYTES = 16 * 2**20
 MOST_COLUMNS = 4096
 # Of these no command takes longer than some 12 s; ten times as many took minutes.
 MOST_LINES = 100_000
 
-_DOS_END_OF_FILE = b"\x1a"
+_DOS_END_OF_FILE = "\x1a"
 # What may stand behind a Ctrl-Z without being a part of the program: DOS fills up with it.
-_FILLING = b" \t\f\v\r\n\0" + _DOS_END_OF_FILE
-# Shares of zeros in the bytes of a wide character: of the one that tells letters, of the others.
-_FEW_ZEROS, _MOST_ZEROS = 0.1, 0.5
+_FILLING = " \t\f\v\r\n\0" + _DOS_END_OF_FILE
+# Of encodings whose mark tells the order of bytes.
+_MARK_BYTES = {"utf-16": 2, "utf-32": 4}
 _FILE = Span(1, 1, 1)
 _SAVE_AS = (
     "save it as UTF-8: in Notepad by Save as, Encoding; in PowerShell by Set-Content -Encoding utf8"
@@ -40,20 +41,14 @@ def load_bytes(path: str | Path) -> bytes:
         raise _refused(str(path), "unreadable", f"cannot be read: {error.strerror}") from error
 
 
-def split_at_end_of_file(data: bytes) -> tuple[bytes, bytes]:
-    """The text, and the rest from the Ctrl-Z on that ends a text under DOS."""
-    text, mark, rest = data.partition(_DOS_END_OF_FILE)
-    return text, mark + rest
-
-
 def until_end_of_file(source: Source) -> Source:
     """The part of a DOS text before its Ctrl-Z; `cut` is the place of that if more follows."""
-    text, _, rest = source.text.partition(_DOS_END_OF_FILE.decode("ascii"))
+    text, _, rest = source.text.partition(_DOS_END_OF_FILE)
     kept = replace(source, text=text)
-    return replace(kept, cut=_cut(kept, rest.strip(_FILLING.decode("ascii")))) if rest else kept
+    return replace(kept, cut=_cut(kept, rest.strip(_FILLING))) if rest else kept
 
 
-def _cut(source: Source, rest: str | bytes) -> Span | None:
+def _cut(source: Source, rest: str) -> Span | None:
     """The place behind the last character of `source`, if there is a `rest`."""
     if not rest:
         return None
@@ -64,21 +59,19 @@ def _cut(source: Source, rest: str | bytes) -> Span | None:
 
 
 def source_from_bytes(data: bytes, name: str) -> Source:
-    """Decode `data`, which ends at a Ctrl-Z; UTF-8 where it is that, else code page 437."""
+    """Decode `data`, which ends at a Ctrl-Z.
+
+    UTF-8, UTF-16 or UTF-32 where it is that, else code page 437; SourceError.
+    """
     if len(data) > MOST_BYTES:
         raise _refused(name, "too-long", f"is larger than {MOST_BYTES // 2**20} MiB")
-    if _is_wide(data):
-        message = "is text in UTF-16 or UTF-32, of two or four bytes a character: expected UTF-8"
-        raise _refused(name, "wide-text", message, _SAVE_AS)
-    data, rest = split_at_end_of_file(data)
-    if b"\0" in data:
+    source = until_end_of_file(_decoded(data, name))
+    if "\0" in source.text:
         raise _refused(name, "binary-file", "is a binary file: expected the text of a program")
-    source = _decode(data, name)
     if len(source.lines) > MOST_LINES:
         message = f"{len(source.lines)} lines: expected at most {MOST_LINES}"
         span = Span(MOST_LINES + 1, 1, 2)
         raise SourceError(source, [Diagnostic("too-long", message, span)])
-    source = replace(source, cut=_cut(source, rest.strip(_FILLING)))
     for number, line in enumerate(source.lines, start=1):
         if len(line) > MOST_COLUMNS:
             span = Span(number, MOST_COLUMNS + 1, MOST_COLUMNS + 2)
@@ -87,27 +80,30 @@ def source_from_bytes(data: bytes, name: str) -> Source:
     return source
 
 
-def _is_wide(data: bytes) -> bool:
-    """True for text of two or four bytes a character: it has a mark of that, or zeros as such has.
-
-    Of the letters of a program one byte is hardly ever zero, and the others mostly are.
-    """
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)):
-        return True
-    for width in (2, 4):
-        parts = [data[place::width] for place in range(width)]
-        zeros = sorted(part.count(0) / max(len(part), 1) for part in parts)
-        if zeros[0] < _FEW_ZEROS and zeros[1] > _MOST_ZEROS:
-            return True
-    return False
-
-
-def _decode(data: bytes, name: str) -> Source:
+def _decoded(data: bytes, name: str) -> Source:
+    if encoding := wide_encoding(data):
+        return _decoded_wide(data, encoding, name)
+    # What stands behind the end of the text need not be text.
+    text, mark, rest = data.partition(_DOS_END_OF_FILE.encode("ascii"))
+    end = (mark + rest).decode("cp437")
     try:
-        encoding = "utf-8-sig" if data.startswith(b"\xef\xbb\xbf") else "utf-8"
-        return Source(name, data.decode(encoding), encoding)
+        encoding = "utf-8-sig" if data.startswith(codecs.BOM_UTF8) else "utf-8"
+        return Source(name, text.decode(encoding) + end, encoding)
     except UnicodeDecodeError:
-        return Source(name, data.decode("cp437"), "cp437")
+        return Source(name, text.decode("cp437") + end, "cp437")
+
+
+def _decoded_wide(data: bytes, encoding: str, name: str) -> Source:
+    mark = data[: _MARK_BYTES.get(encoding, 0)]
+    if mark:
+        encoding += "-be" if mark in (codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE) else "-le"
+    try:
+        text = data[len(mark) :].decode(encoding)
+    except UnicodeDecodeError as error:
+        place = f"byte {len(mark) + error.start + 1}"
+        message = f"is text in {encoding.upper()}, and what stands at {place} is no character of it"
+        raise _refused(name, "wide-text", message, _SAVE_AS) from error
+    return Source(name, text, encoding, mark=mark)
 
 
 def _refused(name: str, rule: str, message: str, hint: str | None = None) -> SourceError:

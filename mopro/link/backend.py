@@ -14,6 +14,7 @@ from mopro.errors import DataError, LinkError
 from mopro.link.course import CAUSES, UNDER_WAY, Awaited, Contradiction, Course, Step
 from mopro.link.flash import allowed_s, upload
 from mopro.link.halt import Signals, StopOnError, TimeBudget
+from mopro.link.reached import reached_s
 from mopro.link.samples import Sample, Samples
 from mopro.link.session import Refused, Session
 from mopro.link.watch import Watch
@@ -163,7 +164,7 @@ class SerialBackend:
 
         Raises LinkError for every other end than the one asked for.
         """
-        speed = self._speed()
+        speed = watch.speed = self._speed()
         self._ask_for_heartbeat(speed)
         due_s = schedule.duration_s / speed
         awaited = self._awaited(schedule)
@@ -242,15 +243,14 @@ class SerialBackend:
     def _moves(self, schedule: Schedule, watch: Watch, whole: bool) -> list[MoveReport]:
         """A row for each move that began, with what the controller says of it."""
         rows = []
+        until_s = schedule.duration_s if whole else reached_s(schedule, watch)
         for index, move in enumerate(schedule.moves, start=1):
             told = watch.moves.get(index)
-            begun = whole or told or (not watch.accounted and move.start_s <= watch.elapsed_s)
+            begun = whole or told or (not watch.accounted and move.start_s <= until_s)
             if begun:
-                outcome = MoveOutcome(complete=move.end_s <= watch.elapsed_s)
+                outcome = MoveOutcome(complete=move.end_s <= until_s)
                 if told:
                     outcome = _told(told)
-                elif whole:
-                    outcome = MoveOutcome(complete=move.end_s <= schedule.duration_s)
                 rows.append(MoveReport.of(move, outcome, self.machine.microstep_m))
         return rows
 

@@ -86,7 +86,11 @@ class Watch:
         self._sampled_s = 0.0
         self.accounts = session.dialect.knows("moves")
         self.state = "idle"
+        # As the controller last told them of this run, and when (s) it was last seen running.
         self.statement = self.completed = 0
+        self.running_s = -math.inf
+        # How many times faster than planned the controller does all.
+        self.speed = 1.0
         self.position_u: dict[int, int] = dict.fromkeys(AXES, 0)
         self.moves: dict[int, dict[str, Any]] = {}
         # True once `moves` has all that the controller knows of, at rest.
@@ -117,7 +121,7 @@ class Watch:
         else:
             self._session.ask("run_for", again=False, name=scratch, milliseconds=for_s * 1000)
         self._started_s = self._session.moment_s
-        self.state = "running"
+        self.state, self.running_s = "running", 0.0
 
     def follow(self, course: Course, fastest_u_s: float, settle_s: float = 0.0) -> Step:
         """Poll until the end that `course` awaits; Contradiction for every other one.
@@ -176,8 +180,7 @@ class Watch:
         entry: Entry = Step.GO_ON
         if self._course is not None:
             entry = self._course.see(self.state, self._moment_s(), self._longest_s())
-        self._under_way(status)
-        self.completed = status.get("completed", 0)
+        self._note_place(status)
         sample = self._sampled()
         if self._jumped_to(sample):
             # A damaged digit, where no checksum tells, is not read twice.
@@ -204,19 +207,25 @@ class Watch:
             return None
         return _JUMPED.format(gone_u, elapsed_s)
 
-    def _under_way(self, row: dict[str, Any]) -> None:
-        if self.state not in ("idle", "done"):
-            self.statement = row.get("statement", self.statement)
+    def _note_place(self, status: dict[str, Any]) -> None:
+        """Keep how far the program got; a controller that was reset knows nothing of that."""
+        if self.state == "idle":
+            return
+        self.statement = status.get("statement", 0)
+        self.completed = status.get("completed", 0)
+        if self.state == "running":
+            self.running_s = self._moment_s()
 
     def _sampled(self) -> Sample:
         """Both positions, of one moment if the dialect has a statement for that."""
         if not self._session.dialect.knows("sample"):
             return self._sampled_in_parts()
         row = self._session.one("sample")
-        self._under_way(row)
+        statement = row.get("statement", 0) or self.statement
+        self.statement = self.statement or statement
         command_u = {n: row[f"position_{n}"] - self._zero_u[n] for n in AXES}
         seen_u = {n: row[f"measured_{n}"] - self._seen_zero_u[n] for n in AXES}
-        return Sample(self._moment_s(), self._line(self.statement), command_u, seen_u, True)
+        return Sample(self._moment_s(), self.line(statement), command_u, seen_u, True)
 
     def _sampled_in_parts(self) -> Sample:
         """Both positions by one statement each, at the moment of the measured one if there is."""
@@ -227,7 +236,7 @@ class Watch:
             measured = self._positions("measured")
             seen_u = {axis: measured[axis] - self._seen_zero_u[axis] for axis in AXES}
         at_rest = self.state not in UNDER_WAY
-        line = self._line(self.statement)
+        line = self.line(self.statement)
         return Sample(self._moment_s(), line, command_u, seen_u, at_rest or not self._sensed)
 
     def _longest_s(self) -> float:
@@ -248,8 +257,8 @@ class Watch:
         raise LinkError(f"the status `{status['state']}` is in no [states]", "unknown-state")
 
     def _account(self) -> None:
-        """Fetch the outcomes of all moves that are not known yet, at rest."""
-        if self.accounts:
+        """Fetch the outcomes of all moves that are not known yet, at rest; none after a reset."""
+        if self.accounts and self.state != "idle":
             while self._ask_moves():
                 pass
             self.accounted = True
@@ -330,6 +339,8 @@ class Watch:
         text = f"last reported after {self.elapsed_s:.3f} s: {self.state}, {place} microsteps"
         if self.statement:
             text += f"; under way: {self._named(self.statement)}"
+        if "completed" not in self._session.dialect.replies["status"].fields:
+            return text
         if self.completed:
             return f"{text}\nlast completed: {self._named(self.completed)}"
         return f"{text}\nlast completed: nothing that takes time"
@@ -338,9 +349,10 @@ class Watch:
         if not 1 <= statement <= len(self._program.ops):
             return f"statement {statement}"
         text = statements_of(self._program)[statement - 1]
-        return f"line {self._line(statement)} `{text}`"
+        return f"line {self.line(statement)} `{text}`"
 
-    def _line(self, statement: int) -> int | None:
+    def line(self, statement: int) -> int | None:
+        """The source line of a statement of the program, which counts from 1; None for none."""
         if 1 <= statement <= len(self._program.ops):
             return self._program.ops[statement - 1].span.line
         return None

@@ -77,7 +77,8 @@ def clock_of(table: Table, stamp: Stamp, unit: str | None = None) -> Clock:
         elapsed, origin = elapsed - first, origin + first
         taken = f"{part} of the seconds in {stamp.name}"
         decisions.append(Decision(f"column {stamp.finer}", taken, "two columns are one stamp"))
-    order = order_of(elapsed, Habits(stamp.name, unit_s, worded), _readings_go_on(table, stamp))
+    habits = Habits(stamp.name, unit_s, worded, origin)
+    order = order_of(elapsed, habits, _readings_go_on(table, stamp))
     return Clock(
         stamp, order.time_s, origin, (*decisions, *order.decisions), tuple(order.starts),
         tuple(order.strays),

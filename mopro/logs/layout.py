@@ -14,19 +14,13 @@ from mopro.logs.headings import SAMPLE_ROWS, fault, first_row, headings_of
 from mopro.logs.log import Decision
 from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span, cells_of
 from mopro.logs.written import MISSING, has_comma, has_point, holds_data, is_grouped, is_list
+from mopro.text import wide_encoding
 
 _SAMPLE_BYTES = 1 << 18
-# Share of zeros in each other byte beyond which characters have two bytes.
-_WIDE = 0.5
 MOST_COLUMNS = 500
 _DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blank"}
 # Python's splitlines() knows more of them than Arrow and editors do.
 _LINE_END = re.compile(r"\r\n|\n|\r")
-_MARKS = {
-    codecs.BOM_UTF8: "utf-8-sig",
-    codecs.BOM_UTF16_LE: "utf-16",
-    codecs.BOM_UTF16_BE: "utf-16",
-}
 
 
 @dataclass(frozen=True)
@@ -94,12 +88,11 @@ def layout_of(path: Path, name: str, headless: bool = False) -> Layout:
 
 
 def _encoding(data: bytes, whole: bool) -> tuple[str, list[Decision]]:
-    for mark, encoding in _MARKS.items():
-        if data.startswith(mark):
-            return encoding, [Decision("encoding", encoding, "the file begins with its mark")]
-    for first, encoding in ((0, "utf-16-be"), (1, "utf-16-le")):
-        if data[first::2].count(0) > _WIDE * len(data) / 2 and not data[1 - first :: 2].count(0):
-            return encoding, [Decision("encoding", encoding, "each other byte is zero")]
+    marked = "utf-8-sig" if data.startswith(codecs.BOM_UTF8) else None
+    if encoding := marked or wide_encoding(data):
+        zeros = encoding.endswith(("-le", "-be"))
+        reason = "most bytes are zero" if zeros else "the file begins with its mark"
+        return encoding, [Decision("encoding", encoding, reason)]
     try:
         codecs.getincrementaldecoder("utf-8")().decode(data, final=whole)
     except UnicodeDecodeError:

@@ -26,6 +26,9 @@ _TWICE = 1.6
 _NEAR_ROWS = 40
 # Intervals between a row and the one after a clock that was set or wrapped.
 _NEXT = 1.5
+# Most share of its range that a counter passes in a gap of the log: by chance a recording seldom
+# ends so near to the end of a range. Nearness of its stamps to whole numbers.
+_GAP_SHARE, _WHOLE = 0.01, 1e-3
 # A jump back into this first share of a recording begins another one.
 _BEGINNING = 0.2
 # Jumps back beyond which a column is no clock.
@@ -53,19 +56,27 @@ class Order:
 
 @dataclass(frozen=True)
 class Habits:
-    """Known traits of a clock: its name, seconds of one unit of its column, if it tells dates."""
+    """Known traits of a clock: its name, seconds of one unit of its column, if it tells dates.
+
+    `origin_s` is its first stamp, in s.
+    """
 
     name: str
     unit_s: float
     worded: bool = False
+    origin_s: float = 0.0
 
-    def periods_s(self) -> dict[float, str]:
-        """Times after which a clock like this begins again, each with its words."""
-        counters = {
-            2.0**bits * unit: f"2^{bits} {word}: its counter wrapped"
+    def counters_s(self) -> dict[float, tuple[float, str]]:
+        """Times after which a counter begins again, each with that of a count, and its words."""
+        return {
+            2.0**bits * unit: (unit, f"2^{bits} {word}: its counter wrapped")
             for bits in (16, 32)
             for unit, word in ((1e-6, "us"), (1e-3, "ms"), (self.unit_s, "counts"))
         }
+
+    def periods_s(self) -> dict[float, str]:
+        """Times after which a clock like this begins again, each with its words."""
+        counters = {period: words for period, (_, words) in self.counters_s().items()}
         return {**counters, **_WORDS} if self.worded else {**counters, _DAY_S: _WORDS[_DAY_S]}
 
 
@@ -118,6 +129,8 @@ class _Jumps:
         self._order, self._known, self._times, self._usual = order, known, times, usual
         self._habits, self._goes_on = habits, goes_on
         self._first = float(times[0])
+        # The stamps as they stand in the file.
+        self._stamps = habits.origin_s + times
 
     def judge(self, jumps: list[int]) -> None:
         skipped: set[int] = set()
@@ -155,12 +168,33 @@ class _Jumps:
             if abs(back + self._usual - period) <= _NEXT * self._usual and period > 4 * self._usual:
                 self._go_on(row, period, f"it went back by {words}")
                 return
+        if wrapped := self._wrapped_in_gap(i):
+            self._go_on(row, *wrapped)
+            return
         inside = (after - self._first) > _BEGINNING * (before - self._first)
         if inside and self._goes_on(int(self._known[i]), row):
             self._go_on(row, back + self._usual, f"it was set back by {back:.6g} s")
             return
         self._order.starts.append(row)
         self._first = after
+
+    def _wrapped_in_gap(self, i: int) -> tuple[float, str] | None:
+        """The range (s) of a counter that wrapped in a gap after row `i`, and the words for that.
+
+        Its stamps are whole numbers within the range, the gap is a small share of it, and the
+        log did not begin as near to the least number as the counter is now: else another
+        recording began.
+        """
+        stamps = self._stamps
+        for period, (unit, words) in self._habits.counters_s().items():
+            gap = float(stamps[i + 1] - stamps[i]) + period
+            least = 0.0 if stamps.min() >= 0 else -period / 2
+            within = stamps.min() >= least and stamps.max() < least + period
+            if within and stamps[0] - least > gap and 0 < gap <= _GAP_SHARE * period:
+                counts = stamps / unit
+                if np.abs(counts - np.round(counts)).max() < _WHOLE:
+                    return period, f"it went back by {words} in a gap of {gap:.6g} s"
+        return None
 
     def _go_on(self, row: int, shift_s: float, reason: str) -> None:
         """Shift the times from `row` on."""

@@ -278,7 +278,7 @@ def _fault_of(word: str) -> str:
 def _rows_of(path: Path, layout: Layout) -> NDArray[np.int64]:
     """Numbers of the lines of data that are not blank."""
     # Of the other encodings each character that ends a line, or is blank, is one byte.
-    encoding = layout.encoding if layout.encoding.startswith("utf-16") else "latin-1"
+    encoding = layout.encoding if layout.encoding.startswith(("utf-16", "utf-32")) else "latin-1"
     with open(path, encoding=encoding, errors="replace", newline=None) as file:
         full = [bool(line.strip(_BLANKS)) for line in file]
     numbers = np.flatnonzero(full).astype(np.int64) + 1

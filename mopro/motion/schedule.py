@@ -6,6 +6,7 @@ are in seconds, `_u` in microsteps, `_uu` in user units.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -96,6 +97,29 @@ class Schedule:
     def final_u(self, axis: int) -> int:
         """Final commanded position of `axis`, in microsteps from the start."""
         return round(self.tracks[axis].state(self.duration_s).position)
+
+    def lines_at(self, at_s: float) -> tuple[int | None, int | None]:
+        """The line under way at `at_s`, and the last one before it that is completed by then.
+
+        A line that started a motion is completed when its last motion has ended.
+        """
+        begun = bisect_right(self.activity, at_s, key=lambda entry: entry[0])
+        ended = self.complete and at_s >= self.duration_s
+        moving = self._moving(at_s)
+        before = range(begun - (1 if ended else 2), -1, -1)
+        lines = (line for n in before if (line := self.activity[n][1]) not in moving)
+        return self.activity[begun - 1][1] if begun and not ended else None, next(lines, None)
+
+    def _moving(self, at_s: float) -> set[int]:
+        """The lines whose motions are under way at `at_s`."""
+        lines, axes = set(), set(self.tracks)
+        nth = bisect_right(self.moves, at_s, key=lambda move: move.start_s)
+        while axes and nth:
+            nth -= 1
+            if axes.intersection(self.moves[nth].axes) and self.moves[nth].end_s > at_s:
+                lines.add(self.moves[nth].span.line)
+            axes.difference_update(self.moves[nth].axes)
+        return lines
 
     def stopped(self, at_s: float, stopping: Stopping) -> Schedule:
         """This schedule given up at `at_s`; it lasts until every axis is told to stand.

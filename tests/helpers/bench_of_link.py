@@ -32,6 +32,41 @@ class Bench:
         return sink.recording(backend.header(program), run)
 
 
+class Impatient:
+    """A port at which someone presses Ctrl-C at a given time."""
+
+    def __init__(self, port, at_s):
+        self.port = port
+        self.at_s = at_s
+
+    def __getattr__(self, name):
+        return getattr(self.port, name)
+
+    def read(self, until_s):
+        data = self.port.read(until_s)
+        if self.port.now_s() > self.at_s:
+            self.at_s = float("inf")
+            raise KeyboardInterrupt
+        return data
+
+
+class Hasty:
+    """A port to a virtual controller that does all `speed` (2^n) times as fast, and says so."""
+
+    def __init__(self, joined, speed):
+        self.port, self.speed = joined.session.port, speed
+        joined.station.device.speed = speed
+
+    def __getattr__(self, name):
+        return getattr(self.port, name)
+
+    def now_s(self):
+        return self.port.now_s() / self.speed
+
+    def read(self, until_s):
+        return self.port.read(until_s * self.speed)
+
+
 def bench(dialect="checked", *faults, seed=1, plant=(), store=None, breaks=False, opened=True):
     language = load_dialect(dialect) if isinstance(dialect, str) else dialect
     scenario = Scenario(seed, faults, plant)
@@ -42,6 +77,13 @@ def bench(dialect="checked", *faults, seed=1, plant=(), store=None, breaks=False
     if opened:
         session.open()
     return Bench(station, session)
+
+
+def without(dialect, *statements):
+    """A shipped dialect that lacks some statements."""
+    language = load_dialect(dialect)
+    known = {key: s for key, s in language.statements.items() if key not in statements}
+    return replace(language, statements=known)
 
 
 def old_in(store):

@@ -1,5 +1,6 @@
 """Statements, the oddities of DOS files, and every fault told at its place."""
 
+import hashlib
 from fractions import Fraction
 
 import pytest
@@ -12,7 +13,7 @@ from mopro.errors import MoproError, Severity, SourceError
 from mopro.language import ast, load, parse, source_from_bytes
 from mopro.language.load import MOST_BYTES, MOST_LINES
 from mopro.program import lower
-from mopro.source import Span
+from mopro.source import Source, Span
 from mopro.testing import program_texts
 
 BAD_PROGRAMS = sorted((DATA / "err").glob("*.CMD"))
@@ -247,19 +248,32 @@ def test_a_program_that_a_ctrl_z_leaves_empty_is_refused_with_its_place():
     assert (found.rule, found.hint) == ("empty-program", "it ends at the Ctrl-Z in 2:1")
 
 
-@pytest.mark.parametrize(
-    "encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-le", "utf-32-be"]
-)
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-be"])
 @pytest.mark.parametrize("mark", ["", "\ufeff"])
 @pytest.mark.parametrize(
-    "text", ["WT1", SETUP.decode() + "WT100 ; caf\u00e9 \u4e2d\n", "WT1\x1a\n"]
+    "text", ["WT1", SETUP.decode() + "WT100 ; caf\u00e9 \u4e2d\n", "WT1 ; \u011a \u1a00\r\n"]
 )
-def test_text_of_wide_characters_is_told_from_binary_files(encoding, mark, text):
-    with pytest.raises(SourceError, match="UTF-16 or UTF-32") as raised:
-        source_from_bytes((mark + text).encode(encoding), "X.CMD")
+def test_text_of_wide_characters_is_read(encoding, mark, text):
+    data = (mark * encoding.endswith("e") + text).encode(encoding)
+    source = source_from_bytes(data, "X.CMD")
+    assert (source.text, source.encoded) == (text, data)
+    assert source.sha256 == hashlib.sha256(data).hexdigest()
+    assert lower(parse(source)).ops == lower(parse(Source("X.CMD", text))).ops
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-be", "utf-32-le"])
+def test_a_ctrl_z_is_a_character_of_any_encoding(encoding):
+    source = source_from_bytes("WT1 ; \u1a1a\r\n\x1aWT2".encode(encoding), "X.CMD")
+    assert source.text == "WT1 ; \u1a1a\r\n"
+    assert (source.cut.line, source.cut.column) == (2, 1)
+
+
+@pytest.mark.parametrize("data", [("WT100\n" * 9).encode("utf-16") + b"W", b"\xff\xfe\x00\xd8W\0"])
+def test_wide_text_that_is_cut_is_told_with_its_byte(data):
+    with pytest.raises(SourceError, match=r"at byte \d+ is no character") as raised:
+        source_from_bytes(data, "X.CMD")
     (found,) = raised.value.diagnostics
-    assert found.rule == "wide-text"
-    assert "save it as UTF-8" in found.hint
+    assert (found.rule, "save it as UTF-8" in found.hint) == ("wide-text", True)
 
 
 def test_text_with_the_mark_of_utf_8_is_read():

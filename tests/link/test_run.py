@@ -1,15 +1,12 @@
 """Runs on the virtual controller: the emulator's table, stops, and what goes wrong."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import mopro
-from helpers.bench_of_link import DIALECTS, SHORT, bench
+from helpers.bench_of_link import DIALECTS, SHORT, Impatient, bench, without
 from mopro.controller.faults import Fault, PlantFault
 from mopro.errors import MotionError, SourceError
-from mopro.link import load_dialect
 from mopro.machine import load_machine
 from mopro.program.compile import compile_file
 from mopro.program.resume import resume
@@ -64,13 +61,6 @@ def test_the_recording_says_whose_clock_it_has_and_shows_what_was_seen():
 
 
 FAST = mopro.compile(SHORT.replace("VEL1 8.0", "VEL1 40.0").replace("2.0", "9.0"), "fast.CMD")
-
-
-def without(dialect, *statements):
-    """A shipped dialect that lacks some statements."""
-    language = load_dialect(dialect)
-    known = {key: s for key, s in language.statements.items() if key not in statements}
-    return replace(language, statements=known)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -135,24 +125,6 @@ def test_motion_that_must_be_refused_is_refused_before_anything_is_sent():
     with pytest.raises(MotionError, match="still moving"):
         joined.run(mopro.compile(SHORT.replace("WX1\nWT50\n", "WT50\n")))
     joined.station.hear = heard
-
-
-class Impatient:
-    """A port at which someone presses Ctrl-C at a given time."""
-
-    def __init__(self, port, at_s):
-        self.port = port
-        self.at_s = at_s
-
-    def __getattr__(self, name):
-        return getattr(self.port, name)
-
-    def read(self, until_s):
-        data = self.port.read(until_s)
-        if self.port.now_s() > self.at_s:
-            self.at_s = float("inf")
-            raise KeyboardInterrupt
-        return data
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)

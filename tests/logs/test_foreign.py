@@ -91,16 +91,40 @@ def test_beginnings_of_foreign_files_are_refused_in_words(tmp_path, kind, cut):
         read_log(tmp_path / "log.csv")
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig", "cp1252"])
-def test_a_text_of_any_encoding_is_read_and_data_say_what_they_are(tmp_path, encoding):
-    text = TEXT.decode().replace("x_mm", "Länge [mm]")
-    (tmp_path / "log.csv").write_bytes(text.encode(encoding))
+MARK = "\ufeff"
+ENCODINGS = {
+    "utf-8": "", "utf-8-sig": "", "utf-16": "", "utf-16-le": "", "utf-16-be": "",
+    "utf-16-be with its mark": MARK, "utf-32": "", "utf-32-be": MARK,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_a_text_of_any_encoding_is_read_as_a_log_and_as_data(tmp_path, encoding):
+    text = ENCODINGS[encoding] + TEXT.decode().replace("x_mm", "L\u00e4nge_mm")
+    (tmp_path / "log.csv").write_bytes(text.encode(encoding.split()[0]))
     found = read_log(tmp_path / "log.csv")
-    assert [(c.name, c.unit, len(c.values)) for c in found.columns] == [("Länge", "mm", 200)]
-    if "16" in encoding:
-        with pytest.raises(DataError, match="a text in UTF-16, expected UTF-8") as error:
-            read_data(tmp_path / "log.csv", "log.csv", {"time_s"})
-        assert "mopro import" in error.value.render()
+    assert [(c.name, c.unit, len(c.values)) for c in found.columns] == [("L\u00e4nge", "mm", 200)]
+    data = read_data(tmp_path / "log.csv", "log.csv", {"time_s", "L\u00e4nge_mm"})
+    assert data.columns["L\u00e4nge_mm"].tolist() == [n % 7 for n in range(200)]
+    assert data.source.line(3) == "1,1"
+
+
+def test_a_log_in_windows_1252_is_read(tmp_path):
+    (tmp_path / "log.csv").write_bytes(TEXT.replace(b"x_mm", b"L\xe4nge [mm]"))
+    assert read_log(tmp_path / "log.csv").columns[0].name == "L\u00e4nge"
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "utf-32-le"])
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [("9,2\n", "9,wrong\n", "11:3"), ("9,2\n", "9\n", "11:1"), ("9,2\n", "9,2\x1a\n", "11:4")],
+)
+def test_a_fault_in_wide_data_is_told_at_its_place(tmp_path, encoding, old, new, place):
+    text = TEXT.decode().replace(f"\n{old}", f"\n{new}")
+    (tmp_path / "log.csv").write_bytes(text.encode(encoding))
+    with pytest.raises(DataError) as error:
+        read_data(tmp_path / "log.csv", "log.csv", {"time_s", "x_mm"})
+    assert f"log.csv:{place}: " in error.value.render()
 
 
 def test_a_format_that_is_read_is_known_by_its_mark(tmp_path):

@@ -52,6 +52,64 @@ def test_a_jump_back_begins_a_recording_in_the_order_of_the_file(log, starts_s, 
         assert part.line_of(0) == 2 + sum(lengths[:nth])
 
 
+def counted(per_s, bits, begin_s, gap_s, signed=False, at=600, rows=1200):
+    """Stamps of a counter with a gap after row `at`, and the times (s) that they tell."""
+    times = np.arange(rows) / RATE_HZ
+    times[at:] += gap_s
+    counts = np.round((begin_s + times) * per_s) % 2**bits
+    return np.where(signed & (counts >= 2 ** (bits - 1)), counts - 2**bits, counts), times
+
+
+GAPS = [("us", 32, 1e6, 0.3), ("us", 32, 1e6, 30.0), ("ms", 32, 1e3, 9000.0), ("ms", 16, 1e3, 0.5)]
+
+
+@pytest.mark.parametrize(("unit", "bits", "per_s", "gap_s"), GAPS)
+@pytest.mark.parametrize("signed", [False, True])
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_a_counter_that_wraps_in_a_gap_goes_on(log, unit, bits, per_s, gap_s, signed, share):
+    begin_s = 2.0**bits / per_s * (0.5 if signed else 1) - 5.99 - share * gap_s
+    counts, times = counted(per_s, bits, begin_s, gap_s, signed)
+    found = log(counts, heading=f"time_{unit}", form="{:.0f}")
+    assert found.recordings == 1
+    assert found.clocks[f"time_{unit}"] == pytest.approx(times, abs=1.1 / per_s)
+    (told,) = said(found, "its counter wrapped in a gap of")
+    assert (told.check, told.lasting) == (True, True)
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_a_counter_may_wrap_twice_each_time_in_a_gap(log, signed):
+    # Each row of 100 s, with half a second more where the counter wraps.
+    times = np.arange(1100) / 10.0
+    begin_s = 40.0
+    for wrap in (1, 2):
+        times[(begin_s + times) > 65.536 * wrap - 0.2] += 0.4
+    counts = np.round((begin_s + times) * 1e3) % 2**16
+    counts = np.where(signed & (counts >= 2**15), counts - 2**16, counts)
+    found = log(counts, moved(times), heading="time_ms", form="{:.0f}")
+    assert found.recordings == 1
+    assert found.clocks["time_ms"] == pytest.approx(times, abs=1.1e-3)
+
+
+@pytest.mark.parametrize(
+    ("begin_s", "gap_s", "form", "again_s"),
+    [
+        (59.3, 3.0, "{:.0f}", None),  # too long a gap for so short a range
+        (0.0, 0.2, "{:.0f}", 0.0),  # the log began at zero, too
+        (0.1, 0.2, "{:.0f}", 0.2),
+        (59.3, 0.5, "{:.1f}", None),  # fractions are no counts
+    ],
+)
+def test_what_may_be_another_recording_is_told_as_one(log, begin_s, gap_s, form, again_s):
+    rows, at = (1200, 600) if again_s is None else (7000, 6540)
+    counts, _ = counted(1e3, 16, begin_s, gap_s, at=at, rows=rows)
+    if again_s is not None:
+        counts[at:] = 1e3 * (again_s + np.arange(rows - at) / RATE_HZ)
+    values = np.random.default_rng(1).normal(size=rows) + 10 * (np.arange(rows) >= at)
+    found = log(counts + (0.3 if form == "{:.1f}" else 0), values, heading="time_ms", form=form)
+    assert found.recordings == 2
+    assert not said(found, "its counter wrapped")
+
+
 @pytest.mark.parametrize(
     ("unit", "bits", "per_s"),
     [("us", 32, 1e6), ("ms", 32, 1e3), ("ms", 16, 1e3), ("us", 16, 1e6)],

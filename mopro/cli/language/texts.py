@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from mopro.cli.terminal.say import say, say_bytes
-from mopro.language.load import MOST_BYTES, load_bytes, source_from_bytes, split_at_end_of_file
+from mopro.language.load import MOST_BYTES, load_bytes, source_from_bytes
 from mopro.source import Source
 
 
@@ -16,12 +16,13 @@ def read_text(file: str) -> tuple[Source, bytes]:
         data, name = sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>"
     else:
         data, name = load_bytes(file), file
-    return source_from_bytes(data, name), split_at_end_of_file(data)[1]
+    source = source_from_bytes(data, name)
+    return source, data[len(source.encoded) :]
 
 
 def write_text(file: str, source: Source, tail: bytes) -> None:
     """Write `source` in its own encoding with `tail` behind it; `-` is standard output."""
-    data = source.text.encode(source.encoding) + tail
+    data = source.encoded + tail
     if file == "-":
         say_bytes(data)
         return

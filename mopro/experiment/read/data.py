@@ -7,11 +7,10 @@ but no line break.
 
 from __future__ import annotations
 
-import codecs
 import csv
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn, TextIO
@@ -24,6 +23,7 @@ from mopro.experiment.model import Floats
 from mopro.logs.foreign import kind_of
 from mopro.logs.place import cell_span
 from mopro.source import Source, Span
+from mopro.text import wide_encoding
 
 TIME = "time_s"
 MOST_CHARACTERS = 10_000
@@ -51,7 +51,7 @@ class FileSource(Source):
         if self.path.suffix.lower() in _RECORDINGS:
             return ""
         try:
-            with _opened(self.path) as file:
+            with _opened(self) as file:
                 return next((text for n, text in _lines(file) if n == number), "").rstrip("\r\n")
         except OSError:
             return ""
@@ -139,23 +139,21 @@ def read_data(path: Path, name: str, wanted: Collection[str]) -> DataFile:
         return _from_recording(path, name, wanted)
     source = FileSource(name, "", path=path)
     try:
-        _refuse_foreign(path, source)
-        with _opened(path) as file:
+        source = replace(source, encoding=_encoding(path, source))
+        with _opened(source) as file:
             return _Rows(source, wanted).read(file)
     except OSError as error:
         raise refused(source, "unreadable", f"cannot be read: {error.strerror}") from error
 
 
-def _refuse_foreign(path: Path, source: FileSource) -> None:
-    """Say what a file is that is no text in UTF-8."""
+def _encoding(path: Path, source: FileSource) -> str:
+    """The encoding of a text; DataFileError that says what a file is that is none."""
     with open(path, "rb") as file:
         head = file.read(MOST_CHARACTERS)
     found = kind_of(head, path)
     if found is not None:
         raise refused(source, "foreign-format", f"this is {found[0]}, not CSV", found[1])
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or head[:64].count(0) > 8:
-        hint = "save it as UTF-8, or let `mopro import` write the data"
-        raise refused(source, "foreign-format", "this is a text in UTF-16, expected UTF-8", hint)
+    return wide_encoding(head) or "utf-8-sig"
 
 
 def refused(
@@ -181,8 +179,8 @@ def _from_recording(path: Path, name: str, wanted: Collection[str]) -> DataFile:
     return file
 
 
-def _opened(path: Path) -> TextIO:
-    return open(path, encoding="utf-8-sig", errors="replace", newline=None)
+def _opened(source: FileSource) -> TextIO:
+    return open(source.path, encoding=source.encoding, errors="replace", newline=None)
 
 
 def _lines(file: TextIO) -> Iterator[tuple[int, str]]:

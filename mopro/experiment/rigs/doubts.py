@@ -35,8 +35,8 @@ _KNOWN: dict[float, str] = {
 # Share of the variance that a straight line of measured against simulated must explain, share of
 # it that it must leave unexplained at the stated scale, and nearness of a slope to a factor.
 _EXPLAINED, _LEFT, _NEAR = 0.9, 0.5, 0.15
-# Share of the variance that the stated scale must leave for another one to be tried, and to be
-# refused; another scale must leave so much less.
+# Share of the variance that a scale must leave to be doubted, and the stated one to be refused: for
+# another that is not to be doubted. To be told, another scale must leave so much less.
 _TRIED, _POOR, _BETTER = 0.02, 0.3, 0.3
 # Share of a run, and samples of each reading at least, that other scales are tried on at first.
 _BEGINNING, _FEWEST = 0.15, 100
@@ -53,7 +53,8 @@ _ROOM_C, _SAME_C, _TWICE = 22.0, 1.0, 2.5
 def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[str]:
     """Notes on sensors whose readings another sign or a known factor makes fit better.
 
-    ModelError if they hardly fit as they are stated. A sensor of free scale is not doubted.
+    ModelError if they hardly fit as they are stated, and do so with the factor: where they do not,
+    it is the law that is wrong. A sensor of free scale is not doubted.
     """
     predicted = model(base.settings)
     notes: dict[str, str] = {}
@@ -61,13 +62,13 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
         sensor = reading.sensor
         if sensor.scale is None or sensor.value is None or model.foreign or sensor.name in notes:
             continue
-        factor, left = _of_line(data[nth], own), 1.0
+        factor, certain = _of_line(data[nth], own), True
         if factor is None:
-            factor, left = _of_fits(model, data, base, nth)
+            factor, certain = _of_fits(model, data, base, nth)
         if factor is None:
             continue
         message = f"{sensor.name}: {_words(data[nth], factor)}"
-        if left >= _POOR:
+        if certain:
             raise sensor.value["column"].error(message, "wrong-scale", _hint(factor))
         notes[sensor.name] = f"{message}: {_hint(factor)}"
     return [*notes.values(), *_levels(model, predicted, notes.keys())]
@@ -178,25 +179,29 @@ def _named(slope: float) -> float | None:
 
 def _of_fits(
     model: Model, data: Sequence[Series], base: BaseFit, nth: int
-) -> tuple[float | None, float]:
-    """The known factor, or the sign, with which the model fits much better, and what is left now.
+) -> tuple[float | None, bool]:
+    """The known factor, or the sign, with which the model fits much better, and if it is certain.
 
     For a model of free numbers or of a free start, which follow the readings.
     """
     if not base.parameters or model.rig.kind == KINEMATIC:
-        return None, 0.0
-    stated = _share_left(model, data, 1.0, nth)
+        return None, False
+    stated = _share_left(model, data, 1.0, [nth])
     if stated < _TRIED:
-        return None, stated
+        return None, False
     # A wrong law may fit a little better at half or twice the scale.
     tried = (-1.0, *(f for f in _KNOWN if not 0.5 <= f <= 2.0))
     brief = _begun(model)
     of_brief = plain_series(brief)
-    likely = sorted(tried, key=lambda f: _share_left(brief, of_brief, f, nth))[:_LIKELY]
-    shares = {f: _share_left(model, data, f, nth) for f in likely}
+    likely = sorted(tried, key=lambda f: _share_left(brief, of_brief, f, [nth]))[:_LIKELY]
+    shares = {f: _share_left(model, data, f, [nth]) for f in likely}
     best = min(shares, key=lambda f: shares[f])
-    fits = shares[best] < _BETTER * min(stated, 1.0)
-    return (best if fits else None), stated
+    if shares[best] >= _BETTER * min(stated, 1.0):
+        return None, False
+    # A sensor has one scale in all runs.
+    sensor = model.readings[nth][1].sensor
+    rows = [i for i, (_, reading) in enumerate(model.readings) if reading.sensor == sensor]
+    return best, stated >= _POOR and _share_left(model, data, best, rows) < _TRIED
 
 
 def _begun(model: Model) -> Model:
@@ -219,18 +224,26 @@ def _rows_of(reading: Reading) -> int:
     return int(reading.rows[fewest - 1]) + 1
 
 
-def _share_left(model: Model, data: Sequence[Series], factor: float, nth: int) -> float:
-    """Share of a series that the fitted model leaves, if its readings were `factor` too large."""
+def _share_left(
+    model: Model, data: Sequence[Series], factor: float, rows: Sequence[int]
+) -> float:  # fmt: skip
+    """Largest share of a series of `rows` that the fitted model leaves, if `factor` too large."""
     scaled = [
-        replace(s, values=s.values / factor, sigma=None) if i == nth else s
+        replace(s, values=s.values / factor, sigma=None) if i in rows else s
         for i, s in enumerate(data)
     ]
-    names = {START.format(model.readings[nth][0].name, state) for state in model.states}
+    runs = [model.readings[i][0].name for i in rows]
+    names = {START.format(run, state) for run in runs for state in model.states}
     # From the file's numbers: those that were fitted have followed readings that may be wrong.
     parameters = [_scaled(p, factor) if p.name in names else p for p in base_of(model)]
     fit = fitted_base(model, scaled, parameters)
-    own = scaled[nth]
-    left = own.without_nuisances(np.nan_to_num(own.values - model(fit.settings)[nth], nan=1e9))
+    simulated = model(fit.settings)
+    return max(_left(scaled[i], simulated[i]) for i in rows)
+
+
+def _left(own: Series, simulated: Floats) -> float:
+    """Share of the variance of a series that is not as simulated."""
+    left = own.without_nuisances(np.nan_to_num(own.values - simulated, nan=1e9))
     whole = own.without_nuisances(own.values)
     return float(left @ left) / (float(whole @ whole) or 1.0)
 
