@@ -20,7 +20,7 @@ from mopro.language.parse import MOST_DIGITS as MOST_DIGITS_OF_PROGRAM
 from mopro.link.template import MOST_DIGITS
 from mopro.lint.stall_margins import MOST_EMULATED_S
 from mopro.logs import containers, layout, place, table
-from mopro.logs.hdf5 import PATIENCE_S
+from mopro.logs.hdf5 import LEAST_S, S_PER_MB
 from mopro.lsp.messages import MOST_BYTES as MOST_MESSAGE_BYTES
 from mopro.lsp.server import MOST_CHARACTERS
 from mopro.machine.model import FASTEST_1_S
@@ -49,7 +49,7 @@ BOUNDS = [
         ],
     ),
     ("a unit", [f"exponents of {MOST_FACTORS}"]),
-    ("a log (HDF5)", [f"within {PATIENCE_S:g} s"]),
+    ("a log (HDF5)", [f"within {LEAST_S:g} s and {S_PER_MB:g} s for each MB"]),
     ("a live page", [f"{server.MOST_CONNECTIONS} connections, {server.PATIENCE_S:g} s"]),
     ("program", [f"{MOST_PROGRAM_BYTES // MIB} MiB", f"{MOST_COLUMNS} characters a line"]),
     ("program", [f"{MOST_LINES} lines"]),

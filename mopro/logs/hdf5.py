@@ -6,6 +6,7 @@ The library is C that a damaged file can crash, or keep busy for ever; a process
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,9 +19,15 @@ from numpy.typing import NDArray
 
 from mopro.jobs import run_module
 
-PATIENCE_S = 120.0
+if sys.platform != "win32":
+    import resource
+
+# Processor time that a file may take: reading takes a second with the library, and a tenth for each
+# MB. Halved, a well packed log of 100 MB is refused on a slow machine.
+LEAST_S, S_PER_MB = 5.0, 1.0
 _WORDS = "units.json"
 _LONGEST_UNIT = 60
+_TOO_LONG = "it was not read in {:.0f} s: is it damaged?"
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -29,14 +36,17 @@ def arrays_of(path: Path, check: Callable[[int, int], None]) -> tuple[Arrays, di
     """The one-dimensional data sets of numbers by their full names, and the units they state.
 
     `check` is told the rows of each and the number of columns, and raises where they are too many.
-    ValueError for a file that the library cannot read, or not in two minutes.
+    ValueError for a file that the library cannot read, or not in a time that suits its size.
     """
+    most_s = LEAST_S + S_PER_MB * path.stat().st_size / 1e6
     with TemporaryDirectory() as made:
         folder = Path(made)
         try:
-            done = run_module("mopro.logs.hdf5", [str(path), made], PATIENCE_S)
+            done = run_module("mopro.logs.hdf5", [str(path), made, f"{most_s:.0f}"], 10 * most_s)
         except subprocess.TimeoutExpired as error:
-            raise ValueError(f"it was not read in {PATIENCE_S:g} s: is it damaged?") from error
+            raise ValueError(_TOO_LONG.format(10 * most_s)) from error
+        if sys.platform != "win32" and done.returncode == -signal.SIGXCPU:
+            raise ValueError(_TOO_LONG.format(most_s))
         if done.returncode:
             said = done.stderr.decode("utf-8", "replace").strip().splitlines()
             raise ValueError(said[-1] if said else f"the library ended with {done.returncode}")
@@ -77,8 +87,14 @@ def _copy(path: str, folder: Path) -> None:
 
 
 def main() -> None:
-    """Copy the file named first to the folder named second; what fails is said in a line."""
-    path, folder = sys.argv[1:]
+    """Copy the file named first to the folder named second; what fails is said in a line.
+
+    The third argument is the processor time (s) after which this process is ended, whatever becomes
+    of the one that started it.
+    """
+    path, folder, most_s = sys.argv[1:]
+    if sys.platform != "win32":
+        resource.setrlimit(resource.RLIMIT_CPU, (int(most_s), int(most_s) + 1))
     try:
         _copy(path, Path(folder))
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, MemoryError) as error:

@@ -1,12 +1,11 @@
 """Rates of a sampled position: derivatives of polynomials through the rows around each row.
 
 A polynomial of degree 4 through 2 m + 1 rows, fitted by least squares, has a derivative that is off
-by O(h^4) for m = 2, and by less noise the larger m is. The width is the one of the least expected
-square error. Its bias is the change against the narrowest width beyond what noise does, an unbiased
-estimate of risk (Stein 1981). The noise of the position is what a polynomial through seven rows
-leaves, in which smooth motion of many rows a period hardly shows. A central difference, taken
-twice, is off by (w h)^2 / 3 of an acceleration of angular frequency w: more than the noise of a
-good sensor.
+by O(h^4) for m = 2, and by less noise the larger m is. The width is the largest one of which no
+narrower one tells a bias (Lepski 1991): their difference has the power that noise gives it, or less
+than twice as much. The noise of the position is what polynomials through seven rows leave, in which
+smooth motion of many rows a period hardly shows. A central difference, taken twice, is off by
+(w h)^2 / 3 of an acceleration of angular frequency w: more than the noise of a good sensor.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs, savgol_filter
+from scipy.signal import savgol_filter
 
 Floats = NDArray[np.float64]
 Derive = Callable[[Floats], Floats]
@@ -33,6 +32,8 @@ _GAP = 3.0
 _EVEN = 1e-3
 # Width of the polynomials that tell the noise, and most numbers that a derivative is kept as.
 _LOCAL, _MOST_WEIGHTS = 3, 20_000_000
+# Power of a difference, in that which noise gives it, from which on it tells a bias.
+_MORE = 2.0
 # The median of the absolute value of a normal variable.
 _MEDIAN = 0.6745
 
@@ -55,8 +56,9 @@ class Rates:
         return Rates(time_s, *(_best(time_s, position, noise, order) for order in (1, 2)))
 
     def velocity(self, position: Floats) -> Floats:
-        """The first derivative, exactly 0 where both neighbours of a row are equal."""
-        rests = rate_between(position, self.time_s) == 0
+        """The first derivative, exactly 0 in a row that both of its neighbours are equal to."""
+        equal = np.diff(position) == 0
+        rests = np.r_[True, equal] & np.r_[equal, True]
         return np.where(rests, 0.0, self.first(position))
 
 
@@ -69,36 +71,41 @@ def _noise_of(time_s: Floats, position: Floats) -> float:
     """Standard deviation of white noise on a position, where it moves."""
     if len(position) <= 2 * _LOCAL:
         return 0.0
-    own = _coefficients(_LOCAL, 0, 1.0)[_LOCAL]
-    left = np.abs(position - derivative(time_s, _LOCAL, 0)(position))
+    smooth, white = derivative(time_s, _LOCAL, 0), _white(len(position))
+    left = np.abs(position - smooth(position))
     moving = left[left > 0]
-    return float(np.median(moving)) / _MEDIAN / math.sqrt(1 - own) if len(moving) else 0.0
+    if not len(moving):
+        return 0.0
+    return float(np.median(moving)) / _MEDIAN / float(np.std(white - smooth(white)))
 
 
 def _best(time_s: Floats, position: Floats, noise: float, order: int) -> Derive:
-    """The derivative over the width of the least expected square error."""
-    narrow = derivative(time_s, _WIDTHS[0], order)
-    if not noise:
-        return narrow
-    interval_s = float(np.median(np.diff(time_s)))
-    nearest, finest = narrow(position), _coefficients(_WIDTHS[0], order, interval_s)
-    best = (math.inf, narrow)
-    for width in _WIDTHS:
+    """The derivative over the largest width that differs from all narrower ones as noise makes it.
+
+    What noise does is told by white noise at the same times.
+    """
+    white = _white(len(position))
+    best = derivative(time_s, _WIDTHS[0], order)
+    narrower = [(best(position), best(white))]
+    for width in _WIDTHS[1:]:
         rows = 2 * width + 1
         if rows > len(position) or rows * len(position) > _MOST_WEIGHTS:
             break
         wide = derivative(time_s, width, order)
-        own = _coefficients(width, order, interval_s)
-        apart = own - np.pad(finest, width - _WIDTHS[0])
-        bias = float(np.mean((wide(position) - nearest) ** 2)) - noise**2 * float(apart @ apart)
-        risk = max(bias, 0.0) + noise**2 * float(own @ own)
-        best = min(best, (risk, wide), key=lambda each: each[0])
-    return best[1]
+        seen, noisy = wide(position), wide(white)
+        if any(_power(seen - s) > _MORE * noise**2 * _power(noisy - n) for s, n in narrower):
+            break
+        narrower.append((seen, noisy))
+        best = wide
+    return best
 
 
-def _coefficients(width: int, order: int, interval_s: float) -> Floats:
-    found: Floats = savgol_coeffs(2 * width + 1, _DEGREE, deriv=order, delta=interval_s, use="dot")
-    return found
+def _power(values: Floats) -> float:
+    return float(np.mean(values**2))
+
+
+def _white(count: int) -> Floats:
+    return np.random.default_rng(0).standard_normal(count)
 
 
 def derivative(time_s: Floats, width: int, order: int) -> Derive:

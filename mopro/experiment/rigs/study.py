@@ -24,6 +24,7 @@ from mopro.residuals import Residuals
 from mopro.rig.base import BaseFit, base_of, fitted_base
 from mopro.rig.data import RigExperiment
 from mopro.rig.names import check, effects_of
+from mopro.rig.origin import with_one_origin
 from mopro.rig.series import plain_series, series_of
 from mopro.rig.simulation import Model, Simulate
 from mopro.rig.switched import as_stated
@@ -64,6 +65,7 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     check(experiment, effects_of(experiment))
     _check_apart(experiment)
     experiment = _with_signs(experiment, foreign)
+    experiment = with_one_origin(experiment, Model(experiment, foreign=foreign))
     model = Model(experiment, foreign=foreign)
     parameters = base_of(model)
     data = plain_series(model)
