@@ -272,13 +272,19 @@ def _signature(sets: Hypotheses, fit: Fit, name: str) -> Signature:
     return Signature(name, tuple(sets.residuals.in_units(change)), reduced.rss - fit.rss)
 
 
+def _counted(sets: Hypotheses, whitened: Floats) -> list[Floats]:
+    """The samples of each series that count, in its unit."""
+    parts = sets.residuals.in_units(whitened)
+    return [own[s.counted] for s, own in zip(sets.residuals.data, parts, strict=True)]
+
+
 def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
     """RMS residuals of each series, and over all series in the unit of the first."""
     data = sets.residuals.data
     counted = [s.unit == data[0].unit for s in data]
     stated = [s.sigma for s in compress(data, counted) if s.sigma is not None]
-    before, after = (sets.residuals.in_units(own.residual) for own in (sets.null, fit))
-    held_out = None if held is None else sets.residuals.in_units(held.residual)
+    before, after = (_counted(sets, own.residual) for own in (sets.null, fit))
+    held_out = None if held is None else _counted(sets, held.residual)
     of_runs = [None] * len(data) if held_out is None else [rms(own) for own in held_out]
 
     def of(series: Sequence[Floats]) -> float:

@@ -19,7 +19,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 Floats = NDArray[np.float64]
 Derive = Callable[[Floats], Floats]
@@ -134,9 +133,9 @@ def _of_part(time_s: Floats, width: int, order: int) -> Derive:
     usual = float(np.median(intervals))
     if np.ptp(intervals) > _EVEN * usual:
         return partial(_weighed, *_weights(time_s, width, order))
-    return partial(
-        savgol_filter, window_length=2 * width + 1, polyorder=_DEGREE, deriv=order, delta=usual
-    )
+    times: Floats = usual * np.arange(2.0 * width + 1)
+    _, weights = _weights(times, width, order)
+    return partial(_weighed_alike, weights)
 
 
 def _by_neighbours(time_s: Floats, order: int, values: Floats) -> Floats:
@@ -167,6 +166,13 @@ def _weights(time_s: Floats, width: int, order: int) -> tuple[NDArray[np.int64],
         slopes[:, power] = math.perm(power, order) * at[:, 0] ** (power - order)
     solved = np.linalg.solve(powers.transpose(0, 2, 1) @ powers, slopes[:, :, None])
     return begins, (powers @ solved)[:, :, 0] / half**order
+
+
+def _weighed_alike(weights: Floats, values: Floats) -> Floats:
+    """The weights (rows x rows) of one polynomial along all rows; those at its ends at the ends."""
+    rows, middle = len(weights), len(weights) // 2
+    ends = weights[:middle] @ values[:rows], weights[middle + 1 :] @ values[-rows:]
+    return np.concatenate([ends[0], np.correlate(values, weights[middle], "valid"), ends[1]])
 
 
 def _weighed(begins: NDArray[np.int64], weights: Floats, values: Floats) -> Floats:

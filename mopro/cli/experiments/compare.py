@@ -184,6 +184,8 @@ def _print(comparison: Comparison) -> None:
         values = ", ".join(f"{name} = {value:.3g} {unit}" for name, (value, unit, _) in
                            own.values.items())  # fmt: skip
         say(f"Within the stated {own.name} of {own.sensor}: {values}.")
+    for note in comparison.notes:
+        say(f"{note[0].upper()}{note[1:]}.")
     say(f"{comparison.verdict}{_reason(comparison)}")
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from mopro.experiment.compare.allowed import allowed
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
+from mopro.experiment.compare.noise import larger_noise, noise_notes, without_wild_samples
 from mopro.experiment.compare.noise_tests import (
     chi2_p,
     mean_p,
@@ -19,7 +20,7 @@ from mopro.experiment.model import Experiment, Floats, Reading, SteadyTable
 from mopro.experiment.predict.alignment import aligned
 from mopro.experiment.predict.nominal import planned, predict, predict_table
 from mopro.residuals import Corrected, whiteness_p
-from mopro.series import Series
+from mopro.series import Mask, Series
 from mopro.units import residual_unit
 from mopro.verdict import rms
 
@@ -144,7 +145,8 @@ class Comparison:
     """Verdict, places (worst first) and series of a comparison; `compared` are their samples.
 
     `calibration`: the stated tolerances of sensors that the data call for. Chances are those of
-    residuals without what these come to, sizes are those of residuals as they are.
+    residuals without what these come to, sizes are those of residuals as they are. Wild samples
+    count in neither: `notes` tell them, and noise that is white and larger than stated.
     """
 
     verdict: str
@@ -152,6 +154,7 @@ class Comparison:
     series: tuple[SeriesTest, ...]
     compared: tuple[Compared, ...] = field(default=(), repr=False, compare=False)
     calibration: tuple[Corrected, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @staticmethod
     def of(
@@ -159,12 +162,13 @@ class Comparison:
         series: Sequence[SeriesTest],
         compared: Sequence[Compared],
         calibration: Sequence[Corrected] = (),
+        notes: Sequence[str] = (),
     ) -> Comparison:
         """The comparison of these places and series."""
         first = sorted(where, key=lambda p: (not p.significant, -(p.sigma or 0.0), -p.rms))
         return Comparison(
             _verdict_of(where, series), tuple(first), tuple(series), tuple(compared),
-            tuple(calibration),
+            tuple(calibration), tuple(notes),
         )  # fmt: skip
 
     def _repr_html_(self) -> str:
@@ -184,7 +188,25 @@ class Comparison:
             "where": [asdict(place) for place in self.where],
             "series": [asdict(series) for series in self.series],
             "calibration": [asdict(own) for own in self.calibration],
+            "notes": list(self.notes),
         }
+
+
+def in_larger_noise(
+    data: Sequence[Series], z: Sequence[Floats], judge: Callable[[Sequence[Floats]], Comparison]
+) -> Comparison:
+    """What `judge` says of `z`, what is left of each of `data` in standard deviations of its noise.
+
+    Where that is a disagreement, but none in noise as large as neighbouring samples differ, it is
+    the latter.
+    """
+    stated, factors = judge(z), larger_noise(data, z)
+    if stated.verdict != DISAGREEMENT or all(factor == 1 for factor in factors):
+        return stated
+    larger = judge([own / factor for own, factor in zip(z, factors, strict=True)])
+    if larger.verdict == DISAGREEMENT:
+        return stated
+    return replace(larger, notes=(*larger.notes, *noise_notes(data, factors)))
 
 
 def _shown(number: float | None) -> str:
@@ -238,19 +260,38 @@ def compare(
     compared = [r.compared() for r in residuals]
     within = allowed([c.series for c in compared], [c.residual for c in compared])
     residuals = [r.judged(off, generator) for r, off in zip(residuals, within.off, strict=True)]
-    groups = [(r, rows) for r in residuals for rows in _places(r.labels)]
-    tests = 2 * len(residuals) + 2 * len(groups) + sum(len(t.rise_K) for t in experiment.tables)
-    level = FALSE_ALARMS / max(tests, 1)
-    series = [_series(r, level, within.chance.get(r.reading.sensor.name, 1.0)) for r in residuals]
-    where = [_place(r, rows, level) for r, rows in groups]
-    for table in experiment.tables:
-        predicted = predict_table(table, experiment.machine)
-        rows, whole = _table(table, predicted, level)
-        where += rows
-        series.append(whole)
+    left = [
+        c.residual if off is None else aligned(c.residual - off)
+        for c, off in zip(compared, within.off, strict=True)
+    ]
+    data, notes = without_wild_samples([c.series for c in compared], left)
+    compared = [replace(c, series=series) for c, series in zip(compared, data, strict=True)]
+    groups = [
+        [rows[series.counted[rows]] for rows in _places(r.labels)]
+        for r, series in zip(residuals, data, strict=True)
+    ]
+    tests = 2 * len(residuals) + 2 * sum(map(len, groups))
+    level = FALSE_ALARMS / max(tests + sum(len(t.rise_K) for t in experiment.tables), 1)
+    tables = [(t, predict_table(t, experiment.machine)) for t in experiment.tables]
+    for table, predicted in tables:
         seen = Series(table.name, _TABLE, "C", table.rise_K, table.noise_K)
         compared.append(Compared(seen, table.rise_K - predicted))
-    return Comparison.of(where, series, compared, within.told)
+
+    def judge(z: Sequence[Floats]) -> Comparison:
+        trials = [replace(r, z=own) for r, own in zip(residuals, z, strict=True)]
+        series = [
+            _series(r, own.counted, level, within.chance.get(own.sensor, 1.0))
+            for r, own in zip(trials, data, strict=True)
+        ]
+        places = zip(trials, groups, strict=True)
+        where = [_place(r, rows, level) for r, own in places for rows in own if len(rows)]
+        for table, predicted in tables:
+            rows, whole = _table(table, predicted, level)
+            where += rows
+            series.append(whole)
+        return Comparison.of(where, series, compared, within.told, notes)
+
+    return in_larger_noise(data, [r.z for r in residuals], judge)
 
 
 def _verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
@@ -302,10 +343,11 @@ def _place(r: _Residual, rows: np.ndarray[Any, np.dtype[np.intp]], level: float)
     )
 
 
-def _series(r: _Residual, level: float, chance: float) -> SeriesTest:
-    sensor, size_p = r.reading.sensor, min(chi2_p(r.z, fitted=1), chance)
+def _series(r: _Residual, counted: Mask, level: float, chance: float) -> SeriesTest:
+    sensor, z = r.reading.sensor, r.z[counted]
+    size_p = min(chi2_p(z, fitted=1), chance)
     return SeriesTest.of(
-        r.values, sensor.sigma, size_p, whiteness_p(r.z), level,
+        r.values[counted], sensor.sigma, size_p, whiteness_p(z), level,
         run=r.run, sensor=sensor.name, unit=sensor.unit,
     )  # fmt: skip
 

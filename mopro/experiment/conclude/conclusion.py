@@ -18,8 +18,8 @@ from mopro.experiment.conclude.wording import advice, file_words, reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
-from mopro.residuals import Residuals
-from mopro.series import Series
+from mopro.residuals import Residuals, without_wild
+from mopro.series import Floats, Series
 from mopro.source import Source
 from mopro.verdict import Verdict, rms
 
@@ -153,14 +153,18 @@ def conclude(
         where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
         machine_text=machine_text(experiment, verdict),
         of_runs=tuple(of_runs(experiment, verdict)),
-        rerun_rms=tuple(
-            rms(s.without_nuisances(own)) for s, own in zip(series, rerun, strict=True)
-        ),
+        rerun_rms=tuple(_rms(s, own) for s, own in zip(series, rerun, strict=True)),
         next_experiment=proposal,
         advice=advice(verdict),
         left_out=tuple(sorted(left_out)),
         tried=tuple(name for name in catalogue_of(experiment.machine) if name not in left_out),
     )
+
+
+def _rms(series: Series, residual: Floats) -> float:
+    """RMS of a residual (in the unit of the series) without its offset and wild samples."""
+    counting, _ = without_wild(series, series.without_nuisances(residual))
+    return rms(counting.without_nuisances(residual)[counting.counted])
 
 
 def _strict(value: Any) -> Any:

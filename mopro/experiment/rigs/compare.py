@@ -6,14 +6,16 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mopro.experiment.compare.allowed import allowed
+from mopro.experiment.compare.allowed import Allowed, allowed
 from mopro.experiment.compare.comparison import (
     FALSE_ALARMS,
     Compared,
     Comparison,
     Place,
     SeriesTest,
+    in_larger_noise,
 )
+from mopro.experiment.compare.noise import without_wild_samples
 from mopro.experiment.compare.noise_tests import chi2_p, mean_p
 from mopro.experiment.rigs.study import Study
 from mopro.formula.evaluate import Floats
@@ -29,21 +31,45 @@ def compare(study: Study) -> Comparison:
 
     Free numbers are fitted first, and offsets taken out.
     """
-    residuals = study.residuals(study.model(study.base.settings))
-    groups = [list(_parts(series)) for series in study.series]
-    within = allowed(study.series, residuals)
-    left = [r if off is None else r - off for r, off in zip(residuals, within.off, strict=True)]
-    tests = 2 * len(residuals) + 2 * sum(map(len, groups))
-    level = FALSE_ALARMS / max(tests, 1)
-    triples = list(zip(study.series, residuals, left, strict=True))
-    series = [_series(s, r, own, level, within.chance.get(s.sensor, 1.0)) for s, r, own in triples]
-    where = [
-        _place(s, r, own, rows, level)
-        for (s, r, own), parts in zip(triples, groups, strict=True)
-        for rows in parts
-    ]
-    compared = [Compared(s, r) for s, r in zip(study.series, residuals, strict=True)]
-    return Comparison.of(where, series, compared, within.told)
+    predicted = study.model(study.base.settings)
+    residuals = study.residuals(predicted)
+    within, left = _within(study.series, residuals)
+    data, notes = without_wild_samples(study.series, left)
+    if notes:
+        # An offset and a tolerance that were fitted to wild samples are off.
+        left_out = zip(data, predicted, strict=True)
+        residuals = [s.without_nuisances(s.values - own) for s, own in left_out]
+        within, left = _within(data, residuals)
+    groups = [list(_parts(series)) for series in data]
+    level = FALSE_ALARMS / max(2 * len(residuals) + 2 * sum(map(len, groups)), 1)
+    compared = [Compared(s, r) for s, r in zip(data, residuals, strict=True)]
+
+    def judge(z: Sequence[Floats]) -> Comparison:
+        every = list(zip(data, residuals, z, strict=True))
+        series = [
+            _series(s, r, own, level, within.chance.get(s.sensor, 1.0)) for s, r, own in every
+        ]
+        where = [
+            _place(s, r, own, rows, level)
+            for (s, r, own), parts in zip(every, groups, strict=True)
+            for rows in parts
+            if len(rows)
+        ]
+        return Comparison.of(where, series, compared, within.told, notes)
+
+    return in_larger_noise(data, [_scaled(s, r) for s, r in zip(data, left, strict=True)], judge)
+
+
+def _within(data: Sequence[Series], residuals: Sequence[Floats]) -> tuple[Allowed, list[Floats]]:
+    """What the tolerances of the sensors allow, and the residuals without it."""
+    within = allowed(data, residuals)
+    parts = zip(residuals, within.off, strict=True)
+    return within, [own if off is None else own - off for own, off in parts]
+
+
+def _scaled(series: Series, left: Floats) -> Floats:
+    """What is left in standard deviations of the noise, or as it is where that is unknown."""
+    return left if series.sigma is None else left / series.sigma
 
 
 def _direction(series: Series) -> Floats:
@@ -59,17 +85,17 @@ def _parts(series: Series) -> Iterator[np.ndarray[tuple[int], np.dtype[np.intp]]
     assert series.folds is not None, "a reading has parts"
     keys = series.folds * 3 + _direction(series).astype(np.int64)
     for key in np.unique(keys):
-        yield np.flatnonzero(keys == key)
+        yield np.flatnonzero((keys == key) & series.counted)
 
 
 def _place(
-    series: Series, residual: Floats, left: Floats,
+    series: Series, residual: Floats, z: Floats,
     rows: np.ndarray[tuple[int], np.dtype[np.intp]], level: float,
 ) -> Place:  # fmt: skip
-    """The place at `rows`; `left` is the residual without what the tolerances allow."""
-    own, sigma, time_s = left[rows], series.sigma, series.time_s
+    """The place at `rows`; `z` is what is left of the residual, in standard deviations."""
+    own, sigma, time_s = z[rows], series.sigma, series.time_s
     assert time_s is not None, "a reading has times"
-    p_value = None if sigma is None else min(chi2_p(own / sigma), mean_p(own / sigma))
+    p_value = None if sigma is None else min(chi2_p(own), mean_p(own))
     return Place.of(
         residual[rows],
         sigma,
@@ -85,14 +111,12 @@ def _place(
     )
 
 
-def _series(
-    series: Series, residual: Floats, left: Floats, level: float, chance: float
-) -> SeriesTest:
-    sigma = series.sigma
-    size_p = None if sigma is None else min(chi2_p(left / sigma, fitted=1), chance)
-    memory_p = None if sigma is None else whiteness_p(left / sigma)
+def _series(series: Series, residual: Floats, z: Floats, level: float, chance: float) -> SeriesTest:
+    sigma, own = series.sigma, z[series.counted]
+    size_p = None if sigma is None else min(chi2_p(own, fitted=1), chance)
+    memory_p = None if sigma is None else whiteness_p(own)
     return SeriesTest.of(
-        residual, sigma, size_p, memory_p, level,
+        residual[series.counted], sigma, size_p, memory_p, level,
         run=series.run, sensor=series.sensor, unit=series.unit,
     )  # fmt: skip
 

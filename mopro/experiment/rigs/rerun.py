@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mopro.errors import DataError, ModelError
+from mopro.experiment.rigs.compare import compare
 from mopro.experiment.rigs.of_runs import kept_to_their_runs
 from mopro.experiment.rigs.repaired import as_written, corrects, machine_of
-from mopro.experiment.rigs.study import Study
+from mopro.experiment.rigs.study import Study, studied
 from mopro.formula.evaluate import Floats
-from mopro.residuals import Residuals
 from mopro.rig.model import Rig
 from mopro.rig.simulation import BASE, Model
 from mopro.rig.switched import as_stated
 from mopro.series import Settings
-from mopro.verdict import Verdict, rms
+from mopro.verdict import Verdict
 
 # Difference of two predictions by rounding alone, as a share of the range of the readings.
 _ROUNDING = 1e-6
@@ -26,7 +26,7 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Rerun:
-    """RMS residual of each series on the machine of the file (None where it cannot be read).
+    """RMS residual of each series as `compare` finds it on the machine of the file, None if not.
 
     `fault`: why the file must not be written: it does not predict what the verdict says.
     """
@@ -36,20 +36,18 @@ class Rerun:
 
 
 def rerun(study: Study, verdict: Verdict, text: str) -> Rerun:
-    """Simulate with the machine file `text`; starts and scales are those of the verdict."""
+    """Compare with the machine file `text`, as somebody who applies it will."""
     experiment, settings = study.experiment, as_written(verdict.settings_alone)
     try:
         machine = machine_of(experiment.machine, text)
+        applied = studied(replace(study.stated, machine=machine), study.model.foreign)
     except ModelError as error:
         return Rerun((None,) * len(study.series), _fault(study, [error.diagnostics[0].message]))
+    found = tuple(own.rms for own in compare(applied).series)
     again = as_stated(kept_to_their_runs(replace(experiment, machine=machine)))
     own = {n: v for n, v in settings.get(BASE, {}).items() if n not in machine.numbers}
-    model, stated = Model(again, foreign=study.model.foreign), {BASE: own} if own else {}
-    predicted = model(stated)
-    asked = Model(experiment, foreign=study.model.foreign)(settings)
-    residuals = Residuals(model, study.series, scaled_at=stated).calibrated_at(stated)
-    left = zip(study.series, residuals.of_exact_sensors(stated), strict=True)
-    found = tuple(rms(series.without_nuisances(own)) for series, own in left)
+    predicted = Model(again, foreign=study.model.foreign)({BASE: own} if own else {})
+    asked = study.model(settings)
     if _alike(study, predicted, asked):
         return Rerun(found)
     return Rerun(found, _fault(study, list(_missing(experiment.machine, again.machine, settings))))

@@ -40,8 +40,12 @@ _OF_A_PROGRAM = (
 
 @dataclass(frozen=True)
 class Study:
-    """The model, its data, and the free numbers as they fit without effects."""
+    """The model, its data, and the free numbers as they fit without effects.
 
+    `stated`: the experiment as its file has it, before signs and zeros were chosen.
+    """
+
+    stated: RigExperiment
     experiment: RigExperiment
     model: Model
     base: BaseFit
@@ -61,7 +65,12 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     A model that is a program is run only if `allow_python`.
     """
     foreign = _foreign(entries, allow_python)
-    experiment = as_stated(kept_to_their_runs(completed(read_rig_experiment(entries))))
+    return studied(completed(read_rig_experiment(entries)), foreign)
+
+
+def studied(stated: RigExperiment, foreign: Simulate | None) -> Study:
+    """Check and fit an experiment that was read; `foreign` is its model if that is a program."""
+    experiment = as_stated(kept_to_their_runs(stated))
     check(experiment, effects_of(experiment))
     _check_apart(experiment)
     experiment = _with_signs(experiment, foreign)
@@ -75,7 +84,7 @@ def study(entries: RigEntries, allow_python: bool = False) -> Study:
     notes = [*doubts, *check_scales(model, data, base), *unstated_steps(model)]
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
     experiment = replace(experiment, notes=(*experiment.notes, *notes))
-    return Study(experiment, model, base, series)
+    return Study(stated, experiment, model, base, series)
 
 
 def _check_apart(experiment: RigExperiment) -> None:
