@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.assumed import FEWEST, LEAST_SAMPLES, LEAST_SHARE, MOST_FOLDS, TINY
+from mopro.assumed import (
+    FEWEST,
+    LEAST_SAMPLES,
+    LEAST_SHARE,
+    MOST_CONDITION,
+    MOST_FOLDS,
+    ROUNDING,
+    TINY,
+)
 from mopro.candidate import Candidate, Role
 from mopro.fits.fit import Fit, least_squares_fit
 from mopro.fits.jacobian import bounded_step
@@ -26,7 +34,7 @@ class HeldOut:
 
     `residual`: whitened residual of the fit (samples); `before`: its mean square for the null
     model, `after` for the fit. `gains`: fall of the deviance of the held-out parts by each
-    effect.
+    effect, by how well the others tell its numbers.
     """
 
     before: float
@@ -53,28 +61,78 @@ def held_out(
         return None
     masks = list(_divided(residuals, masks, fit))
     after = _predicted(residuals, fit, masks)
+    told = _as_told(fit, masks, after)
     return HeldOut(
         before=_mean_square(_predicted(residuals, null, masks)),
         after=_mean_square(after),
         gains={
-            name: _gain(noise, masks, _predicted(residuals, other, masks), after)
+            name: _gain(
+                noise, masks, _as_told(other, masks, _predicted(residuals, other, masks)), told
+            )
             for name, other in without.items()
         },
         residual=after,
     )
 
 
-def _gain(noise: Noise, masks: Sequence[Mask], without: Floats, after: Floats) -> float:
+@dataclass(frozen=True)
+class _Told:
+    """Residual (samples) of held-out parts, each scaled to what its prediction is known to.
+
+    `doubt`: the logarithms of the determinants of the scales, which the deviance has more.
+    """
+
+    residual: Floats
+    doubt: float
+
+
+def _as_told(fit: Fit, masks: Sequence[Mask], residual: Floats) -> _Told:
+    """The residual of parts that were predicted by a fit of the others.
+
+    A prediction is off by its noise and by what the others leave open of the parameters: of the
+    covariance I + J C J', J the Jacobian in the part, C the covariance of the parameters by the
+    other parts and by their ranges. So a part that alone tells of an effect has no veto against it,
+    and is no witness either.
+    """
+    spans = np.array([p.high - p.low for _, p in fit.order])
+    if not len(spans):
+        return _Told(residual, 0.0)
+    scaled = fit.jacobian * spans
+    inner = [scaled[mask].T @ scaled[mask] for mask in masks]
+    told, doubt = residual.copy(), 0.0
+    for number, mask in enumerate(masks):
+        others = sum(inner[:number] + inner[number + 1 :], np.eye(len(spans)))
+        root = _inverse_root(others)
+        power, ways = np.linalg.eigh(root.T @ inner[number] @ root)
+        open_ = power > ROUNDING
+        power = power[open_]
+        along = scaled[mask] @ (root @ ways[:, open_]) / np.sqrt(power)
+        told[mask] += along @ ((1 / np.sqrt(1 + power) - 1) * (along.T @ told[mask]))
+        doubt += float(np.log1p(power).sum())
+    return _Told(told, doubt)
+
+
+def _inverse_root(matrix: Floats) -> Floats:
+    """A matrix R with R R' the inverse of a positive `matrix`, where that can be told."""
+    scale = 1 / np.sqrt(np.diag(matrix))
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    root: Floats = scale[:, None] * vectors / np.sqrt(np.maximum(values, 1 / MOST_CONDITION))
+    return root
+
+
+def _gain(noise: Noise, masks: Sequence[Mask], without: _Told, after: _Told) -> float:
     """Fall of the deviance of held-out parts by an effect; negative where it predicts worse.
 
     It must lower the deviance and the mean square; the part that is predicted worst with and
     without it, such as a move that is cut off, does not count in the latter.
     """
-    parts = [(float(np.sum(without[m] ** 2)), float(np.sum(after[m] ** 2)), m) for m in masks]
+    sums = (np.square(without.residual), np.square(after.residual))
+    parts = [(float(sums[0][m].sum()), float(sums[1][m].sum()), m) for m in masks]
     if len(parts) > FEWEST:
         worst = max(range(len(parts)), key=lambda i: min(parts[i][:2]) / parts[i][2].sum())
         del parts[worst]
-    gain = _deviance(noise, masks, without) - _deviance(noise, masks, after)
+    gain = _deviance(noise, masks, without.residual) - _deviance(noise, masks, after.residual)
+    gain += without.doubt - after.doubt
     fall = sum(before - left for before, left, _ in parts)
     return gain if fall > 0 else min(gain, fall)
 

@@ -207,6 +207,11 @@ class Watch:
             return None
         return _JUMPED.format(gone_u, elapsed_s)
 
+    @property
+    def _place(self) -> int:
+        """The statement under way, or the last one that was completed."""
+        return self.statement or self.completed
+
     def _note_place(self, status: dict[str, Any]) -> None:
         """Keep how far the program got; a controller that was reset knows nothing of that."""
         if self.state == "idle":
@@ -221,8 +226,7 @@ class Watch:
         if not self._session.dialect.knows("sample"):
             return self._sampled_in_parts()
         row = self._session.one("sample")
-        statement = row.get("statement", 0) or self.statement
-        self.statement = self.statement or statement
+        statement = row.get("statement", 0) or self._place
         command_u = {n: row[f"position_{n}"] - self._zero_u[n] for n in AXES}
         seen_u = {n: row[f"measured_{n}"] - self._seen_zero_u[n] for n in AXES}
         return Sample(self._moment_s(), self.line(statement), command_u, seen_u, True)
@@ -236,7 +240,7 @@ class Watch:
             measured = self._positions("measured")
             seen_u = {axis: measured[axis] - self._seen_zero_u[axis] for axis in AXES}
         at_rest = self.state not in UNDER_WAY
-        line = self.line(self.statement)
+        line = self.line(self._place)
         return Sample(self._moment_s(), line, command_u, seen_u, at_rest or not self._sensed)
 
     def _longest_s(self) -> float:

@@ -209,7 +209,7 @@ def test_a_run_on_a_controller_shows_where_it_is(terminal):
         r"\d+\.\d in/s, (\d s left|settling)"
     )
     assert len(terminal.shown) >= 3
-    assert all(re.fullmatch(form, text) for text in terminal.shown)
+    assert not [text for text in terminal.shown if not re.fullmatch(form, text)]
     assert terminal.shown[-1].endswith("settling")
     speeds = [float(re.search(r"([\d.]+) in/s", text)[1]) for text in terminal.shown]
     assert 2 < max(speeds) < 9

@@ -68,3 +68,42 @@ def test_parts_are_predicted_within_the_ranges_of_the_parameters():
     # A step that leaves the ranges predicts the last move worse than no effect does.
     assert held.after < held.before
     assert held.supports("bend")
+
+
+def supported(share, sigmas, seed, freedom=1):
+    """True if held-out parts support an effect of so many sigma, one part with a `share` of it.
+
+    `freedom`: amplitudes of the effect, of which the first one is there; the others show in the
+    last part.
+    """
+    rng = np.random.default_rng(seed)
+    parts = np.repeat(np.arange(5), 200)
+    shapes = rng.standard_normal((freedom, 1000))
+    shapes[1:, parts < 4] *= 0.1
+    for part in range(5):
+        wanted = share if part == 2 else (1 - share) / 4
+        shapes[0, parts == part] *= np.sqrt(wanted) / np.linalg.norm(shapes[0, parts == part])
+
+    def model(settings):
+        own = settings.get("bend", {f"a{n}": 0.0 for n in range(freedom)})
+        return [np.array([own[f"a{n}"] for n in range(freedom)]) @ shapes]
+
+    values = sigmas * shapes[0] + rng.standard_normal(1000)
+    residuals = Residuals(model, [Series("run", "probe", "V", values, 1.0, folds=parts)])
+    numbers = tuple(Parameter(f"a{n}", "V", -60.0, 60.0, (5.0,)) for n in range(freedom))
+    bend = Candidate("bend", numbers)
+    sets = Hypotheses(residuals, [bend])
+    fit = sets.fitted([bend], {"bend": {p.name: 5.0 for p in numbers}})
+    held = held_out(residuals, sets.evidence.noise, sets.null, fit, {"bend": sets.null})
+    return held.supports("bend")
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8, 0.95, 0.99, 0.999])
+def test_a_part_that_alone_tells_of_an_effect_has_no_veto(share):
+    assert sum(supported(share, 12.0, seed) for seed in range(20)) >= 17
+
+
+@pytest.mark.parametrize("share", [0.2, 0.8, 0.99])
+def test_parts_do_not_support_what_is_not_there(share):
+    assert sum(supported(share, 0.0, seed) for seed in range(40)) <= 8
+    assert sum(supported(share, 0.0, seed, freedom=3) for seed in range(20)) <= 1
