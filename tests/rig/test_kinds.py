@@ -582,3 +582,14 @@ def test_a_spring_that_a_free_number_nearly_makes_up_for_is_found(tmp_path, swin
     every = {name for names in (told, *answer["alternatives"]) for name in names}
     assert {"stiffness", "cubic_stiffness"} <= every
     assert answer["verdict"] == "ambiguous"
+
+
+@pytest.mark.parametrize("early_s", [0.04, -0.04])
+def test_readings_that_come_early_or_late_are_delayed_either_way(tmp_path, early_s):
+    """A log whose command is stamped late shows the axis before its command."""
+    place = 30 * np.sin(0.8 * (T + early_s)) * np.sin(2.1 * (T + early_s))
+    seen = place + 0.02 * RNG(3).standard_normal(len(T))
+    columns = {"time_s": T, "target_mm": MOVES, "position_mm": seen}
+    answer = reconciled(tmp_path, FOLLOWS, columns)
+    assert [effect["name"] for effect in answer["effects"]] == ["delay"]
+    assert sizes(answer)["delay.d"] == pytest.approx(-early_s, rel=0.02)

@@ -52,10 +52,11 @@ start = { x = 0, v = 0 }
 """
 
 
-def motor_folder(folder, by_direction=0.0, saturation=0.0, most=1.0, dead=0.0):
+def motor_folder(folder, by_direction=0.0, saturation=0.0, most=1.0, dead=0.0, least=-1.0):
     """A motor whose drive is stronger one way by a share, or weaker by a share of the duty².
 
-    It gives no more than the duty `most`, one way, and less by `dead` than it is told, or nothing.
+    It gives no more than the duty `most` and no less than `least`, and less by `dead` than it is
+    told, or nothing.
     """
     t, rng = np.arange(0, 16, 0.02), RNG(4)
     duty = np.repeat(rng.uniform(-0.9, 0.9, 16), 50)
@@ -63,7 +64,7 @@ def motor_folder(folder, by_direction=0.0, saturation=0.0, most=1.0, dead=0.0):
     angles, h = [], 1e-3
     for share in duty.tolist():
         angles.append(x)
-        share = min(share, most)
+        share = max(min(share, most), least)
         share = math.copysign(max(abs(share) - dead, 0.0), share)
         pushed = 50.0 * (share + by_direction * abs(share) - saturation * share**3)
         for _ in range(20):
@@ -111,6 +112,18 @@ def test_a_drive_that_gives_no_more_than_a_level_is_drafted_with_the_level(tmp_p
     assert (draft["of"], draft["enters"]) == ("command", "input")
     size, level = re.fullmatch(r"(\S+) \* max\(u - (\S+), 0\)", draft["law"]).groups()
     assert (float(size), float(level)) == pytest.approx((-1.0, 0.4), rel=0.05)
+
+
+def test_a_drive_that_gives_no_more_either_way_is_drafted_with_one_level(tmp_path):
+    motor_folder(tmp_path, most=0.5, least=-0.5)
+    answer = answered(tmp_path, ("input_gain", "dry_friction", "quadratic_drag"))
+    assert (answer["verdict"], answer["effects"]) == ("unexplained", [])
+    (draft,) = answer["drafts"]
+    assert (draft["of"], draft["enters"]) == ("command", "input")
+    form = r"(\S+) \* \(u - min\(max\(u, -(\S+)\), (\S+)\)\)"
+    size, level, again = re.fullmatch(form, draft["law"]).groups()
+    assert level == again
+    assert (float(size), float(level)) == pytest.approx((-1.0, 0.5), rel=0.05)
 
 
 def test_a_gain_by_direction_stays_beside_a_draft_of_the_input(tmp_path):
