@@ -47,7 +47,8 @@ def rerun(study: Study, verdict: Verdict, text: str) -> Rerun:
     again = as_stated(kept_to_their_runs(replace(experiment, machine=machine)))
     own = {n: v for n, v in settings.get(BASE, {}).items() if n not in machine.numbers}
     predicted = Model(again, foreign=study.model.foreign)({BASE: own} if own else {})
-    asked = study.model(settings)
+    # A model takes the step of integration that suits what it is asked first.
+    asked = Model(experiment, foreign=study.model.foreign)(settings)
     if _alike(study, predicted, asked):
         return Rerun(found)
     return Rerun(found, _fault(study, list(_missing(experiment.machine, again.machine, settings))))
