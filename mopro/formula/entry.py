@@ -9,7 +9,15 @@ from typing import Any
 
 from mopro.formula.dimension import UnitError, dimension_of_unit, product
 from mopro.formula.language import FUNCTIONS, SIGNALS, Formula, FormulaError, parse
-from mopro.formula.written import ROLES, EffectParameter, Written, WrittenEffect
+from mopro.formula.written import (
+    AMPLITUDE,
+    PERIOD,
+    ROLES,
+    SHAPE,
+    EffectParameter,
+    Written,
+    WrittenEffect,
+)
 from mopro.tomlfile import Refused, Value, shown
 from mopro.tomlfile.schema import flag, number_in, one_of, text
 
@@ -79,7 +87,7 @@ def read_effect(entry: Value, host: Host, units: Mapping[str, str], own: bool) -
     parameters = tuple(
         made
         for key in entry.data
-        if key not in keys and (made := entry.get(key, _parameter(units, host, own), None))
+        if key not in keys and (made := entry.get(key, _parameter(units, host, own, term), None))
     )
     if not any(p.role == "amplitude" for p in parameters) and entry.faults == before:
         entry.report(f"{shown(name)} has no parameter that is an amplitude", "missing-key")
@@ -159,8 +167,18 @@ def check_name(value: Value, reserved: frozenset[str]) -> None:
 # -- parameters --------------------------------------------------------------------------
 
 
+def _role_in(term: Written, name: str) -> str:
+    """The role of a parameter that states none: where it only divides, the effect is not off at 0.
+
+    There it is the period of a sine or cosine, or another shape.
+    """
+    if not term.formula.only_within(name, ["/"]):
+        return AMPLITUDE
+    return PERIOD if term.formula.only_within(name, ["sin", "cos"]) else SHAPE
+
+
 def _parameter(
-    units: Mapping[str, str], host: Host, own: bool
+    units: Mapping[str, str], host: Host, own: bool, term: Written
 ) -> Callable[[Value], EffectParameter]:
     def read(value: Value) -> EffectParameter:
         table = inline(value, '{ unit = "..." }')
@@ -169,7 +187,7 @@ def _parameter(
         unit = _template(table["unit"], units) if "unit" in table else ""
         if not unit:
             raise value.refused(f"{value.key} has no unit", "missing-key")
-        role = table.get("role", one_of(*ROLES), ROLES[0])
+        role = table.get("role", one_of(*ROLES), _role_in(term, value.key))
         low, high = table.get("range", _sizes, (None, None))
         start = table.get("start", _size, None)
         positive = table.get("positive", flag, False)

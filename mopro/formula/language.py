@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import copy
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
@@ -53,10 +53,32 @@ class Formula:
     tree: ast.expr = field(compare=False)
     names: frozenset[str]
 
+    def only_within(self, name: str, places: Collection[str]) -> bool:
+        """True if `name` is mentioned, each time in a divisor ("/") or function of `places`."""
+        every = list(_surroundings(self.tree, name, frozenset()))
+        return bool(every) and all(own.intersection(places) for own in every)
+
     @property
     def of_signals(self) -> bool:
         """True if it needs the signal in time and not its value at one moment alone."""
         return any(called in SIGNALS for called in _called(self.tree))
+
+
+def _surroundings(tree: ast.AST, name: str, around: frozenset[str]) -> Iterator[frozenset[str]]:
+    """The functions, and "/" for a divisor, that each mention of `name` stands in."""
+    if isinstance(tree, ast.Name):
+        if tree.id == name:
+            yield around
+    elif isinstance(tree, ast.BinOp):
+        yield from _surroundings(tree.left, name, around)
+        divisor = {"/"} if isinstance(tree.op, ast.Div) else set()
+        yield from _surroundings(tree.right, name, around | divisor)
+    elif isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name):
+        for argument in tree.args:
+            yield from _surroundings(argument, name, around | {tree.func.id})
+    else:
+        for child in ast.iter_child_nodes(tree):
+            yield from _surroundings(child, name, around)
 
 
 def parse(text: str) -> Formula:

@@ -35,7 +35,7 @@ enters = "force"
 formula = "s * sin(2 * pi * x / P) + c * cos(2 * pi * x / P)"
 s = { unit = "N", range = [-9, 9] }
 c = { unit = "N", range = [-9, 9] }
-P = { unit = "m", range = [0.1, 0.3], role = "period" }
+P = { unit = "m", range = [0.1, 0.3] }
 """
 
 
