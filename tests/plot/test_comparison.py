@@ -56,7 +56,8 @@ def test_samples_are_of_the_series_and_not_in_the_json():
     assert compared.series.values.tolist()[:2] == [25.4884, 21.3867]
     size = float(np.sqrt(np.mean(compared.residual**2)))
     assert size == pytest.approx(comparison.series[0].rms)
-    assert comparison.as_json().keys() == {"verdict", "where", "series", "calibration"}
+    keys = {"verdict", "where", "series", "calibration", "notes"}
+    assert comparison.as_json().keys() == keys
 
 
 def test_the_command_draws_and_keeps_its_inputs(mopro, tmp_path):
