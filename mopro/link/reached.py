@@ -1,4 +1,4 @@
-"""How far a run got that ended early, by the controller's last words."""
+"""Time in the schedule at which a run ended early, by the controller's last status."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ from mopro.jobs import run_module
 if sys.platform != "win32":
     import resource
 
-# Processor time that a file may take: reading takes a second with the library, and a tenth for each
-# MB. Halved, a well packed log of 100 MB is refused on a slow machine.
+# Processor time that a file may take, and more for each MB of it: a choice, far above what whole
+# files take. A damaged one may take for ever.
 LEAST_S, S_PER_MB = 5.0, 1.0
 _WORDS = "units.json"
 _LONGEST_UNIT = 60
@@ -36,7 +36,7 @@ def arrays_of(path: Path, check: Callable[[int, int], None]) -> tuple[Arrays, di
     """The one-dimensional data sets of numbers by their full names, and the units they state.
 
     `check` is told the rows of each and the number of columns, and raises where they are too many.
-    ValueError for a file that the library cannot read, or not in a time that suits its size.
+    ValueError for a file that the library cannot read, or not within LEAST_S and S_PER_MB.
     """
     most_s = LEAST_S + S_PER_MB * path.stat().st_size / 1e6
     with TemporaryDirectory() as made:

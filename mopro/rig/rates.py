@@ -26,7 +26,7 @@ _DEGREE = 4
 # Rows on each side of a row that are tried.
 _WIDTHS = (2, 3, 4, 6, 8, 12, 16, 24, 32)
 # Usual intervals that are a gap: what moved within it is not known.
-_GAP = 3.0
+GAP = 5.0
 # Share of an interval by which even times may differ, as by rounding.
 _EVEN = 1e-3
 # Width of the polynomials that tell the noise, and most numbers that a derivative is kept as.
@@ -148,7 +148,7 @@ def _parts(time_s: Floats) -> Iterator[slice]:
     """The stretches of the rows without a gap."""
     intervals = np.diff(time_s)
     usual = float(np.median(intervals)) if len(intervals) else 0.0
-    cuts = [0, *(np.flatnonzero(intervals > _GAP * usual) + 1).tolist(), len(time_s)]
+    cuts = [0, *(np.flatnonzero(intervals > GAP * usual) + 1).tolist(), len(time_s)]
     for begin, end in pairwise(cuts):
         yield slice(begin, end)
 

@@ -14,6 +14,7 @@ import numpy as np
 from mopro.formula import dimension_of_unit, factor_of, inverse, product
 from mopro.formula.evaluate import Floats
 from mopro.instruments.quantity import AXIS_UNITS
+from mopro.rig.rates import GAP
 
 _REACH = 30.0
 # A spring is a part of the model where it leaves less than this share of a regression's squares.
@@ -21,8 +22,6 @@ _SPRUNG = 0.2
 # Windows in a run at the least. Halved, a regression may follow a single bend; doubled, slow
 # motions drown in the noise.
 _WINDOWS = 8
-# Usual intervals that are a gap, as where a log is read.
-_GAP = 5.0
 # Time constants in a run where the regression gives no loss.
 _SLOWEST = 3.0
 _NEWTON, _NEWTON_METRE, _METRE, _RAD, _WATT = map(dimension_of_unit, ("N", "N m", "m", "rad", "W"))
@@ -181,7 +180,7 @@ def _windows(count: int) -> Iterator[int]:
 def _gaps_before(time_s: Floats) -> Floats:
     """The number of gaps before each time."""
     steps = np.diff(time_s)
-    found: Floats = np.cumsum(np.r_[0, steps > _GAP * np.median(steps)])
+    found: Floats = np.cumsum(np.r_[0, steps > GAP * np.median(steps)])
     return found
 
 

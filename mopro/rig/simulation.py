@@ -170,7 +170,7 @@ class Model:
         return {"v": rates.velocity(x), "a": rates.second(x)}
 
     def rates(self, run: Run) -> Rates:
-        """How the position of a kinematic machine is differentiated, by the noise of its inputs."""
+        """Derivatives of a kinematic machine's position, over widths by the noise of its inputs."""
         if run.name not in self._rates:
             x = self._followed(run, run.inputs, (), {})
             self._rates[run.name] = Rates.of(run.time_s, x)

@@ -1,4 +1,4 @@
-"""Where a sensor's zero and the start of a run are one number, places are those it shows."""
+"""A sensor's free zero where the free start of a run does the same."""
 
 import numpy as np
 import pytest

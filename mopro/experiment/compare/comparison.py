@@ -195,10 +195,10 @@ class Comparison:
 def in_larger_noise(
     data: Sequence[Series], z: Sequence[Floats], judge: Callable[[Sequence[Floats]], Comparison]
 ) -> Comparison:
-    """What `judge` says of `z`, what is left of each of `data` in standard deviations of its noise.
+    """The comparison by `judge` of scaled residuals `z` (one array a series, in its noise σ).
 
-    Where that is a disagreement, but none in noise as large as neighbouring samples differ, it is
-    the latter.
+    Where it is a disagreement in the stated noise, and none in white noise as large as the
+    differences of neighbouring samples, the latter comparison is returned, with a note.
     """
     stated, factors = judge(z), larger_noise(data, z)
     if stated.verdict != DISAGREEMENT or all(factor == 1 for factor in factors):

@@ -1,4 +1,4 @@
-"""What compare takes for noise, as reconcile does: wild samples, and white noise beyond the stated.
+"""Wild samples, and white noise larger than stated, which a comparison does not judge.
 
 A repaired machine that `reconcile` calls right must not be a disagreement to `compare`.
 """
@@ -22,7 +22,7 @@ def without_wild_samples(
 
 
 def larger_noise(data: Sequence[Series], z: Sequence[Floats]) -> list[float]:
-    """How many times as much as stated the noise of each series is, by its neighbouring samples.
+    """Ratio of each series' noise, by differences of neighbouring samples, to the stated noise.
 
     `z`: what is left of each series in standard deviations. 1 where it is as stated, or unknown.
     """

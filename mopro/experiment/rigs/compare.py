@@ -61,14 +61,14 @@ def compare(study: Study) -> Comparison:
 
 
 def _within(data: Sequence[Series], residuals: Sequence[Floats]) -> tuple[Allowed, list[Floats]]:
-    """What the tolerances of the sensors allow, and the residuals without it."""
+    """Fitted tolerances of the sensors, and the residuals without them, in the series' units."""
     within = allowed(data, residuals)
     parts = zip(residuals, within.off, strict=True)
     return within, [own if off is None else own - off for own, off in parts]
 
 
 def _scaled(series: Series, left: Floats) -> Floats:
-    """What is left in standard deviations of the noise, or as it is where that is unknown."""
+    """A residual in standard deviations of the noise; in its unit where the noise is unknown."""
     return left if series.sigma is None else left / series.sigma
 
 
