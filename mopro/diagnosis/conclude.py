@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import compress
 
 import numpy as np
@@ -13,8 +12,9 @@ from mopro.candidate import Candidate
 from mopro.diagnosis.search.alternatives import Alternative
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.screening import Screening
+from mopro.diagnosis.sizes import Sizes
 from mopro.diagnosis.state import State
-from mopro.fits import Evidence, Fit, HeldOut, with_central_jacobian
+from mopro.fits import Fit, HeldOut
 from mopro.residuals import Corrected, Remainder
 from mopro.series import Floats, Settings
 from mopro.verdict import (
@@ -39,7 +39,7 @@ _NO_LOWER = "is predicted to lower chi-squared, but no fitted set with it has a 
 def conclude(state: State) -> Verdict:
     """The verdict on the final state, with all that the evidence says for and against."""
     sets, fit, held, others = state.sets, state.fit, state.held, state.alternatives
-    sizes = _Sizes.of(state)
+    sizes = Sizes.of(state)
     believed = [(c, _named(state, c, sizes)) for c in fit.candidates]
     calibrated = sets.evidence.calibrated
     effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
@@ -73,59 +73,6 @@ def conclude(state: State) -> Verdict:
     )
 
 
-@dataclass(frozen=True)
-class _Sizes:
-    """Values, intervals, correlations and support of the effects `told`, by a `fit`.
-
-    Beside drafts by the fit with the free-form terms: without, an effect makes up for a part of
-    what the terms describe, or is hidden by it.
-    """
-
-    told: Fit
-    fit: Fit
-    evidence: Evidence
-    held: HeldOut | None
-
-    @staticmethod
-    def of(state: State) -> _Sizes:
-        sets, fit, held, evidence = state.sets, state.fit, state.held, state.sets.evidence
-        if state.drafted is not None and fit.key <= state.drafted.key:
-            fit, held, evidence = state.drafted, state.drafted_held, sets.evidence_by(state.drafted)
-        own = Evidence(evidence.noise, evidence.catalogue)
-        return _Sizes(state.fit, with_central_jacobian(sets.residuals, fit), own, held)
-
-    @property
-    def settings(self) -> Settings:
-        """The settings of the effects, and of the model's free numbers."""
-        return self.fit.settings_without(self.fit.names - self.told.names)
-
-    def estimates(self, candidate: Candidate) -> dict[str, Estimate]:
-        """The parameters of an effect, by name."""
-        fit, evidence = self.fit, self.evidence
-        intervals = dict(zip(fit.order, evidence.intervals(fit), strict=True))
-        values, bounds = fit.settings[candidate.name], evidence.at_bound(fit)
-        estimates = {}
-        for p in candidate.parameters:
-            # A value that a search found has no interval.
-            interval = intervals.get((candidate.name, p), (math.nan, math.nan))
-            at_bound = f"{candidate.name}.{p.name}" in bounds
-            estimates[p.name] = Estimate(float(values[p.name]), p.unit, interval, at_bound)
-        return estimates
-
-    def correlations(self) -> dict[str, dict[str, float]]:
-        """Correlations of the estimates, without those that are not identifiable."""
-        covariance = self.evidence.covariance(self.fit)
-        told = np.array([effect in self.settings for effect, _ in self.fit.order], dtype=bool)
-        own = np.flatnonzero(told & (np.diag(covariance) > 0) & np.isfinite(np.diag(covariance)))
-        deviations = np.sqrt(np.diag(covariance)[own])
-        correlation = covariance[np.ix_(own, own)] / np.outer(deviations, deviations)
-        names = [f"{effect}.{p.name}" for effect, p in (self.fit.order[i] for i in own)]
-        return {
-            one: dict(zip(names, row, strict=True))
-            for one, row in zip(names, correlation.round(4).tolist(), strict=True)
-        }
-
-
 def _verdict_of(
     effects: Sequence[Named], remainder: Remainder, others: Sequence[Alternative | Fit]
 ) -> str:
@@ -137,7 +84,7 @@ def _verdict_of(
     return "named" if all(e.name in o.names for o in others for e in effects) else "ambiguous"
 
 
-def _named(state: State, candidate: Candidate, sizes: _Sizes) -> Named:
+def _named(state: State, candidate: Candidate, sizes: Sizes) -> Named:
     sets, fit, name = state.sets, sizes.fit, candidate.name
     rivals: dict[str, Alternative] = {}
     for other in state.alternatives:

@@ -19,6 +19,7 @@ from mopro.fits.fit import (
 from mopro.fits.heldout import HeldOut, folds, held_out
 from mopro.fits.jacobian import SecantJacobian, gauss_newton_step
 from mopro.fits.limit import NO_LIMIT, Limit
+from mopro.fits.tolerated import with_tolerances
 from mopro.fits.uniformity import Spread, spread
 
 __all__ = [
@@ -40,4 +41,5 @@ __all__ = [
     "least_squares_fit",
     "spread",
     "with_central_jacobian",
+    "with_tolerances",
 ]

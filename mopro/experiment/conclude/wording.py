@@ -135,9 +135,11 @@ def interval_words(estimate: Estimate) -> str:
     low, high = estimate.ci95
     if math.isnan(low):
         return "as found by search"
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if not (math.isfinite(low) or math.isfinite(high)):
         return "these data do not bound it"
     digits = _digits(estimate)
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return f"at most {high:.{digits}g}" if math.isfinite(high) else f"at least {low:.{digits}g}"
     ends = f"{low:.{digits}g} to {high:.{digits}g}"
     return ends + (" (at its bound)" if estimate.at_bound else "")
 
@@ -145,7 +147,7 @@ def interval_words(estimate: Estimate) -> str:
 def origin_words(estimate: Estimate) -> str:
     """The interval with its level, for places without a table heading."""
     low, high = estimate.ci95
-    bounded = math.isfinite(low) and math.isfinite(high)
+    bounded = math.isfinite(low) or math.isfinite(high)
     return f"95 %: {interval_words(estimate)}" if bounded else interval_words(estimate)
 
 
