@@ -21,7 +21,7 @@ from mopro.candidate import Candidate, Law
 from mopro.diagnosis.search.alternatives import Alternative, alternatives
 from mopro.diagnosis.search.hypotheses import Hypotheses
 from mopro.diagnosis.search.neighbours import in_other_forms
-from mopro.diagnosis.search.rounds import FIRST_ROUNDS, search
+from mopro.diagnosis.search.rounds import FIRST_ROUNDS, join_singly, search
 from mopro.diagnosis.stand_ins import expose_beside_drafts, expose_stand_ins
 from mopro.diagnosis.state import State
 from mopro.fits import Fit, HeldOut, explained_by, held_out
@@ -64,6 +64,7 @@ def search_catalogue(state: State) -> State:
     """
     sets, known = state.sets, [state.fit] if state.fit.candidates else []
     search(sets, state.screening, known, rounds=FIRST_ROUNDS)
+    join_singly(sets, state.screening)
     return replace(state, fit=sets.best())
 
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mopro.assumed import FEWEST
 from mopro.candidate import Candidate, Parameter
 from mopro.fits import NO_LIMIT, growing_fit, least_squares_fit
 from mopro.formula.evaluate import Floats
-from mopro.residuals import Residuals
+from mopro.residuals import Residuals, least_noise
 from mopro.rig.data import Reading, Run
 from mopro.rig.model import AXIS, KINEMATIC, THERMAL
 from mopro.rig.simulation import BASE, SCALE, START, Model
@@ -26,9 +27,11 @@ _REACH = 3.0
 # Standard deviation of where a line through one reading and one twice as late leads back to, of
 # readings with a deviation of 1.
 _LED_BACK = math.sqrt(5.0)
-# Reach (K) of the start of a node where the noise or the zero of its sensor is unknown: more than
+# Reach (K) of the start of a node where the zero of its sensor is unknown: more than
 # thermometers are off by. Halved, one that is off by 6 K is not reached; doubled, one by 20 K is.
 _REACH_C = 10.0
+# Standard deviation of normal values whose absolute values have the median 1.
+_DEVIATION_OF_MEDIAN = 1.4826
 # A free scale is looked for within this factor of where it starts.
 _SCALE_REACH = 10.0
 
@@ -81,10 +84,27 @@ def _first_temperature(run: Run, node: str) -> tuple[float, float]:
     """The first temperature (C) of a node by its sensor, and how far from there (K) it may be."""
     reading = next((r for r in run.readings if node in r.sensor.reads.formula.names), None)
     reading = reading or run.readings[0]
-    sigma = reading.sensor.noise_rms if reading.sensor.zero is not None else None
-    if not sigma:
+    if reading.sensor.zero is None:
         return reading.first, _REACH_C
-    return reading.first, _REACH * sigma * (_LED_BACK if reading.first_is_wild else 1.0)
+    sigma = reading.sensor.noise_rms or _noise_among_neighbours(run, reading)
+    reach = _REACH * sigma * (_LED_BACK if reading.first_is_wild else 1.0)
+    return reading.first, min(reach, _REACH_C)
+
+
+def _noise_among_neighbours(run: Run, reading: Reading) -> float:
+    """Standard deviation of what readings differ by from the line through those beside them.
+
+    That of a step of the readings at the least. By the median, as a few may be wild, and what
+    heats or cools a node bends its course in few places.
+    """
+    values, t = reading.values, run.time_s[reading.rows]
+    least = least_noise(values, None)
+    if len(values) < FEWEST:
+        return least
+    share = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
+    apart = values[1:-1] - (1 - share) * values[:-2] - share * values[2:]
+    scaled = apart / np.sqrt(1 + share**2 + (1 - share) ** 2)
+    return max(least, float(np.median(np.abs(scaled))) * _DEVIATION_OF_MEDIAN)
 
 
 def _first_motion(run: Run) -> tuple[float, float, float, float]:

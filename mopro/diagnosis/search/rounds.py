@@ -84,6 +84,35 @@ def search(
         others = 0 if sets.best() is not best else others
 
 
+def join_singly(sets: Hypotheses, screening: Screening) -> None:
+    """Fit the best set with each other listed effect beside it, until none lowers the EBIC.
+
+    What the free numbers of a model make up for has next to no signature beside them, and is
+    found by a fit alone.
+    """
+    if not sets.base:
+        return
+    while not sets.is_noise(best := sets.best()):
+        joining = [
+            c
+            for c in sets.catalogue
+            if not c.law and c.name not in best.names and (c.extends is None or c.can_enter_first)
+        ]
+        scores = screening.of(best, joining)
+        proposals = [
+            (
+                (*best.candidates, s.candidate),
+                [{**best.settings, **start} for start in s.starts[:1]],
+            )
+            for s in scores
+            if s.starts
+        ]
+        sets.fit_all(proposals, sets.limit(best))
+        sets.judge_by(sets.fullest())
+        if sets.best().key == best.key:
+            break
+
+
 def _is_known(sets: Hypotheses, best: Fit, expanded: set[Identity]) -> bool:
     """True if the best set was expanded, or another that leaves the same noise: a tie."""
     limit = sets.ebic(best) + SAME

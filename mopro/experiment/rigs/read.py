@@ -192,16 +192,15 @@ class _Data:
     def _first_temperatures(self, readings: list[Reading]) -> dict[str, float | None]:
         """The start of each node that a sensor reads: free, as the first reading has its noise.
 
-        Where that is unknown it is the first reading. So it is with a free zero, where the
-        surroundings are as warm as the nodes are then: the zero and the start are one number.
+        With a free zero it is the first reading, where the surroundings are as warm as the nodes
+        are then: the zero and the start are one number.
         """
         found: dict[str, float | None] = {}
         for node in self._entries.machine.nodes:
             own = [r for r in readings if node in r.sensor.reads.formula.names]
             if own:
                 sensor = own[0].sensor
-                placed = sensor.zero is not None or "ambient" in self._entry.inputs
-                free = placed and sensor.noise_rms is not None
+                free = sensor.zero is not None or "ambient" in self._entry.inputs
                 found[node] = None if free else own[0].first
         return found or dict.fromkeys(self._entries.machine.nodes, readings[0].first)
 
