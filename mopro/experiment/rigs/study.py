@@ -81,7 +81,7 @@ def studied(stated: RigExperiment, foreign: Simulate | None) -> Study:
     _check_runs(model, parameters)
     base = fitted_base(model, data, parameters)
     doubts = (f"{n.name}: {n.doubt}" for n in experiment.machine.numbers.values() if n.doubt)
-    notes = [*doubts, *check_scales(model, data, base), *unstated_steps(model)]
+    notes = [*doubts, *check_scales(model, data, base), *base.notes, *unstated_steps(model)]
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
     experiment = replace(experiment, notes=(*experiment.notes, *notes))
     return Study(stated, experiment, model, base, series)
