@@ -19,14 +19,18 @@ VELOCITY = np.select([TIME % 2 < 0.7, TIME % 2 < 1.0, TIME % 2 < 1.7], [0.3, 0.0
 PLACE = np.cumsum(VELOCITY) / RATE_HZ
 
 
-def residuals_of(values, sigma=1.0, runs=(0, 1)):
-    """`values` and white noise of variance 1, the same in two runs, where nothing is predicted."""
+def residuals_of(values, sigma=1.0, runs=(0, 1), predicted=0.0):
+    """`values` and white noise of variance 1, the same in two runs, where `predicted` is."""
     data = []
     for run in runs:
         noise = np.random.default_rng(run).standard_normal(len(TIME))
         labels = {"position": PLACE, "velocity": VELOCITY, "acceleration": np.gradient(VELOCITY)}
-        data.append(Series(f"run {run}", "laser", "m", noise + values, sigma, TIME, labels=labels))
-    return Residuals(lambda settings: [np.zeros(len(TIME))] * 2, data)
+        data.append(
+            Series(
+                f"run {run}", "laser", "m", noise + values + predicted, sigma, TIME, labels=labels
+            )
+        )
+    return Residuals(lambda settings: [predicted + np.zeros(len(TIME))] * 2, data)
 
 
 def remainder(values, sigma=1.0, runs=(0, 1)):
@@ -70,7 +74,8 @@ def test_scatter_that_grows_with_the_speed_is_a_law_of_v(sigma):
 def test_unknown_noise_has_a_memory_only_where_neighbours_are_alike(slow):
     noise = np.random.default_rng(8).standard_normal(len(TIME))
     walk = 0.05 * np.cumsum(noise)
-    residuals = residuals_of(walk if slow else 0.6 * noise * np.abs(VELOCITY) / 0.3, None)
+    left = walk if slow else 0.6 * noise * np.abs(VELOCITY) / 0.3
+    residuals = residuals_of(left, None, predicted=1e3 * PLACE)
     residual = residuals.at({})
     found = examine(residuals, residual, 0)
     note = as_noise(residuals, Noise.as_stated(residuals), residual, found)
@@ -80,6 +85,30 @@ def test_unknown_noise_has_a_memory_only_where_neighbours_are_alike(slow):
         else "the noise is white but for scatter that grows with the speed v"
     )
     assert note == expected
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.3, False), (0.05, True)])
+def test_a_tenth_of_the_signal_that_neighbours_show_nothing_of_is_no_noise(share, told):
+    """A slow wave with a period that drifts, in a sensor of unknown noise."""
+    left = share * 1e3 * PLACE.std() * math.sqrt(2) * np.sin(9 * TIME + TIME**2)
+    residuals = residuals_of(left, None, predicted=1e3 * PLACE)
+    residual = residuals.at({})
+    found = examine(residuals, residual, 0)
+    assert found.significant
+    note = as_noise(residuals, Noise.as_stated(residuals), residual, found)
+    assert (note is not None) == told
+
+
+@pytest.mark.parametrize("memory", [0.5, 0.9, 0.97])
+def test_noise_with_a_memory_that_neighbours_show_is_noise_however_large(memory):
+    noise = np.random.default_rng(8).standard_normal(len(TIME))
+    own = signal.lfilter([1.0], [1.0, -memory], noise)
+    residuals = residuals_of(30 * own, None, predicted=1e3 * PLACE)
+    residual = residuals.at({})
+    note = as_noise(
+        residuals, Noise.as_stated(residuals), residual, examine(residuals, residual, 0)
+    )
+    assert note == "the noise has a memory: neighbouring samples are alike"
 
 
 def test_a_sensor_that_is_quieter_at_rest_does_not_scatter_with_the_speed():
