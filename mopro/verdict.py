@@ -248,6 +248,7 @@ class Verdict:
                 "description": self.remainder.description,
                 "scatter_sigma": self.remainder.scatter,
                 "variable": self.remainder.variable,
+                "beside_drafts": self.remainder.beside_drafts,
             },
             "rejected": [vars(rejected) for rejected in self.rejected],
             "below_resolution": [vars(faint) for faint in self.below_resolution],

@@ -28,6 +28,7 @@ from mopro.fits import Fit, HeldOut, explained_by, held_out
 from mopro.freeform import WithLaws, measurement_laws
 from mopro.residuals import (
     Noise,
+    Remainder,
     as_noise,
     difference_variance,
     examine,
@@ -334,14 +335,9 @@ def set_laws_apart(state: State) -> State:
 def examine_remainder(state: State) -> State:
     """The tests of what is left: noise, of whatever size and memory, or something unexplained."""
     sets, fit = state.sets, state.fit
-    variable = None if state.drafted is None else _main_law(sets, state.drafted).of
-    remainder = examine(sets.residuals, fit.residual, len(fit.order), variable)
-    if variable is not None:
-        described = remainder.description or f"a law of {variable}"
-        remainder = replace(
-            remainder, significant=True, description=described, variable=variable, only_size=False
-        )
-        return replace(state, remainder=remainder)
+    if state.drafted is not None:
+        return replace(state, remainder=_described_by_drafts(sets, fit, state.drafted))
+    remainder = examine(sets.residuals, fit.residual, len(fit.order))
     if not remainder.significant:
         wild = sum(int(s.wild.sum()) for s in sets.residuals.data if s.wild is not None)
         if wild:
@@ -351,6 +347,21 @@ def examine_remainder(state: State) -> State:
     if note is None:
         return replace(state, remainder=remainder)
     return replace(state, remainder=replace(remainder, significant=False, note=note))
+
+
+def _described_by_drafts(sets: Hypotheses, fit: Fit, drafted: Fit) -> Remainder:
+    """What `fit` leaves, as a function of what the main draft is one of; and what drafts leave.
+
+    A shape of another variable is no description: the draft explains what looks like that as well.
+    """
+    variable = _main_law(sets, drafted).of
+    remainder = examine(sets.residuals, fit.residual, len(fit.order), variable)
+    described = remainder.description if remainder.variable == variable else f"a law of {variable}"
+    in_turn = examine(sets.residuals, drafted.residual, len(drafted.order))
+    return replace(
+        remainder, significant=True, description=described, variable=variable, only_size=False,
+        beside_drafts=None if sets.leaves_noise(drafted) else in_turn.description,
+    )  # fmt: skip
 
 
 def _main_law(sets: Hypotheses, drafted: Fit) -> Law:

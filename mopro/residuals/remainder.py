@@ -27,7 +27,8 @@ class Remainder:
     `variable`: what it is a function of (v, sgn v, x, x mod, a or t), if one shape is clearest;
     sensor where nothing but wild samples has been left out.
     `only_size`: no test of a shape fails, and the scatter alone is larger than stated. `note`: why
-    what fails a test may be noise all the same.
+    what fails a test may be noise all the same. `beside_drafts`: where free-form terms describe it,
+    the clearest shape of what they leave in turn; None for noise.
     """
 
     significant: bool
@@ -37,6 +38,7 @@ class Remainder:
     variable: str | None = None
     only_size: bool = False
     note: str | None = None
+    beside_drafts: str | None = None
 
 
 NOTHING_LEFT = Remainder(False, None, 1.0)

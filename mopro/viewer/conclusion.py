@@ -18,6 +18,7 @@ from mopro.experiment.conclude.wording import (
     left_out_words,
     parameters_shown,
     place_words,
+    remainder_words,
     sentence,
     undecided_words,
     value_words,
@@ -140,7 +141,7 @@ def _where(conclusion: Conclusion) -> Iterator[str]:
 def _remainder(verdict: Verdict) -> str:
     remainder = verdict.remainder
     if remainder.significant:
-        return f"More than noise ({remainder.scatter:.3g} σ RMS): {remainder.description}."
+        return f"More than noise ({remainder.scatter:.3g} σ RMS): {remainder_words(verdict)}."
     if verdict.gap.noise_rms is None:
         return "The noise is unknown, so the remaining residual cannot be judged."
     return f"White noise: {remainder.scatter:.3g} σ RMS."

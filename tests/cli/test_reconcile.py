@@ -295,7 +295,10 @@ def test_a_bump_of_no_catalogue_is_unexplained_and_described(tmp_path):
     assert answer["remainder"]["significant"]
     assert "bump" in answer["remainder"]["description"]
     title = Page((tmp_path / "why.html").read_text()).headings[0]
-    assert title == f"Unexplained: what is left looks like {answer['remainder']['description']}."
+    left = answer["remainder"]
+    assert left["beside_drafts"] is None
+    told = f"{left['description']}; the term below leaves no more than noise."
+    assert title == f"Unexplained: what is left looks like {told}"
 
 
 def test_what_a_coarse_sensor_cannot_tell_is_a_family_with_a_program_to_run(tmp_path):

@@ -10,6 +10,7 @@ import mopro
 from helpers import signals
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import candidates, names, sizes, times
+from mopro.candidate import Law
 from mopro.diagnosis import Candidate, Parameter, Series
 from mopro.residuals import projected_out
 
@@ -61,6 +62,56 @@ def test_what_nobody_listed_is_drafted_as_a_law_of_its_variable(truth, of, besid
     with_it, without = with_bend(truth)[0], with_bend({})[0]
     assert size == pytest.approx(np.ptp(with_it - without), rel=0.15)
     assert draft.name not in verdict.settings
+
+
+def burst(t, x):
+    return 0.5 * np.sin(900 * t) * (abs(t - 0.5) < 0.1)
+
+
+ALTOGETHER = {
+    "a bend": (lambda t, x: 20 * x**2, False),
+    "what fades": (lambda t, x: 0.5 * np.exp(-t / 0.1), False),
+    "a wave that is no sine": (lambda t, x: 0.3 * np.sign(np.sin(2 * np.pi * x / 0.05)), True),
+    "a bend and a burst": (lambda t, x: 20 * x**2 + burst(t, x), True),
+}
+
+
+@pytest.mark.parametrize(("hidden", "more"), ALTOGETHER.values(), ids=ALTOGETHER)
+def test_what_the_drafts_leave_in_turn_is_told(hidden, more):
+    data = [
+        replace(own, values=own.values + hidden(own.time_s, own.labels["position"]))
+        for own in measured({})
+    ]
+    verdict = mopro.reconcile(SERVO.predict, [], data)
+    left = verdict.remainder
+    assert left.variable == verdict.drafts[0].of
+    assert (left.significant, left.beside_drafts is not None) == (True, more)
+    assert verdict.as_json()["remainder"]["beside_drafts"] == left.beside_drafts
+
+
+def test_what_is_left_is_described_as_the_law_that_is_drafted():
+    """The square of another one is a line in time as well, of which there is no need."""
+    data = [
+        replace(own, values=own.values + 3 * motion[1] * abs(motion[1]), labels={})
+        for own, motion in zip(SERVO.measure({}, SIGMA, 0), SERVO.motions, strict=True)
+    ]
+    drag = Candidate(
+        "drag",
+        (Parameter("c", "1", -9, 9, (1.0,)),),
+        law=Law("force", "v", "N", lambda p: "c v|v|"),
+    )
+
+    def simulate(settings):
+        c = settings.get("drag", {"c": 0.0})["c"]
+        return [
+            f + c * v * abs(v)
+            for f, (_, v, _) in zip(SERVO.predict({}), SERVO.motions, strict=True)
+        ]
+
+    verdict = mopro.reconcile(simulate, [], data, unlisted=[drag])
+    assert [d.of for d in verdict.drafts] == ["v"]
+    assert verdict.remainder.description == "a law of v"
+    assert verdict.remainder.beside_drafts is None
 
 
 def test_the_frequency_of_a_drafted_line_is_that_of_the_line():

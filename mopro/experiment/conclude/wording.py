@@ -36,7 +36,7 @@ def sentence(verdict: Verdict) -> str:
     names = ", ".join(" or ".join([e.name, *e.indistinguishable_from]) for e in verdict.effects)
     if verdict.verdict == "unexplained":
         beside = f" beside {names}{_share_words(verdict)}" if names else ""
-        return f"Unexplained{beside}: what is left looks like {verdict.remainder.description}."
+        return f"Unexplained{beside}: what is left looks like {remainder_words(verdict)}."
     if verdict.verdict == "none" and verdict.gap.noise_rms is None:
         return "None: no effect is called for, as far as that shows with unknown noise."
     if verdict.verdict == "none" and (verdict.calibration or verdict.sensors):
@@ -49,6 +49,18 @@ def sentence(verdict: Verdict) -> str:
         return "None: simulation and data agree within the sensors' noise."
     other = ", or a term that is not listed" if verdict.drafts else ""
     return f"{verdict.verdict.capitalize()}: {names}{other}."
+
+
+def remainder_words(verdict: Verdict) -> str:
+    """What the effects leave, and what is left of that beside the free-form terms, if any."""
+    remainder = verdict.remainder
+    if not verdict.drafts:
+        return f"{remainder.description}"
+    turn = remainder.beside_drafts
+    rest = "no more than noise" if turn is None else f"what looks like {turn}"
+    terms = "term" if len(verdict.drafts) == 1 else "terms"
+    verb = "leaves" if len(verdict.drafts) == 1 else "leave"
+    return f"{remainder.description}; the {terms} below {verb} {rest}"
 
 
 def _share_words(verdict: Verdict) -> str:

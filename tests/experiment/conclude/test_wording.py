@@ -175,3 +175,18 @@ def test_what_was_nearly_seen_comes_first_of_what_was_too_faint():
         "backlash (at most 3 σ in all, 4 σ are needed)",
         "constant_force (at most 0.5 σ in all, 4 σ are needed)",
     ]
+
+
+@pytest.mark.parametrize(
+    ("drafts", "beside", "said"),
+    [
+        (1, None, "; the term below leaves no more than noise."),
+        (2, None, "; the terms below leave no more than noise."),
+        (1, "a line at 3 Hz", "; the term below leaves what looks like a line at 3 Hz."),
+    ],
+)
+def test_what_drafts_leave_is_told_with_what_is_left(drafts, beside, said):
+    draft = Draft("bend", "measurement", "x", "2 * x**2", "N", 30.0, True)
+    left = Remainder(True, "a law of x", 0.0, variable="x", beside_drafts=beside)
+    given = dataclasses.replace(verdict("unexplained"), drafts=(draft,) * drafts, remainder=left)
+    assert sentence(given) == f"Unexplained: what is left looks like a law of x{said}"
