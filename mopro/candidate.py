@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from mopro.assumed import TOLERANCE
 from mopro.series import Floats, Series, Settings
+
+# What settings may add to an effect's own parameters: the number (from 0) of the run in which alone
+# it is on, -1 for all.
+RUN = "run"
 
 
 class Role(StrEnum):
@@ -178,7 +182,7 @@ class Candidate:
     `special`: the name of an effect that this one is at some of its values, with parameters of the
     same names; its forms are tried in place of this one. `find_starts`: finds values of all
     parameters in a residual, where a few fixed starts cannot. `law`: set for a free-form term that
-    is in no catalogue.
+    is in no catalogue. `run`: the name of the only run in which it is on.
     """
 
     name: str
@@ -191,6 +195,7 @@ class Candidate:
     special: str = ""
     find_starts: FindStarts | None = None
     law: Law | None = None
+    run: str | None = None
 
     @property
     def key(self) -> tuple[str, str]:
@@ -206,6 +211,19 @@ class Candidate:
     def calibrates(self) -> bool:
         """True if it may merely correct a number of the model within its tolerance."""
         return any(parameter.tolerated for parameter in self.parameters)
+
+    def in_run(self, run: str, number: int) -> Candidate:
+        """This effect where it is on in one run alone, the one of that name and number (from 0).
+
+        There it is a finding also where it is a calibration in all runs.
+        """
+        form = f"{self.form}, in {run}".removeprefix(", ")
+        extends = None if self.extends is None else f"{self.extends}, in {run}".removeprefix(", ")
+        own = (replace(p, tolerated=None) for p in self.parameters if p.run in (None, run))
+        fixed = {**self.fixed, RUN: float(number)}
+        return replace(
+            self, parameters=tuple(own), form=form, fixed=fixed, extends=extends, run=run
+        )
 
     def settings(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
         return {self.name: {**self.fixed, **values}}

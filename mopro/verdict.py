@@ -41,7 +41,7 @@ class Named:
     settings with the alternative in the place of the effect. `log10_bayes_factor`: half the
     EBIC that the effect saves, over ln 10 (Kass and Raftery 1995). `sigmas`: root of the
     chi-squared that it explains. `held_out`: parts that were not fitted are predicted better
-    with it.
+    with it. `run`: the only run in which it is on.
     """
 
     name: str
@@ -53,6 +53,7 @@ class Named:
     log10_bayes_factor: float
     sigmas: float
     held_out: bool
+    run: str | None = None
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,21 @@ class Rejected:
     name: str
     gain: float
     reason: str
+
+
+@dataclass(frozen=True)
+class OddRun:
+    """The run that disagrees with a model with which the others agree.
+
+    `scatter`: RMS of what the model leaves there, in standard deviations of the noise; `others`:
+    that of the other runs. `description` and `variable`: the clearest shape in it.
+    """
+
+    run: str
+    scatter: float
+    others: float
+    description: str
+    variable: str | None
 
 
 @dataclass(frozen=True)
@@ -162,6 +178,7 @@ class Verdict:
     free-form terms beside the effects or, if the verdict is `ambiguous`, of a set that does as
     well. `notes`: remarks on the noise, and on that set. `nuisances`: the fitted coefficients of
     each series' nuisances, in its unit. `correlations` of the estimates, by `effect.parameter`.
+    `odd_run`: the run that alone disagrees with all runs' model.
     """
 
     verdict: str
@@ -187,6 +204,7 @@ class Verdict:
     nuisances: tuple[Floats, ...] = ()
     correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     without_drafts: Settings | None = None
+    odd_run: OddRun | None = None
 
     @property
     def settings_alone(self) -> Settings:
@@ -214,6 +232,7 @@ class Verdict:
         parts.append(table(_GAPS_SHOWN, _gap_cells(self.gap.runs)))
         said = [f"Calibrated: {own.name} of {own.form}." for own in self.sensors]
         said += [f"As good an explanation: {' and '.join(n)}." for n in self.alternatives]
+        said += [f"{self.odd_run.run} alone disagrees."] if self.odd_run else []
         said += [f"In no catalogue: {d.law} {d.unit}, of {d.of}." for d in self.drafts]
         if self.remainder.significant:
             said.append(f"Unexplained: {self.remainder.description}.")
@@ -250,6 +269,14 @@ class Verdict:
                 "variable": self.remainder.variable,
                 "beside_drafts": self.remainder.beside_drafts,
             },
+            "odd_run": None
+            if self.odd_run is None
+            else {
+                "run": self.odd_run.run,
+                "description": self.odd_run.description,
+                "scatter_sigma": self.odd_run.scatter,
+                "others_scatter_sigma": self.odd_run.others,
+            },
             "rejected": [vars(rejected) for rejected in self.rejected],
             "below_resolution": [vars(faint) for faint in self.below_resolution],
             "next_experiment": self.next_experiment,
@@ -277,6 +304,7 @@ class Verdict:
 def _effect_cells(effects: Sequence[Named]) -> Iterator[list[str]]:
     for effect in effects:
         name = " or ".join([effect.name, *effect.indistinguishable_from])
+        name += "" if effect.run is None else f" in {effect.run} only"
         held = "gains" if effect.held_out else "-"
         evidence = [f"{effect.sigmas:.3g}", f"{effect.log10_bayes_factor:.3g}", held]
         for parameter, estimate in effect.parameters.items():
@@ -313,4 +341,5 @@ def _effect_json(effect: Named) -> dict[str, Any]:
             "held_out": effect.held_out,
             "rivals": effect.rivals,
         },
+        **({} if effect.run is None else {"run": effect.run}),
     }

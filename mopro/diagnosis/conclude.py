@@ -106,6 +106,7 @@ def _named(state: State, candidate: Candidate, sizes: Sizes) -> Named:
         log10_bayes_factor=(rest - sizes.evidence.ebic(fit)) / (2 * math.log(10)),
         sigmas=_sigmas(sets, fit, without),
         held_out=sizes.held is not None and sizes.held.supports(name),
+        run=candidate.run,
     )
 
 

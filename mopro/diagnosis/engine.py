@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mopro.candidate import Candidate, Parameter
 from mopro.diagnosis.conclude import conclude
+from mopro.diagnosis.odd_run import beside_the_others, explains, odd_run
 from mopro.diagnosis.passes import PASSES, better_alternative
 from mopro.diagnosis.search.hypotheses import Progress
 from mopro.diagnosis.state import Problem, State
@@ -29,6 +31,7 @@ def reconcile(
     *,
     unlisted: Sequence[Candidate] = (),
     base: Sequence[Parameter] = (),
+    in_one_run: Mapping[str, Sequence[Candidate]] = MappingProxyType({}),
     finer: Simulate | None = None,
     coarse: Simulate | None = None,
     jobs: int = 1,
@@ -39,7 +42,9 @@ def reconcile(
     `simulate(settings)` predicts every series of `data` with the effects in `settings` on; it
     must be deterministic. `unlisted` are free-form terms that it knows as it knows effects, and
     that compete beside those of the measurement. `base` are free numbers of the model itself,
-    found in `settings["base"]`: fitted with every set of effects, from their `starts`. `finer`
+    found in `settings["base"]`: fitted with every set of effects, from their `starts`.
+    `in_one_run`: the effects as they are on in one run alone, by its name (`Candidate.in_run`),
+    which compete as well if that run disagrees and the others do not. `finer`
     is the same model with smaller steps of integration, asked before anything is called
     unexplained, and `coarse` with larger ones, by which changes of the prediction are told.
     `jobs` simulations run at once, in threads, and `progress` is called with a line about each
@@ -56,14 +61,28 @@ def reconcile(
     # The matrices are tall and narrow: threads of the linear algebra take longer to meet than
     # they save, and the sums would depend on their number.
     with threadpool_limits(1, "blas"):
-        state, known = _passed(State.of(problem)), set[Key]()
-        while (better := better_alternative(state)) is not None and better.key not in known:
-            known.add(better.key)
-            # What the passes found out about the data, such as wild samples, holds.
-            begun = State.of(state.problem)
-            fit = begun.sets.fitted(better.candidates, better.settings)
-            state = _passed(replace(begun, fit=fit, notes=state.notes))
-        return conclude(state)
+        state = _answered(State.of(problem))
+        if (found := odd_run(state)) is None:
+            return conclude(state)
+        odd, beside = found
+        if of_run := tuple(in_one_run.get(odd.run, ())):
+            wider = replace(state.problem, catalogue=(*state.problem.catalogue, *of_run))
+            again = _answered(replace(State.of(wider), notes=state.notes))
+            if explains(again, state):
+                return replace(conclude(again), odd_run=odd)
+        return replace(conclude(beside_the_others(state, odd, beside)), odd_run=odd)
+
+
+def _answered(state: State) -> State:
+    """The state after all passes, taken again from a better alternative that they show."""
+    state, known = _passed(state), set[Key]()
+    while (better := better_alternative(state)) is not None and better.key not in known:
+        known.add(better.key)
+        # What the passes found out about the data, such as wild samples, holds.
+        begun = State.of(state.problem)
+        fit = begun.sets.fitted(better.candidates, better.settings)
+        state = _passed(replace(begun, fit=fit, notes=state.notes))
+    return state
 
 
 def _passed(state: State) -> State:

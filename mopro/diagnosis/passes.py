@@ -163,7 +163,8 @@ def add_laws(state: State) -> State:
     sets, terms = state.sets, (*laws, *problem.unlisted)
     coarse = problem.coarse and WithLaws(problem.coarse, problem.data, laws)
     sets.join(terms, WithLaws(problem.simulate, problem.data, laws), coarse)
-    doubtful = len(state.fit.candidates) > 1 or any(c.flexible for c in state.fit.candidates)
+    own = state.fit.candidates
+    doubtful = len(own) > 1 or any(c.flexible or c.run is not None for c in own)
     if noise and not doubtful and not _rivalled(state, laws):
         sets.leave_out({term.name for term in terms})
         return state

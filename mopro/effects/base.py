@@ -33,9 +33,8 @@ Floats = NDArray[np.float64]
 # A term of the equation of motion: scalars in, scalars out, in the Python numba compiles.
 Term = Callable[..., Any]
 
-# What a setting may add to an effect's own parameters: the axis on which alone it acts (0 for
-# all), and the run in which alone it happened (-1 for all).
-AXIS, RUN = "axis", "run"
+# What a setting may add to an effect's own parameters: the axis on which alone it acts (0 for all).
+AXIS = "axis"
 
 # The fitted range as a multiple of the plausible one, so that a value beyond it can be seen.
 WIDER = 1.5

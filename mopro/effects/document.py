@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mopro.candidate import Candidate, Role
+from mopro.candidate import RUN, Candidate, Role
 from mopro.candidate import Parameter as Fitted
-from mopro.effects.base import AXIS, RUN, Effect, Floats, Parameter, ViewedReading, ViewedRun
+from mopro.effects.base import AXIS, Effect, Floats, Parameter, ViewedReading, ViewedRun
 from mopro.effects.registry import own_effects
 from mopro.machine import Machine, load_machine
 from mopro.motion import Schedule, plan

@@ -12,7 +12,7 @@ from operator import or_
 import numpy as np
 
 from mopro.assumed import TOLERANCE
-from mopro.candidate import Candidate, Law, Parameter, Role
+from mopro.candidate import RUN, Candidate, Law, Parameter, Role
 from mopro.formula import Dimension, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.written import (
@@ -111,6 +111,19 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
         found += [made] if made is not None else []
     names = {(c.name, c.form) for c in found}
     return [c for c in found if c.extends is None or (c.name, c.extends) in names]
+
+
+def in_one_run(model: Model, every: Sequence[Candidate]) -> dict[str, list[Candidate]]:
+    """Each effect among `every` candidate as it is on in one run alone, by the name of that.
+
+    Without those that the machine has in all runs.
+    """
+    names = {form.name for form in model.forms} - model.rig.active.keys()
+    tried = [c for c in every if c.name in names and RUN not in {p.name for p in c.parameters}]
+    return {
+        run.name: [c.in_run(run.name, nth) for c in tried if c.name not in run.without]
+        for nth, run in enumerate(model.experiment.trials)
+    }
 
 
 def unlisted(model: Model, data: Sequence[Series], settings: Settings) -> list[Candidate]:

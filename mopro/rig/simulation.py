@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.candidate import RUN
 from mopro.errors import DataError
 from mopro.formula import Formula, parse
 from mopro.formula.bytecode import Assembler, jumps
@@ -131,16 +132,27 @@ class Model:
         """The effects that are on in a run, with their parameters in SI."""
         found = []
         for name in self._order:
-            own = self._switched(name, settings)
-            if own is not None and name not in run.without:
+            own = self._switched(name, settings, run)
+            if own is not None:
                 effect = self.form(name, own.keys())
                 values = {p.name: own.get(p.name, 0.0) * p.factor for p in effect.parameters}
                 found.append((effect, values))
         return tuple(found)
 
-    def _switched(self, name: str, settings: Settings) -> Mapping[str, float] | None:
-        """The parameters of an effect that the settings, or else the machine's file, have on."""
-        return settings.get(name, self.rig.active.get(name))
+    def _switched(self, name: str, settings: Settings, run: Run) -> Mapping[str, float] | None:
+        """The parameters of an effect that the settings, or the machine's file, have on in a run.
+
+        In the settings it may be on in one run alone, unless it has a parameter of that name.
+        """
+        own = settings.get(name, self.rig.active.get(name))
+        if own is None or name in run.without:
+            return None
+        if RUN not in own or any(
+            RUN in {p.name for p in f.parameters} for f in self._by_name[name]
+        ):
+            return own
+        in_it = self.experiment.trials[int(own[RUN])] is run
+        return {key: value for key, value in own.items() if key != RUN} if in_it else None
 
     def form(self, name: str, parameters: Collection[str]) -> WrittenEffect:
         """The form of an effect that has these parameters."""
@@ -258,7 +270,7 @@ class Model:
     def _of_foreign(self, run: Run, settings: Settings) -> list[Floats]:
         numbers = self._stated(settings)
         for effect in self.forms:
-            own = {} if effect.name in run.without else self._switched(effect.name, settings) or {}
+            own = self._switched(effect.name, settings, run) or {}
             numbers |= {p.name: float(own.get(p.name, 0.0)) for p in effect.parameters}
         assert self.foreign is not None
         assert self.rig.python is not None

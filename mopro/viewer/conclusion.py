@@ -16,6 +16,7 @@ from mopro.experiment.conclude.wording import (
     held_out_words,
     interval_words,
     left_out_words,
+    odd_run_words,
     parameters_shown,
     place_words,
     remainder_words,
@@ -78,6 +79,7 @@ def _name(conclusion: Conclusion) -> str:
 
 
 def _effects(conclusion: Conclusion) -> Iterator[str]:
+    yield from map(paragraph, odd_run_words(conclusion.verdict))
     yield from map(paragraph, draft_words(conclusion.verdict))
     if not conclusion.verdict.fitted:
         yield paragraph(_UNDECIDED)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from helpers.one_run import LASER, PROGRAM, of
+from mopro.candidate import RUN
 from mopro.diagnosis import Role
 from mopro.effects import Domain, Effect, Parameter, catalogue
-from mopro.effects.base import RUN, Scene, angle_in
+from mopro.effects.base import Scene, angle_in
 from mopro.effects.resolve import active_effects
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.model import LoggedCommand

@@ -209,6 +209,34 @@ def test_a_hum_is_as_the_verdict_said_in_its_runs_and_off_in_others(tmp_path):
     assert said == "hum of chow1992-repaired is left out here: it belongs to a.csv, b.csv\n"
 
 
+def test_what_is_in_one_run_only_is_told_so_and_stays_with_it(tmp_path):
+    """A payload of one run that its experiment does not state."""
+    lab, files = Lab(tmp_path), ["a.csv", "b.csv", "c.csv"]
+    for nth, file in enumerate(files):
+        program = lab.program(f"{file}.CMD", SHORT.format(10 + nth))
+        lab.record(program, file, {"payload_mass": {"dm": 2.0}} if nth == 1 else {})
+    lab.experiment(entries(files))
+    only = [word for name in ("payload_mass", "viscous_drag") for word in ("--only", name)]
+    answer = reconciled(tmp_path, *only)
+    assert [(e["name"], e["run"]) for e in answer["effects"]] == [("payload_mass", "b.csv")]
+    assert answer["effects"][0]["parameters"]["dm"]["value"] == pytest.approx(2.0, rel=0.01)
+    assert answer["odd_run"]["run"] == "b.csv"
+    (told,) = answer["reservations"]
+    assert told.startswith("payload_mass is in b.csv only: in the machine file it belongs to that")
+    written = tomllib.loads((tmp_path / "out.toml").read_text())
+    assert written["effects"]["payload_mass"]["runs"].keys() == {"b.csv"}
+    for run in answer["gap"]["runs"]:
+        assert run["rerun_rms"] == pytest.approx(run["after_rms"], rel=1e-3)
+    gaps, said = applied(tmp_path, "out.toml")
+    assert "payload_mass of chow1992-repaired is left out in a.csv, c.csv" in said
+    for gap in gaps:
+        assert gap["after_rms"] == pytest.approx(2e-5, rel=0.1)
+    shown = run_here(tmp_path, "reconcile", "e.toml", "--report", "why.html", *only)
+    for text in (shown.stdout, (tmp_path / "why.html").read_text()):
+        assert "Named: payload_mass in b.csv only." in text
+        assert "b.csv disagrees (" in text
+
+
 HEATED = "UU012500/1\nVEL2 12.0\nACC2 0.2\n:B1\nMRI2 20.0\nWX2\nMRI2 -20.0\nWX2\nJUMP B1\n"
 
 

@@ -381,3 +381,32 @@ def test_a_drift_is_told_to_belong_to_its_run_and_left_out_of_another(tmp_path):
         (gap,) = json.loads(done.stdout)["applied"]
         assert gap["after_rms"] == pytest.approx(0.01, rel=0.1)
         assert ("drift of stage is left out" in done.stderr) is (folder == "two")
+
+
+def test_what_is_in_one_run_only_is_told_so_and_stays_with_it(tmp_path):
+    path = stage(tmp_path, "a.csv", "b.csv", "c.csv")
+    rows = np.loadtxt(tmp_path / "b.csv", delimiter=",", skiprows=1)
+    t, command, read = rows.T
+    write(
+        tmp_path / "b.csv",
+        {"time_s": t, "command_mm": command, "position_mm": read + 0.01 * command},
+    )
+    done = run_here(tmp_path, "reconcile", path.name, "--out", "out.toml", "--json")
+    answer = json.loads(done.stdout)
+    assert [(e["name"], e["run"]) for e in answer["effects"]] == [("scale", "b.csv")]
+    assert (answer["verdict"], answer["odd_run"]["run"]) == ("named", "b.csv")
+    assert answer["effects"][0]["parameters"]["k"]["value"] == pytest.approx(0.01, rel=0.05)
+    own = tomllib.loads((tmp_path / "out.toml").read_text())["effects"]["scale"]
+    assert (own.keys(), own["runs"].keys()) == ({"k", "runs"}, {"b.csv"})
+    done = run_here(tmp_path, "compare", path.name, "--apply", "out.toml", "--json")
+    for gap in json.loads(done.stdout)["applied"]:
+        assert gap["after_rms"] == pytest.approx(0.01, rel=0.2)
+    assert "scale of stage is left out in a.csv, c.csv: it belongs to b.csv" in done.stderr
+
+
+def test_settings_may_have_an_effect_on_in_one_run_alone(tmp_path):
+    model = open_experiment(stage(tmp_path, "a.csv", "b.csv")).study.model
+    plain, with_it = model({}), model({"scale": {"k": 0.1}})
+    own = model({"scale": {"k": 0.1, "run": 1.0}})
+    assert own[0] == pytest.approx(plain[0], abs=1e-12)
+    assert own[1] == pytest.approx(with_it[1], abs=1e-12)

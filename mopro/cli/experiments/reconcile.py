@@ -150,6 +150,7 @@ def _tell(conclusion: Conclusion) -> None:
         draft_words,
         faint_words,
         left_out_words,
+        odd_run_words,
         place_words,
         sentence,
         undecided_words,
@@ -167,6 +168,7 @@ def _tell(conclusion: Conclusion) -> None:
         size += f", {worst.sigma:.3g} σ" if worst.sigma else ""
         say(f"Largest disagreement: {worst.run}, {place_words(worst)}: {size}.")
     for note in (
+        *odd_run_words(verdict),
         *draft_words(verdict),
         *calibration_words(verdict),
         *undecided_words(verdict),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from mopro.candidate import Candidate, ResidualView, Role
+from mopro.candidate import RUN, Candidate, ResidualView, Role
 from mopro.candidate import Parameter as Fitted
-from mopro.effects.base import RUN, Domain, Effect, Parameter, View
+from mopro.effects.base import Domain, Effect, Parameter, View
 from mopro.effects.search import Values, residual_m, step
 from mopro.motion import PlannedMove
 

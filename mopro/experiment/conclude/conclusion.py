@@ -143,7 +143,8 @@ def conclude(
     again = Model(replace(diagnosis.experiment, machine=machine), resolved=diagnosis.resolved)
     rerun = Residuals(again, series).calibrated_at({}).of_exact_sensors({})
     proposal = None
-    if verdict.verdict == "ambiguous":
+    # No program tells what was in a run that is over.
+    if verdict.verdict == "ambiguous" and not any(effect.run for effect in verdict.effects):
         progress("designing an experiment that distinguishes the alternatives")
         proposal = propose(experiment, verdict)
     return Conclusion(

@@ -45,10 +45,13 @@ def of_runs(experiment: Experiment, verdict: Verdict) -> dict[str, dict[str, str
     effects, trials = catalogue_of(experiment.machine), experiment.trials
     off = known_off(experiment.machine.runs, trials)
     return {
-        name: files_of([t for t, out in zip(trials, off, strict=True) if name not in out])
-        for name in (named.name for named in lasting(experiment, verdict))
-        if trials and effects[name].belongs_to_runs
-    }
+        named.name: files_of([
+            t for t, out in zip(trials, off, strict=True)
+            if named.name not in out and named.run in (None, t.name)
+        ])
+        for named in lasting(experiment, verdict)
+        if trials and (named.run is not None or effects[named.name].belongs_to_runs)
+    }  # fmt: skip
 
 
 def machine_text(experiment: Experiment, verdict: Verdict) -> str:

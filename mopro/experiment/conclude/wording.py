@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 
+from mopro.candidate import RUN
 from mopro.effects import catalogue
-from mopro.effects.base import RUN
 from mopro.experiment.compare.comparison import STEADY, Place
 from mopro.series import Series
 from mopro.tolerances import CLOCK, GAIN, LINEARITY
@@ -33,10 +33,12 @@ _DIRECTIONS = {1: "forward", -1: "backward"}
 
 def sentence(verdict: Verdict) -> str:
     """The verdict in one sentence."""
-    names = ", ".join(" or ".join([e.name, *e.indistinguishable_from]) for e in verdict.effects)
+    names = ", ".join(map(_family_words, verdict.effects))
     if verdict.verdict == "unexplained":
         beside = f" beside {names}{_share_words(verdict)}" if names else ""
-        return f"Unexplained{beside}: what is left looks like {remainder_words(verdict)}."
+        odd = None if any(effect.run for effect in verdict.effects) else verdict.odd_run
+        alone = "" if odd is None else f" in {odd.run} alone"
+        return f"Unexplained{beside}: what is left{alone} looks like {remainder_words(verdict)}."
     if verdict.verdict == "none" and verdict.gap.noise_rms is None:
         return "None: no effect is called for, as far as that shows with unknown noise."
     if verdict.verdict == "none" and (verdict.calibration or verdict.sensors):
@@ -49,6 +51,21 @@ def sentence(verdict: Verdict) -> str:
         return "None: simulation and data agree within the sensors' noise."
     other = ", or a term that is not listed" if verdict.drafts else ""
     return f"{verdict.verdict.capitalize()}: {names}{other}."
+
+
+def _family_words(effect: Named) -> str:
+    """The effect or those that it cannot be told from, and the run if it is in one only."""
+    where = "" if effect.run is None else f" in {effect.run} only"
+    return " or ".join([effect.name, *effect.indistinguishable_from]) + where
+
+
+def odd_run_words(verdict: Verdict) -> Iterator[str]:
+    """A line on the run that alone disagrees, if there is one."""
+    if (odd := verdict.odd_run) is not None:
+        yield (
+            f"{odd.run} disagrees ({odd.scatter:.3g} σ), the others do not ({odd.others:.3g} σ): "
+            "look at its payload, its program or inputs, and its sensor."
+        )
 
 
 def remainder_words(verdict: Verdict) -> str:
@@ -216,9 +233,12 @@ def reservation(effect: Named, verdict: Verdict, runs: tuple[str, ...]) -> str |
     `runs` are the names of the experiment's runs.
     """
     known = catalogue().get(effect.name)
+    if effect.run is not None and effect.run not in runs:
+        return f"it is in {effect.run} alone, which is no run of the motor"
     if known is not None and known.reservation is not None:
         return known.reservation
-    run = int(verdict.settings.get(effect.name, {}).get(RUN, -1))
+    # A machine file states an effect for certain runs; an event counts the moves of its program.
+    run = -1 if effect.run else int(verdict.settings.get(effect.name, {}).get(RUN, -1))
     return None if run == -1 else f"it happened in {runs[run]} alone"
 
 
@@ -228,6 +248,15 @@ def reservations(verdict: Verdict, runs: tuple[str, ...]) -> Iterator[str]:
         reason = reservation(effect, verdict, runs)
         if reason:
             yield f"{effect.name} is not in the machine file: {reason}."
+
+
+def _why_of_runs(verdict: Verdict, name: str) -> str:
+    run = next((e.run for e in verdict.fitted if e.name == name), None)
+    if run is None:
+        return (
+            "of the runs' own time: in the machine file it belongs to the runs of this experiment"
+        )
+    return f"in {run} only: in the machine file it belongs to that run"
 
 
 def file_words(
@@ -246,10 +275,7 @@ def file_words(
             "differ from those above."
         )
     for name in of_runs:
-        yield (
-            f"{name} is of the runs' own time: in the machine file it belongs to the runs of this "
-            "experiment, and is off in all others."
-        )
+        yield (f"{name} is {_why_of_runs(verdict, name)}, and is off in all others.")
     for gap, again, series in zip(verdict.gap.runs, rerun_rms, data, strict=True):
         scatter = _SCATTERS / math.sqrt(2 * len(series))
         if again is not None and again > gap.before_rms * (1 + scatter):

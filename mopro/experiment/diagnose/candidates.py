@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from mopro.assumed import CLEAR
-from mopro.candidate import Candidate, Parameter, Role
+from mopro.candidate import RUN, Candidate, Parameter, Role
 from mopro.effects import Domain, Effect, catalogue_of
 from mopro.effects.base import AXIS, WIDER
 from mopro.effects.unlisted import unlisted_terms
@@ -41,6 +41,18 @@ def candidates(model: ForwardModel, left_out: Collection[str] = ()) -> list[Cand
         selected += _of_heat(model, lasting=False)
     kept = [candidate for candidate in selected if candidate.name not in left_out]
     return [_on_the_machine(candidate, model) for candidate in kept]
+
+
+def in_one_run(model: ForwardModel, every: Collection[Candidate]) -> dict[str, list[Candidate]]:
+    """Each of `every` candidate as it is on in one run alone, by the name of that.
+
+    Without those that the machine has in all runs, and those that tell their run themselves.
+    """
+    tried = [
+        c for c in every if not model.own(c.name) and RUN not in {p.name for p in c.parameters}
+    ]
+    trials = enumerate(model.experiment.trials)
+    return {trial.name: [c.in_run(trial.name, nth) for c in tried] for nth, trial in trials}
 
 
 def unlisted(model: ForwardModel) -> list[Candidate]:

@@ -13,7 +13,7 @@ from mopro.assumed import LEAST_SHARE
 from mopro.diagnosis import reconcile
 from mopro.effects import Effect, catalogue_of
 from mopro.experiment.diagnose import thermal
-from mopro.experiment.diagnose.candidates import candidates, unlisted
+from mopro.experiment.diagnose.candidates import candidates, in_one_run, unlisted
 from mopro.experiment.diagnose.quantisation import thinned
 from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.model import Experiment, Floats
@@ -110,10 +110,12 @@ def _judged(
     model: Model, jobs: int, progress: Callable[[str], None], left_out: Collection[str]
 ) -> Diagnosis:
     data = model.series()
+    tried = candidates(model.forward, left_out)
     verdict = reconcile(
         model,
-        candidates(model.forward, left_out),
+        tried,
         data,
+        in_one_run=in_one_run(model.forward, tried),
         unlisted=unlisted(model.forward),
         finer=Model(model.experiment, FINE, model.resolved),
         coarse=Model(model.experiment, ROUGH, model.resolved),

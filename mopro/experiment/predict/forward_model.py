@@ -15,8 +15,9 @@ from threading import Lock
 import numpy as np
 from cachetools import LRUCache, cachedmethod
 
+from mopro.candidate import RUN
 from mopro.effects import Active, Domain, Effect, catalogue_of, on_axis
-from mopro.effects.base import AXIS, RUN, angle_in
+from mopro.effects.base import AXIS, angle_in
 from mopro.effects.registry import in_order
 from mopro.effects.resolve import active_effects, with_values
 from mopro.effects.unlisted import with_unlisted

@@ -12,7 +12,7 @@ from mopro.experiment.rigs.compare import compare, worst
 from mopro.experiment.rigs.repaired import effects_of_runs, machine_text
 from mopro.experiment.rigs.rerun import rerun
 from mopro.experiment.rigs.study import Study
-from mopro.rig.candidates import candidates, unlisted
+from mopro.rig.candidates import candidates, in_one_run, unlisted
 
 _MOST_PLACES = 40
 _ADVICE = (
@@ -40,7 +40,7 @@ def conclude(
     try:
         verdict = reconcile(
             study.model, tried, study.series, base=study.base.parameters, jobs=jobs,
-            progress=progress,
+            progress=progress, in_one_run=in_one_run(study.model, tried),
             unlisted=unlisted(study.model, study.series, study.base.settings),
         )  # fmt: skip
     except ValueError as error:

@@ -9,6 +9,7 @@ from mopro.formula.written import WrittenEffect
 from mopro.machine.runs import files_of, known_off, left_out, others
 from mopro.rig.data import RigExperiment
 from mopro.rig.model import AMBIENT
+from mopro.verdict import Named
 
 
 def of_one_run(effect: WrittenEffect, units: Mapping[str, str]) -> bool:
@@ -21,9 +22,13 @@ def of_one_run(effect: WrittenEffect, units: Mapping[str, str]) -> bool:
     return surroundings or "t" in effect.term.formula.names
 
 
-def fitted_on(experiment: RigExperiment, effect: str) -> dict[str, str]:
+def fitted_on(experiment: RigExperiment, effect: Named) -> dict[str, str]:
     """The data files of the runs that have `effect`, each with its checksum."""
-    return files_of([run for run in experiment.trials if effect not in run.without])
+    return files_of([
+        run
+        for run in experiment.trials
+        if effect.name not in run.without and effect.run in (None, run.name)
+    ])  # fmt: skip
 
 
 def kept_to_their_runs(experiment: RigExperiment) -> RigExperiment:

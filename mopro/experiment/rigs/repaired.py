@@ -7,10 +7,11 @@ tables. The values are those that fit without drafts, which are in no machine fi
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from mopro.candidate import RUN
 from mopro.experiment.conclude.machine_file import (
     HEAD,
     quoted,
@@ -122,7 +123,8 @@ def _section(
     """Lines of the section that switches an effect on."""
     name = effect.name
     yield f"[effects.{name if name.isascii() and name.isidentifier() else quoted(name)}]"
-    for parameter, value in verdict.settings_alone.get(name, {}).items():
+    values = verdict.settings_alone.get(name, {})
+    for parameter, value in (values if effect.run is None else without_run(values)).items():
         estimate = effect.parameters.get(parameter)
         if estimate is None:
             yield f"{parameter} = {_rounded(value)!r}"
@@ -130,7 +132,7 @@ def _section(
             stated = f'{{ value = {_rounded(value)!r}, unit = "{estimate.unit}" }}'
             yield f"{parameter} = {stated}  # {_origin(value, estimate, place)}"
     if name in effects_of_runs(experiment, [effect]):
-        yield runs_line(fitted_on(experiment, name))
+        yield runs_line(fitted_on(experiment, effect))
     if effect.indistinguishable_from:
         yield f"# or instead of it: {_plain(', '.join(effect.indistinguishable_from))}"
 
@@ -138,11 +140,17 @@ def _section(
 def effects_of_runs(experiment: RigExperiment, found: Collection[Named]) -> list[str]:
     """The names of those effects that belong to the runs that they were fitted on."""
     keys = {(effect.name, effect.form) for effect in found}
-    return [
+    of_time = [
         effect.name
         for effect in effects_of(experiment)
         if (effect.name, effect.form) in keys and of_one_run(effect, experiment.units)
     ]
+    return [*of_time, *(effect.name for effect in found if effect.run is not None)]
+
+
+def without_run(values: Mapping[str, float]) -> dict[str, float]:
+    """The parameters of an effect that is on in one run alone, without the number of that."""
+    return {name: value for name, value in values.items() if name != RUN}
 
 
 def _rounded(value: float) -> float:
