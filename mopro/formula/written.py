@@ -116,7 +116,8 @@ class WrittenEffect:
     `target`: the one input or sensor that it is for, "" for all. `form` and `extends` as those
     of a candidate of the diagnosis. `own`: it is of the user's file. `driven`: of a machine
     that has an input. `rotary`: of an axis that makes a whole turn, `angular`: of one whose place
-    is an angle. `of`: the variable of a free-form term, which no catalogue lists.
+    is an angle. `of`: the variable of a free-form term, which no catalogue lists. `crosses`: the
+    input that it finds a share of in a sensor.
     """
 
     name: str
@@ -132,6 +133,7 @@ class WrittenEffect:
     of: str = ""
     value: Value | None = field(default=None, compare=False)
     angular: bool = False
+    crosses: str = ""
 
 
 def toml_lines(effect: WrittenEffect) -> list[str]:

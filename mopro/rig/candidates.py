@@ -23,6 +23,7 @@ from mopro.formula.written import (
     WrittenEffect,
 )
 from mopro.rig.base import DIFFERENCE
+from mopro.rig.crosstalk import stands_apart
 from mopro.rig.data import Run
 from mopro.rig.model import (
     COMMAND,
@@ -174,6 +175,8 @@ def _candidate(
     model: Model, effect: WrittenEffect, data: Sequence[Series], settings: Settings, sized: _Sized
 ) -> Candidate | None:
     """The candidate of an effect; None for one that does nothing, or cannot show, in these data."""
+    if effect.crosses and not _crosses(model, effect, settings):
+        return None
     shapes = []
     for p in effect.parameters:
         if p.role != AMPLITUDE:
@@ -205,6 +208,17 @@ def _candidate(
         effect.name, parameters, effect.form, extends=extends, can_enter_first=extends is not None,
         flexible=any(p.role == PERIOD for p in effect.parameters), find_starts=find,
     )  # fmt: skip
+
+
+def _crosses(model: Model, effect: WrittenEffect, settings: Settings) -> bool:
+    """True if the data can tell a share of an input in a sensor from all else in its readings."""
+    unused = {form.crosses for form in model.forms} - {effect.crosses}
+    read = []
+    for run in model.experiment.trials:
+        known = {n: v for n, v in model.values_in(run, settings).items() if n not in unused}
+        finite = {n: v for n, v in known.items() if np.isfinite(v).all()}
+        read += [(r, finite) for r in run.readings if model.shows(effect, r.sensor)]
+    return stands_apart(read, effect.crosses)
 
 
 def _in_order(effect: WrittenEffect, made: Sequence[Parameter]) -> tuple[Parameter, ...]:

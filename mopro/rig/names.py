@@ -13,9 +13,11 @@ from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
 from mopro.formula.written import WrittenEffect
 from mopro.instruments.quantity import AXIS_UNITS
+from mopro.rig.crosstalk import crosstalk_of
 from mopro.rig.data import RigExperiment, Sensor
 from mopro.rig.file import EFFORT, catalogue, unlisted_terms
 from mopro.rig.model import (
+    AMBIENT,
     AXIS,
     COMMAND,
     IN_EQUATIONS,
@@ -108,14 +110,28 @@ def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
     if _only_speeds(experiment):
         listed = tuple(e for e in listed if e.enters != MEASUREMENT)
     same = {_in_essence(effect) for effect in rig.effects}
-    return (
-        *rig.effects,
-        *(
-            e
-            for e in _usable(listed, experiment)
-            if e.name not in own and _in_essence(e) not in same
-        ),
-    )
+    usable = [
+        e for e in _usable(listed, experiment) if e.name not in own and _in_essence(e) not in same
+    ]
+    used = _used(experiment, [*rig.effects, *usable])
+    crossing = crosstalk_of(experiment, sensors_of(experiment), used)
+    return (*rig.effects, *usable, *(e for e in crossing if e.name not in own))
+
+
+def _used(experiment: RigExperiment, effects: Iterable[WrittenEffect]) -> frozenset[str]:
+    """The names that formulas of the machine, its sensors and its effects use.
+
+    A program may use any.
+    """
+    rig = experiment.machine
+    if rig.kind == PYTHON:
+        return frozenset(experiment.units)
+    law = axis_law(experiment) if rig.kind == AXIS else None
+    formulas = [law] if law is not None else []
+    formulas += [own.formula for own in rig.laws.values()]
+    formulas += [sensor.reads.formula for sensor in sensors_of(experiment)]
+    named = [formula.names for formula in formulas]
+    return frozenset({AMBIENT}).union(*named, *map(_needs, effects))
 
 
 def _in_essence(effect: WrittenEffect) -> tuple[str, ...]:
