@@ -21,7 +21,7 @@ from mopro.formula.written import (
 from mopro.tomlfile import Refused, Value, shown
 from mopro.tomlfile.schema import flag, number_in, one_of, text
 
-MOST_EFFECTS, MOST_PARAMETERS = 60, 8
+MOST_EFFECTS, MOST_PARAMETERS = 60, 10
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
 _EFFECT_NAME = re.compile(r"[^\W][^\n\"]{0,59}")
 _PLACE = re.compile(r"\{([a-z]+)\}")

@@ -115,6 +115,31 @@ def substituted(formula: Formula, names: Mapping[str, Formula]) -> Formula:
     return Formula(ast.unparse(tree), tree, (formula.names - names.keys()) | inner)
 
 
+def without_products(formula: Formula, zeros: Collection[str]) -> Formula:
+    """`formula` without the summands that are a product with one of `zeros`, which are 0."""
+    tree = _without(formula.tree, zeros)
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    return Formula(ast.unparse(tree), tree, formula.names & names)
+
+
+def _without(node: ast.expr, zeros: Collection[str]) -> ast.expr:
+    """The sum that `node` is, without those summands; the constant 0 if none is left."""
+    match node:
+        case ast.Name(id=name) if name in zeros:
+            return ast.Constant(0.0)
+        case ast.BinOp(left=left, op=ast.Mult() as op, right=right):
+            parts = _without(left, zeros), _without(right, zeros)
+            return next(filter(_is_zero, parts), ast.BinOp(parts[0], op, parts[1]))
+        case ast.BinOp(left=left, op=ast.Add() as op, right=right):
+            one, other = _without(left, zeros), _without(right, zeros)
+            return other if _is_zero(one) else one if _is_zero(other) else ast.BinOp(one, op, other)
+    return node
+
+
+def _is_zero(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and node.value == 0
+
+
 def check_names(formula: Formula, known: Iterable[str]) -> None:
     """FormulaError at the first name that is not among `known`."""
     names = {*known, PI}

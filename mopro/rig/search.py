@@ -8,6 +8,7 @@ import numpy as np
 
 from mopro.candidate import Parameter, ResidualView, Role
 from mopro.formula.evaluate import Floats, evaluate, over_grid
+from mopro.formula.language import without_products
 from mopro.formula.written import WrittenEffect
 from mopro.rig.data import Reading, Run
 from mopro.rig.simulation import Known, Model, term_of
@@ -20,7 +21,7 @@ _OVERSAMPLED, _MOST_PERIODS = 5, 3000
 # Lines of the spectrum about which periods are tried, as these and as harmonics up to this order,
 # and slow cycles in the span, which leak into each other and are all tried. Doubled, a search takes
 # twice as long; halved, a weak harmonic may come after lines that no period explains.
-_LINES, _HARMONICS, _SLOW_CYCLES = 12, 3, 12
+_LINES, _HARMONICS, _SLOW_CYCLES = 12, 4, 12
 # Values that are computed at once, and most points of the grid of all shapes together.
 _AT_ONCE, _MOST_POINTS = 2_000_000, 20_000
 # Share of a column's power below which it is taken to depend on the others.
@@ -41,6 +42,11 @@ class Search:
         self._sizes = [p for p in parameters if p.role is Role.AMPLITUDE]
         self._longest = longest
         self._factors = {p.name: p.factor for p in effect.parameters}
+        # Of a wave with harmonics, the one whose size is not 0.
+        sizes = {p.name for p in self._sizes}
+        self._alone = {
+            name: without_products(effect.term.formula, sizes - {name}) for name in sizes
+        }
 
     def __call__(self, view: ResidualView) -> Iterator[Mapping[str, float]]:
         left = np.concatenate(list(view.residuals))
@@ -118,7 +124,8 @@ class Search:
         peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
         lines = rates[peaks[np.argsort(power[peaks])[-_LINES:]]]
         near = step * np.arange(-(_OVERSAMPLED // 2), _OVERSAMPLED // 2 + 1)
-        tried += [(lines / order)[:, None] + near for order in range(1, _HARMONICS + 1)]
+        # A harmonic that is the strongest line is met as well as a fundamental.
+        tried += [(lines[:, None] + near) / order for order in range(1, _HARMONICS + 1)]
         return np.unique(np.clip(np.concatenate([each.ravel() for each in tried]), low, high))
 
     def _is_shown(self, run: Run, reading: Reading) -> bool:
@@ -157,12 +164,12 @@ class Search:
         for run, names in zip(self._model.experiment.trials, known, strict=True):
             for reading in run.readings:
                 sigma = view.sigmas[len(blocks)]
-                blocks.append(self._block(run, reading, names, own, shapes) / sigma)
+                blocks.append(self._block(run, reading, names, own, shapes, size.name) / sigma)
         return np.nan_to_num(np.concatenate(blocks, axis=1))
 
     def _block(
         self, run: Run, reading: Reading, names: Known, own: Mapping[str, float],
-        shapes: Mapping[str, Floats],
+        shapes: Mapping[str, Floats], size: str,
     ) -> Floats:  # fmt: skip
         sensor, effect, count = reading.sensor, self._effect, len(next(iter(shapes.values())))
         if not self._is_shown(run, reading):
@@ -179,6 +186,6 @@ class Search:
             }
             grid = {name: values[:, None] for name, values in shapes.items()}
             shape = (count, len(reading.rows))
-            term = over_grid(effect.term.formula, {**rows, **own, **grid}, shape)
+            term = over_grid(self._alone[size], {**rows, **own, **grid}, shape)
         term = term * ((sensor.sign or 1) * (sensor.scale or 1.0) / sensor.factor)
         return term - term.mean(axis=1, keepdims=True) if sensor.zero is None else term

@@ -7,7 +7,12 @@ from mopro.formula import FormulaError, UnitError, dimension_of_unit, factor_of,
 from mopro.formula.bytecode import MOST_STACKED, Assembler, value_of
 from mopro.formula.dimension import dimension_in
 from mopro.formula.evaluate import evaluate
-from mopro.formula.language import MOST_CHARACTERS, check_names, substituted
+from mopro.formula.language import (
+    MOST_CHARACTERS,
+    check_names,
+    substituted,
+    without_products,
+)
 from mopro.play import follow
 
 VALUES = {"x": -0.7, "y": 2.5, "z": 0.0}
@@ -90,6 +95,24 @@ def test_an_unknown_name_is_told_with_the_nearest():
     with pytest.raises(FormulaError, match="did you mean load") as caught:
         check_names(parse("2 * lod"), {"load", "x"})
     assert (caught.value.start, caught.value.end) == (4, 7)
+
+
+@pytest.mark.parametrize(
+    ("text", "left"),
+    [
+        ("s * sin(x) + c * cos(x)", "s * sin(x)"),
+        ("s * x + 2 * (c * x) + c", "s * x"),
+        ("(c * x + s) * y", "s * y"),
+        ("s * x - c * y", "s * x - c * y"),
+        ("c", "0.0"),
+    ],
+)
+def test_summands_with_a_factor_of_zero_are_left_out(text, left):
+    made = without_products(parse(text), {"c"})
+    names = {"s": 2.0, "x": 0.3, "y": 0.7, "c": 0.0}
+    values = [evaluate(own, names, np.zeros(1)) for own in (made, parse(text))]
+    assert (made.text, made.names) == (left, parse(left).names)
+    assert values[0] == values[1]
 
 
 def test_names_are_replaced_by_formulas():

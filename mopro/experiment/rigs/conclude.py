@@ -9,6 +9,7 @@ from mopro.errors import DataError
 from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.conclude.wording import advice
 from mopro.experiment.rigs.compare import compare, worst
+from mopro.experiment.rigs.one_speed import at_one_speed
 from mopro.experiment.rigs.repaired import effects_of_runs, machine_text
 from mopro.experiment.rigs.rerun import rerun
 from mopro.experiment.rigs.study import Study
@@ -45,6 +46,7 @@ def conclude(
         )  # fmt: skip
     except ValueError as error:
         raise DataError(_NOT_FINITE.format(study.experiment.source.name), "not-finite") from error
+    verdict = at_one_speed(study, verdict)
     progress("simulating the experiment again with the effects found")
     text = machine_text(study.experiment, verdict)
     again = rerun(study, verdict, text)
