@@ -208,7 +208,7 @@ def _plain_all(nodes: list[ast.expr], names: Mapping[str, Dimension | None]) -> 
     return NUMBER
 
 
-_TIME = dimension_of_unit("s")
+_TIME, _RATE = dimension_of_unit("s"), dimension_of_unit("Hz")
 _TEMPERATURE = dimension_of_unit("K")
 
 
@@ -225,8 +225,9 @@ def _of_call(
             return None if first is None else tuple(own / 2 for own in first)
         case "sign" | "side":
             return _plain_all(args[1:], names)
-        case "lag" | "delayed":
-            _expect(args[1], _of(args[1], names), _TIME)
+        case "lag" | "delayed" | "swing":
+            _expect(args[1], _of(args[1], names), _RATE if called == "swing" else _TIME)
+            _plain_all(args[2:], names)
             return first
         case "play":
             _plain_all(args[2:], names)

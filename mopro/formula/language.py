@@ -27,7 +27,7 @@ FUNCTIONS = {
 }  # fmt: skip
 # Functions of a whole signal in time.
 SIGNALS = {
-    "lag": 2, "delayed": 2, "play": 2, "presliding": 2,
+    "lag": 2, "delayed": 2, "play": 2, "presliding": 2, "swing": 3,
     "side": 1, "before": 1, "since_change": 1, "rate": 1, "first": 1,
 }  # fmt: skip
 # Those that may have one argument more.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mopro.jit import njit
 from mopro.lag import lag
 from mopro.play import follow
+from mopro.swing import swing
 
 Floats = NDArray[np.float64]
 # Compiled code is kept where numba keeps it.
@@ -63,6 +64,16 @@ def side(time_s: Floats, signal: Floats, share: float = _SIDE) -> Floats:
     return np.where(last >= 0, np.sign(signal)[last], 0.0)
 
 
+def swung(time_s: Floats, signal: Floats, f_hz: float, zeta: float) -> Floats:
+    """What follows the signal as a mass on a spring does, of the frequency `f_hz` (Hz).
+
+    NaN unless `f_hz` > 0 and the damping ratio 0 <= `zeta` < 1.
+    """
+    if f_hz > 0 and 0 <= zeta < 1:
+        return swing(time_s, signal, f_hz, zeta)
+    return np.full_like(signal, np.nan)
+
+
 def before(time_s: Floats, signal: Floats) -> Floats:
     """The sum of all earlier samples; samples that are not there (NaN) count nothing."""
     known = np.nan_to_num(signal)
@@ -87,6 +98,7 @@ def first(time_s: Floats, signal: Floats) -> Floats:
 
 SIGNALS: dict[str, Callable[..., Floats]] = {
     "lag": lag, "delayed": delayed, "play": play, "presliding": presliding, "side": side,
+    "swing": swung,
     "before": before, "since_change": since_change, "rate": rate, "first": first,
 }  # fmt: skip
 

@@ -14,6 +14,7 @@ from mopro.formula.language import (
     without_products,
 )
 from mopro.play import follow
+from mopro.swing import swing
 
 VALUES = {"x": -0.7, "y": 2.5, "z": 0.0}
 FORMULAS = [
@@ -239,6 +240,19 @@ def test_a_play_is_the_same_in_a_formula_and_in_an_effect(width):
         played = evaluate(parse("play(x, w)"), named, time_s[:size])
         assert played.tolist() == expected[:size]
         assert follow(x[:size], max(width, 0.0) / 2).tolist() == expected[:size]
+
+
+def test_a_swing_is_that_of_the_drafts_and_has_no_value_where_none_swings():
+    t = np.linspace(0, 2, 400)
+    names = {"a": np.sin(5 * t), "f": 3.0, "zeta": 0.1}
+    formula = parse("swing(a, f, zeta)")
+    assert evaluate(formula, names, t) == pytest.approx(swing(t, names["a"], 3.0, 0.1))
+    for wrong in ({"f": 0.0}, {"f": -1.0}, {"zeta": 1.0}, {"zeta": -0.1}, {"f": np.nan}):
+        assert np.isnan(evaluate(formula, names | wrong, t)).all()
+    units = {name: dimension_of_unit(u) for name, u in (("a", "m/s2"), ("f", "Hz"), ("zeta", "1"))}
+    assert dimension_in(formula, units) == dimension_of_unit("m/s2")
+    with pytest.raises(FormulaError):
+        dimension_in(formula, units | {"f": dimension_of_unit("s")})
 
 
 def test_signals_of_a_log():
