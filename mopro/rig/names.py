@@ -13,6 +13,7 @@ from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
 from mopro.formula.written import WrittenEffect
 from mopro.instruments.quantity import AXIS_UNITS
+from mopro.rig.behind_play import plays_of
 from mopro.rig.crosstalk import crosstalk_of
 from mopro.rig.data import RigExperiment, Sensor
 from mopro.rig.file import EFFORT, catalogue, unlisted_terms
@@ -113,9 +114,10 @@ def effects_of(experiment: RigExperiment) -> tuple[WrittenEffect, ...]:
     usable = [
         e for e in _usable(listed, experiment) if e.name not in own and _in_essence(e) not in same
     ]
-    used = _used(experiment, [*rig.effects, *usable])
-    crossing = crosstalk_of(experiment, sensors_of(experiment), used)
-    return (*rig.effects, *usable, *(e for e in crossing if e.name not in own))
+    used, sensors = _used(experiment, [*rig.effects, *usable]), sensors_of(experiment)
+    each = [*plays_of(experiment, sensors), *crosstalk_of(experiment, sensors, used)]
+    each = [e for e in each if e.name not in own and _in_essence(e) not in same]
+    return (*rig.effects, *usable, *each)
 
 
 def _used(experiment: RigExperiment, effects: Iterable[WrittenEffect]) -> frozenset[str]:

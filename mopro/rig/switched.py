@@ -10,6 +10,7 @@ from mopro.errors import ModelError
 from mopro.formula import dimension_of_unit
 from mopro.formula.dimension import factor_of
 from mopro.formula.written import EffectParameter, WrittenEffect
+from mopro.rig.behind_play import BEFORE
 from mopro.rig.crosstalk import OF as CROSSTALK
 from mopro.rig.data import RigExperiment
 from mopro.rig.model import Rig
@@ -43,8 +44,8 @@ def as_stated(experiment: RigExperiment) -> RigExperiment:
 
 def _check_names(rig: Rig, effects: Iterable[WrittenEffect], known: set[str]) -> None:
     for name, own in rig.active.items():
-        # One of an input that is not in these data is of another experiment.
-        if name not in known and not name.startswith(CROSSTALK):
+        # One of a sensor that is not in these data is of another experiment.
+        if name not in known and not name.startswith((CROSSTALK, BEFORE)):
             raise _error(rig, (name,), f"there is no effect {name}", "unknown-effect", known)
         keys = {p.name for p in _parameters(effects, name)}
         for key in own:

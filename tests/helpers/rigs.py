@@ -14,8 +14,13 @@ def write(path, columns):
         writer.writerows(np.column_stack(list(columns.values())).tolist())
 
 
-def driven(length_s=8.0, *, mass=2.0, viscous=3.0, spring=40.0, dry=0.0, of_place=0.0, seed=1):
-    """Columns of a mass on a spring, driven by a force; friction `dry` (N), `of_place` (N/m)."""
+def driven(
+    length_s=8.0, *, mass=2.0, viscous=3.0, spring=40.0, dry=0.0, of_place=0.0, seed=1, noise=0.2
+):
+    """Columns of a mass on a spring, driven by a force; friction `dry` (N), `of_place` (N/m).
+
+    `noise` in mm.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(0, length_s, 0.02)
     first, second = rng.uniform(0.3, 0.7), rng.uniform(1.0, 1.6)
@@ -29,7 +34,7 @@ def driven(length_s=8.0, *, mass=2.0, viscous=3.0, spring=40.0, dry=0.0, of_plac
             limit = h / mass * (dry + of_place * abs(x))
             v = math.copysign(max(abs(w) - limit, 0.0), w)
             x += h * v
-    measured = 1e3 * np.array(places) + 0.2 * rng.standard_normal(len(t))
+    measured = 1e3 * np.array(places) + noise * rng.standard_normal(len(t))
     return {"time_s": t, "force_N": force, "position_mm": measured}
 
 
