@@ -1,5 +1,7 @@
 """Free-form terms inside the simulator: what they do there, and that the diagnosis drafts them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,14 @@ def shift(model, settings):
         # Over a presliding longer than any path, no friction builds up.
         ("force of v in presliding", {"c": -8.0, "delta": 1e9}, "viscous_drag", {"b": 8.0}),
         ("steady force", {"c": 2.0}, "constant_force", {"F_b": 2.0}),
+        # Over a place that is wider than any path.
+        ("force in one place", {"c": 2.0, "x0": 0, "w": 1e6}, "constant_force", {"F_b": 2.0}),
+        (
+            "friction in one place",
+            {"c": -3.0, "x0": 0.0, "w": 1e6, "delta": 5e-6},
+            "coulomb_friction",
+            {"Fc": 3.0},
+        ),
         ("force of x", {"c": -20.0}, "umbilical_spring", {"k_h": 20.0}),
         ("force of a", {"c": -0.5}, "payload_mass", {"dm": 0.5}),
         (
@@ -72,6 +82,40 @@ def test_a_force_acts_as_the_listed_effect_of_its_law(motion, term, of_term, eff
     own, listed = shift(motion, {term: of_term}), shift(motion, {effect: of_effect})
     assert np.abs(listed).max() > 1e-5
     assert own == pytest.approx(listed, abs=1e-9)
+
+
+def test_a_force_beyond_a_speed_acts_while_the_axis_is_faster(motion):
+    """At an even speed it shifts the axis by force over stiffness; else it does nothing."""
+    axis, time = load_machine("chow1992").axis, np.arange(3000) / 2000
+    even, rest = (time > 0.28) & (time < 0.3), time > 1.4
+    shifted = {
+        v0: shift(motion, {"force beyond a speed": {"c": -3.0, "v0": v0}}) for v0 in (0.1, 2)
+    }
+    assert shifted[0.1][even] * 0.0254 == pytest.approx(-3.0 / axis.stiffness_N_m, rel=0.1)
+    assert np.abs(shifted[0.1][rest]).max() < 0.01 * np.abs(shifted[0.1]).max()
+    assert not shifted[2].any()
+
+
+@pytest.mark.parametrize(
+    ("name", "of", "values", "sizes"),
+    [
+        ("force beyond a speed", "v", {"c": -3.0, "v0": 0.16}, ("v0",)),
+        ("force in one place", "x", {"c": 6.0, "x0": 0.008, "w": 0.0015}, ("x0", "w")),
+        ("friction in one place", "x", {"c": -6.0, "x0": 0.008, "w": 0.0015}, ("x0", "w")),
+    ],
+)
+def test_a_force_beyond_a_speed_or_in_one_place_is_drafted_as_such(name, of, values, sizes):
+    program = mopro.compile(BOTH_WAYS.replace("VEL1 5", "VEL1 9"))
+    own = {**values, **({"delta": 5e-6} if name.startswith("friction") else {})}
+    (exact,) = Model(one_run.of(np.zeros(4000), program))({name: own})
+    noise = one_run.LASER.noise_rms * np.random.default_rng(3).standard_normal(len(exact))
+    verdict = diagnose(one_run.of(exact + noise, program)).verdict
+    assert (verdict.verdict, names(verdict)) == ("unexplained", set())
+    draft = verdict.drafts[0]
+    assert (draft.name, draft.of) == (name, of)
+    told = [float(n) for n in re.findall(r"-?[0-9.]+(?:e-?[0-9]+)?", draft.law)]
+    for size in sizes:
+        assert any(n == pytest.approx(values[size], rel=0.1) for n in told)
 
 
 def test_a_motor_that_is_stronger_forwards_lags_less_while_it_accelerates(motion):
@@ -153,11 +197,15 @@ def test_no_term_has_the_name_of_an_effect_and_each_states_its_law():
     assert len(names) == len(terms)
     assert not names & set(catalogue())
     values = {"c": 2.0, "p": 1e-3, "phi": 0.1, "s": 3.0, "vs": 0.05, "delta": 4e-6}
+    values |= {"v0": 0.3, "x0": 0.01, "w": 0.002}
     written = {term.name: term.law.formula(values) for term in terms}
     assert written["force of v|v|"] == "2 * v * abs(v)"
     assert written["falling force of sgn v"] == "(2 + 3 * exp(-abs(v) / 0.05)) * sign(v)"
     assert written["force of v in presliding"] == "2 * (v - abs(v) * presliding(x, 4e-06))"
     assert written["steady force"] == "2"
+    assert written["force beyond a speed"] == "2 * sign(v) * (abs(v) > 0.3)"
+    assert written["force in one place"] == "2 * exp(-((x - 0.01) / 0.002)**2)"
+    assert written["friction in one place"] == "2 * sign(v) * exp(-((x - 0.01) / 0.002)**2)"
     assert written["force of x mod"] == "2 * sin(2 * pi * x / 0.001 + 0.1)"
     assert {t.law.of for t in terms} == {"v", "sgn v", "x", "x mod", "a", "T", "t"}
 

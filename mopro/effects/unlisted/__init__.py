@@ -10,6 +10,7 @@ from functools import cache
 from mopro.effects.registry import Catalogue
 from mopro.effects.unlisted.forces import FORCES
 from mopro.effects.unlisted.heat import HEAT
+from mopro.effects.unlisted.local import LOCAL
 from mopro.effects.unlisted.term import FreeFormTerm
 
 __all__ = ["unlisted_terms", "with_unlisted"]
@@ -18,7 +19,7 @@ __all__ = ["unlisted_terms", "with_unlisted"]
 @cache
 def unlisted_terms() -> tuple[FreeFormTerm, ...]:
     """All free-form terms, as effects."""
-    return tuple(term() for term in (*FORCES, *HEAT))
+    return tuple(term() for term in (*FORCES, *LOCAL, *HEAT))
 
 
 def with_unlisted(catalogue: Catalogue) -> Catalogue:

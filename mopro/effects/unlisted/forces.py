@@ -28,7 +28,7 @@ _PERIODS_TRIED = 2
 _LARGEST_SHARE = 0.5
 
 
-class _Force(FreeFormTerm):
+class Force(FreeFormTerm):
     """Base of forces on the forcer; unless overridden, c times a function of place and speed.
 
     That is fitted up to the pull-out force.
@@ -43,13 +43,13 @@ class _Force(FreeFormTerm):
 
     def forms(self, view: View) -> Iterator[Candidate]:
         assert self.force is not None, "a force of the motion states it"
-        motions, axis = list(_motions(view)), view.machine.axis
-        reach = max((float(np.max(np.abs(self.force(x, v, 1.0)))) for x, v in motions), default=0.0)
+        moved, axis = list(motions(view)), view.machine.axis
+        reach = max((float(np.max(np.abs(self.force(x, v, 1.0)))) for x, v in moved), default=0.0)
         if not reach:
             return
         size = self.size(axis.pull_out_force_N / reach)
         if self.of_speed:
-            fastest = max(float(np.abs(v).max()) for _, v in motions)
+            fastest = max(float(np.abs(v).max()) for _, v in moved)
             along = min(size.high, axis.drive_damping_N_s_m * fastest / reach)
             size = _against_motion(replace(size, high=along))
         yield self.form(size, law=self.law)
@@ -60,7 +60,7 @@ def _against_motion(size: Fitted) -> Fitted:
     return replace(size, starts=tuple(-start for start in size.starts))
 
 
-def _motions(view: View) -> Iterator[tuple[Floats, Floats]]:
+def motions(view: View) -> Iterator[tuple[Floats, Floats]]:
     """Place (m) and speed (m/s) that the model predicts at each position sensor."""
     places = view.targets({})
     for row, (_, reading) in view.positions().items():
@@ -69,7 +69,7 @@ def _motions(view: View) -> Iterator[tuple[Floats, Floats]]:
             yield x, np.gradient(x, reading.time_s)
 
 
-class _OfSpeed(_Force):
+class _OfSpeed(Force):
     name, of, text = "force of v", "v", "v"
     parameters = (size("N s/m"),)
     of_speed = True
@@ -79,7 +79,7 @@ class _OfSpeed(_Force):
         return c * v
 
 
-class _OfSpeedSquared(_Force):
+class _OfSpeedSquared(Force):
     name, of, text = "force of v|v|", "v", "v * abs(v)"
     parameters = (size("N s2/m2"),)
     of_speed = True
@@ -89,7 +89,7 @@ class _OfSpeedSquared(_Force):
         return c * v * abs(v)
 
 
-class _OfDirection(_Force):
+class _OfDirection(Force):
     """A force of the direction, which builds up over the presliding of Dahl's model."""
 
     name, of, text = "force of sgn v", "sgn v", "sign(v)"
@@ -106,7 +106,7 @@ class _OfDirection(_Force):
         yield from with_presliding(self.form(_against_motion(size), law=self.law))
 
 
-class _FallingOfDirection(_Force):
+class _FallingOfDirection(Force):
     """A dry friction (N) that falls with the speed from its static to its sliding value.
 
     (c + s exp(-|v|/vs)) z, with z of Dahl's model in place of sgn v. The presliding is fitted with
@@ -129,7 +129,7 @@ class _FallingOfDirection(_Force):
         return f"({c:.4g} + {s:.4g} * exp(-abs(v) / {vs:.4g})) * sign(v)"
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        fastest = max((float(np.abs(v).max()) for _, v in _motions(view)), default=0.0)
+        fastest = max((float(np.abs(v).max()) for _, v in motions(view)), default=0.0)
         if not fastest:
             return
         ends = LEAST_SHARE**2 * fastest, fastest
@@ -138,7 +138,7 @@ class _FallingOfDirection(_Force):
         yield self.form(largest, replace(largest, name="s"), speed, PRESLIDING_FITTED, law=self.law)
 
 
-class _OfSpeedInPresliding(_Force):
+class _OfSpeedInPresliding(Force):
     """A damping while a dry friction builds up, which ends when it slides.
 
     c (v - |v| z), with z of Dahl's model: c times the presliding times dz/dt.
@@ -161,7 +161,7 @@ class _OfSpeedInPresliding(_Force):
         yield from with_presliding(self.form(_against_motion(self.size(critical)), law=self.law))
 
 
-class _MotorOfDirection(_Force):
+class _MotorOfDirection(Force):
     """A motor that is stronger in one direction: a force in proportion to its own."""
 
     name, of, text = "motor's force of sgn v", "sgn v", "force * sign(v)"
@@ -187,7 +187,7 @@ class _FrictionUnderLoad(_MotorOfDirection):
         return c * abs(motor_N) * z
 
 
-class _Steady(_Force):
+class _Steady(Force):
     """A force of one size (N) at every place and speed: the constant of a function of x."""
 
     name, of = "steady force", "x"
@@ -201,7 +201,7 @@ class _Steady(_Force):
         return f"{values['c']:.4g}"
 
 
-class _OfPlace(_Force):
+class _OfPlace(Force):
     name, of, text = "force of x", "x", "x"
     parameters = (size("N/m"),)
 
@@ -210,7 +210,7 @@ class _OfPlace(_Force):
         return c * x
 
 
-class _OfPlaceSquared(_Force):
+class _OfPlaceSquared(Force):
     name, of, text = "force of x²", "x", "x**2"
     parameters = (size("N/m2"),)
 
@@ -219,7 +219,7 @@ class _OfPlaceSquared(_Force):
         return c * x * x
 
 
-class _OfPlaceCubed(_Force):
+class _OfPlaceCubed(Force):
     name, of, text = "force of x³", "x", "x**3"
     parameters = (size("N/m3"),)
 
@@ -228,7 +228,7 @@ class _OfPlaceCubed(_Force):
         return c * x * x * x
 
 
-class _OfAcceleration(_Force):
+class _OfAcceleration(Force):
     """A force of the acceleration, which is a mass."""
 
     name, of, text = "force of a", "a", "a"
@@ -244,7 +244,7 @@ class _OfAcceleration(_Force):
         yield self.form(self.size(half), law=self.law)
 
 
-class _OfPlaceModuloPeriod(_Force):
+class _OfPlaceModuloPeriod(Force):
     """A force that repeats with the place: c sin(2πx/p + phi)."""
 
     name, of, text = "force of x mod", "x mod", "sin(2 * pi * x / p + phi)"
@@ -262,7 +262,7 @@ class _OfPlaceModuloPeriod(_Force):
         return f"{values['c']:.4g} * sin(2 * pi * x / {values['p']:.5g} + {values['phi']:.3g})"
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        reach = max((float(np.ptp(x)) for x, _ in _motions(view)), default=0.0)
+        reach = max((float(np.ptp(x)) for x, _ in motions(view)), default=0.0)
         if reach < FEWEST_PERIODS * _FINEST_PERIOD_M:
             return
         largest = view.machine.axis.pull_out_force_N
