@@ -44,8 +44,10 @@ def unwrapped(signal: Signal) -> tuple[Signal, Decision | None]:
     """The signal as it goes on beyond its range, and what was done to it; None if nothing was."""
     rows = np.flatnonzero(~np.isnan(signal.values))
     values = signal.values[rows]
+    if not signal.is_place or not _jumps(values):
+        return signal, None
     gaps = _gaps(signal.time_s[rows])
-    found = wraps_of(values, signal.unit, signal.si, gaps) if signal.is_place else None
+    found = wraps_of(values, signal.unit, signal.si, gaps)
     if found is None:
         return signal, None
     turned = signal.values.copy()
@@ -56,6 +58,13 @@ def unwrapped(signal: Signal) -> tuple[Signal, Decision | None]:
     reason += "; the turns in a gap of the readings are not known" if len(gaps) else ""
     done = Decision(f"column {signal.raw}", "unwrapped in the data", reason, check=True)
     return replace(signal, values=turned), done
+
+
+def _jumps(values: Floats) -> bool:
+    """True if a step is as large as one of a wrap, half of all that the values reach."""
+    if len(values) < _FEWEST:
+        return False
+    return float(np.max(np.abs(np.diff(values)))) * 2 * (1 + _ROUNDED) > float(np.ptp(values))
 
 
 def _gaps(time_s: Floats) -> Indices:

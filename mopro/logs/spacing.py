@@ -11,8 +11,8 @@ Floats = NDArray[np.float64]
 
 # An interval of this many usual ones is a gap, a last one of this share too short to be a row.
 GAP = 5.0
-# Relative spread of the intervals below which a clock is regular.
-_REGULAR = 0.02
+# A clock is regular if so many of its intervals but gaps are within this share of the usual one.
+_REGULAR, _MOST = 0.02, 0.9
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ def spacing_of(time_s: Floats) -> Spacing:
     """The sampling of ascending times (n >= 2)."""
     steps = np.diff(time_s)
     usual = float(np.median(steps))
-    within = steps[steps < GAP * usual]
-    regular = bool(np.quantile(np.abs(within / usual - 1), 0.9) < _REGULAR)
-    gaps = np.flatnonzero(steps >= GAP * usual) if regular else np.empty(0, int)
+    wide = steps >= GAP * usual
+    even = np.count_nonzero(np.abs(steps - usual) < _REGULAR * usual)
+    regular = bool(even >= _MOST * (len(steps) - np.count_nonzero(wide)))
+    gaps = np.flatnonzero(wide) if regular else np.empty(0, int)
     return Spacing(usual, regular, tuple(int(i) for i in gaps))
