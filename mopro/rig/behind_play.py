@@ -9,7 +9,7 @@ from mopro.formula.written import EffectParameter, Written, WrittenEffect
 from mopro.rig.data import RigExperiment, Sensor
 from mopro.rig.model import AXIS, MEASUREMENT
 
-BEFORE = "backlash before "
+BEFORE = "play before "
 
 
 def plays_of(experiment: RigExperiment, sensors: Sequence[Sensor]) -> Iterator[WrittenEffect]:

@@ -47,7 +47,7 @@ def drive(folder, plays, dry=0.0, seed=1):
 def test_only_the_sensor_behind_the_play_has_it(tmp_path, plays, dry, seed):
     verdict = open_experiment(drive(tmp_path, plays, dry, seed)).conclude().verdict
     found = {effect.name: effect.parameters for effect in verdict.effects}
-    wanted = {f"backlash before {name}": width for name, width in plays.items() if width}
+    wanted = {f"play before {name}": width for name, width in plays.items() if width}
     assert found.keys() == wanted.keys() | ({"dry_friction"} if dry else set())
     assert verdict.verdict == ("named" if found else "none")
     for name, width in wanted.items():

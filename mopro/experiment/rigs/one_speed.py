@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -100,10 +100,9 @@ def _twin(model: Model, effect: Named, verdict: Verdict, sigmas: list[float]) ->
     length = length / speed if _variable(own) == "x" else length * speed
     values = {period.name: length} | {p.name: 0.0 for p in other.parameters if p.role == AMPLITUDE}
     sizes = [name for name in values if name != period.name]
-    wanted = _term(model, own, _in_si(own, verdict.settings[own.name]), verdict.settings, sigmas)
-    columns = [
-        _term(model, other, {**values, name: 1.0}, verdict.settings, sigmas) for name in sizes
-    ]
+    shown = _Shown(model, own, verdict.settings, sigmas)
+    wanted = shown.term(own, _in_si(own, verdict.settings[own.name]))
+    columns = [shown.term(other, {**values, name: 1.0}) for name in sizes]
     basis = np.stack(columns, axis=1)
     found = np.linalg.lstsq(basis, wanted, rcond=None)[0]
     if float(np.sum((wanted - basis @ found) ** 2)) > VERY_STRONG:
@@ -148,17 +147,26 @@ def _speed(model: Model, settings: Settings) -> float:
     return abs(float(np.polyfit(times, places, 1)[0])) if np.ptp(times) else 0.0
 
 
-def _term(
-    model: Model, effect: WrittenEffect, values: Mapping[str, float], settings: Settings,
-    sigmas: list[float],
-) -> Floats:  # fmt: skip
-    """The effect's term at all samples that show it, over their noise, without free zeros."""
-    parts = []
-    for (run, reading), sigma in zip(model.readings, sigmas, strict=True):
-        sensor = reading.sensor
-        if model.shows(effect, sensor) and effect.name not in run.without:
-            known: Known = {**model.values_in(run, settings), **model.values(settings)}
-            term = term_of(effect, values, known, run.time_s)[reading.rows]
-            term = term * (sensor.scale or 1.0) / (sensor.factor * (sigma or 1.0))
-            parts.append(term - term.mean() if sensor.zero is None else term)
-    return np.concatenate(parts)
+@dataclass(frozen=True)
+class _Shown:
+    """The samples that show an effect `of` the measurement, over their noise."""
+
+    model: Model
+    of: WrittenEffect
+    settings: Settings
+    sigmas: Sequence[float]
+
+    def term(self, effect: WrittenEffect, values: Mapping[str, float]) -> Floats:
+        """The term of an effect at all these samples, without free zeros."""
+        model, parts = self.model, []
+        for (run, reading), sigma in zip(model.readings, self.sigmas, strict=True):
+            sensor = reading.sensor
+            if model.shows(self.of, sensor) and self.of.name not in run.without:
+                known: Known = {
+                    **model.values_in(run, self.settings),
+                    **model.values(self.settings),
+                }
+                term = term_of(effect, values, known, run.time_s)[reading.rows]
+                term = term * (sensor.scale or 1.0) / (sensor.factor * (sigma or 1.0))
+                parts.append(term - term.mean() if sensor.zero is None else term)
+        return np.concatenate(parts)
