@@ -44,7 +44,7 @@ def unwrapped(signal: Signal) -> tuple[Signal, Decision | None]:
     """The signal as it goes on beyond its range, and what was done to it; None if nothing was."""
     rows = np.flatnonzero(~np.isnan(signal.values))
     values = signal.values[rows]
-    if not signal.is_place or not _jumps(values):
+    if not signal.is_place or not _jumps(values, signal.unit, signal.si):
         return signal, None
     gaps = _gaps(signal.time_s[rows])
     found = wraps_of(values, signal.unit, signal.si, gaps)
@@ -60,11 +60,12 @@ def unwrapped(signal: Signal) -> tuple[Signal, Decision | None]:
     return replace(signal, values=turned), done
 
 
-def _jumps(values: Floats) -> bool:
-    """True if a step is as large as one of a wrap, half of all that the values reach."""
+def _jumps(values: Floats, unit: str | None, size: float) -> bool:
+    """True if a step is as large as one of a wrap of these values is at the least."""
     if len(values) < _FEWEST:
         return False
-    return float(np.max(np.abs(np.diff(values)))) * 2 * (1 + _ROUNDED) > float(np.ptp(values))
+    largest = float(np.max(np.abs(np.diff(values))))
+    return any(largest > span / 2 for span in _spans(values, unit, size))
 
 
 def _gaps(time_s: Floats) -> Indices:
