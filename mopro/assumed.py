@@ -102,6 +102,8 @@ OUT_OF_REACH = VERY_STRONG / LEAST_SHARE
 
 # Smallest share that is more than the rounding of sums of squares.
 ROUNDING = 1e-9
+# Variance of a number that may be anywhere in a range of width 1.
+UNIFORM = 1 / 12
 # Condition number of the normal matrix beyond which a combination of parameters is not
 # identifiable: of the 16 digits of a number four are left.
 MOST_CONDITION = 1e12

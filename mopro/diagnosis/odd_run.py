@@ -1,4 +1,4 @@
-"""The run that alone disagrees: what is wrong is in it, and not in the machine of all runs."""
+"""Test of the runs for one that alone disagrees with the model, where all others agree."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _odd(state: State, fit: Fit, name: str, runs: int) -> OddRun | None:
 
 
 def _beyond_noise(residuals: Residuals, residual: Floats, parameters: int) -> Remainder | None:
-    """What is left beyond noise, of whatever size and memory; None if nothing is."""
+    """The test of a residual; None if it is noise, of whatever size and memory."""
     found = examine(residuals, residual, parameters)
     if not found.significant:
         return None

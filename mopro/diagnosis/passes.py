@@ -351,7 +351,7 @@ def examine_remainder(state: State) -> State:
 
 
 def _described_by_drafts(sets: Hypotheses, fit: Fit, drafted: Fit) -> Remainder:
-    """What `fit` leaves, as a function of what the main draft is one of; and what drafts leave.
+    """Remainder of `fit`, described as a function of the main draft's variable, and of the drafts.
 
     A shape of another variable is no description: the draft explains what looks like that as well.
     """

@@ -17,15 +17,13 @@ from mopro.assumed import (
     SAME,
     STRONG,
     TINY,
+    UNIFORM,
     VERY_STRONG,
 )
 from mopro.candidate import Candidate, Parameter, Role
 from mopro.fits.fit import Fit, Identity
 from mopro.residuals import Noise
 from mopro.series import Floats
-
-# Variance of a number that may be anywhere in a range of width 1.
-_UNIFORM = 1 / 12
 
 
 @dataclass(frozen=True)
@@ -201,7 +199,7 @@ class Evidence:
         if not any(p.role is Role.CONSTANT for _, p in fit.order):
             return 0.0
         return sum(
-            max(2 * math.log(math.sqrt(_UNIFORM) * (p.high - p.low) / d), 0.0)
+            max(2 * math.log(math.sqrt(UNIFORM) * (p.high - p.low) / d), 0.0)
             for (_, p), _, d in self._known(fit)
             if p.role is Role.CONSTANT and math.isfinite(d)
         )
@@ -247,7 +245,7 @@ class Evidence:
     def _covariance(self, fit: Fit) -> Floats:
         spans = np.array([p.high - p.low for _, p in fit.order])
         scaled = fit.jacobian * spans
-        prior = np.diag([1 / _UNIFORM if p.role is Role.CONSTANT else 0.0 for _, p in fit.order])
+        prior = np.diag([1 / UNIFORM if p.role is Role.CONSTANT else 0.0 for _, p in fit.order])
         normal = scaled.T @ scaled + prior if len(spans) else prior
         if not np.isfinite(normal).all():
             return np.full_like(normal, math.inf)

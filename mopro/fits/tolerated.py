@@ -11,14 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from mopro.assumed import UNIFORM
 from mopro.candidate import Candidate, Parameter, Role
 from mopro.fits.fit import Fit
 from mopro.fits.jacobian import gauss_newton_step
 from mopro.residuals import Residuals
 from mopro.series import Floats
-
-# Standard deviation of a number that may be anywhere in a range, as a share of the range.
-_UNIFORM = 12**-0.5
 
 
 def with_tolerances(residuals: Residuals, fit: Fit, catalogue: Sequence[Candidate]) -> Fit:
@@ -66,7 +64,7 @@ def _stepped(wide: Fit, constants: int) -> dict[str, dict[str, float]]:
     """The settings after a step in which the last so many parameters have their prior."""
     spans = np.array([p.high - p.low for _, p in wide.order[-constants:]])
     fitted = len(wide.order) - constants
-    prior = np.hstack([np.zeros((constants, fitted)), np.diag(1 / (_UNIFORM * spans))])
+    prior = np.hstack([np.zeros((constants, fitted)), np.diag(UNIFORM**-0.5 / spans)])
     joint = np.vstack([wide.jacobian, prior])
     step = gauss_newton_step(joint, np.concatenate([wide.residual, np.zeros(constants)]))
     moved = {name: dict(own) for name, own in wide.settings.items()}

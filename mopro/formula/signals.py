@@ -65,7 +65,7 @@ def side(time_s: Floats, signal: Floats, share: float = _SIDE) -> Floats:
 
 
 def swung(time_s: Floats, signal: Floats, f_hz: float, zeta: float) -> Floats:
-    """What follows the signal as a mass on a spring does, of the frequency `f_hz` (Hz).
+    """Response of a mass on a spring to the signal (n), of natural frequency `f_hz` (Hz).
 
     NaN unless `f_hz` > 0 and the damping ratio 0 <= `zeta` < 1.
     """

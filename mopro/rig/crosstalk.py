@@ -77,7 +77,7 @@ def _centred(values: Floats) -> Floats:
 
 
 def _left(basis: Floats, values: Floats) -> Floats:
-    """What is left of `values` (n) beside the columns of `basis` (n x m)."""
+    """Residual (n) of a least-squares fit of the columns of `basis` (n x m) to `values` (n)."""
     sizes = np.linalg.norm(basis, axis=0)
     scaled = basis / np.where(sizes > 0, sizes, 1.0)
     left: Floats = values - scaled @ np.linalg.lstsq(scaled, values, rcond=ROUNDING)[0]

@@ -1,4 +1,4 @@
-"""What is in one run alone is told as that, and is no effect of all runs."""
+"""An effect that is in one run alone is named in that run, and not as one of all runs."""
 
 from dataclasses import replace
 

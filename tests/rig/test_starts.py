@@ -1,4 +1,4 @@
-"""Where a thermal node begins: within the noise of its first reading, stated or not."""
+"""The start of a thermal node is fitted within the noise of its first reading, stated or not."""
 
 import math
 

@@ -93,16 +93,11 @@ def join_singly(sets: Hypotheses, screening: Screening) -> None:
     if not sets.base:
         return
     while not sets.is_noise(best := sets.best()):
-        joining = [
-            c
-            for c in sets.catalogue
-            if not c.law and c.name not in best.names and (c.extends is None or c.can_enter_first)
-        ]
-        scores = screening.of(best, joining)
+        scores = screening.of(best, [c for c in screening.joining(best) if not c.law])
         proposals = [
             (
                 (*best.candidates, s.candidate),
-                [{**best.settings, **start} for start in s.starts[:1]],
+                [{**best.settings, **s.starts[0]}],
             )
             for s in scores
             if s.starts

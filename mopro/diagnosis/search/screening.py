@@ -76,11 +76,7 @@ class Screening:
         has another form: a damping in the presliding of a friction is nothing without that.
         """
         null = self._sets.null
-        joining = [
-            c
-            for c in self._sets.catalogue
-            if c.name not in base.names and (c.extends is None or c.can_enter_first)
-        ]
+        joining = self.joining(base)
         if base.key != at.key:
             laws = [c for c in joining if c.law and self._substitutes(base, at)]
             others = [c for c in joining if c not in laws]
@@ -94,6 +90,14 @@ class Screening:
         count = len(known) if null.far_from_linear else min(likely, 2 * FITTED)
         closer = self._sets.each(lambda score: self._closer(base, score), known[:count])
         return self._sorted(base, [*closer, *known[count:]])
+
+    def joining(self, base: Fit) -> list[Candidate]:
+        """The candidates that may join `base`: not in it, in forms that need no plainer one."""
+        return [
+            c
+            for c in self._sets.catalogue
+            if c.name not in base.names and (c.extends is None or c.can_enter_first)
+        ]
 
     def subsets(self, base: Fit, at: Fit, most: int) -> list[LinearSubset]:
         """Subsets of up to `most` candidates `beside` base, the lowest predicted EBIC first.

@@ -69,7 +69,7 @@ def odd_run_words(verdict: Verdict) -> Iterator[str]:
 
 
 def remainder_words(verdict: Verdict) -> str:
-    """What the effects leave, and what is left of that beside the free-form terms, if any."""
+    """The remainder beside the effects in words, and that beside the free-form terms, if any."""
     remainder = verdict.remainder
     if not verdict.drafts:
         return f"{remainder.description}"
