@@ -43,7 +43,8 @@ def evaluate(
     """
     with np.errstate(all="ignore"):
         found = _value(formula.tree, names, time_s, functions)
-    return np.broadcast_to(unless_run_away(np.asarray(found, dtype=float)), time_s.shape)
+    values = unless_run_away(np.asarray(found, dtype=float))
+    return values if values.shape == time_s.shape else np.broadcast_to(values, time_s.shape)
 
 
 def over_grid(formula: Formula, names: Values, shape: tuple[int, int]) -> Floats:

@@ -176,15 +176,20 @@ def slope_of(measured: Floats, simulated: Floats) -> float:
     return float(apart @ (measured - measured.mean())) / power if power > 0 else math.nan
 
 
-def fitted_base(model: Model, data: Sequence[Series], parameters: Sequence[Parameter]) -> BaseFit:
-    """The free numbers fitted without effects; an axis' to the beginning of the runs first."""
+def fitted_base(
+    model: Model, data: Sequence[Series], parameters: Sequence[Parameter], *, once: bool = False
+) -> BaseFit:
+    """The free numbers fitted without effects; an axis' to the beginning of the runs first.
+
+    `once`: from one start, which may end in a worse minimum.
+    """
     if not parameters:
         return BaseFit(())
     start = BaseFit(tuple(parameters)).settings
     residuals = Residuals(model, data, scaled_at=start)
     base = (Candidate(BASE, tuple(parameters)),)
     fit = _fitted(model, residuals, base, start)
-    if examine(residuals, fit.residual, len(fit.order)).significant:
+    if not once and examine(residuals, fit.residual, len(fit.order)).significant:
         others = _elsewhere(model, residuals, fit.settings[BASE], parameters)
         fit = min([fit, *(_fitted(model, residuals, base, s) for s in others)], key=lambda f: f.rss)
     values = fit.settings[BASE]

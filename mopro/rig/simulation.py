@@ -59,6 +59,19 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class _Setup:
+    """A run under settings: the numbers of the model in SI, and the effects that are on in it."""
+
+    run: Run
+    settings: Settings
+    values: Mapping[str, float]
+    active: Active
+
+    def entering(self, place: str) -> list[tuple[WrittenEffect, Mapping[str, float]]]:
+        return [(effect, own) for effect, own in self.active if effect.enters == place]
+
+
+@dataclass(frozen=True)
 class _Program:
     """Equations of a set of effects as codes; `slots` are the places of their numbers."""
 
@@ -88,18 +101,20 @@ class Model:
         self._by_name: dict[str, list[WrittenEffect]] = {}
         for effect in sorted(self._every, key=lambda form: len(form.parameters)):
             self._by_name.setdefault(effect.name, []).append(effect)
-        self._order = list(dict.fromkeys(effect.name for effect in self._every))
+        self._place = {name: i for i, name in enumerate(dict.fromkeys(e.name for e in self._every))}
         self.foreign = foreign
         self._programs: dict[tuple[tuple[str, str], ...], _Program] = {}
         self._steps: dict[str, float] = {}
         self._rates: dict[str, Rates] = {}
 
     def __call__(self, settings: Settings) -> list[Floats]:
-        return [
-            predicted
-            for run in self.experiment.trials
-            for predicted in self._readings(run, settings)
-        ]
+        if self.foreign is not None:
+            return [
+                own for run in self.experiment.trials for own in self._of_foreign(run, settings)
+            ]
+        values = self.values(settings)
+        setups = (self._setup(run, settings, values) for run in self.experiment.trials)
+        return [own for setup in setups for own in self._readings(setup)]
 
     @cached_property
     def readings(self) -> list[tuple[Run, Reading]]:
@@ -131,7 +146,8 @@ class Model:
     def active(self, run: Run, settings: Settings) -> Active:
         """The effects that are on in a run, with their parameters in SI."""
         found = []
-        for name in self._order:
+        on = self._place.keys() & (settings.keys() | self.rig.active.keys())
+        for name in sorted(on, key=self._place.__getitem__):
             own = self._switched(name, settings, run)
             if own is not None:
                 effect = self.form(name, own.keys())
@@ -160,11 +176,6 @@ class Model:
         fits = (form for form in forms if set(parameters) <= {p.name for p in form.parameters})
         return next(fits, forms[-1])
 
-    def _entering(
-        self, place: str, active: Active
-    ) -> Iterator[tuple[WrittenEffect, Mapping[str, float]]]:
-        yield from ((effect, own) for effect, own in active if effect.enters == place)
-
     def values_in(self, run: Run, settings: Settings) -> dict[str, Floats]:
         """Time, inputs and states of a run, with the speed and acceleration of an axis."""
         motion = self.motion(run, settings)
@@ -184,7 +195,7 @@ class Model:
     def rates(self, run: Run) -> Rates:
         """Derivatives of a kinematic machine's position, over widths by the noise of its inputs."""
         if run.name not in self._rates:
-            x = self._followed(run, run.inputs, (), {})
+            x = self._followed(_Setup(run, {}, self.values({}), ()), run.inputs)
             self._rates[run.name] = Rates.of(run.time_s, x)
         return self._rates[run.name]
 
@@ -195,28 +206,23 @@ class Model:
 
     # -- one run -----------------------------------------------------------------------
 
-    def _readings(self, run: Run, settings: Settings) -> list[Floats]:
-        if self.foreign is not None:
-            return self._of_foreign(run, settings)
-        motion, values = self.motion(run, settings), self.values(settings)
-        known: Known = {"t": run.time_s, **motion.inputs, **values, **motion.states}
-        active = self.active(run, settings)
-        terms = [effect.term.formula for effect, _ in self._entering(MEASUREMENT, active)]
-        known = self._rated(run, known, [*terms, *(r.sensor.reads.formula for r in run.readings)])
-        made: dict[str, Floats] = {}
-        return [self._reading(r, known, active, settings, run, made) for r in run.readings]
+    def _setup(self, run: Run, settings: Settings, values: Mapping[str, float]) -> _Setup:
+        return _Setup(run, settings, values, self.active(run, settings))
 
-    def _reading(
-        self, reading: Reading, known: Known,
-        active: Active, settings: Settings, run: Run,
-        made: dict[str, Floats],
-    ) -> Floats:  # fmt: skip
-        sensor = reading.sensor
-        value = evaluate(sensor.reads.formula, known, run.time_s)
-        for effect, own in self._entering(MEASUREMENT, active):
+    def _readings(self, setup: _Setup) -> list[Floats]:
+        run, motion = setup.run, self._motion(setup)
+        known: Known = {"t": run.time_s, **motion.inputs, **setup.values, **motion.states}
+        terms = [effect.term.formula for effect, _ in setup.entering(MEASUREMENT)]
+        known = self._rated(run, known, [*terms, *(r.sensor.reads.formula for r in run.readings)])
+        return [self._reading(reading, known, setup) for reading in run.readings]
+
+    def _reading(self, reading: Reading, known: Known, setup: _Setup) -> Floats:
+        sensor, time_s = reading.sensor, setup.run.time_s
+        value = evaluate(sensor.reads.formula, known, time_s)
+        for effect, own in setup.entering(MEASUREMENT):
             if self.shows(effect, sensor):
-                value = value + term_of(effect, own, {**known, "y": value}, run.time_s)
-        scale = settings.get(BASE, {}).get(SCALE.format(sensor.name), sensor.scale or 1.0)
+                value = value + term_of(effect, own, {**known, "y": value}, time_s)
+        scale = setup.settings.get(BASE, {}).get(SCALE.format(sensor.name), sensor.scale or 1.0)
         return (sensor.sign or 1) * scale / sensor.factor * value[reading.rows]
 
     def shows(self, effect: WrittenEffect, sensor: Sensor) -> bool:
@@ -228,21 +234,21 @@ class Model:
 
     def motion(self, run: Run, settings: Settings) -> Motion:
         """States of the machine at the rows of a run."""
-        active = self.active(run, settings)
-        inputs, ends = self._inputs(run, active, settings)
-        if self.rig.kind == KINEMATIC:
-            return Motion({"x": self._followed(run, inputs, active, settings)}, inputs)
-        step_s = self._step_s(run, inputs, ends, active, settings)
-        return Motion(self._integrated(run, inputs, ends, active, settings, step_s), inputs)
+        return self._motion(self._setup(run, settings, self.values(settings)))
 
-    def _inputs(
-        self, run: Run, active: Active, settings: Settings
-    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    def _motion(self, setup: _Setup) -> Motion:
+        inputs, ends = self._inputs(setup)
+        if self.rig.kind == KINEMATIC:
+            return Motion({"x": self._followed(setup, inputs)}, inputs)
+        return Motion(self._integrated(setup, inputs, ends), inputs)
+
+    def _inputs(self, setup: _Setup) -> tuple[dict[str, Floats], dict[str, Floats]]:
         """The inputs behind each row, and at the end of the line from there to the next row."""
+        run = setup.run
         inputs, ends = dict(run.inputs), dict(run.inputs)
         held = run.held if self.rig.kind != KINEMATIC else frozenset()
-        values: dict[str, Floats | float] = {"t": run.time_s, **self.values(settings)}
-        for effect, own in self._entering(INPUT, active):
+        values: dict[str, Floats | float] = {"t": run.time_s, **setup.values}
+        for effect, own in setup.entering(INPUT):
             for name in [name for name in inputs if effect.target in ("", name)]:
                 # What follows on an effect of a held input takes that for held at its mean.
                 known = {**values, **inputs, "u": (inputs[name] + ends[name]) / 2}
@@ -252,17 +258,15 @@ class Model:
                 ]
                 inputs[name], ends[name] = inputs[name] + changes[0], ends[name] + changes[-1]
         for name in ends.keys() - held:
-            ends[name] = np.append(inputs[name][1:], inputs[name][-1:])
+            ends[name] = _of_next(inputs[name])
         return inputs, ends
 
-    def _followed(
-        self, run: Run, inputs: Mapping[str, Floats], active: Active,
-        settings: Settings,
-    ) -> Floats:  # fmt: skip
+    def _followed(self, setup: _Setup, inputs: Mapping[str, Floats]) -> Floats:
         """Position of a kinematic machine: each effect acts on what those before it left."""
-        known: dict[str, Any] = {"t": run.time_s, **inputs, **self.values(settings)}
+        run = setup.run
+        known: dict[str, Any] = {"t": run.time_s, **inputs, **setup.values}
         x = evaluate(self.rig.laws["position"].formula, known, run.time_s)
-        for effect, own in self._entering(COMMAND, active):
+        for effect, own in setup.entering(COMMAND):
             before = self._rated(run, {**known, "x": x}, [effect.term.formula])
             x = x + term_of(effect, own, before, run.time_s)
         return x
@@ -284,58 +288,67 @@ class Model:
 
     # -- equations ---------------------------------------------------------------------
 
-    def _step_s(
-        self, run: Run, inputs: Mapping[str, Floats], ends: Mapping[str, Floats], active: Active,
-        settings: Settings,
-    ) -> float:  # fmt: skip
-        """The step of integration: halved until it hardly changes the states of a first run."""
-        if run.name not in self._steps:
-            step_s = float(np.median(np.diff(run.time_s))) if len(run.time_s) > 1 else 1.0
-            found = self._integrated(run, inputs, ends, active, settings, step_s)
-            for _ in range(_MOST_HALVINGS):
-                halved = self._integrated(run, inputs, ends, active, settings, step_s / 2)
-                if _alike(found, halved):
-                    break
-                found, step_s = halved, step_s / 2
-            self._steps[run.name] = step_s
-        return self._steps[run.name]
-
     def _integrated(
-        self, run: Run, inputs: Mapping[str, Floats], ends: Mapping[str, Floats], active: Active,
-        settings: Settings, step_s: float,
+        self, setup: _Setup, inputs: Mapping[str, Floats], ends: Mapping[str, Floats]
+    ) -> dict[str, Floats]:
+        """The states of a run, by steps that are halved until it hardly changes a first one."""
+        name, time_s = setup.run.name, setup.run.time_s
+        if name in self._steps:
+            return self._stepped(setup, inputs, ends, self._steps[name])
+        step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
+        found = self._stepped(setup, inputs, ends, step_s)
+        for _ in range(_MOST_HALVINGS):
+            halved = self._stepped(setup, inputs, ends, step_s / 2)
+            if _alike(found, halved):
+                break
+            found, step_s = halved, step_s / 2
+        self._steps[name] = step_s
+        return found
+
+    def _stepped(
+        self, setup: _Setup, inputs: Mapping[str, Floats], ends: Mapping[str, Floats],
+        step_s: float,
     ) -> dict[str, Floats]:  # fmt: skip
         from mopro.rig import integrate
 
-        program = self._program([effect for effect, _ in active])
+        run, names = setup.run, self.states
+        program = self._program([effect for effect, _ in setup.active])
         variables = np.zeros(max(program.slots.values(), default=0) + 1 + len(program.constants))
         variables[len(variables) - len(program.constants) :] = program.constants
-        for name, value in self.values(settings).items():
+        for name, value in setup.values.items():
             variables[program.slots[name]] = value
-        for effect, own in active:
+        for effect, own in setup.active:
             for parameter, value in own.items():
                 variables[program.slots[f"{effect.name}.{parameter}"]] = value
-        names = self.states
         states = np.zeros((len(names), len(run.time_s)))
-        states[:, 0] = [self._start(run, name, settings) for name in names]
-        shift = np.zeros(len(run.time_s))
-        for effect, own in self._entering(AMBIENT, active):
-            shift = shift + term_of(effect, own, {"t": run.time_s}, run.time_s)
-        shifted = np.append(shift[1:], shift[-1:])
-        lines = [
-            (inputs[n] + shift, ends[n] + (shift if n in run.held else shifted))
-            if n == "ambient"
-            else (inputs[n], ends[n])
-            for n in self.experiment.units
-        ]
+        states[:, 0] = [self._start(run, name, setup.settings) for name in names]
+        lines = [(inputs[name], ends[name]) for name in self.experiment.units]
         if self.rig.kind == THERMAL:
-            lines += [(first + shift, first + shifted) for first in states[:, 0].tolist()]
+            lines = self._beside_surroundings(setup, inputs, ends, states[:, 0])
         shape = len(lines), len(run.time_s)
         packed, until = (np.array([own[i] for own in lines]).reshape(shape) for i in (0, 1))
         advance = integrate.axis if self.rig.kind == AXIS else integrate.nodes
         advance(
             program.codes, program.segments, variables, run.time_s, packed, until, step_s, states
         )
-        return dict(zip(names, unless_run_away(states), strict=True))
+        return dict(zip(names, states, strict=True))
+
+    def _beside_surroundings(
+        self, setup: _Setup, inputs: Mapping[str, Floats], ends: Mapping[str, Floats],
+        first: Floats,
+    ) -> list[tuple[Floats, Floats]]:  # fmt: skip
+        """The inputs, and the surroundings of each node: as it begins where no input tells them."""
+        run, shift = setup.run, np.zeros(len(setup.run.time_s))
+        for effect, own in setup.entering(AMBIENT):
+            shift = shift + term_of(effect, own, {"t": run.time_s}, run.time_s)
+        shifted = _of_next(shift)
+        lines = [
+            (inputs[n] + shift, ends[n] + (shift if n in run.held else shifted))
+            if n == "ambient"
+            else (inputs[n], ends[n])
+            for n in self.experiment.units
+        ]
+        return lines + [(at + shift, at + shifted) for at in first.tolist()]
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -444,6 +457,11 @@ def _array(found: Any, sensor: str, rows: int) -> Floats:
     if values.dtype.kind not in "buif" or values.shape != (rows,):
         raise ValueError(f"an array of {values.dtype} and of shape {values.shape}, {expected}")
     return unless_run_away(values.astype(float))
+
+
+def _of_next(values: Floats) -> Floats:
+    """The value at the next row; the last one at the last."""
+    return np.concatenate((values[1:], values[-1:]))
 
 
 def term_of(

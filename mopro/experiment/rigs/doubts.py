@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,16 +58,17 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
     """
     predicted = model(base.settings)
     notes: dict[str, str] = {}
-    for nth, ((_, reading), own) in enumerate(zip(model.readings, predicted, strict=True)):
+    parts = _fitted_together(model, data)
+    for (_, reading), series, own in zip(model.readings, data, predicted, strict=True):
         sensor = reading.sensor
         if sensor.scale is None or sensor.value is None or model.foreign or sensor.name in notes:
             continue
-        factor, certain = _of_line(data[nth], own), True
-        if factor is None:
-            factor, certain = _of_fits(model, data, base, nth)
+        factor, certain = _of_line(series, own), True
+        if factor is None and base.parameters and model.rig.kind != KINEMATIC:
+            factor, certain = _of_fits(parts, series, _left(series, own))
         if factor is None:
             continue
-        message = f"{sensor.name}: {_words(data[nth], factor)}"
+        message = f"{sensor.name}: {_words(series, factor)}"
         if certain:
             raise sensor.value["column"].error(message, "wrong-scale", _hint(factor))
         notes[sensor.name] = f"{message}: {_hint(factor)}"
@@ -177,68 +178,100 @@ def _named(slope: float) -> float | None:
     return None if factor == 1.0 and slope > 0 else math.copysign(factor, slope)
 
 
-def _of_fits(
-    model: Model, data: Sequence[Series], base: BaseFit, nth: int
-) -> tuple[float | None, bool]:
+@dataclass(frozen=True)
+class _Part:
+    """Runs whose free numbers are fitted together, and their readings as series."""
+
+    model: Model
+    data: Sequence[Series]
+
+    def of(self, name: str) -> _Part:
+        """One run alone."""
+        if len(self.model.experiment.trials) == 1:
+            return self
+        trials = tuple(run for run in self.model.experiment.trials if run.name == name)
+        model = Model(replace(self.model.experiment, trials=trials))
+        return _Part(model, [series for series in self.data if series.run == name])
+
+    @property
+    def begun(self) -> _Part:
+        """The beginnings of the runs alone, which take less time to simulate."""
+        trials = []
+        for run in self.model.experiment.trials:
+            last = max([round(_BEGINNING * len(run.time_s)), *map(_rows_of, run.readings)])
+            readings = tuple(
+                replace(r, rows=r.rows[r.rows < last], values=r.values[r.rows < last])
+                for r in run.readings
+            )
+            inputs = {name: own[:last] for name, own in run.inputs.items()}
+            trials.append(replace(run, time_s=run.time_s[:last], inputs=inputs, readings=readings))
+        model = Model(replace(self.model.experiment, trials=tuple(trials)))
+        return _Part(model, plain_series(model))
+
+    def left(self, sensor: str, runs: Collection[str], factor: float) -> float:
+        """Largest share of the sensor's series of `runs` that the model leaves if fitted to it.
+
+        These readings are taken for `factor` too large.
+        """
+        rows = [i for i, s in enumerate(self.data) if s.sensor == sensor and s.run in runs]
+        scaled = list(self.data)
+        for i in rows:
+            scaled[i] = replace(scaled[i], values=scaled[i].values / factor, sigma=None)
+        names = {START.format(run, state) for run in runs for state in self.model.states}
+        # From the file's numbers: those that were fitted have followed readings that may be wrong.
+        own = base_of(self.model)
+        parameters = [_scaled(p, factor) if p.name in names else p for p in own]
+        fit = fitted_base(self.model, scaled, parameters, once=True)
+        simulated = self.model(fit.settings)
+        return max(_left(scaled[i], simulated[i]) for i in rows)
+
+
+def _fitted_together(model: Model, data: Sequence[Series]) -> list[_Part]:
+    """Each run by itself, or all of them where they share a number that is free."""
+    whole = _Part(model, data)
+    shared = any(number.free for number in model.rig.numbers.values())
+    return [whole] if shared else [whole.of(run.name) for run in model.experiment.trials]
+
+
+def _of_fits(parts: Sequence[_Part], doubted: Series, stated: float) -> tuple[float | None, bool]:
     """The known factor, or the sign, with which the model fits much better, and if it is certain.
 
-    For a model of free numbers or of a free start, which follow the readings.
+    For a model of free numbers or of a free start, which follow the readings. At the stated scale
+    it leaves a share `stated` of the doubted ones.
     """
-    if not base.parameters or model.rig.kind == KINEMATIC:
-        return None, False
-    stated = _share_left(model, data, 1.0, [nth])
     if stated < _TRIED:
         return None, False
+    sensor, run = doubted.sensor, doubted.run
+    part = next(p for p in parts if any(s.run == run for s in p.data))
+    alone = part.of(run)
     # A wrong law may fit a little better at half or twice the scale.
-    tried = (-1.0, *(f for f in _KNOWN if not 0.5 <= f <= 2.0))
-    brief = _begun(model)
-    of_brief = plain_series(brief)
-    likely = sorted(tried, key=lambda f: _share_left(brief, of_brief, f, [nth]))[:_LIKELY]
-    shares = {f: _share_left(model, data, f, [nth]) for f in likely}
-    best = min(shares, key=lambda f: shares[f])
-    if shares[best] >= _BETTER * min(stated, 1.0):
+    likely: list[float] = [-1.0, *(f for f in _KNOWN if not 0.5 <= f <= 2.0)]
+    begun = alone.begun
+    likely = sorted(likely, key=lambda f: begun.left(sensor, {run}, f))[:_LIKELY]
+    # All runs together leave more of one than it does alone, and take more time.
+    for own in [alone] if alone is part else [alone, part]:
+        shares = {f: own.left(sensor, {run}, f) for f in likely}
+        likely = [f for f in likely if shares[f] < _BETTER * min(stated, 1.0)]
+    if not likely:
         return None, False
-    # A sensor has one scale in all runs.
-    sensor = model.readings[nth][1].sensor
-    rows = [i for i, (_, reading) in enumerate(model.readings) if reading.sensor == sensor]
-    return best, stated >= _POOR and _share_left(model, data, best, rows) < _TRIED
+    best = min(likely, key=lambda f: shares[f])
+    return best, stated >= _POOR and _fits_all(parts, sensor, best)
 
 
-def _begun(model: Model) -> Model:
-    """The model of the beginnings of the runs alone, which take less time to simulate."""
-    trials = []
-    for run in model.experiment.trials:
-        last = max([round(_BEGINNING * len(run.time_s)), *(_rows_of(r) for r in run.readings)])
-        readings = tuple(
-            replace(r, rows=r.rows[r.rows < last], values=r.values[r.rows < last])
-            for r in run.readings
-        )
-        inputs = {name: own[:last] for name, own in run.inputs.items()}
-        trials.append(replace(run, time_s=run.time_s[:last], inputs=inputs, readings=readings))
-    return Model(replace(model.experiment, trials=tuple(trials)))
+def _fits_all(parts: Sequence[_Part], sensor: str, factor: float) -> bool:
+    """True if the model fits all runs of a sensor, which has one scale in them."""
+    return all(
+        part.left(sensor, runs, factor) < _TRIED
+        for part in parts
+        for runs in [{s.run for s in part.data if s.sensor == sensor}]
+        if runs
+    )
 
 
 def _rows_of(reading: Reading) -> int:
     """Rows of a run in which a reading has as many samples as a fit needs."""
     fewest = min(_FEWEST, len(reading.rows))
     return int(reading.rows[fewest - 1]) + 1
-
-
-def _share_left(
-    model: Model, data: Sequence[Series], factor: float, rows: Sequence[int]
-) -> float:  # fmt: skip
-    """Largest share of a series of `rows` that the fitted model leaves, if `factor` too large."""
-    scaled = [
-        replace(s, values=s.values / factor, sigma=None) if i in rows else s
-        for i, s in enumerate(data)
-    ]
-    runs = [model.readings[i][0].name for i in rows]
-    names = {START.format(run, state) for run in runs for state in model.states}
-    # From the file's numbers: those that were fitted have followed readings that may be wrong.
-    parameters = [_scaled(p, factor) if p.name in names else p for p in base_of(model)]
-    fit = fitted_base(model, scaled, parameters)
-    simulated = model(fit.settings)
-    return max(_left(scaled[i], simulated[i]) for i in rows)
 
 
 def _left(own: Series, simulated: Floats) -> float:
