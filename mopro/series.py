@@ -52,7 +52,9 @@ class Series:
     effects, alike in all series of the sensor. `fed_back`: an input of the model was computed from
     these readings by a closed loop, so that a term in the prediction would explain the readings by
     themselves. `wild` (samples): those that do not count. `told`: times (s) and places of the
-    motion at all rows of the run, also where there is no reading, in `position_unit`.
+    motion at all rows of the run, also where there is no reading, in `position_unit`. `of_inputs`
+    (samples x terms): what the noise of the model's inputs may come to, in `unit`, as terms of a
+    normal prior of width 1, which all series of the run share.
     """
 
     run: str
@@ -70,9 +72,15 @@ class Series:
     wild: Mask | None = None
     told: tuple[Floats, Floats] | None = None
     tolerances: Tolerances = EXACT
+    of_inputs: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.values)
+
+    @property
+    def exact(self) -> bool:
+        """True if all that it has beyond the model and the nuisances is white noise."""
+        return not self.tolerances and self.of_inputs is None
 
     @property
     def counted(self) -> Mask:

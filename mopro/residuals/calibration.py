@@ -17,6 +17,9 @@ from scipy import linalg
 from mopro.assumed import CLEAR, ROUNDING, STRONG
 from mopro.series import Floats, Series
 
+# The tolerance of the terms that noise of the inputs makes.
+INPUT_NOISE = "noise of inputs"
+
 
 @dataclass(frozen=True)
 class Corrected:
@@ -35,9 +38,12 @@ class Corrected:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The terms of all sensors. `columns` (samples of all series x terms): whitened, of width 1.
+    """The terms of all sensors and inputs.
 
-    `terms`: sensor, tolerance, parameter, unit and width of each column.
+    `columns` (samples of all series x terms): whitened, of width 1.
+
+    `terms`: sensor, tolerance, parameter, unit and width of each column; those of the noise of
+    inputs have the run in place of the sensor, and the tolerance INPUT_NOISE.
     """
 
     terms: tuple[tuple[str, str, str, str, float], ...]
@@ -47,7 +53,7 @@ class Calibration:
     def of(
         data: Sequence[Series], predicted: Sequence[Floats], sigmas: Sequence[float]
     ) -> Calibration | None:
-        """The terms of the sensors about what a model predicts; None if all sensors are exact.
+        """The terms of the sensors about what a model predicts; None if all series are exact.
 
         A sensor has the same terms in all its series.
         """
@@ -59,6 +65,11 @@ class Calibration:
                 column = columns.setdefault(key, np.zeros(int(starts[-1])))
                 rows = slice(start, start + len(series))
                 column[rows] = term.width * term.shape * series.counted / sigma
+            of_inputs = () if series.of_inputs is None else series.of_inputs.T
+            for nth, shape in enumerate(of_inputs):
+                key = (series.run, INPUT_NOISE, f"{nth}", "1", 1.0)
+                column = columns.setdefault(key, np.zeros(int(starts[-1])))
+                column[start : start + len(series)] = shape * series.counted / sigma
         if not columns:
             return None
         return Calibration(tuple(columns), np.column_stack(list(columns.values())))
@@ -91,6 +102,11 @@ class Marginal:
         self._basis, self._sizes = np.ascontiguousarray(basis[:, seen]), sizes[seen]
         self._turned = self._turned[seen]
         self._taken = 1 - 1 / np.hypot(1.0, self._sizes)
+
+    @property
+    def log_determinant(self) -> float:
+        """That of the covariance."""
+        return float(2 * np.log(np.hypot(1.0, self._sizes)).sum())
 
     def white(self, residual: Floats) -> Floats:
         """A residual (samples) that has no such terms but in its noise."""
@@ -126,7 +142,7 @@ def corrected(calibration: Calibration, mean: Floats, covariance: Floats) -> Ite
     one with some numbers at 0 is the prior density there over the posterior one (Dickey 1971).
     """
     owners = [(sensor, name) for sensor, name, *_ in calibration.terms]
-    for owner in dict.fromkeys(owners):
+    for owner in dict.fromkeys(owner for owner in owners if owner[1] != INPUT_NOISE):
         own = [i for i, each in enumerate(owners) if each == owner]
         part, errors = mean[own], covariance[np.ix_(own, own)]
         square = float(part @ np.linalg.solve(errors, part))

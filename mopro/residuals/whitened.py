@@ -60,7 +60,7 @@ class Residuals:
         self.basis = self.nuisance_basis(self.mask)
         self._shapes = [_support(column) for column in self.basis.T]
         self._calibration, self._marginal = calibration, self._marginal_of(calibration)
-        self.count = int(np.count_nonzero(self.weights[self.mask])) - self.basis.shape[1]
+        self.count: int = int(np.count_nonzero(self.weights[self.mask])) - self.basis.shape[1]
         # Asked by several threads at once.
         kept: LRUCache[Hashable, Floats] = LRUCache(_KEPT_COARSE)
         self._known_coarse_at = cached(kept, key=key_of, lock=Lock())(self._coarse_at)
@@ -75,9 +75,9 @@ class Residuals:
     def calibrated_at(self, settings: Settings) -> Residuals:
         """These data, what the sensors' tolerances allow told about the prediction at `settings`.
 
-        The same problem where all sensors are exact.
+        The same problem where all sensors are exact, and no noise of inputs is known.
         """
-        if not any(series.tolerances for series in self.data):
+        if all(series.exact for series in self.data):
             return self
         predicted = self.split(self.predicted(settings))
         return Residuals(
@@ -91,12 +91,18 @@ class Residuals:
         columns = [self._without_offsets(column) for column in calibration.columns.T]
         return Marginal(np.column_stack(columns))
 
+    @property
+    def log_determinant(self) -> float:
+        """That of the covariance of all noise, which `at` makes 1, in the units of the readings."""
+        own = -2 * float(np.sum(np.log(self.weights[self.weights > 0])))
+        return own + (self._marginal.log_determinant if self._marginal else 0.0)
+
     def part(self, run: str | None) -> Mask | None:
         """The samples among those in the mask that a number of one run changes; None for all.
 
         The terms of a sensor are those of all its runs.
         """
-        if run is None or self._marginal is not None:
+        if run is None or any(series.tolerances for series in self.data):
             return None
         own = [np.full(len(series), series.run == run) for series in self.data]
         return np.concatenate(own)[self.mask]

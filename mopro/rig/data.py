@@ -81,7 +81,8 @@ class Run:
     `start`: values of states at the first row, None where they are free; a state that is not in it
     begins as the first that is. `without`: effects that are known to be off. `feedback`: an input
     was made from the readings, by a closed loop, so that a dependence of the readings on it tells
-    nothing of the machine. `data`: its file, and the checksum of what is in it.
+    nothing of the machine. `noise`: stated standard deviation (SI) of inputs' measurement.
+    `data`: its file, and the checksum of what is in it.
     """
 
     name: str
@@ -92,6 +93,7 @@ class Run:
     start: Mapping[str, float | None]
     without: frozenset[str] = frozenset()
     feedback: bool = False
+    noise: Mapping[str, float] = field(default_factory=dict)
     data: Data = NO_DATA
     value: Value | None = field(default=None, compare=False)
 

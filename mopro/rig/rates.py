@@ -51,7 +51,7 @@ class Rates:
     @staticmethod
     def of(time_s: Floats, position: Floats) -> Rates:
         """Rates over the widths that suit the noise of `position` (n), sampled at `time_s` (n)."""
-        noise = _noise_of(time_s, position)
+        noise = noise_of(time_s, position)
         return Rates(time_s, *(_best(time_s, position, noise, order) for order in (1, 2)))
 
     def velocity(self, position: Floats) -> Floats:
@@ -66,13 +66,16 @@ def rate_between(values: Floats, time_s: Floats) -> Floats:
     return np.gradient(values, time_s) if len(values) > 1 else np.zeros_like(values)
 
 
-def _noise_of(time_s: Floats, position: Floats) -> float:
-    """Standard deviation of white noise on a position, where it moves."""
+def noise_of(time_s: Floats, position: Floats, *, resting: bool = False) -> float:
+    """Standard deviation of white noise on a signal (n) at its times (n), where it changes.
+
+    `resting`: rows that do not change count as well.
+    """
     if len(position) <= 2 * _LOCAL:
         return 0.0
     smooth, white = derivative(time_s, _LOCAL, 0), _white(len(position))
     left = np.abs(position - smooth(position))
-    moving = left[left > 0]
+    moving = left if resting else left[left > 0]
     if not len(moving):
         return 0.0
     return float(np.median(moving)) / _MEDIAN / float(np.std(white - smooth(white)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -208,6 +208,12 @@ class Model:
 
     def _setup(self, run: Run, settings: Settings, values: Mapping[str, float]) -> _Setup:
         return _Setup(run, settings, values, self.active(run, settings))
+
+    def varied(self, run: Run, settings: Settings, name: str, change: Floats) -> list[Floats]:
+        """The readings of a run if one of its inputs were changed by `change` (rows, SI)."""
+        inputs = {**run.inputs, name: run.inputs[name] + change}
+        setup = self._setup(run, settings, self.values(settings))
+        return self._readings(replace(setup, run=replace(run, inputs=inputs)))
 
     def _readings(self, setup: _Setup) -> list[Floats]:
         run, motion = setup.run, self._motion(setup)

@@ -73,7 +73,7 @@ class Hypotheses:
         if base and not residuals.known_noise:
             self.residuals = residuals.scaled_at(self.null.settings)
             self._fit_null()
-        if any(series.tolerances for series in residuals.data):
+        if not all(series.exact for series in residuals.data):
             self.residuals = self.residuals.calibrated_at(self.null.settings)
             self._fit_null()
 

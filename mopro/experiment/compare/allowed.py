@@ -45,7 +45,7 @@ def allowed(data: Sequence[Series], residuals: Sequence[Floats]) -> Allowed:
     mean, covariance = marginal.terms(marginal.white(white))
     parts = np.split(columns @ mean, np.cumsum([len(series) for series in data])[:-1])
     off = tuple(
-        part * series.sigma if series.sigma and series.tolerances else None
+        part * series.sigma if series.sigma and not series.exact else None
         for series, part in zip(data, parts, strict=True)
     )
     told = tuple(corrected(calibration, mean, covariance))

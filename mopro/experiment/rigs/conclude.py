@@ -9,11 +9,13 @@ from mopro.errors import DataError
 from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.conclude.wording import advice
 from mopro.experiment.rigs.compare import compare, worst
+from mopro.experiment.rigs.noisy_inputs import beside_noise
 from mopro.experiment.rigs.one_speed import at_one_speed
 from mopro.experiment.rigs.repaired import effects_of_runs, machine_text
 from mopro.experiment.rigs.rerun import rerun
 from mopro.experiment.rigs.study import Study
 from mopro.rig.candidates import candidates, in_one_run, unlisted
+from mopro.verdict import Verdict
 
 _MOST_PLACES = 40
 _ADVICE = (
@@ -38,14 +40,19 @@ def conclude(
     places = compare(study).where
     every = candidates(study.model, study.series, study.base.settings)
     tried = [c for c in every if c.name not in left_out]
-    try:
-        verdict = reconcile(
-            study.model, tried, study.series, base=study.base.parameters, jobs=jobs,
-            progress=progress, in_one_run=in_one_run(study.model, tried),
-            unlisted=unlisted(study.model, study.series, study.base.settings),
-        )  # fmt: skip
-    except ValueError as error:
-        raise DataError(_NOT_FINITE.format(study.experiment.source.name), "not-finite") from error
+
+    def asked(study: Study) -> Verdict:
+        try:
+            return reconcile(
+                study.model, tried, study.series, base=study.base.parameters, jobs=jobs,
+                progress=progress, in_one_run=in_one_run(study.model, tried),
+                unlisted=unlisted(study.model, study.series, study.base.settings),
+            )  # fmt: skip
+        except ValueError as error:
+            message = _NOT_FINITE.format(study.experiment.source.name)
+            raise DataError(message, "not-finite") from error
+
+    study, verdict = beside_noise(study, asked)
     verdict = at_one_speed(study, verdict)
     progress("simulating the experiment again with the effects found")
     text = machine_text(study.experiment, verdict)

@@ -30,18 +30,22 @@ _SENSOR_KEYS = {
     "sign", "reads", "rate_hz", *TOLERANCES,
 }  # fmt: skip
 _RUN_KEYS = {"data", "name", "part", "use", "columns", "inputs", "start", "without", "program"}
-_INPUT_KEYS = {"column", "formula", "unit", "hold", "feedback"}
+_INPUT_KEYS = {"column", "formula", "unit", "hold", "feedback", "noise_rms"}
 _FREE, _UNKNOWN = "free", "unknown"
 
 
 @dataclass(frozen=True)
 class _Input:
-    """A signal of the machine: a formula of the data's columns, in `unit`."""
+    """A signal of the machine: a formula of the data's columns, in `unit`.
+
+    `noise_rms`: of its measurement, in `unit`; None where it is not stated.
+    """
 
     formula: Formula
     unit: str
     held: bool
     feedback: bool
+    noise_rms: float | None
     value: Value
 
 
@@ -302,7 +306,8 @@ def _input(value: Value) -> _Input:
     if unit is None or dimension_of_unit_or_none(unit) is None:
         raise value.refused(f'expected the unit of {value.key}, such as unit = "N"', "wrong-unit")
     held, feedback = (table.get(key, flag, False) for key in ("hold", "feedback"))
-    return _Input(formula, unit, held, feedback, value)
+    noise_rms = table.get("noise_rms", number(0.0), None)
+    return _Input(formula, unit, held, feedback, noise_rms, value)
 
 
 # -- sensors -----------------------------------------------------------------------------

@@ -78,6 +78,8 @@ class _Data:
         feedback = any(made.feedback for made in entry.inputs.values())
         run = Run(
             entry.name, time_s, inputs, held, tuple(readings), start, entry.without, feedback,
+            {n: own.noise_rms * factor_of(own.unit) for n, own in entry.inputs.items()
+             if own.noise_rms is not None},
             data_of(entry.data, entry.shown), entry.value,
         )  # fmt: skip
         return run, known, self._notes

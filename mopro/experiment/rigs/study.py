@@ -23,6 +23,7 @@ from mopro.inputs import no_file
 from mopro.residuals import Residuals
 from mopro.rig.base import BaseFit, base_of, fitted_base
 from mopro.rig.data import RigExperiment
+from mopro.rig.input_noise import beside_input_noise, stated_noise
 from mopro.rig.names import check, effects_of
 from mopro.rig.origin import with_one_origin
 from mopro.rig.series import plain_series, series_of
@@ -83,6 +84,8 @@ def studied(stated: RigExperiment, foreign: Simulate | None) -> Study:
     doubts = (f"{n.name}: {n.doubt}" for n in experiment.machine.numbers.values() if n.doubt)
     notes = [*doubts, *check_scales(model, data, base), *base.notes, *unstated_steps(model)]
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
+    if not foreign and (noises := stated_noise(model)):
+        series = beside_input_noise(model, base.settings, series, noises)
     experiment = replace(experiment, notes=(*experiment.notes, *notes))
     return Study(stated, experiment, model, base, series)
 
