@@ -10,7 +10,7 @@ import numpy as np
 from mopro.benchmark.hidden.of_machines import LISTED, UNLISTED
 
 _CASES = 300
-_SHARES = {"axis": 0.35, "kinematic": 0.2, "thermal": 0.25, "effort": 0.2}
+_SHARES = {"axis": 0.34, "kinematic": 0.16, "thermal": 0.24, "effort": 0.18, "python": 0.08}
 _NONE, _UNLISTED, _PAIR = 0.2, 0.12, 0.15
 _NOISES = {"stated": 0.5, "unknown": 0.15, "half": 0.1, "double": 0.1, "coloured": 0.15}
 # Trouble of the log, each drawn for itself.

@@ -141,6 +141,10 @@ LISTED: Mapping[str, Mapping[str, tuple[str, Draw]]] = {
         "delay": ("delay", _steps("d", 1.0, 5.0)),
     },
 }  # fmt: skip
+# Those that somebody's program of a slide knows.
+LISTED = {**LISTED, "python": {
+    name: LISTED["kinematic"][name] for name in ("scale", "lag", "delay", "periodic_error", "drift")
+}}  # fmt: skip
 # Unlisted ones, with the variables that a draft may be of.
 UNLISTED: Mapping[str, Mapping[str, tuple[Draw, tuple[str, ...]]]] = {
     "axis": {
@@ -162,6 +166,9 @@ UNLISTED: Mapping[str, Mapping[str, tuple[Draw, tuple[str, ...]]]] = {
     },
     "effort": {
         "friction of place": (_sized("F1", lambda s: s.rate / s.x), ("x",)),
+    },
+    "python": {
+        "bow": (lambda g, s: {"q": 4 * _small(g) / s.x, "middle": s.x / 2}, ("x", "y", "command")),
     },
 }  # fmt: skip
 # Effects of the time since a run began, which belong to that run.

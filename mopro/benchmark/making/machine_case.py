@@ -14,8 +14,14 @@ from mopro.benchmark.grids.machines import MachineSpec
 from mopro.benchmark.hidden.of_machines import LISTED, OF_A_RUN, UNLISTED, Parameters, Span
 from mopro.benchmark.making.machine_drawn import Machine, columns, drawn, span
 from mopro.benchmark.making.machine_size import seen, visible
-from mopro.benchmark.making.machine_texts import experiment_text, log, machine_text, per_si
-from mopro.benchmark.making.manifest import EXPERIMENT
+from mopro.benchmark.making.machine_texts import (
+    PROGRAM,
+    experiment_text,
+    log,
+    machine_text,
+    per_si,
+)
+from mopro.benchmark.making.manifest import EXPERIMENT, MODEL
 from mopro.benchmark.reference.machines import Columns, Floats
 
 Generator = np.random.Generator
@@ -98,6 +104,8 @@ def _written(
     noise = '"unknown"' if spec.noise == "unknown" else f"{told:.6g}"
     begun = {n: machine.numbers[n] * g.uniform(0.7, 1.4) for n in machine.free}
     files["machine.toml"] = machine_text(machine, begun).encode()
+    if machine.kind == "python":
+        files[MODEL] = PROGRAM.encode()
     files[EXPERIMENT] = experiment_text(machine, noise, names).encode()
     files[UNSEEN] = experiment_text(machine, noise, ["unseen.csv"]).encode()
     harder = _COLOURED if spec.noise == "coloured" else 1.0

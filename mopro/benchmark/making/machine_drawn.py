@@ -17,6 +17,7 @@ _RATES_HZ = {
     "axis": (250.0, 500.0, 1000.0),
     "effort": (250.0, 500.0, 1000.0),
     "kinematic": (20.0, 100.0, 250.0),
+    "python": (20.0, 100.0, 250.0),
     "thermal": (0.2, 0.5, 1.0),
 }
 _JITTER = 0.2
@@ -75,7 +76,10 @@ def _effort(g: Generator) -> tuple[dict[str, float], tuple[str, ...]]:
     return numbers, tuple(numbers)
 
 
-_NUMBERS = {"axis": _axis, "kinematic": _kinematic, "thermal": _thermal, "effort": _effort}
+_NUMBERS = {
+    "axis": _axis, "kinematic": _kinematic, "thermal": _thermal, "effort": _effort,
+    "python": _kinematic,
+}  # fmt: skip
 
 
 # -- motions ---------------------------------------------------------------------------------
@@ -143,6 +147,7 @@ def _swinging(g: Generator, machine: Machine, t: Floats) -> Columns:
 
 _MOTIONS: dict[str, Callable[[Generator, Machine, Floats], Columns]] = {
     "axis": _forces, "kinematic": _commands, "thermal": _heating, "effort": _swinging,
+    "python": _commands,
 }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mopro.benchmark.making.machine_drawn import TOLERANCE, Machine
+from mopro.benchmark.making.manifest import MODEL
 from mopro.benchmark.reference.machines import Columns, Floats
 
 _UNITS = {
@@ -53,7 +54,56 @@ _FORMS = {
         _RAD, (("command", "angle_rad", "angle_rad", 1.0),), ("current_A",), "current",
         reads="inertia * a + damping * v",
     ),
+    "python": _Form(
+        f'kind = "python"\npython = "{MODEL}:simulate"\n',
+        (("command", "target_mm", "command_m", 1e3),), ("position_mm",), "position", 1e3,
+    ),
 }  # fmt: skip
+# A program of a slide as its owner may have it, and what of its numbers may be off.
+PROGRAM = '''\
+"""A slide that follows its command, with what may be wrong with it."""
+
+import numpy as np
+
+
+def simulate(n, columns):
+    t, told = columns["time_s"], columns["target_mm"]
+    x = (1 + n["k"]) * np.interp(t - n["d"], t, told)
+    if n["tau"] > 0:
+        x = lagging(t, x, n["tau"])
+    phase = 2 * np.pi * x / (n["P"] or 1.0)
+    return {"position": x + n["s"] * np.sin(phase) + n["c"] * np.cos(phase) + n["r"] * t}
+
+
+def lagging(t, x, tau):
+    y, at = np.empty(len(x)), x[0]
+    steps = np.diff(t).tolist()
+    for i, (step, begin, end) in enumerate(zip(steps, x[:-1].tolist(), x[1:].tolist())):
+        y[i] = at
+        rise = (end - begin) * tau / step
+        at = end - rise + (at - begin + rise) * np.exp(-step / tau)
+    y[-1] = at
+    return y
+'''
+_OF_PROGRAM = """\
+[[effect]]
+name = "scale"
+k = { unit = "1", range = [-0.02, 0.02] }
+[[effect]]
+name = "lag"
+tau = { unit = "s", range = [0, 0.5] }
+[[effect]]
+name = "delay"
+d = { unit = "s", range = [-0.3, 0.3] }
+[[effect]]
+name = "periodic_error"
+P = { unit = "mm", range = [1, 150], role = "period" }
+s = { unit = "mm", range = [-2, 2] }
+c = { unit = "mm", range = [-2, 2] }
+[[effect]]
+name = "drift"
+r = { unit = "mm/s", range = [-1, 1] }
+"""
 
 
 def per_si(kind: str) -> float:
@@ -70,6 +120,7 @@ def machine_text(machine: Machine, starts: dict[str, float]) -> str:
     own = [name for name in machine.numbers if name in _UNITS and machine.numbers[name]]
     lines += ["[base]"] if own else []
     lines += [f"{name} = {{ {_stated(machine, name, starts)} }}" for name in own]
+    lines += [_OF_PROGRAM] if machine.kind == "python" else []
     return "\n".join(lines) + "\n"
 
 

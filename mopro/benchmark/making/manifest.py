@@ -16,11 +16,13 @@ from mopro.inputs import read_bytes
 MADE = "made.json"
 ANSWERS = "answers.json"
 EXPERIMENT = "experiment.toml"
+# A machine's model that is a program.
+MODEL = "model.py"
 # Suffixes of an experiment's files; other files beside them (notes, verdicts) are left alone.
-SUFFIXES = (".toml", ".CMD", ".csv", ".DAT")
+SUFFIXES = (".toml", ".CMD", ".csv", ".DAT", ".py")
 # Names that cannot lead out of the folder of their case.
 _NUMBER = re.compile(r"[0-9]{3,6}")
-_NAME = re.compile(r"[A-Za-z0-9_]{1,64}\.(?:toml|CMD|csv|DAT)")
+_NAME = re.compile(r"[A-Za-z0-9_]{1,64}\.(?:toml|CMD|csv|DAT|py)")
 _FORM = "files that mopro blind made, with their SHA-256"
 
 

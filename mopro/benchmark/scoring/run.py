@@ -21,6 +21,7 @@ from mopro.benchmark.making.make import hashes
 from mopro.benchmark.making.manifest import (
     ANSWERS,
     EXPERIMENT,
+    MODEL,
     Manifest,
     is_case_number,
     is_file_name,
@@ -87,6 +88,11 @@ class CaseFolder:
         cases = [self.folder / n / name for n, a in self.cases.items() for name in a["files"]]
         return [self.folder / ANSWERS, *cases]
 
+    @property
+    def programs(self) -> list[Path]:
+        """Models of the cases' machines that are programs."""
+        return [self.folder / n / MODEL for n, a in self.cases.items() if MODEL in a["files"]]
+
     def refuse_foreign_follow_ups(self) -> None:
         """Raise DataError if a folder for a follow-up holds files that were not made here."""
         for number in self.cases:
@@ -121,11 +127,13 @@ class VerdictSource:
 
     A verdict is kept beside its experiment and reused as long as the experiment's files stay
     the same, unless `again` is set. A process that gives no verdict within `patience_s` has
-    failed; failures are not kept. `simulations`: how many each process may do at once.
+    failed; failures are not kept. With `allow_python` a model that is a
+    program is run. `simulations`: how many each process may do at once.
     """
 
     again: bool = False
     patience_s: float = 600.0
+    allow_python: bool = False
     replies: Path | None = None
     simulations: int = 1
 
@@ -159,6 +167,7 @@ class VerdictSource:
     def _applied(self, experiment: Path, machine: Path) -> list[Any]:
         """Gaps of each run before and after the repair, as `mopro compare --apply` gives them."""
         words = ["compare", str(experiment), "--apply", str(machine), "--json"]
+        words += ["--allow-python"] if self.allow_python else []
         try:
             done = run_module("mopro", words, self.patience_s)
             return list(json.loads(done.stdout)["applied"])
@@ -173,6 +182,7 @@ class VerdictSource:
         words = ["reconcile", "--jobs", str(self.simulations), str(experiment), "--json"]
         words += [part for name in without for part in ("--without", name)]
         words += [] if out is None else ["--out", str(out)]
+        words += ["--allow-python"] if self.allow_python else []
         try:
             done = run_module("mopro", words, self.patience_s)
         except subprocess.TimeoutExpired:

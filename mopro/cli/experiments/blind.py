@@ -9,11 +9,17 @@ from pathlib import Path
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.terminal.options import OutputFile, Quantity, machine_option
+from mopro.cli.terminal.options import (
+    OutputFile,
+    Quantity,
+    allow_python_option,
+    machine_option,
+)
 from mopro.cli.terminal.outputs import claimed, drawn, keep_inputs, page_bytes
 from mopro.cli.terminal.progress import each_counted
 from mopro.cli.terminal.say import say
 from mopro.cli.terminal.table import print_markdown
+from mopro.errors import DataError
 
 _GRIDS = ("smoke", "small", "full", "deleted", "foreign", "short", "noise", "base", "machines")
 _MOST_SEED = 2**63 - 1
@@ -105,6 +111,7 @@ def _case_numbers(cases: str | None) -> frozenset[str]:
     show_default=True,
     help="How long one case may take.",
 )
+@allow_python_option()
 @click.option("--answers-from", type=click.Path(path_type=Path, file_okay=False), hidden=True)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--report", type=OutputFile(".md"), help="Write the tables to a Markdown file.")
@@ -116,6 +123,7 @@ def score(
     again: bool,
     follow: bool,
     patience: float,
+    allow_python: bool,
     answers_from: Path | None,
     as_json: bool,
     report: Path | None,
@@ -138,7 +146,13 @@ def score(
         found.refuse_foreign_follow_ups()
     # The processes share the cores: more threads than those would only wait for each other.
     simulations = max((os.cpu_count() or 1) // jobs, 1)
-    source = VerdictSource(again, patience, answers_from, simulations)
+    source = VerdictSource(again, patience, allow_python, answers_from, simulations)
+    if not (allow_python or answers_from) and (programs := found.programs):
+        raise DataError(
+            f"{programs[0]}: a program, which is run only with --allow-python: look at it first, "
+            "if you did not make these cases",
+            "not-allowed",
+        )
     with claimed(report):
         asked = judge_cases(found, source, jobs)
         judged = each_counted(asked, len(found.cases), "asking", "cases")

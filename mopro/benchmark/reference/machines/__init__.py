@@ -22,4 +22,6 @@ PLANTS: dict[str, Plant] = {
     "kinematic": kinematic.readings,
     "thermal": thermal.readings,
     "effort": effort.readings,
+    # Somebody's program of a slide.
+    "python": kinematic.readings,
 }
