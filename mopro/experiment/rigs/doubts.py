@@ -62,6 +62,8 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
         sensor = reading.sensor
         if sensor.scale is None or sensor.value is None or model.foreign or sensor.name in notes:
             continue
+        if not np.ptp(data[nth].values):
+            continue  # what is left of equal readings is rounding, which is of any scale
         factor, certain = _of_line(data[nth], own), True
         if factor is None:
             factor, certain = _of_fits(model, data, base, nth)
