@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 from helpers.commands import run_here
 from helpers.many_experiments import machines
+from helpers.many_experiments.axis import axis
 from helpers.many_experiments.draws import Draw
 from helpers.many_experiments.motor import Motor
 
 KINDS = {
-    "motor": Motor, "axis": machines.axis, "kinematic": machines.kinematic,
+    "motor": Motor, "axis": axis, "kinematic": machines.kinematic,
     "effort": machines.effort, "thermal": machines.thermal, "python": machines.python,
 }  # fmt: skip
 # The motor's simulation takes longer than all others.
