@@ -146,16 +146,18 @@ MEASURABLES = {
         Measurable("temperature", ("C",), of_node=True),
     )
 }
+_OF_A_PLACE = (
+    "m", "cm", "mm", "um", "nm", "in", "mil", "rad", "mrad", "deg", "arcmin", "arcsec", "turn",
+    "rev", "count", "step",
+)  # fmt: skip
 # What the name of a column may end in, and the unit that it stands for; the longest counts.
 _SUFFIXES = {
-    "rad_per_s": "rad/s", "deg_per_s": "deg/s", "mm_per_s": "mm/s", "m_per_s": "m/s",
-    "count_per_s": "count/s", "rad_s": "rad/s", "deg_s": "deg/s", "mm_s": "mm/s", "m_s": "m/s",
-    "in_s": "in/s", "um_s": "um/s", "count_s": "count/s", "step_s": "step/s", "rev_s": "rev/s",
+    **{f"{unit}{per}": f"{unit}/s" for unit in _OF_A_PLACE for per in ("_s", "_per_s")},
+    **{unit: unit for unit in _OF_A_PLACE},
     "percent": "%", "duty": "1", "Nm": "N m", "mNm": "mN m",
     **{unit: unit for unit in (
-        "m", "cm", "mm", "um", "nm", "in", "mil", "rad", "mrad", "deg", "arcmin", "arcsec", "turn",
-        "rev", "rpm", "count", "step", "N", "mN", "kN", "lbf", "A", "mA", "V", "mV", "C", "K", "s",
-        "ms", "us", "min", "h", "kg", "W", "mW", "kW",
+        "rpm", "N", "mN", "kN", "lbf", "A", "mA", "V", "mV", "C", "K", "s", "ms", "us", "min", "h",
+        "kg", "W", "mW", "kW",
     )},
 }  # fmt: skip
 

@@ -97,10 +97,15 @@ class Marginal:
 
     def __init__(self, columns: Floats) -> None:
         self._columns = columns
-        basis, sizes, self._turned = np.linalg.svd(columns, full_matrices=False)
-        seen = sizes**2 > ROUNDING
+        samples, count = columns.shape
+        basis, sizes, turned = np.linalg.svd(columns, full_matrices=samples < count)
+        seen = np.flatnonzero(sizes**2 > ROUNDING)
         self._basis, self._sizes = np.ascontiguousarray(basis[:, seen]), sizes[seen]
-        self._turned = self._turned[seen]
+        self._turned = turned[seen]
+        # Worked out as 1 less what is known, the variance of a term of 1e10 σ would be 0.
+        deviations = np.ones(count)
+        deviations[seen] /= np.hypot(1.0, self._sizes)
+        self._root = turned.T * deviations
         self._taken = 1 - 1 / np.hypot(1.0, self._sizes)
 
     @property
@@ -131,8 +136,7 @@ class Marginal:
         """Means and covariance of the terms, in widths, by a residual that was made `white`."""
         share = self._sizes / np.hypot(1.0, self._sizes)
         mean: Floats = self._turned.T @ (share * (self._basis.T @ white))
-        known = self._turned.T * share
-        return mean, np.eye(self._turned.shape[1]) - known @ known.T
+        return mean, self._root @ self._root.T
 
 
 def corrected(calibration: Calibration, mean: Floats, covariance: Floats) -> Iterator[Corrected]:
@@ -145,8 +149,11 @@ def corrected(calibration: Calibration, mean: Floats, covariance: Floats) -> Ite
     for owner in dict.fromkeys(owner for owner in owners if owner[1] != INPUT_NOISE):
         own = [i for i, each in enumerate(owners) if each == owner]
         part, errors = mean[own], covariance[np.ix_(own, own)]
-        square = float(part @ np.linalg.solve(errors, part))
-        log_bayes = (square + float(np.linalg.slogdet(errors)[1])) / 2
+        variances, turned = np.linalg.eigh(errors)
+        # One that is lost in the rounding of another is known as well as that at the least.
+        variances = np.maximum(variances, variances[-1] * np.finfo(float).eps)
+        square = float(np.sum((turned.T @ part) ** 2 / variances))
+        log_bayes = (square + float(np.sum(np.log(variances)))) / 2
         if 2 * log_bayes < STRONG:
             continue
         values = {}

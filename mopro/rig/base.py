@@ -141,10 +141,12 @@ def _first_motion(run: Run) -> tuple[float, float, float, float]:
     count = min(_FIRST, len(x))
     slope, at = np.polyfit(t[:count] - run.time_s[0], x[:count], 1) if count > 1 else (0.0, x[0])
     reach = float(np.ptp(x)) or 1.0
+    speeds = np.abs(np.diff(x[::count]) / np.diff(t[::count])) if len(x) > count else np.ones(1)
+    # Between readings that are equal it moves as well.
+    fastest = max(float(speeds.max()) + abs(float(slope)), reach / float(t[-1] - t[0]))
     if reading.sensor.zero is None:
         reach += abs(float(at))  # the axis' own zero may be anywhere
-    speeds = np.abs(np.diff(x[::count]) / np.diff(t[::count])) if len(x) > count else np.ones(1)
-    return float(at), float(slope), reach, _REACH * (float(speeds.max()) + abs(float(slope)))
+    return float(at), float(slope), reach, _REACH * fastest
 
 
 def _si(reading: Reading) -> Floats:

@@ -7,9 +7,9 @@ import pytest
 
 from mopro.instruments import Lvdt
 from mopro.residuals import Residuals
-from mopro.residuals.calibration import Marginal
+from mopro.residuals.calibration import Calibration, Marginal, corrected
 from mopro.series import Series
-from mopro.tolerances import Tolerances
+from mopro.tolerances import LINEARITY, Tolerances
 from mopro.units import INCH_M
 
 TIME_S = np.linspace(0.0, 2.0, 401)
@@ -158,3 +158,24 @@ def test_a_reading_whose_zero_is_known_has_its_gain_about_zero():
     residuals = problem(own)
     # The half inch is none of the gain's.
     assert float(residuals.at({}) @ residuals.at({})) > 1000
+
+
+@pytest.mark.parametrize("power", range(-12, 13, 3))
+def test_a_term_is_known_to_the_noise_however_large_it_is(power):
+    column = 10.0**power * np.ones((4, 1)) / 2
+    _, covariance = Marginal(column).terms(np.ones(4))
+    assert covariance[0, 0] == pytest.approx(1 / (1 + 10.0 ** (2 * power)), rel=1e-9, abs=0)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_terms_of_any_sizes_are_told_in_finite_numbers(seed):
+    rng = np.random.default_rng(seed)
+    samples, count = int(rng.integers(2, 12)), int(rng.integers(1, 5))
+    columns = rng.standard_normal((samples, count)) * 10 ** rng.uniform(-12, 12, count)
+    columns[:, -1] += columns[:, 0] * rng.choice([0.0, 1.0])
+    marginal = Marginal(columns)
+    white = marginal.white(columns @ rng.standard_normal(count) + rng.standard_normal(samples))
+    terms = tuple(("s", LINEARITY, f"p{i}", "mm", 0.1) for i in range(count))
+    for own in corrected(Calibration(terms, columns), *marginal.terms(white)):
+        numbers = [own.log_bayes, own.sigmas, *(v for v, *_ in own.values.values())]
+        assert np.isfinite(numbers).all()

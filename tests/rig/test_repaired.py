@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import DRIVEN, drive_folder, write
+from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, write
 from mopro.errors import ModelError
 from mopro.experiment.opened import open_experiment
 from mopro.experiment.rigs.repaired import machine_text
@@ -168,6 +168,17 @@ def test_an_effect_of_the_experiment_replaces_that_of_the_machine(tmp_path):
     text = machine_text(study.experiment, found)
     assert [e["formula"] for e in tomllib.loads(text)["effect"]] == ["-q * x"]
     assert rerun(study, found, text).fault is None
+
+
+@pytest.mark.parametrize("own", ["", FRICTION_OF_PLACE.replace("F1 *", "F1 * 2 *")])
+def test_an_effect_that_is_on_keeps_the_formula_that_the_experiment_states(tmp_path, own):
+    on = '[effects."friction of place"]\nF1 = { value = 0.5, unit = "N/m" }\n'
+    text = DRIVEN + FRICTION_OF_PLACE
+    study = studied(tmp_path, DRIVE + own + "\n" + on, text)
+    found = verdict(study, {"viscous": 2.5}, {})
+    written = machine_text(study.experiment, found)
+    assert written.count('formula = "F1 * abs(x)"') == written.count("formula") == 1
+    assert rerun(study, found, written).fault is None
 
 
 def test_out_is_refused_where_the_file_would_not_predict_the_verdict(tmp_path):

@@ -63,6 +63,8 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
         sensor = reading.sensor
         if sensor.scale is None or sensor.value is None or model.foreign or sensor.name in notes:
             continue
+        if not np.ptp(series.values):
+            continue  # what is left of equal readings is rounding, which is of any scale
         factor, certain = _of_line(series, own), True
         if factor is None and base.parameters and model.rig.kind != KINEMATIC:
             factor, certain = _of_fits(parts, series, _left(series, own))

@@ -45,8 +45,10 @@ def machine_text(experiment: RigExperiment, verdict: Verdict) -> str:
     own = read_rig(rig.source).effects
     lines = list(without_replaced(kept, own, rig.effects))
     stated = {tuple(toml_lines(effect)) for effect in own}
+    # The file may switch on what the experiment states.
+    used = names | rig.active.keys()
     for written in rig.effects:
-        if written.name in names and tuple(toml_lines(written)) not in stated:
+        if written.name in used and tuple(toml_lines(written)) not in stated:
             lines += ["", *toml_lines(written)]
     for effect in found:
         lines += ["", *_section(experiment, effect, verdict, place)]
