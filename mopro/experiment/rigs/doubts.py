@@ -54,7 +54,8 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
     """Notes on sensors whose readings another sign or a known factor makes fit better.
 
     ModelError if they hardly fit as they are stated, and do so with the factor: where they do not,
-    it is the law that is wrong. A sensor of free scale is not doubted.
+    it is the law that is wrong. A sensor that states its scale is not refused, one of free scale
+    not doubted.
     """
     predicted = model(base.settings)
     notes: dict[str, str] = {}
@@ -62,14 +63,16 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
         sensor = reading.sensor
         if sensor.scale is None or sensor.value is None or model.foreign or sensor.name in notes:
             continue
-        factor, certain = _of_line(data[nth], own), True
+        factor, poor = _of_line(data[nth], own), True
         if factor is None:
-            factor, certain = _of_fits(model, data, base, nth)
+            factor, poor = _of_fits(model, data, base, nth)
         if factor is None:
             continue
         message = f"{sensor.name}: {_words(data[nth], factor)}"
-        if certain:
-            raise sensor.value["column"].error(message, "wrong-scale", _hint(factor))
+        of = "sign" if factor == -1 else "scale"
+        if poor and of not in sensor.value and _fits_with(model, data, factor, nth):
+            hint = f"{_hint(factor)}; if the readings are right, state {of} = 1"
+            raise sensor.value["column"].error(message, "wrong-scale", hint)
         notes[sensor.name] = f"{message}: {_hint(factor)}"
     return [*notes.values(), *_levels(model, predicted, notes.keys())]
 
@@ -180,7 +183,7 @@ def _named(slope: float) -> float | None:
 def _of_fits(
     model: Model, data: Sequence[Series], base: BaseFit, nth: int
 ) -> tuple[float | None, bool]:
-    """The known factor, or the sign, with which the model fits much better, and if it is certain.
+    """The known factor, or the sign, with which the model fits much better; if it is poor without.
 
     For a model of free numbers or of a free start, which follow the readings.
     """
@@ -198,10 +201,14 @@ def _of_fits(
     best = min(shares, key=lambda f: shares[f])
     if shares[best] >= _BETTER * min(stated, 1.0):
         return None, False
-    # A sensor has one scale in all runs.
+    return best, stated >= _POOR
+
+
+def _fits_with(model: Model, data: Sequence[Series], factor: float, nth: int) -> bool:
+    """True if the model fits all runs of the sensor with the factor, as a sensor has one scale."""
     sensor = model.readings[nth][1].sensor
     rows = [i for i, (_, reading) in enumerate(model.readings) if reading.sensor == sensor]
-    return best, stated >= _POOR and _share_left(model, data, best, rows) < _TRIED
+    return _share_left(model, data, factor, rows) < _TRIED
 
 
 def _begun(model: Model) -> Model:
@@ -244,7 +251,8 @@ def _share_left(
 def _left(own: Series, simulated: Floats) -> float:
     """Share of the variance of a series that is not as simulated."""
     left = own.without_nuisances(np.nan_to_num(own.values - simulated, nan=1e9))
-    whole = own.without_nuisances(own.values)
+    # Of a sensor whose zero is known the level is no part of what changes.
+    whole = own.without_nuisances(own.values - own.values.mean())
     return float(left @ left) / (float(whole @ whole) or 1.0)
 
 
