@@ -6,16 +6,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helpers.one_run import LASER, of
 from mopro.benchmark.grids.named import TOLERANCES, case_specs
-from mopro.benchmark.hidden.spec import ENCODER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.benchmark.hidden.constants import constants, with_constants
+from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, THERMAL
+from mopro.benchmark.hidden.spec import COARSE, ENCODER, LVDT, THERMOCOUPLE, CaseSpec
 from mopro.benchmark.making.case import draw_case
 from mopro.benchmark.making.machine import read_machine
 from mopro.benchmark.making.make import make, write
 from mopro.benchmark.reference.nominal import THESIS
 from mopro.benchmark.scoring.judge import judge
 from mopro.benchmark.scoring.score import Score
+from mopro.candidate import Role
+from mopro.effects import catalogue
 from mopro.errors import DataError
 from mopro.experiment.check.load import load_experiment
+from mopro.experiment.predict.forward_model import ForwardModel
+from mopro.instruments.quantity import TEMPERATURE
+from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 
 
@@ -27,6 +35,53 @@ def made(grid, fits, folder, **how):
     """The folder and the answer of the first case that fits."""
     number, _ = make(1, grid, folder, frozenset([number_of(grid, fits)]), **how)
     return folder / number, json.loads((folder / "answers.json").read_text())["cases"][number]
+
+
+@pytest.fixture(scope="module")
+def view():
+    """A run that a laser, one on the other axis and a thermocouple read."""
+    experiment = of(np.zeros(200))
+    (trial,) = experiment.trials
+    (reading,) = trial.readings
+    other = replace(LASER, name="other", column="position_2_in", axis=2)
+    warm = Sensor("tc", TEMPERATURE, "temperature_C", 2.0, noise_rms=0.1)
+    readings = tuple(replace(reading, sensor=s) for s in (LASER, other, warm))
+    return ForwardModel(replace(experiment, trials=(replace(trial, readings=readings),)))
+
+
+class TestConstants:
+    def test_the_grid(self):
+        specs = case_specs("constants", 1)
+        assert len(specs) == 200
+        assert all(s.constants and s.runs == 1 for s in specs)
+        assert {s.sensor for s in specs} == {LVDT, THERMOCOUPLE}
+        assert {name for s in specs for name, _ in s.effects} == {*COARSE, *THERMAL}
+
+    @pytest.mark.parametrize("name", HIDDEN_EFFECTS)
+    def test_what_the_diagnosis_frees_is_drawn_over_its_range(self, name, view):
+        freed = {
+            p.name: (p.low, p.high)
+            for form in catalogue()[name].candidates(view)
+            for p in form.parameters
+            if p.role is Role.CONSTANT
+        }
+        assert {*freed} <= {p.name for p in constants(name)}
+        g, effect = np.random.default_rng(1), HIDDEN_EFFECTS[name]
+        draws = [with_constants(g, name, effect.draw(g, THESIS)) for _ in range(200)]
+        for constant, (low, high) in freed.items():
+            values = [drawn(0.5)[constant] for drawn in draws]
+            assert low <= min(values) < low + 0.1 * (high - low)
+            assert high - 0.1 * (high - low) < max(values) <= high
+
+    def test_a_case_s_constant_is_the_one_that_its_machine_has(self):
+        spec = CaseSpec("short", THERMOCOUPLE, (("platen_conduction", "clear"),), runs=1,
+                        style="cycles", run_s=300.0, constants=True)  # fmt: skip
+        case = draw_case(1, "001", spec)
+        own = case.effects["platen_conduction"]
+        assert own["T_p"] != case.nominal.air_C
+        at_air = {**own, "T_p": case.nominal.air_C}
+        shown = case.noiseless()
+        assert shown.total_sigma({"platen_conduction": at_air}) != pytest.approx(case.total_sigma)
 
 
 class TestShort:

@@ -1,9 +1,11 @@
 """Searches for starting values: periods, and the time after which current falls at rest."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import mopro
 from helpers.one_run import LASER, PROGRAM, of
@@ -17,14 +19,24 @@ from mopro.residuals import Residuals
 
 
 def starts(
-    name, truth, fitted=(), seed=0, program=PROGRAM, noise_in=LASER.noise_rms, form="", stated=1.0
+    name,
+    truth,
+    fitted=(),
+    seed=0,
+    program=PROGRAM,
+    noise_in=LASER.noise_rms,
+    form="",
+    stated=1.0,
+    memory=0.0,
 ):
     """The starts that the search of candidate `name` finds in a run with `truth` in it.
 
-    `stated`: the noise that the sensor states, as a multiple of its own.
+    `stated`: the noise that the sensor states, as a multiple of its own; `memory`: its correlation
+    from sample to sample.
     """
     (clean,) = ForwardModel(of(np.zeros(3200), program), FINE)(truth)
-    noise = noise_in * np.random.default_rng(seed).standard_normal(len(clean))
+    white = noise_in * np.random.default_rng(seed).standard_normal(len(clean))
+    noise = lfilter([math.sqrt(1 - memory**2)], [1, -memory], white)
     experiment = of(clean + noise, program)
     (trial,) = experiment.trials
     (reading,) = trial.readings
@@ -82,6 +94,16 @@ def test_the_moment_when_current_falls_is_found_where_all_rests_drown_it_in_nois
     truth = {"hold_current_reduction": {"h": 0.4, "t_h": 0.15}}
     noise_in = 4 * LASER.noise_rms
     found = starts("hold_current_reduction", truth, seed=seed, noise_in=noise_in)
+    assert found
+    assert max(abs(values["t_h"] - 0.15) for values in found) < 0.003
+
+
+@pytest.mark.parametrize("memory", [0.5, 0.75, 0.9])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_moment_when_current_falls_is_found_in_noise_with_a_memory(memory, seed):
+    """Neighbours differ by less than such noise is: it exceeds them in moves as well."""
+    truth = {"hold_current_reduction": {"h": 0.4, "t_h": 0.15}}
+    found = starts("hold_current_reduction", truth, seed=seed, memory=memory)
     assert found
     assert max(abs(values["t_h"] - 0.15) for values in found) < 0.003
 

@@ -20,6 +20,7 @@ GRIDS: dict[str, Callable[[np.random.Generator], Iterator[Spec]]] = {
     "deleted": deleted.deleted,
     "foreign": foreign.foreign,
     "short": short.short,
+    "constants": short.constants,
     "noise": noise.noise,
     "base": base.base,
     "machines": machines.machines,

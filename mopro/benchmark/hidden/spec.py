@@ -35,7 +35,8 @@ class CaseSpec:
     `foreign` is a kind of physics or fault that is in no catalogue.
     Recordings that are `cut` end before their program. The experiment states the sensors' noise
     times `noise_factor`. With `base` the machine's numbers are off within their tolerance.
-    Effects that are `stated` are those of a user's file.
+    Effects that are `stated` are those of a user's file. With `constants` what the effects assume
+    is anywhere in its plausible range.
     """
 
     group: str
@@ -51,6 +52,7 @@ class CaseSpec:
     noise_factor: float = 1.0
     base: bool = False
     stated: bool = False
+    constants: bool = False
 
 
 def single(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mopro.benchmark.grids.base import DEVIATION
+from mopro.benchmark.hidden.constants import with_constants
 from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
 from mopro.benchmark.hidden.foreign_kinds import FOREIGN_KINDS, of_size
 from mopro.benchmark.hidden.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
@@ -215,6 +216,8 @@ def _attempt(
     for name, size in spec.effects:
         hidden = case.hidden_effect(name)
         drawn_effect = hidden.draw(g, nominal)
+        if spec.constants:
+            drawn_effect = with_constants(g, name, drawn_effect)
         target = _target(g, size)
         strength, total = strength_for(noiseless, name, drawn_effect, target, hidden.least)
         case.effects[name] = drawn_effect(strength)

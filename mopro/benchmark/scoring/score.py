@@ -36,7 +36,7 @@ _DISTINGUISHED_SIGMA = 6.0
 # Tables of grids that are not judged as the grid `full` is.
 _TABLES = {
     "deleted": deleted_rows, "foreign": foreign_rows, "machines": machines_rows,
-    "short": short_rows,
+    "short": short_rows, "constants": short_rows,
 }  # fmt: skip
 
 

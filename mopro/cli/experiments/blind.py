@@ -21,7 +21,10 @@ from mopro.cli.terminal.say import say
 from mopro.cli.terminal.table import print_markdown
 from mopro.errors import DataError
 
-_GRIDS = ("smoke", "small", "full", "deleted", "foreign", "short", "noise", "base", "machines")
+_GRIDS = (
+    "smoke", "small", "full", "deleted", "foreign", "short", "constants", "noise", "base",
+    "machines",
+)  # fmt: skip
 _MOST_SEED = 2**63 - 1
 
 

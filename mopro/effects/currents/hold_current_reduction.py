@@ -147,24 +147,25 @@ class HoldCurrentStartFinder:
 
         Each series contributes its rests up to the first one with an excess, as the effect also
         changes the start of the next move. None without an excess, over all rests or over
-        those periods, or if the first moves show one as well: then another effect is the cause. An
-        excess is that over the white noise in the data themselves, as the stated one may be wrong.
+        those periods. An excess is that over what neighbouring samples differ by, as the stated
+        noise may be wrong, and over what the first move shows: noise with a memory, or another
+        effect.
         """
         from mopro.residuals import difference_variance  # loads scipy
 
-        first_moves, rests = [np.empty(0)], [np.empty((2, 0))]
+        rests = [np.empty((2, 0))]
         for row, (_, reading) in self._view.positions().items():
+            square = fit.residuals[row] ** 2
             noise = difference_variance(fit.residuals[row]) or 1.0
-            excess = fit.residuals[row] ** 2 / noise - 1
             for number, (samples, end_s) in enumerate(self._since[row]):
-                rested_s, own = reading.time_s[samples] - end_s, excess[samples]
-                if not number:
-                    first_moves.append(own[rested_s < 0])
-                rests.append(np.stack([rested_s, own])[:, rested_s >= 0])
+                rested_s, own = reading.time_s[samples] - end_s, square[samples]
+                if not number and (rested_s < 0).any():
+                    noise = max(noise, float(own[rested_s < 0].mean()))
+                rests.append(np.stack([rested_s, own / noise - 1])[:, rested_s >= 0])
                 if _is_excessive(rests[-1][1]):
                     break
         rested_s, excess = np.concatenate(rests, axis=1)
-        if not len(excess) or _is_excessive(np.concatenate(first_moves)):
+        if not len(excess):
             return None
         order = np.argsort(rested_s, kind="stable")
         times, excess = rested_s[order], excess[order]

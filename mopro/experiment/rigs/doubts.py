@@ -54,7 +54,8 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
     """Notes on sensors whose readings another sign or a known factor makes fit better.
 
     ModelError if they hardly fit as they are stated, and do so with the factor: where they do not,
-    it is the law that is wrong. A sensor of free scale is not doubted.
+    it is the law that is wrong. A sensor that states its scale is not refused, one of free scale
+    not doubted.
     """
     predicted = model(base.settings)
     notes: dict[str, str] = {}
@@ -65,14 +66,16 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
             continue
         if not np.ptp(series.values):
             continue  # what is left of equal readings is rounding, which is of any scale
-        factor, certain = _of_line(series, own), True
+        factor, poor = _of_line(series, own), True
         if factor is None and base.parameters and model.rig.kind != KINEMATIC:
-            factor, certain = _of_fits(parts, series, _left(series, own))
+            factor, poor = _of_fits(parts, series, _left(series, own))
         if factor is None:
             continue
         message = f"{sensor.name}: {_words(series, factor)}"
-        if certain:
-            raise sensor.value["column"].error(message, "wrong-scale", _hint(factor))
+        of = "sign" if factor == -1 else "scale"
+        if poor and of not in sensor.value and _fits_all(parts, sensor.name, factor):
+            hint = f"{_hint(factor)}; if the readings are right, state {of} = 1"
+            raise sensor.value["column"].error(message, "wrong-scale", hint)
         notes[sensor.name] = f"{message}: {_hint(factor)}"
     return [*notes.values(), *_levels(model, predicted, notes.keys())]
 
@@ -236,7 +239,7 @@ def _fitted_together(model: Model, data: Sequence[Series]) -> list[_Part]:
 
 
 def _of_fits(parts: Sequence[_Part], doubted: Series, stated: float) -> tuple[float | None, bool]:
-    """The known factor, or the sign, with which the model fits much better, and if it is certain.
+    """The known factor, or the sign, with which the model fits much better; if it is poor without.
 
     For a model of free numbers or of a free start, which follow the readings. At the stated scale
     it leaves a share `stated` of the doubted ones.
@@ -257,7 +260,7 @@ def _of_fits(parts: Sequence[_Part], doubted: Series, stated: float) -> tuple[fl
     if not likely:
         return None, False
     best = min(likely, key=lambda f: shares[f])
-    return best, stated >= _POOR and _fits_all(parts, sensor, best)
+    return best, stated >= _POOR
 
 
 def _fits_all(parts: Sequence[_Part], sensor: str, factor: float) -> bool:
@@ -279,7 +282,8 @@ def _rows_of(reading: Reading) -> int:
 def _left(own: Series, simulated: Floats) -> float:
     """Share of the variance of a series that is not as simulated."""
     left = own.without_nuisances(np.nan_to_num(own.values - simulated, nan=1e9))
-    whole = own.without_nuisances(own.values)
+    # Of a sensor whose zero is known the level is no part of what changes.
+    whole = own.without_nuisances(own.values - own.values.mean())
     return float(left @ left) / (float(whole @ whole) or 1.0)
 
 
