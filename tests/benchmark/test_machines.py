@@ -203,6 +203,25 @@ def test_what_a_free_number_takes_up_does_not_show():
     assert sizes["viscous_drag"] < 1e-3 * sizes["cubic_damping"]
 
 
+def test_a_program_of_a_machine_is_run_only_where_that_is_allowed(tmp_path):
+    words = ("--seed", 77, "--grid", "machines", "--cases", "7,55", "--out", "c")
+    made = run_here(tmp_path, "blind", "make", *words)
+    assert made.returncode == 0, made.stderr
+    refused = run_here(tmp_path, "blind", "score", "c")
+    assert refused.returncode == 2
+    assert "--allow-python" in refused.stderr
+    done = run_here(tmp_path, "blind", "score", "c", "--allow-python", "--json")
+    assert done.returncode == 0, done.stderr
+    answers = json.loads((tmp_path / "c" / "answers.json").read_text())["cases"]
+    for number, answer in answers.items():
+        reply = json.loads((tmp_path / "c" / number / "verdict.json").read_text())
+        named = {effect["name"] for effect in reply["effects"]}
+        assert named == {effect["name"] for effect in answer["effects"]}
+        judged = judge_machine(number, answer, reply, tmp_path / "c" / number)
+        assert judged.same
+        assert judged.unseen_after < 1.5
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_a_number_with_a_tolerance_is_off_by_less(seed):
     answer, files = a_case("axis", ("quadratic_drag",), seed=seed)

@@ -117,7 +117,7 @@ def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> i
         try:
             if conclusion.machine_fault is not None:
                 raise conclusion.machine_fault
-            write(out, conclusion.machine_text.encode("utf-8"))
+            write(out, conclusion.text_in(out.parent).encode("utf-8"))
         except DataError as error:
             say(error.render(), err=True)
             code = EXIT_BAD_INPUT

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,7 +15,7 @@ from mopro import markup
 from mopro.effects import catalogue_of
 from mopro.errors import DataError
 from mopro.experiment.compare.comparison import Place, compare
-from mopro.experiment.conclude.machine_file import machine_text, machine_with, of_runs
+from mopro.experiment.conclude.machine_file import machine_text, machine_with, of_runs, quoted
 from mopro.experiment.conclude.wording import advice, file_words, reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
@@ -21,6 +23,7 @@ from mopro.experiment.model import Experiment
 from mopro.residuals import Residuals, without_wild
 from mopro.series import Floats, Series
 from mopro.source import Source
+from mopro.tomlfile import Document
 from mopro.verdict import Verdict, rms
 
 _MOST_PLACES = 40
@@ -68,6 +71,7 @@ class Conclusion:
     `machine_fault`: why that text must not be written. `of_runs`: the effects in it that belong to
     the runs of this experiment. `left_out` are the effects that were no candidates, `tried` those
     that were.
+    `program`: the model, if the machine is a program.
     `advice`: what else to do if the verdict is ambiguous and no next experiment is proposed.
     """
 
@@ -83,6 +87,19 @@ class Conclusion:
     of_runs: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     tried: tuple[str, ...] = ()
+    program: Path | None = None
+
+    def text_in(self, folder: Path) -> str:
+        """The machine's file for a folder: it finds a model that is a program from there."""
+        if self.program is None:
+            return self.machine_text
+        stated = Document(Source("", self.machine_text)).root["python"]
+        found = os.path.relpath(self.program.resolve(), folder.resolve())
+        named = f"{Path(found).as_posix()}:{stated.data.rpartition(':')[2]}"
+        lines, row = self.machine_text.split("\n"), stated.span.line - 1
+        # The span is that of the key.
+        lines[row] = lines[row].replace(stated.data, quoted(named)[1:-1], 1)
+        return "\n".join(lines)
 
     @property
     def runs(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from pathlib import Path
 
 from mopro.diagnosis import reconcile
 from mopro.errors import DataError
@@ -15,6 +16,7 @@ from mopro.experiment.rigs.repaired import effects_of_runs, machine_text
 from mopro.experiment.rigs.rerun import rerun
 from mopro.experiment.rigs.study import Study
 from mopro.rig.candidates import candidates, in_one_run, unlisted
+from mopro.rig.model import Rig
 from mopro.verdict import Verdict
 
 _MOST_PLACES = 40
@@ -70,7 +72,13 @@ def conclude(
         left_out=tuple(sorted({c.name for c in every} & set(left_out))),
         advice=advice(verdict, _ADVICE),
         tried=tuple(dict.fromkeys(c.name for c in tried)),
+        program=_program(study.experiment.machine),
     )
+
+
+def _program(rig: Rig) -> Path | None:
+    """The file of a model that is a program."""
+    return rig.python and Path(rig.source.name).parent / rig.python[0]
 
 
 def names(study: Study) -> frozenset[str]:
