@@ -134,6 +134,9 @@ def _of_file(answer: Document, reply: Document) -> dict[str, Any]:
         same = all(b is not None and abs(a - b) <= _EQUAL * abs(b) for a, b in pairs)
     if not unseen:
         return {"same": same}
-    rms = [np.sqrt(np.mean([r[key] ** 2 for r in unseen])) for key in ("before_rms", "after_rms")]
+    rms = [
+        float(np.sqrt(np.mean([r[key] ** 2 for r in unseen])))
+        for key in ("before_rms", "after_rms")
+    ]
     noise = answer["sigma"] * per_si(answer["machine"]["kind"])
     return {"same": same, "unseen_before": rms[0] / noise, "unseen_after": rms[1] / noise}
