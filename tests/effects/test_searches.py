@@ -161,3 +161,25 @@ def test_the_search_for_a_moment_ends_early_where_none_is_any_better():
 @pytest.mark.parametrize("truth", [{}, {"viscous_drag": {"b": 8.0}}], ids=["nothing", "drag"])
 def test_where_nothing_begins_at_rest_no_moment_is_sought(truth):
     assert starts("hold_current_reduction", truth) == []
+
+
+MOVE, BACK = "MRI1 3.0\nWX1\nWT200\n", "MRI1 -2.0\nWX1\nWT300\n"
+
+
+@pytest.mark.parametrize("moves", [(2, 1, 2), (2, 2), (1, 3, 2, 3), (3, 1, 1, 3)])
+def test_pitches_lost_in_one_move_of_all_are_found_where_some_runs_end_before_it(moves):
+    lost, trials = {"n": 1.0, "move": float(max(moves)), "at": 0.5}, []
+    for nth, count in enumerate(moves):
+        head = "UU012500/1\nACC1 0.2\nVEL1 20.0\n"
+        program = mopro.compile(head + "".join([MOVE, BACK, MOVE][:count]))
+        (clean,) = ForwardModel(of(np.zeros(2400), program), FINE)({"lost_steps": lost})
+        noise = LASER.noise_rms * np.random.default_rng(nth).standard_normal(len(clean))
+        (trial,) = of(clean + noise, program).trials
+        trials.append(dataclasses.replace(trial, name=f"run{nth}.csv"))
+    motor = ForwardModel(dataclasses.replace(of(clean), trials=tuple(trials)), COARSE)
+    (candidate,) = [c for c in candidates(motor) if c.name == "lost_steps"]
+    residuals = Residuals(motor, series_of(motor))
+    null = least_squares_fit(residuals, (), [{}])
+    found = [group[0].values for group in searched(residuals, null, null, candidate)]
+    (of_all,) = [values for values in found if values["run"] == -1.0]
+    assert (of_all["n"], of_all["move"]) == (lost["n"], lost["move"])

@@ -51,13 +51,17 @@ class LostSteps(Effect):
 
 
 def _steps(view: View, fit: ResidualView) -> Iterator[Values]:
-    """Starting values for lasting steps of whole pitches, in one run or in the same move of all."""
+    """Starting values for lasting steps of whole pitches, in one run or in the same move of all.
+
+    A run of fewer moves has no such move, and shows none.
+    """
     steps: list[dict[str, float]] = []
+    counts: list[int] = []
     begun, over = 0.0, 1.0
-    positions = view.positions()
-    for row, (run, reading) in positions.items():
+    for row, (run, reading) in view.positions().items():
         here = step(fit.residuals[row], residual_m(view, fit, row), reading.time_s)
         moves = [m for m in view.schedule(run).moves if reading.sensor.axis in m.axes]
+        counts.append(len(moves))
         if here is None or not moves:
             continue
         before_s, after_s, height_m = here
@@ -70,7 +74,8 @@ def _steps(view: View, fit: ResidualView) -> Iterator[Values]:
         over = min(over, _share(moves[index], after_s))
     yield from steps
     alike = {(f["n"], f["move"]) for f in steps}
-    if len(steps) > 1 and len(steps) == len(positions) and len(alike) == 1:
+    able = sum(count >= own["move"] for own in steps[:1] for count in counts)
+    if len(steps) > 1 and len(steps) == able and len(alike) == 1:
         # Each run bounds the time by two samples; their intersection is the narrowest.
         yield {**steps[0], "at": (begun + over) / 2, RUN: -1.0}
 
