@@ -60,7 +60,7 @@ class Residuals:
         self.basis = self.nuisance_basis(self.mask)
         self._shapes = [_support(column) for column in self.basis.T]
         self._calibration, self._marginal = calibration, self._marginal_of(calibration)
-        self.count: int = int(np.count_nonzero(self.weights[self.mask])) - self.basis.shape[1]
+        self.count = int(np.count_nonzero(self.weights[self.mask])) - self.basis.shape[1]
         # Asked by several threads at once.
         kept: LRUCache[Hashable, Floats] = LRUCache(_KEPT_COARSE)
         self._known_coarse_at = cached(kept, key=key_of, lock=Lock())(self._coarse_at)

@@ -90,7 +90,7 @@ def _drift(g: Generator, s: Span) -> Parameters:
 
 
 # By kind and key, the name of the effect and its draw.
-LISTED: Mapping[str, Mapping[str, tuple[str, Draw]]] = {
+_LISTED: Mapping[str, Mapping[str, tuple[str, Draw]]] = {
     "axis": {
         "dry friction": ("dry_friction", _sized("Fc", lambda s: 0.5 * s.drive)),
         "Stribeck": ("dry_friction", _stribeck),
@@ -141,10 +141,11 @@ LISTED: Mapping[str, Mapping[str, tuple[str, Draw]]] = {
         "delay": ("delay", _steps("d", 1.0, 5.0)),
     },
 }  # fmt: skip
-# Those that somebody's program of a slide knows.
-LISTED = {**LISTED, "python": {
-    name: LISTED["kinematic"][name] for name in ("scale", "lag", "delay", "periodic_error", "drift")
-}}  # fmt: skip
+# Somebody's program of a slide knows all that a slide may have but the play.
+LISTED = {
+    **_LISTED,
+    "python": {key: own for key, own in _LISTED["kinematic"].items() if key != "backlash"},
+}
 # Unlisted ones, with the variables that a draft may be of.
 UNLISTED: Mapping[str, Mapping[str, tuple[Draw, tuple[str, ...]]]] = {
     "axis": {

@@ -98,7 +98,7 @@ def _run(folder, *args):
 
 
 def _said(done):
-    """What is wrong with the exit code or the words of a command; None for nothing."""
+    """The fault of the exit code or of the words of a command; None if there is none."""
     if done.returncode not in (0, 1, 2):
         return "exit code", f"{done.returncode}: {done.stderr}"
     said = _EXCERPT.sub("", done.stderr) + "\n".join(_texts(done.stdout))

@@ -1,4 +1,4 @@
-"""What the machines beside the motor share: places, effects of the user, runs."""
+"""Places, effects of the user and runs, as machines of all kinds beside the motor have them."""
 
 import numpy as np
 
