@@ -3,7 +3,7 @@
     mopro blind make --seed 1 --grid small --out cases
     python bench/constants.py cases [--sample 12] [--jobs 2] [--only STRONG --only FITTED]
 
-Asks about each case with `mopro/assumed.py` as it stands and with one number changed,
+Asks about each case with `mopro/engine/assumed.py` as it stands and with one number changed,
 each in a process of its own, and prints for each change the cases whose verdict or names differ,
 and those that only tell another one of the same alternatives first. What was simulated for a case
 before is read from a folder that goes with the case, so that a change costs its new simulations
@@ -29,7 +29,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-MODULE = "mopro.assumed"
+MODULE = "mopro.engine.assumed"
 SOURCE = Path(__file__).parents[1] / "mopro" / "assumed.py"
 # Rounding, below which nothing is decided.
 ROUNDING = "# -- rounding "
@@ -120,7 +120,7 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
     name, factor = change
     if name:
         sys.modules[MODULE] = changed_module(name, factor)
-    from mopro.diagnosis import reconcile as plain
+    from mopro.engine import reconcile as plain
     from mopro.experiment.check.load import load_experiment
     from mopro.experiment.diagnose import diagnosis
 

@@ -28,8 +28,7 @@ from typing import Any
 
 import numpy as np
 
-import mopro.diagnosis
-from mopro.assumed import SAME
+import mopro.engine
 from mopro.benchmark.grids.machines import MachineSpec
 from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, POSITION
 from mopro.benchmark.hidden.of_machines import LISTED
@@ -37,15 +36,16 @@ from mopro.benchmark.hidden.spec import ENCODER, LASER, THERMOCOUPLE, CaseSpec
 from mopro.benchmark.making.case import draw_case
 from mopro.benchmark.making.machine_case import machine_case
 from mopro.benchmark.making.make import experiment
-from mopro.candidate import RUN, Candidate, Role
-from mopro.diagnosis.engine import BASE
+from mopro.engine.assumed import SAME
+from mopro.engine.candidate import RUN, Candidate, Role
+from mopro.engine.diagnosis import BASE
+from mopro.engine.fits import NO_LIMIT, growing_fit, least_squares_fit
+from mopro.engine.residuals import Residuals
+from mopro.engine.verdict import Verdict
 from mopro.experiment.diagnose import diagnosis as of_the_motor
 from mopro.experiment.opened import open_experiment
 from mopro.experiment.rigs import conclude as of_a_rig
-from mopro.fits import NO_LIMIT, growing_fit, least_squares_fit
 from mopro.formula.dimension import factor_of
-from mopro.residuals import Residuals
-from mopro.verdict import Verdict
 
 EXPLAINED = 0.9
 # Chi-squared that counts as something to explain: 10 σ.
@@ -127,7 +127,7 @@ def concluded(path: Path) -> list[Asked]:
     calls: list[Asked] = []
 
     def asked(simulate: Any, effects: Any, data: Any, **how: Any) -> Verdict:
-        verdict = mopro.diagnosis.reconcile(simulate, effects, data, **how)
+        verdict = mopro.engine.reconcile(simulate, effects, data, **how)
         calls.append(Asked(simulate, tuple(effects), tuple(data), how, verdict))
         return verdict
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from mopro.diagnosis import Candidate, Parameter, Series, Verdict, reconcile
+from mopro.engine import Candidate, Parameter, Series, Verdict, reconcile
 
 Floats = NDArray[np.float64]
 Rng = np.random.Generator

@@ -23,7 +23,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from helpers.measured import Measured
-from mopro.verdict import Verdict
+from mopro.engine.verdict import Verdict
 
 LVDT = ("LVDT1", "LVDT2", "LVDT3", "LVDT4", "experiments/EXP01", "experiments/EXP04")
 FINE = ("LVDT1", "LVDT2", "LVDT3", "LVDT4", "experiments/EXP05", "experiments/EXP08")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.diagnosis import Candidate, Parameter, reconcile
+from mopro.engine import Candidate, Parameter, reconcile
 
 
 def columns(path, *names):

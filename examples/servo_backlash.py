@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from common import columns, cross_test, diagnose, effect, getter, moves
 
-from mopro.diagnosis import Candidate, Parameter, Role, Series
+from mopro.engine import Candidate, Parameter, Role, Series
 
 SINGLE = [("single_sts3215", "dut")]
 PAIR = [("coupled_sts3215_no_offset", dut) for dut in ("dut1", "dut2")]

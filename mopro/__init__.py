@@ -12,15 +12,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mopro.diagnosis import reconcile
     from mopro.emulator import emulate
+    from mopro.engine import reconcile
+    from mopro.engine.verdict import Verdict
     from mopro.experiment.compare.comparison import Comparison
     from mopro.experiment.opened import open_experiment
     from mopro.machine import Machine, load_machine
     from mopro.program import Program
     from mopro.program.compile import compile, compile_file  # noqa: A004
     from mopro.recording import Recording, read
-    from mopro.verdict import Verdict
 
 # Each name comes with what it needs when it is first used: a text tool loads no numpy.
 _HOMES = {
@@ -28,14 +28,14 @@ _HOMES = {
     "Machine": "mopro.machine",
     "Program": "mopro.program",
     "Recording": "mopro.recording",
-    "Verdict": "mopro.diagnosis",
+    "Verdict": "mopro.engine",
     "compile": "mopro.program.compile",
     "compile_file": "mopro.program.compile",
     "emulate": "mopro.emulator",
     "load_machine": "mopro.machine",
     "open_experiment": "mopro.experiment.opened",
     "read": "mopro.recording",
-    "reconcile": "mopro.diagnosis",
+    "reconcile": "mopro.engine",
 }
 
 __all__ = [

@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,8 +29,8 @@ from mopro.memory import make_sure
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Bytes of address space of a thread: its stack, twice. Halved, a thread may not begin, and Python
-# waits for it; doubled, more commands that had enough are refused.
+# Bytes of address space of a process's thread here: its stack, twice. Halved, it may not begin, and
+# Python waits for it; doubled, more commands that had enough are refused.
 _A_THREAD = 16 << 20
 
 # What has a Python import from, or stay in, a place that the user need not have meant.
@@ -106,22 +106,19 @@ def _shielded() -> Iterator[None]:
             os.environ.update({name: text for name, text in before.items() if text is not None})
 
 
-def in_threads(function: Callable[[T], R], items: Iterable[T], jobs: int) -> Iterator[R]:
-    """`function` of each of `items`, in order, by `jobs` threads; by this one if that is 1.
-
-    Raises MemoryError if there is no memory for the threads.
-    """
-    return _in_order(ThreadPoolExecutor, function, items, jobs)
-
-
 def in_processes(function: Callable[[T], R], items: Iterable[T], jobs: int) -> Iterator[R]:
     """`function` of each of `items`, in order, by `jobs` processes; by this one if that is 1.
 
-    They end with this one, and where it ends in between. Raises MemoryError as in_threads, and
-    DataError if a process was ended from outside.
+    They end with this one, and where it ends in between. Raises MemoryError if there is no memory
+    for them, and DataError if a process was ended from outside.
     """
+    if jobs == 1:
+        yield from map(function, items)
+        return
+    make_sure(jobs * _A_THREAD)
     try:
-        yield from _in_order(_Processes, function, items, jobs)
+        with _Processes(jobs) as pool:
+            yield from pool.map(function, items)
     except BrokenProcessPool as error:
         message = f"one of {jobs} processes was ended, as for lack of memory; try fewer --jobs"
         raise DataError(message, "no-memory") from error
@@ -166,17 +163,3 @@ def _end_with_parent() -> None:
     assert parent is not None, "a process of a pool has been begun by another one"
     parent.join()
     os._exit(1)
-
-
-def _in_order(
-    pool_of: Callable[[int], Executor],
-    function: Callable[[T], R],
-    items: Iterable[T],
-    jobs: int,
-) -> Iterator[R]:
-    if jobs == 1:
-        yield from map(function, items)
-        return
-    make_sure(jobs * _A_THREAD)
-    with pool_of(jobs) as pool:
-        yield from pool.map(function, items)

@@ -7,8 +7,9 @@ import sys
 import pytest
 
 from helpers.commands import LIMIT_S
+from mopro.engine.threads import in_threads
 from mopro.errors import DataError
-from mopro.jobs import in_processes, in_threads
+from mopro.jobs import in_processes
 from mopro.memory import make_sure
 
 LIMITED = """
@@ -26,8 +27,8 @@ def limited(work):
 
 make_sure_on_import()
 limited(lambda: __import__("numpy"))
+from mopro.engine.threads import in_threads
 from mopro.jit import njit
-from mopro.jobs import in_threads
 added = njit(lambda x: x + 1)
 limited(lambda: added(1))
 limited(lambda: list(in_threads(abs, [-1, -2], 2)))

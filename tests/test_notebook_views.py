@@ -11,7 +11,7 @@ import pytest
 
 import mopro
 from helpers.paths import PROGRAMS
-from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.engine import Candidate, Parameter, Series
 from mopro.experiment.compare.comparison import Comparison
 
 ODD = "<script>alert('1')</script>&\x1b\u202e"

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.candidate import Candidate, Role
-from mopro.candidate import Parameter as Fitted
-from mopro.series import Settings
+from mopro.engine.candidate import Candidate, Role
+from mopro.engine.candidate import Parameter as Fitted
+from mopro.engine.series import Settings
 from mopro.units import to_si
 
 if TYPE_CHECKING:
@@ -273,7 +273,7 @@ class Effect:
     of_one_run: ClassVar[bool] = False
     # Its parameter that is a constant added to all readings of one sensor.
     constant_offset: ClassVar[str | None] = None
-    # The tolerance of a sensor (`mopro.tolerances`) that allows sizes of it, which are relative.
+    # The tolerance of a sensor that allows sizes of it, which are relative.
     of_sensor: ClassVar[str | None] = None
 
     # An effect has no state: two objects of one class are one effect, and one kernel.

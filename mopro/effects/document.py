@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mopro.candidate import RUN, Candidate, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import AXIS, Effect, Floats, Parameter, ViewedReading, ViewedRun
 from mopro.effects.registry import own_effects
+from mopro.engine.candidate import RUN, Candidate, Role
+from mopro.engine.candidate import Parameter as Fitted
+from mopro.engine.series import Settings
 from mopro.machine import Machine, load_machine
 from mopro.motion import Schedule, plan
 from mopro.program import Program
-from mopro.series import Settings
 from mopro.source import Source
 
 _DOMAINS = {

@@ -10,10 +10,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mopro.candidate import Candidate, ResidualView, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
 from mopro.effects.search import Values, residual_m, targets_m
+from mopro.engine.candidate import Candidate, ResidualView, Role
+from mopro.engine.candidate import Parameter as Fitted
 from mopro.formula.closures import closure_of
 from mopro.formula.dimension import dimension_of_unit, factor_of, words
 from mopro.formula.written import (

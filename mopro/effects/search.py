@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.candidate import ResidualView
 from mopro.effects.base import Floats, View
+from mopro.engine.candidate import ResidualView
 from mopro.machine.constants import PlantConstants
 
 Values = Mapping[str, float]
@@ -77,7 +77,7 @@ def lines_over_position(
     places_m: list[Floats], residuals: list[Floats], finest_m: float
 ) -> tuple[Floats, Floats]:
     """Cycles per metre and their power; see diagnosis.spectrum."""
-    from mopro.spectrum import position_spectrum
+    from mopro.engine.spectrum import position_spectrum
 
     return position_spectrum(places_m, residuals, finest_m)
 
@@ -94,7 +94,7 @@ def strongest_lines(
     Or of what else `of` makes of the residual of a series, in its unit. A line has two periods at
     least in the longest travel, and a period above `finest_m`.
     """
-    from mopro.spectrum import sinusoid
+    from mopro.engine.spectrum import sinusoid
 
     targets = targets_m(view, fit)
     rows = [row for row, place in targets.items() if np.ptp(place) > 0]
@@ -130,7 +130,7 @@ def step(z: Floats, metres: Floats, time_s: Floats) -> tuple[float, float, float
 
     `z` are the residuals in standard deviations; None where the step is below _STEP_SIGMAS.
     """
-    from mopro.residuals import cusum_step  # loads scipy
+    from mopro.engine.residuals import cusum_step  # loads scipy
 
     if len(z) < _FEWEST_FOR_A_STEP:
         return None

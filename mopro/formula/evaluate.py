@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.engine.series import unless_run_away
 from mopro.formula import signals
 from mopro.formula.language import PI, ZERO_C_IN_K, Formula
-from mopro.series import unless_run_away
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Floats | float]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.engine.lag import lag
+from mopro.engine.play import follow
+from mopro.engine.swing import swing
 from mopro.jit import njit
-from mopro.lag import lag
-from mopro.play import follow
-from mopro.swing import swing
 
 Floats = NDArray[np.float64]
 # Compiled code is kept where numba keeps it.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from mopro.engine.tolerances import Tolerances
 from mopro.errors import DataError
 from mopro.instruments.quantity import Quantity
-from mopro.tolerances import Tolerances
 from mopro.units import UNITS
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from mopro.tolerances import CLOCK, GAIN, LINEARITY, RANGE, Tolerances
+from mopro.engine.tolerances import CLOCK, GAIN, LINEARITY, RANGE, Tolerances
 from mopro.tomlfile import Value
 from mopro.tomlfile.schema import number, number_in
 

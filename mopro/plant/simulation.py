@@ -16,6 +16,7 @@ import numpy as np
 
 from mopro.effects import Active, Domain, catalogue_of, on_axis
 from mopro.effects.resolve import active_effects
+from mopro.engine.series import unless_run_away
 from mopro.errors import Diagnostic, ModelError, RunError
 from mopro.machine import Machine
 from mopro.machine.constants import PlantConstants
@@ -32,7 +33,6 @@ from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, line_at, plat
 from mopro.program import AXES
 from mopro.recording import MoveOutcome, Stall
 from mopro.recording.record import Columns
-from mopro.series import unless_run_away
 from mopro.source import Source, Span
 
 # RK4 at this step is within 0.03 nm of the exact response to LVDT3.

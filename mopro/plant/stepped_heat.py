@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from mopro.effects import Active
 from mopro.effects.base import Surroundings
+from mopro.engine.series import RUN_AWAY
 from mopro.machine import Machine
 from mopro.motion import PlannedMove
 from mopro.plant.command_table import Floats
 from mopro.plant.drive_scaling import DriveScaling
 from mopro.plant.heat import HeatBalance, HeatIntervals, heat_intervals
 from mopro.plant.hermite import hermite
-from mopro.series import RUN_AWAY
 
 _LONGEST_STEP_S = 10.0
 # Changes up to this many are each the end of a step.

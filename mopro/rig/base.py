@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mopro.assumed import FEWEST, INTERIOR
-from mopro.candidate import Candidate, Parameter
-from mopro.fits import NO_LIMIT, Fit, growing_fit, least_squares_fit
+from mopro.engine.assumed import FEWEST, INTERIOR
+from mopro.engine.candidate import Candidate, Parameter
+from mopro.engine.fits import NO_LIMIT, Fit, growing_fit, least_squares_fit
+from mopro.engine.residuals import Residuals, examine, least_noise
+from mopro.engine.series import Series, Settings
 from mopro.formula.evaluate import Floats
-from mopro.residuals import Residuals, examine, least_noise
 from mopro.rig.data import Reading, Run
 from mopro.rig.model import AXIS, KINEMATIC, THERMAL
 from mopro.rig.simulation import BASE, SCALE, START, Model
-from mopro.series import Series, Settings
 
 # Steps of finite differences, as shares of the ranges. Fifty swings magnify a change.
 DIFFERENCE = 1e-6

@@ -11,8 +11,10 @@ from operator import or_
 
 import numpy as np
 
-from mopro.assumed import TOLERANCE
-from mopro.candidate import RUN, Candidate, Law, Parameter, Role
+from mopro.engine.assumed import TOLERANCE
+from mopro.engine.candidate import RUN, Candidate, Law, Parameter, Role
+from mopro.engine.series import Series, Settings
+from mopro.engine.spectrum import grid_step
 from mopro.formula import Dimension, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.written import (
@@ -36,8 +38,6 @@ from mopro.rig.model import (
 from mopro.rig.names import TIME, capacity_of, inertia_of, names_of, units_of
 from mopro.rig.search import Search
 from mopro.rig.simulation import BASE, Known, Model, term_of
-from mopro.series import Series, Settings
-from mopro.spectrum import grid_step
 
 # An amplitude is looked for up to this multiple of what would make the term as large as the
 # quantity that it is added to, and simulated first at this share of it.

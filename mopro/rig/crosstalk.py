@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from mopro.assumed import LEAST_SHARE, MAJORITY, ROUNDING
+from mopro.engine.assumed import LEAST_SHARE, MAJORITY, ROUNDING
+from mopro.engine.residuals import difference_variance
 from mopro.formula import dimension_of_unit, factor_of, inverse, product
 from mopro.formula.evaluate import Floats
 from mopro.formula.written import EffectParameter, Written, WrittenEffect
-from mopro.residuals import difference_variance
 from mopro.rig.data import Reading, RigExperiment, Sensor
 from mopro.rig.model import MEASUREMENT
 

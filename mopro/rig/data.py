@@ -9,15 +9,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.engine.residuals import least_noise, wild_samples
+from mopro.engine.tolerances import EXACT, Tolerances
 from mopro.formula import Dimension
 from mopro.formula.evaluate import Floats
 from mopro.formula.written import Written
 from mopro.instruments.quantity import Measurable
 from mopro.machine.runs import NO_DATA, Data
-from mopro.residuals import least_noise, wild_samples
 from mopro.rig.model import Rig
 from mopro.source import Source
-from mopro.tolerances import EXACT, Tolerances
 from mopro.tomlfile import Value
 
 Indices = NDArray[np.intp]

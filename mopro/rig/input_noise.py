@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import fft
 
+from mopro.engine.series import Floats, Series, Settings
 from mopro.rig.data import Run
 from mopro.rig.rates import noise_of
 from mopro.rig.simulation import Model
-from mopro.series import Floats, Series, Settings
 
 # Half-waves of noise in a run, at most: of 50,000 rows their responses take 100 MB a sensor.
 _HALF_WAVES = 256

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.assumed import TINY
+from mopro.engine.assumed import TINY
 from mopro.formula.bytecode import MOST_STACKED, value_of
 from mopro.jit import njit
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.assumed import ROUNDING
+from mopro.engine.assumed import ROUNDING
 from mopro.formula.evaluate import Floats
 from mopro.rig.base import BaseFit, base_of
 from mopro.rig.data import Reading, RigExperiment, Run, Sensor

@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from mopro.candidate import Parameter, ResidualView, Role
+from mopro.engine.candidate import Parameter, ResidualView, Role
+from mopro.engine.spectrum import position_spectrum
 from mopro.formula.evaluate import Floats, evaluate, over_grid
 from mopro.formula.language import without_products
 from mopro.formula.written import WrittenEffect
 from mopro.rig.data import Reading, Run
 from mopro.rig.simulation import Known, Model, term_of
-from mopro.spectrum import position_spectrum
 
 # Points of a grid along a shape, twice as many along one that may be 0; along a period so many for
 # each cycle in the span, and most of them where no spectrum of the residual tells the likely ones.

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.engine.series import Series, Settings
 from mopro.formula.evaluate import Floats
 from mopro.rig.data import Reading, Run, Sensor
 from mopro.rig.model import AXIS, THERMAL
 from mopro.rig.names import place_unit
 from mopro.rig.simulation import Model
-from mopro.series import Series, Settings
 
 # Parts of a run that are held out, and the share of a part by which its end may move to a change
 # of the motion.

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.candidate import RUN
+from mopro.engine.candidate import RUN
+from mopro.engine.series import Settings, unless_run_away
 from mopro.errors import DataError
 from mopro.formula import Formula, parse
 from mopro.formula.bytecode import Assembler, jumps
@@ -33,7 +34,6 @@ from mopro.rig.model import (
 )  # fmt: skip
 from mopro.rig.names import axis_law, capacity_of, effects_of, inertia_of, sensors_of, unlisted_of
 from mopro.rig.rates import Rates, rate_between
-from mopro.series import Settings, unless_run_away
 
 BASE = "base"
 SCALE = "scale of {}"

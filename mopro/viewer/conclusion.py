@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
+from mopro.engine.verdict import Verdict
 from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.conclude.wording import (
     calibration_words,
@@ -26,7 +27,6 @@ from mopro.experiment.conclude.wording import (
 )
 from mopro.markup import heading, listing, paragraph, section, table
 from mopro.units import residual_unit
-from mopro.verdict import Verdict
 from mopro.viewer.beside import beside_of
 from mopro.viewer.document import document
 from mopro.viewer.series import Residuals, own_units, series_views, source_lines

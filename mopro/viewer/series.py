@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from mopro.engine.series import Series
 from mopro.experiment.compare.breaks import drawn
 from mopro.recording.envelope import Floats
-from mopro.series import Series
 from mopro.text import visible
 from mopro.units import residual_unit
 from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View

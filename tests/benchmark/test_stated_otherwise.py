@@ -17,8 +17,8 @@ from mopro.benchmark.making.make import make, write
 from mopro.benchmark.reference.nominal import THESIS
 from mopro.benchmark.scoring.judge import judge
 from mopro.benchmark.scoring.score import Score
-from mopro.candidate import Role
 from mopro.effects import catalogue
+from mopro.engine.candidate import Role
 from mopro.errors import DataError
 from mopro.experiment.check.load import load_experiment
 from mopro.experiment.predict.forward_model import ForwardModel

@@ -3,7 +3,7 @@
 import re
 
 from helpers.paths import ROOT
-from mopro.diagnosis.passes import PASSES
+from mopro.engine.passes import PASSES
 
 
 def test_the_page_lists_every_pass_in_order():

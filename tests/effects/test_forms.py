@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from helpers.one_run import LASER, PROGRAM, of
-from mopro.candidate import RUN
-from mopro.diagnosis import Role
 from mopro.effects import Domain, Effect, Parameter, catalogue
 from mopro.effects.base import Scene, angle_in
 from mopro.effects.resolve import active_effects
+from mopro.engine import Role
+from mopro.engine.candidate import RUN
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.model import LoggedCommand
 from mopro.experiment.predict.forward_model import ForwardModel

@@ -9,13 +9,13 @@ from scipy.signal import lfilter
 
 import mopro
 from helpers.one_run import LASER, PROGRAM, of
-from mopro.diagnosis.search.signature import searched
 from mopro.effects.currents.hold_current_reduction import EARLIEST_S
+from mopro.engine.fits import least_squares_fit
+from mopro.engine.residuals import Residuals
+from mopro.engine.search.signature import searched
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
-from mopro.fits import least_squares_fit
-from mopro.residuals import Residuals
 
 
 def starts(

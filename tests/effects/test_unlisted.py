@@ -14,11 +14,11 @@ from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
 from mopro.benchmark.reference.sensors import Instrument
 from mopro.effects import Active, catalogue
 from mopro.effects.unlisted import unlisted_terms, with_unlisted
+from mopro.engine.freeform import measurement_laws
 from mopro.experiment import load_experiment
 from mopro.experiment.diagnose.candidates import unlisted
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment, SteadyTable
-from mopro.freeform import measurement_laws
 from mopro.machine import load_machine
 from mopro.plant import plan_with_effects, simulate
 from mopro.source import Source

@@ -10,6 +10,8 @@ import pytest
 from helpers.commands import run_here
 from helpers.laboratory import LASER, Lab
 from mopro.emulator import Emulator, emulate
+from mopro.engine.residuals import NOTHING_LEFT
+from mopro.engine.verdict import Estimate, Gap, Named, Verdict
 from mopro.errors import ModelError
 from mopro.experiment.conclude.machine_file import machine_text
 from mopro.experiment.opened import open_experiment
@@ -18,8 +20,6 @@ from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
 from mopro.program.compile import compile as compile_text
-from mopro.residuals import NOTHING_LEFT
-from mopro.verdict import Estimate, Gap, Named, Verdict
 
 WARM = """
 [[sensor]]

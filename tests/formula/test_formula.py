@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from mopro.engine.play import follow
+from mopro.engine.swing import swing
 from mopro.formula import FormulaError, UnitError, dimension_of_unit, factor_of, parse, product
 from mopro.formula.bytecode import MOST_STACKED, Assembler, value_of
 from mopro.formula.dimension import dimension_in
@@ -13,8 +15,6 @@ from mopro.formula.language import (
     substituted,
     without_products,
 )
-from mopro.play import follow
-from mopro.swing import swing
 
 VALUES = {"x": -0.7, "y": 2.5, "z": 0.0}
 FORMULAS = [

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from helpers.commands import run_here
 from mopro.effects import catalogue_of
+from mopro.engine.verdict import Verdict
 from mopro.experiment.opened import open_experiment
 from mopro.machine import load_machine
-from mopro.verdict import Verdict
 
 PROGRAMS = Path(__file__).parents[2] / "programs"
 # Instruments whose data have a raw form of their own.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mopro.diagnosis import Candidate, Parameter, Role, Series
+from mopro.engine import Candidate, Parameter, Role, Series
 
 MASS_KG = 2.0
 SMOOTHING_M_S = 1e-3

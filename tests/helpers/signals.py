@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import mopro
-from mopro.diagnosis import Candidate, Parameter, Series
+from mopro.engine import Candidate, Parameter, Series
 
 SIZE = Parameter("size", "V", -10.0, 10.0, (1.0,))
 

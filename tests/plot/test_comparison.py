@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.paths import PROGRAMS
-from mopro.diagnosis import Series
+from mopro.engine import Series
 from mopro.experiment.compare.comparison import Compared, Comparison, SeriesTest
 from mopro.experiment.opened import open_experiment
 from mopro.plot.comparison import plot_comparison

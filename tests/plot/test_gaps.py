@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
+from mopro.engine.series import Series
 from mopro.experiment.compare.breaks import drawn
 from mopro.experiment.opened import open_experiment
 from mopro.plot.comparison import plot_comparison
-from mopro.series import Series
 
 TIMES = np.arange(0, 12, 0.02)
 TOLD = 10 * np.sin(TIMES)

@@ -5,8 +5,8 @@ import pytest
 
 from helpers.commands import run_here
 from helpers.rigs import DRIVE, DRIVEN, driven, write
+from mopro.engine.play import follow
 from mopro.experiment.opened import open_experiment
-from mopro.play import follow
 
 RNG = np.random.default_rng
 SENSOR = DRIVEN[DRIVEN.index("[[sensor]]") : DRIVEN.index("[[run]]")]

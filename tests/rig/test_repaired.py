@@ -11,14 +11,14 @@ import pytest
 
 from helpers.commands import run_here
 from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, write
+from mopro.engine.residuals import NOTHING_LEFT
+from mopro.engine.verdict import Estimate, Gap, Named, Verdict
 from mopro.errors import ModelError
 from mopro.experiment.opened import open_experiment
 from mopro.experiment.rigs.repaired import machine_text
 from mopro.experiment.rigs.rerun import rerun
-from mopro.residuals import NOTHING_LEFT
 from mopro.rig import file as machine_files
 from mopro.rig.simulation import BASE
-from mopro.verdict import Estimate, Gap, Named, Verdict
 
 CATALOGUE = Path(machine_files.__file__).with_name("catalogue") / "axis.toml"
 AXIS_EFFECTS = [

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from helpers.rigs import write
+from mopro.engine.swing import swing
 from mopro.experiment.opened import open_experiment
-from mopro.swing import swing
 
 FRAME = """\
 machine = "kinematic"

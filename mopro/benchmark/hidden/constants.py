@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from mopro.benchmark.hidden.effects import Drawn, Generator
-from mopro.candidate import Role
 from mopro.effects import Parameter, catalogue
+from mopro.engine.candidate import Role
 
 # A range of more than a decade is of a size, of which no decade is likelier than another.
 _DECADE = 10.0

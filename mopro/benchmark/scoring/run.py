@@ -32,10 +32,11 @@ from mopro.benchmark.scoring.judge_machine import judge_machine
 from mopro.benchmark.scoring.named_set import with_named_set
 from mopro.benchmark.scoring.outcome import FAILED
 from mopro.benchmark.scoring.score import FollowUp, pair_key
+from mopro.engine.threads import in_threads
 from mopro.errors import DataError
 from mopro.files import make_folder, write
 from mopro.inputs import read_bytes
-from mopro.jobs import in_threads, run_module
+from mopro.jobs import run_module
 
 VERDICT = "verdict.json"
 # Folder of the machine files that were written for the cases of the grid `machines`.

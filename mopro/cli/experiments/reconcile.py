@@ -22,8 +22,8 @@ from mopro.files import write
 from mopro.units import residual_unit
 
 if TYPE_CHECKING:
+    from mopro.engine.verdict import Named, Verdict
     from mopro.experiment.conclude.conclusion import Conclusion
-    from mopro.verdict import Named, Verdict
 
 _MOST_ROWS = 40
 _EFFECTS = ("effect", "parameter", "95 % interval", "σ in all", "log10 Bayes", "held out")

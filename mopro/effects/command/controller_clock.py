@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Parameter, View
+from mopro.engine.candidate import Candidate
 from mopro.motion import PlannedMove, Schedule
 from mopro.motion.track import Track
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from mopro.candidate import RUN, Candidate, ResidualView, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Parameter, View
 from mopro.effects.search import Values, residual_m, step
+from mopro.engine.candidate import RUN, Candidate, ResidualView, Role
+from mopro.engine.candidate import Parameter as Fitted
 from mopro.motion import PlannedMove
 
 # Largest difference from a whole number of pitches, in pitches or as a share of the step.

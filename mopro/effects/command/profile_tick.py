@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mopro.candidate import Candidate, FindStarts, ResidualView, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Parameter, View
 from mopro.effects.search import Values, delay_s
+from mopro.engine.candidate import Candidate, FindStarts, ResidualView, Role
+from mopro.engine.candidate import Parameter as Fitted
 
 # Least delay that may be a tick, in its standard errors.
 _DELAY_SIGMAS = 5.0

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Parameter, View
+from mopro.engine.candidate import Candidate
 from mopro.program import Program, ir
 
 _MS_PER_S = 1000

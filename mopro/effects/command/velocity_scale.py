@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Parameter, View
 from mopro.effects.command.scaled import ScaledSetting
+from mopro.engine.candidate import Candidate
 from mopro.program import ir
 
 

@@ -12,10 +12,10 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from mopro.candidate import Candidate, ResidualView, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View, ViewedReading
 from mopro.effects.search import Values
+from mopro.engine.candidate import Candidate, ResidualView, Role
+from mopro.engine.candidate import Parameter as Fitted
 
 # Excess of squared residuals over white noise, in its standard deviations, that is evidence.
 _EXCESS_SIGMAS = 5.0
@@ -151,7 +151,7 @@ class HoldCurrentStartFinder:
         noise may be wrong, and over what the first move shows: noise with a memory, or another
         effect.
         """
-        from mopro.residuals import difference_variance  # loads scipy
+        from mopro.engine.residuals import difference_variance  # loads scipy
 
         rests = [np.empty((2, 0))]
         for row, (_, reading) in self._view.positions().items():

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Parameter, View
+from mopro.engine.candidate import Candidate
 
 
 class QuadratureError(Effect):

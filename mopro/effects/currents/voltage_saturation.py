@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Parameter, View
+from mopro.engine.candidate import Candidate, Role
+from mopro.engine.candidate import Parameter as Fitted
 from mopro.machine import Machine
 
 _SUPPLY = Fitted(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Parameter, View
 from mopro.effects.forces.dahl import PRESLIDING, DahlFriction, with_presliding
+from mopro.engine.candidate import Candidate
 
 # Forces (N) that it is probed at: a dry friction is far from proportional to its force.
 PROBED_N = (1.0, 3.0, 9.0)

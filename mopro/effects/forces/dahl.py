@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.candidate import Candidate, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Effect, Parameter
+from mopro.engine.candidate import Candidate, Role
+from mopro.engine.candidate import Parameter as Fitted
 
 PRESLIDING_M = 5e-6
 PRESLIDING = Parameter(

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.candidate import Candidate, Role
 from mopro.effects.base import WIDER, Domain, Effect, Parameter, View, phase
+from mopro.engine.candidate import Candidate, Role
 
 # Largest plausible detent force, as a share of the pull-out force.
 _PLAUSIBLE_SHARE = 0.1

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.candidate import Candidate
 from mopro.effects.base import WIDER, Domain, Effect, Parameter, Toleranced, View
+from mopro.engine.candidate import Candidate
 from mopro.machine import Machine
 from mopro.machine.constants import PlantConstants
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Parameter, View
 from mopro.effects.forces.dahl import PRESLIDING, DahlFriction, with_presliding
+from mopro.engine.candidate import Candidate
 
 
 class LoadDependentFriction(DahlFriction):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Parameter, View
 from mopro.effects.forces.coulomb_friction import CoulombFriction
 from mopro.effects.forces.dahl import PRESLIDING, DahlFriction, with_presliding
+from mopro.engine.candidate import Candidate, Role
+from mopro.engine.candidate import Parameter as Fitted
 
 _SPEED_M_S = 0.05
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Parameter, View
+from mopro.engine.candidate import Candidate
 
 
 class ViscousDrag(Effect):

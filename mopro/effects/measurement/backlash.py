@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
-from mopro.play import follow
+from mopro.engine.candidate import Candidate
+from mopro.engine.play import follow
 
 
 class Backlash(Effect):

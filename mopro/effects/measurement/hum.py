@@ -10,11 +10,11 @@ from itertools import combinations, product
 
 import numpy as np
 
-from mopro.candidate import Candidate, FindStarts, ResidualView, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View, angle_in, phase
 from mopro.effects.search import Values, residual_m
-from mopro.spectrum import sinusoid
+from mopro.engine.candidate import Candidate, FindStarts, ResidualView, Role
+from mopro.engine.candidate import Parameter as Fitted
+from mopro.engine.spectrum import sinusoid
 
 _MAINS_HZ = (50.0, 60.0)
 # Orders of the harmonics of the mains that a sensor may show as well.

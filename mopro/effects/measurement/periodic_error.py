@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mopro.candidate import Candidate, ResidualView, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View, phase
 from mopro.effects.search import Values, strongest_lines
+from mopro.engine.candidate import Candidate, ResidualView, Role
+from mopro.engine.candidate import Parameter as Fitted
 
 _PERIODS_TRIED = 3
 _FINEST_PERIOD_M = 1e-4

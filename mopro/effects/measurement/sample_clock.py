@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Floats, Parameter, View
-from mopro.tolerances import CLOCK
+from mopro.engine.candidate import Candidate
+from mopro.engine.tolerances import CLOCK
 
 
 class SampleClock(Effect):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Parameter, View
+from mopro.engine.candidate import Candidate
+from mopro.engine.candidate import Parameter as Fitted
 from mopro.instruments.quantity import Quantity
 
 _CORNER = Fitted(

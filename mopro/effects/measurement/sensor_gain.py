@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
-from mopro.tolerances import GAIN
+from mopro.engine.candidate import Candidate
+from mopro.engine.tolerances import GAIN
 
 
 class SensorGain(Effect):

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.candidate import Candidate, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
+from mopro.engine.candidate import Candidate, Role
+from mopro.engine.candidate import Parameter as Fitted
 
 _LVDT_HALF_RANGE_M = 0.254
 # Number of starts for the middle of the cubic.

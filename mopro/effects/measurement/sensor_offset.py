@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
+from mopro.engine.candidate import Candidate
 
 
 class SensorOffset(Effect):

@@ -9,14 +9,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from mopro.assumed import LEAST_SHARE
-from mopro.candidate import Candidate, ResidualView, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Domain, Floats, Parameter, View, phase
 from mopro.effects.forces.coulomb_friction import PROBED_N
 from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_FITTED, DahlFriction, with_presliding
 from mopro.effects.search import FEWEST_PERIODS, Values, force_N, strongest_lines
 from mopro.effects.unlisted.term import FreeFormTerm, size
+from mopro.engine.assumed import LEAST_SHARE
+from mopro.engine.candidate import Candidate, ResidualView, Role
+from mopro.engine.candidate import Parameter as Fitted
 from mopro.machine.constants import PlantConstants
 
 # Shortest period (m) of a force that repeats with the place, as the catalogue's cyclic error has.

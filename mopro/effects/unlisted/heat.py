@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar
 
-from mopro.candidate import Candidate
 from mopro.effects.base import Domain, Surroundings, View
 from mopro.effects.unlisted.term import FreeFormTerm, size
+from mopro.engine.candidate import Candidate
 
 # The power (W) of the largest term at a rise over the air (K), a speed (m/s), a time (s) and a
 # power of the coils (W) that are common: several times that of any motor. Halved or doubled, so are

@@ -8,14 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from mopro.assumed import LEAST_SHARE
-from mopro.candidate import Candidate, ResidualView, Role
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Floats, Parameter, View
 from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_M, DahlFriction
 from mopro.effects.search import Values, force_N, targets_m
 from mopro.effects.unlisted.forces import Force, motions
 from mopro.effects.unlisted.term import size
+from mopro.engine.assumed import LEAST_SHARE
+from mopro.engine.candidate import Candidate, ResidualView, Role
+from mopro.engine.candidate import Parameter as Fitted
 
 # Speeds, places and widths that are tried; widths are shares of the travel. Halved, the start is
 # outside of the minimum of every fourth patch.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from mopro.candidate import Law
-from mopro.candidate import Parameter as Fitted
 from mopro.effects.base import Effect, Parameter
+from mopro.engine.candidate import Law
+from mopro.engine.candidate import Parameter as Fitted
 
 # The size at which a term is probed, as a share of the largest one. Near a stall the response is
 # not linear; ten times less, and a ring's phase still counts.

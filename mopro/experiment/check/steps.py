@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mopro.series import Floats
+from mopro.engine.series import Floats
 
 # Readings in these are whole by their unit.
 _COUNTED = ("count", "step")

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mopro.residuals import Corrected
-from mopro.residuals.calibration import Calibration, Marginal, corrected
-from mopro.series import Series
+from mopro.engine.residuals import Corrected
+from mopro.engine.residuals.calibration import Calibration, Marginal, corrected
+from mopro.engine.series import Series
 
 Floats = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.engine.series import Floats, Series
 from mopro.logs.spacing import spacing_of
-from mopro.series import Floats, Series
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from mopro.engine.residuals import Corrected, whiteness_p
+from mopro.engine.series import Mask, Series
+from mopro.engine.verdict import rms
 from mopro.experiment.compare.allowed import allowed
 from mopro.experiment.compare.labels import PHASES, Labels, labels_of
 from mopro.experiment.compare.noise import larger_noise, noise_notes, without_wild_samples
@@ -19,10 +22,7 @@ from mopro.experiment.compare.noise_tests import (
 from mopro.experiment.model import Experiment, Floats, Reading, SteadyTable
 from mopro.experiment.predict.alignment import aligned
 from mopro.experiment.predict.nominal import planned, predict, predict_table
-from mopro.residuals import Corrected, whiteness_p
-from mopro.series import Mask, Series
 from mopro.units import residual_unit
-from mopro.verdict import rms
 
 # Chance of any false alarm in one comparison, over all its tests together (Bonferroni).
 FALSE_ALARMS = 1e-3

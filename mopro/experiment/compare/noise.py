@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from mopro.assumed import TOLERANCE
-from mopro.residuals import difference_variance, without_wild
-from mopro.series import Floats, Series
+from mopro.engine.assumed import TOLERANCE
+from mopro.engine.residuals import difference_variance, without_wild
+from mopro.engine.series import Floats, Series
 
 
 def without_wild_samples(

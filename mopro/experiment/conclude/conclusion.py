@@ -13,6 +13,9 @@ import numpy as np
 
 from mopro import markup
 from mopro.effects import catalogue_of
+from mopro.engine.residuals import Residuals, without_wild
+from mopro.engine.series import Floats, Series
+from mopro.engine.verdict import Verdict, rms
 from mopro.errors import DataError
 from mopro.experiment.compare.comparison import Place, compare
 from mopro.experiment.conclude.machine_file import machine_text, machine_with, of_runs, quoted
@@ -20,11 +23,8 @@ from mopro.experiment.conclude.wording import advice, file_words, reservations
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
-from mopro.residuals import Residuals, without_wild
-from mopro.series import Floats, Series
 from mopro.source import Source
 from mopro.tomlfile import Document
-from mopro.verdict import Verdict, rms
 
 _MOST_PLACES = 40
 # Of the generator that draws the position of a reading within a coarse converter's step.

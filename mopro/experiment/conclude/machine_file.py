@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mopro.effects import catalogue_of
 from mopro.effects.base import AXIS, Effect, Parameter, angle_in
+from mopro.engine.verdict import Named, Verdict
 from mopro.experiment.conclude.wording import origin_words, reservation
 from mopro.experiment.model import Experiment
 from mopro.formula.written import WrittenEffect, toml_lines
@@ -16,7 +17,6 @@ from mopro.machine import Machine
 from mopro.machine.file import read_machine
 from mopro.machine.runs import RUNS, files_of, known_off, nth_of
 from mopro.source import Source
-from mopro.verdict import Named, Verdict
 
 # The heading of a section, its brackets first, and the key at the start of a line.
 HEAD = re.compile(r"\s*(\[+)\s*([^\]]+?)\s*\]")

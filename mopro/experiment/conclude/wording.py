@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 
-from mopro.candidate import RUN
 from mopro.effects import catalogue
+from mopro.engine.candidate import RUN
+from mopro.engine.series import Series
+from mopro.engine.tolerances import CLOCK, GAIN, LINEARITY
+from mopro.engine.verdict import Estimate, Named, Verdict
 from mopro.experiment.compare.comparison import STEADY, Place
-from mopro.series import Series
-from mopro.tolerances import CLOCK, GAIN, LINEARITY
 from mopro.units import residual_unit
-from mopro.verdict import Estimate, Named, Verdict
 
 NO_PROPOSAL = (
     "No program was found that would distinguish them with these sensors: measure something "

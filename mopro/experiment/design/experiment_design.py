@@ -17,6 +17,8 @@ import numpy as np
 from mopro.effects import catalogue_of
 from mopro.effects.registry import Catalogue
 from mopro.effects.resolve import with_values
+from mopro.engine.series import Settings
+from mopro.engine.verdict import Named, Verdict
 from mopro.experiment.design.test_motions import (
     Bounds,
     Excitation,
@@ -31,8 +33,6 @@ from mopro.instruments.sensor import Sensor
 from mopro.machine.constants import PlantConstants
 from mopro.motion import plan
 from mopro.program.compile import compile as compile_text
-from mopro.series import Settings
-from mopro.verdict import Named, Verdict
 
 # In σ: a pair so far apart needs no more data. A margin of ten in χ² is then nearly certain
 # even if the effect is a fifth smaller than estimated.

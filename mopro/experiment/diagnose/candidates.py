@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
-from mopro.assumed import CLEAR
-from mopro.candidate import RUN, Candidate, Parameter, Role
 from mopro.effects import Domain, Effect, catalogue_of
 from mopro.effects.base import AXIS, WIDER
 from mopro.effects.unlisted import unlisted_terms
+from mopro.engine.assumed import CLEAR
+from mopro.engine.candidate import RUN, Candidate, Parameter, Role
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.instruments.quantity import Quantity

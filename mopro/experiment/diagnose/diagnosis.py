@@ -9,9 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from mopro.assumed import LEAST_SHARE
-from mopro.diagnosis import reconcile
 from mopro.effects import Effect, catalogue_of
+from mopro.engine import reconcile
+from mopro.engine.assumed import LEAST_SHARE
+from mopro.engine.residuals import Residuals, noise_of
+from mopro.engine.series import Series, Settings
+from mopro.engine.verdict import Estimate, Named, Verdict
 from mopro.experiment.diagnose import thermal
 from mopro.experiment.diagnose.candidates import candidates, in_one_run, unlisted
 from mopro.experiment.diagnose.quantisation import thinned
@@ -22,9 +25,6 @@ from mopro.experiment.predict.steady import rises
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.plant import Stepping
-from mopro.residuals import Residuals, noise_of
-from mopro.series import Series, Settings
-from mopro.verdict import Estimate, Named, Verdict
 
 # In σ: least size of an offset that is reported.
 _OFFSET_SIGMAS = 6.0

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from mopro.engine.series import Series
 from mopro.experiment.compare.labels import labels, labels_of
 from mopro.experiment.model import Reading
 from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.program import AXES
-from mopro.series import Series
 
 
 def series_of(model: ForwardModel) -> list[Series]:

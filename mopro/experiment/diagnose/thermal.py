@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from mopro.effects import Effect
+from mopro.engine.series import Series
+from mopro.engine.tolerances import Tolerances
 from mopro.experiment.model import SteadyTable
 from mopro.experiment.predict.steady import rises
 from mopro.machine import Machine
-from mopro.series import Series
-from mopro.tolerances import Tolerances
 
 
 def series(table: SteadyTable) -> Series:

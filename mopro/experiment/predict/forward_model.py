@@ -15,12 +15,13 @@ from threading import Lock
 import numpy as np
 from cachetools import LRUCache, cachedmethod
 
-from mopro.candidate import RUN
 from mopro.effects import Active, Domain, Effect, catalogue_of, on_axis
 from mopro.effects.base import AXIS, angle_in
 from mopro.effects.registry import in_order
 from mopro.effects.resolve import active_effects, with_values
 from mopro.effects.unlisted import with_unlisted
+from mopro.engine.candidate import RUN
+from mopro.engine.series import Settings
 from mopro.errors import RunError
 from mopro.experiment.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.predict.logged import schedule_of
@@ -41,7 +42,6 @@ from mopro.plant import (
 )
 from mopro.program import AXES
 from mopro.recording.record import Columns
-from mopro.series import Settings
 
 # RK4 with these steps is within 0.1 µm: the axis oscillates with a period of ten
 # milliseconds, and the shortest ripple of the force is 0.25 mm long.

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from mopro.engine.residuals import whiteness_p
+from mopro.engine.series import Series
 from mopro.experiment.compare.allowed import Allowed, allowed
 from mopro.experiment.compare.comparison import (
     FALSE_ALARMS,
@@ -20,8 +22,6 @@ from mopro.experiment.compare.noise_tests import chi2_p, mean_p
 from mopro.experiment.rigs.study import Study
 from mopro.formula.evaluate import Floats
 from mopro.formula.signals import side
-from mopro.residuals import whiteness_p
-from mopro.series import Series
 
 NO_LINE = 0
 

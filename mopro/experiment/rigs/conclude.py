@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from pathlib import Path
 
-from mopro.diagnosis import reconcile
+from mopro.engine import reconcile
+from mopro.engine.verdict import Verdict
 from mopro.errors import DataError
 from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.conclude.wording import advice
@@ -17,7 +18,6 @@ from mopro.experiment.rigs.rerun import rerun
 from mopro.experiment.rigs.study import Study
 from mopro.rig.candidates import candidates, in_one_run, unlisted
 from mopro.rig.model import Rig
-from mopro.verdict import Verdict
 
 _MOST_PLACES = 40
 _ADVICE = (

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mopro.candidate import Parameter
+from mopro.engine.candidate import Parameter
+from mopro.engine.series import Series
 from mopro.experiment.check.steps import step_note
 from mopro.formula.evaluate import Floats
 from mopro.instruments.slips import FOLD_SLIPS, UNIT_SLIPS
@@ -17,7 +18,6 @@ from mopro.rig.data import Reading
 from mopro.rig.model import KINEMATIC, THERMAL
 from mopro.rig.series import plain_series
 from mopro.rig.simulation import START, Model
-from mopro.series import Series
 
 # Factors by which a reading may be off, and what they stand for.
 _KNOWN: dict[float, str] = {

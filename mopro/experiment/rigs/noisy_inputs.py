@@ -8,17 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from mopro.engine.residuals import Residuals
+from mopro.engine.series import Settings
+from mopro.engine.verdict import Verdict
 from mopro.experiment.rigs.study import Study
 from mopro.formula import factor_of
-from mopro.residuals import Residuals
 from mopro.rig.input_noise import (
     InputNoise,
     apparent_noise,
     beside_input_noise,
     stated_noise,
 )
-from mopro.series import Settings
-from mopro.verdict import Verdict
 
 
 def beside_noise(study: Study, asked: Callable[[Study], Verdict]) -> tuple[Study, Verdict]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from mopro.engine.verdict import Named
 from mopro.formula.written import WrittenEffect
 from mopro.machine.runs import files_of, known_off, left_out, others
 from mopro.rig.data import RigExperiment
 from mopro.rig.model import AMBIENT
-from mopro.verdict import Named
 
 
 def of_one_run(effect: WrittenEffect, units: Mapping[str, str]) -> bool:

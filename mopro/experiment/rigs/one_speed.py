@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mopro.assumed import VERY_STRONG
+from mopro.engine.assumed import VERY_STRONG
+from mopro.engine.series import Settings
+from mopro.engine.verdict import Named, Verdict, rms
 from mopro.experiment.rigs.study import Study
 from mopro.formula.evaluate import Floats
 from mopro.formula.language import parse, substituted
 from mopro.formula.written import AMPLITUDE, PERIOD, WrittenEffect
 from mopro.rig.model import KINEMATIC, MEASUREMENT
 from mopro.rig.simulation import Known, Model, term_of
-from mopro.series import Settings
-from mopro.verdict import Named, Verdict, rms
 
 _NOTE = (
     "all runs move at one speed, where a wave in place is one in time: {}; a run at another speed "

@@ -11,7 +11,9 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from mopro.candidate import RUN
+from mopro.engine.candidate import RUN
+from mopro.engine.series import Settings
+from mopro.engine.verdict import Estimate, Named, Verdict
 from mopro.experiment.conclude.machine_file import (
     HEAD,
     quoted,
@@ -27,9 +29,7 @@ from mopro.rig.file import read_rig
 from mopro.rig.model import Rig
 from mopro.rig.names import effects_of
 from mopro.rig.simulation import BASE
-from mopro.series import Settings
 from mopro.source import Source
-from mopro.verdict import Estimate, Named, Verdict
 
 _KEY = re.compile(r"\s*(?:base\s*\.\s*)?([A-Za-z_]\w*)\s*=")
 _TOP = re.compile(r"\s*base\s*\.")

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mopro.engine.series import Settings
+from mopro.engine.verdict import Verdict
 from mopro.errors import DataError, ModelError
 from mopro.experiment.rigs.compare import compare
 from mopro.experiment.rigs.of_runs import kept_to_their_runs
@@ -17,8 +19,6 @@ from mopro.formula.evaluate import Floats
 from mopro.rig.model import Rig
 from mopro.rig.simulation import BASE, Model
 from mopro.rig.switched import as_stated
-from mopro.series import Settings
-from mopro.verdict import Verdict
 
 # Difference of two predictions by rounding alone, as a share of the range of the readings.
 _ROUNDING = 1e-6

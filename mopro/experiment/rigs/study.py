@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from mopro.candidate import Parameter
+from mopro.engine.candidate import Parameter
+from mopro.engine.residuals import Residuals
+from mopro.engine.series import Series
 from mopro.errors import DataError, ModelError
 from mopro.experiment.rigs.bare import completed
 from mopro.experiment.rigs.doubts import check_scales, unstated_steps
@@ -20,7 +22,6 @@ from mopro.experiment.rigs.of_runs import kept_to_their_runs
 from mopro.experiment.rigs.read import read_rig_experiment
 from mopro.formula.evaluate import Floats
 from mopro.inputs import no_file
-from mopro.residuals import Residuals
 from mopro.rig.base import BaseFit, base_of, fitted_base
 from mopro.rig.data import RigExperiment
 from mopro.rig.input_noise import beside_input_noise, stated_noise
@@ -29,7 +30,6 @@ from mopro.rig.origin import with_one_origin
 from mopro.rig.series import plain_series, series_of
 from mopro.rig.simulation import Model, Simulate
 from mopro.rig.switched import as_stated
-from mopro.series import Series
 from mopro.tomlfile import Document
 
 # What a program that is somebody's model may raise.

@@ -12,6 +12,7 @@ import mopro
 from helpers.laboratory import LASER
 from helpers.laboratory import PROGRAMS as PROGRAMS_OF_LAB
 from helpers.paths import PROGRAMS
+from mopro.engine.residuals.noise_tests import whiteness_p
 from mopro.errors import DataError
 from mopro.experiment import load_experiment
 from mopro.experiment.compare.comparison import compare
@@ -25,7 +26,6 @@ from mopro.motion import plan
 from mopro.plant import simulate
 from mopro.program.compile import compile_file
 from mopro.recording import Header, open_sink
-from mopro.residuals.noise_tests import whiteness_p
 from mopro.thesis import table
 from mopro.thesis.printed import THERMAL
 

@@ -5,7 +5,9 @@ import math
 
 import pytest
 
-from mopro.diagnosis import Estimate, Named, Verdict
+from mopro.engine import Estimate, Named, Verdict
+from mopro.engine.residuals.remainder import Remainder
+from mopro.engine.verdict import BelowResolution, Draft, Gap
 from mopro.experiment.compare.comparison import Place
 from mopro.experiment.conclude.wording import (
     advice,
@@ -22,8 +24,6 @@ from mopro.experiment.conclude.wording import (
     undecided_words,
     value_words,
 )
-from mopro.residuals.remainder import Remainder
-from mopro.verdict import BelowResolution, Draft, Gap
 
 
 def named(name, rivals=None, **values):

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.diagnosis import Estimate, Named, Verdict
 from mopro.emulator import Emulator
+from mopro.engine import Estimate, Named, Verdict
+from mopro.engine.residuals.remainder import Remainder
+from mopro.engine.verdict import Gap
 from mopro.experiment.design.experiment_design import propose
 from mopro.experiment.design.test_motions import (
     Bounds,
@@ -22,9 +24,7 @@ from mopro.machine import load_machine
 from mopro.motion import plan
 from mopro.plant import limit_trip, measure, measured_at, switches_u
 from mopro.recording import MemorySink
-from mopro.residuals.remainder import Remainder
 from mopro.source import Source
-from mopro.verdict import Gap
 
 MACHINE = load_machine("chow1992")
 LASER = Sensor("laser", POSITION, "position_1_in", 1000.0, 1, 2e-5)

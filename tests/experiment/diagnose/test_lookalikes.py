@@ -7,7 +7,7 @@ import pytest
 
 import mopro
 from helpers.one_run import LASER, of
-from mopro.diagnosis import reconcile
+from mopro.engine import reconcile
 from mopro.experiment.diagnose.candidates import candidates
 from mopro.experiment.diagnose.series import series_of
 from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel

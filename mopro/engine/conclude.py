@@ -1,0 +1,251 @@
+"""The answer of the engine, from the final fit: effects, alternatives, gaps, what is not seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import compress
+
+import numpy as np
+
+from mopro.engine.candidate import Candidate
+from mopro.engine.fits import Fit, HeldOut
+from mopro.engine.residuals import Corrected, Remainder
+from mopro.engine.search.alternatives import Alternative
+from mopro.engine.search.hypotheses import Hypotheses
+from mopro.engine.search.screening import Screening
+from mopro.engine.series import Floats, Settings
+from mopro.engine.sizes import Sizes
+from mopro.engine.state import State
+from mopro.engine.verdict import (
+    BelowResolution,
+    Draft,
+    Estimate,
+    Explained,
+    Gap,
+    Named,
+    Rejected,
+    RunGap,
+    Signature,
+    Verdict,
+    Where,
+    rms,
+)
+
+_NO_EVIDENCE = "lowers chi-squared by less than the penalty of its parameters"
+_NO_LOWER = "is predicted to lower chi-squared, but no fitted set with it has a lower EBIC"
+
+
+def conclude(state: State) -> Verdict:
+    """The verdict on the final state, with all that the evidence says for and against."""
+    sets, fit, held, others = state.sets, state.fit, state.held, state.alternatives
+    sizes = Sizes.of(state)
+    believed = [(c, _named(state, c, sizes)) for c in fit.candidates]
+    calibrated = sets.evidence.calibrated
+    effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
+    dropped = frozenset(r.name for r in state.rejected)
+    unseen, rejected = _not_found(sets, state.screening, fit, dropped)
+    gap, rival = _gap(sets, fit, held), [] if state.rival is None else sorted(state.rival.names)
+    notes = state.remainder.note, rival and f"{' + '.join(rival)} would do as well"
+    return Verdict(
+        verdict=_verdict_of(effects, state.remainder, [*others, *filter(None, [state.rival])]),
+        effects=effects,
+        rejected=(*state.rejected, *rejected),
+        below_resolution=unseen,
+        where=tuple(Where(r.run, r.sensor, r.before_rms, r.noise_rms) for r in gap.runs),
+        gap=gap,
+        remainder=state.remainder,
+        settings=sizes.settings,
+        before=tuple(sets.residuals.in_units(sets.null.residual)),
+        after=tuple(sets.residuals.in_units(fit.residual)),
+        signatures=tuple(_signature(sets, fit, name) for name in sorted(fit.names)),
+        calibration=tuple(effect for c, effect in believed if calibrated(fit, c)),
+        sensors=tuple(map(_of_sensor, _corrected(sets, sizes.fit))),
+        explained=_explained(sets, fit, held),
+        alternatives=tuple(tuple(sorted(other.names)) for other in others),
+        base={p: e for c in fit.base for p, e in sizes.estimates(c).items()},
+        base_before=sets.null.settings,
+        drafts=_drafts(state),
+        notes=(*state.notes, *(note for note in notes if note)),
+        nuisances=tuple(_nuisances(sets, sizes.settings)),
+        correlations=sizes.correlations(),
+        without_drafts=None if sizes.fit.key == fit.key else fit.settings,
+    )
+
+
+def _verdict_of(
+    effects: Sequence[Named], remainder: Remainder, others: Sequence[Alternative | Fit]
+) -> str:
+    """`unexplained`, `none`, `named`, or `ambiguous` where another set lacks an effect."""
+    if remainder.significant:
+        return "unexplained"
+    if not effects:
+        return "none"
+    return "named" if all(e.name in o.names for o in others for e in effects) else "ambiguous"
+
+
+def _named(state: State, candidate: Candidate, sizes: Sizes) -> Named:
+    sets, fit, name = state.sets, sizes.fit, candidate.name
+    rivals: dict[str, Alternative] = {}
+    for other in state.alternatives:
+        if name not in other.names:
+            for rival in sorted(other.names - state.fit.names):
+                rivals.setdefault(rival, other)
+    without = sets.without(fit, name)
+    rest = sizes.evidence.ebic(without)
+    if not math.isfinite(rest):
+        # Without it, the period of another one grew to a bend, which explains nothing.
+        rest = sizes.evidence.ebic(sets.null)
+    return Named(
+        name=name,
+        form=candidate.form,
+        parameters=sizes.estimates(candidate),
+        indistinguishable_from=list(rivals),
+        rivals={rival: other.delta_ebic for rival, other in rivals.items()},
+        alternatives={rival: other.settings for rival, other in rivals.items()},
+        log10_bayes_factor=(rest - sizes.evidence.ebic(fit)) / (2 * math.log(10)),
+        sigmas=_sigmas(sets, fit, without),
+        held_out=sizes.held is not None and sizes.held.supports(name),
+        run=candidate.run,
+    )
+
+
+def _sigmas(sets: Hypotheses, fit: Fit, without: Fit) -> float:
+    """Root of the fall of chi-squared by an effect, in standard deviations of the noise."""
+    return math.sqrt(max(without.rss - fit.rss, 0.0) / sets.scale(fit))
+
+
+def _drafts(state: State) -> tuple[Draft, ...]:
+    """The free-form terms beside the answer or, without any, of what does as well."""
+    sets, drafted, held = state.sets, state.drafted or state.rival, state.drafted_held
+    if drafted is None:
+        return ()
+    return tuple(
+        Draft(
+            name=c.name,
+            enters=c.law.enters,
+            of=c.law.of,
+            law=c.law.formula(drafted.settings[c.name]),
+            unit=c.law.unit,
+            run=c.law.run,
+            sigmas=_sigmas(sets, drafted, sets.without(drafted, c.name)),
+            held_out=held is not None and held.supports(c.name),
+        )
+        for c in drafted.candidates
+        if c.law is not None
+    )
+
+
+def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
+    """Share of the excess over the noise that the listed effects take away.
+
+    None where there is no excess.
+    """
+    noise = sets.noise_rss(fit)
+    before = sets.null.rss - noise
+    if before <= 0:
+        return Explained(None, None)
+
+    def share(rss: float, before: float) -> float:
+        return min(max(1 - max(rss - noise, 0.0) / before, 0.0), 1.0)
+
+    held_share = None
+    if held is not None:
+        samples = len(fit.residual)
+        held_before = held.before * samples - noise
+        held_share = share(held.after * samples, held_before) if held_before > 0 else None
+    return Explained(share(fit.rss, before), held_share)
+
+
+def _corrected(sets: Hypotheses, fit: Fit) -> tuple[Corrected, ...]:
+    return sets.residuals.corrected(fit.residual, fit.jacobian)
+
+
+def _of_sensor(own: Corrected) -> Named:
+    """A sensor's fitted tolerance as a correction of the model; its form is the sensor's name.
+
+    Sizes that are known to within their own tolerance need no held-out part.
+    """
+    return Named(
+        name=own.name,
+        form=own.sensor,
+        parameters={name: Estimate(*value, at_bound=False) for name, value in own.values.items()},
+        indistinguishable_from=[],
+        rivals={},
+        alternatives={},
+        log10_bayes_factor=own.log_bayes / math.log(10),
+        sigmas=own.sigmas,
+        held_out=False,
+    )
+
+
+def _nuisances(sets: Hypotheses, settings: Settings) -> list[Floats]:
+    """Coefficients of the nuisances of each series, in its unit, by least squares."""
+    raw = sets.residuals.of_exact_sensors(settings)
+    return [
+        np.asarray(np.linalg.lstsq(s.nuisance_shapes(), own, rcond=None)[0], dtype=float)
+        for s, own in zip(sets.residuals.data, raw, strict=True)
+    ]
+
+
+def _not_found(
+    sets: Hypotheses, screening: Screening, fit: Fit, dropped: frozenset[str]
+) -> tuple[tuple[BelowResolution, ...], list[Rejected]]:
+    """The candidates not in `fit`, nor `dropped` by a pass: those nobody could see, the others.
+
+    An effect is below the resolution of the sensors if the largest plausible one would lower
+    chi-squared by less than its penalty.
+    """
+    unseen: dict[str, BelowResolution] = {}
+    rejected: dict[str, Rejected] = {}
+    for score in screening.beside(fit, sets.null):
+        candidate = score.candidate
+        if candidate.law or candidate.name in dropped:
+            continue
+        expected = screening.expected_sigmas(sets.null, candidate)
+        needed = math.sqrt(sets.evidence.added_penalty(fit, [candidate]))
+        if expected is not None and expected < needed:
+            unseen.setdefault(candidate.name, BelowResolution(candidate.name, expected, needed))
+        else:
+            reason = _NO_LOWER if score.predicted_reduction >= needed**2 else _NO_EVIDENCE
+            answer = Rejected(candidate.name, score.predicted_reduction, reason)
+            rejected.setdefault(candidate.name, answer)
+    return tuple(unseen.values()), list(rejected.values())
+
+
+def _signature(sets: Hypotheses, fit: Fit, name: str) -> Signature:
+    """Change of the prediction of each series by an effect, nuisances projected out."""
+    reduced = sets.without(fit, name)
+    change = sets.switched_off(fit, frozenset({name})).residual - fit.residual
+    return Signature(name, tuple(sets.residuals.in_units(change)), reduced.rss - fit.rss)
+
+
+def _counted(sets: Hypotheses, whitened: Floats) -> list[Floats]:
+    """The samples of each series that count, in its unit."""
+    parts = sets.residuals.in_units(whitened)
+    return [own[s.counted] for s, own in zip(sets.residuals.data, parts, strict=True)]
+
+
+def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
+    """RMS residuals of each series, and over all series in the unit of the first."""
+    data = sets.residuals.data
+    counted = [s.unit == data[0].unit for s in data]
+    stated = [s.sigma for s in compress(data, counted) if s.sigma is not None]
+    before, after = (_counted(sets, own.residual) for own in (sets.null, fit))
+    held_out = None if held is None else _counted(sets, held.residual)
+    of_runs = [None] * len(data) if held_out is None else [rms(own) for own in held_out]
+
+    def of(series: Sequence[Floats]) -> float:
+        return rms(np.concatenate(list(compress(series, counted))))
+
+    return Gap(
+        unit=data[0].unit,
+        before_rms=of(before),
+        after_rms=of(after),
+        noise_rms=rms(np.array(stated)) if stated else None,
+        held_out_rms=None if held_out is None else of(held_out),
+        runs=tuple(
+            RunGap(s.run, s.sensor, s.unit, rms(b), rms(a), h, s.sigma)
+            for s, b, a, h in zip(data, before, after, of_runs, strict=True)
+        ),
+    )

@@ -1,0 +1,132 @@
+"""Test of the runs for one that alone disagrees with the model, where all others agree."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+from mopro.engine.assumed import FALSE_ALARMS, STRONG, VERY_STRONG
+from mopro.engine.fits import Fit, least_squares_fit
+from mopro.engine.residuals import Remainder, Residuals, as_noise, examine, noise_of
+from mopro.engine.series import Floats, Mask, Settings
+from mopro.engine.state import State
+from mopro.engine.verdict import OddRun, Rejected
+
+_OTHERS_WITHOUT = "the other runs agree without it, and not with it"
+
+
+def odd_run(state: State) -> tuple[OddRun, Fit] | None:
+    """The run that alone disagrees, and the set of effects beside which the others agree.
+
+    That is one beside which the other runs, fitted by themselves, leave noise, and of which that
+    run does not: none, or the fitted set that describes the others best. With one false alarm in a
+    thousand, over all runs. None where nothing stays unexplained, or where it may as well be
+    another run.
+    """
+    names = list(dict.fromkeys(series.run for series in state.problem.data))
+    if len(names) < 2 or not state.remainder.significant or not state.sets.residuals.known_noise:
+        return None
+    for with_effects in (False, True):
+        sets = [_best_of_others(state, n) if with_effects else state.sets.null for n in names]
+        tried = [(_odd(state, own, n, len(names)), own) for own, n in zip(sets, names, strict=True)]
+        odd = [(run, own) for run, own in tried if run is not None]
+        if len(odd) == 1:
+            return odd[0]
+    return None
+
+
+def _best_of_others(state: State, run: str) -> Fit:
+    """The fitted set of listed effects that has the lowest EBIC without the samples of a run."""
+    others, evidence = _samples_of_others(state, run), state.sets.white
+
+    def ebic(fit: Fit) -> float:
+        return float(np.sum(fit.residual[others] ** 2)) + evidence.penalty(fit)
+
+    return min((fit for fit in state.sets.ranked() if not fit.laws), key=ebic)
+
+
+def _samples_of_others(state: State, run: str) -> Mask:
+    return np.concatenate([np.full(len(s), s.run != run) for s in state.problem.data])
+
+
+def beside_the_others(state: State, odd: OddRun, fit: Fit) -> State:
+    """The answer without what the other runs contradict, and what is left as it is in the odd one.
+
+    An effect, or a draft, that stands for what is in one run alone is none of the machine.
+    """
+    others = _samples_of_others(state, odd.run)
+
+    def contradicted(other: Fit) -> bool:
+        more = float(np.sum(other.residual[others] ** 2) - np.sum(fit.residual[others] ** 2))
+        return more > VERY_STRONG * state.sets.scale(fit)
+
+    remainder = replace(state.remainder, description=odd.description, variable=odd.variable)
+    if state.drafted is not None and not contradicted(state.drafted):
+        remainder = state.remainder
+    elif state.drafted is not None:
+        state = replace(state, drafted=None, drafted_held=None)
+        remainder = replace(remainder, beside_drafts=None)
+    if not fit.candidates and contradicted(state.fit):
+        gone = tuple(
+            Rejected(name, state.sets.without(state.fit, name).rss - state.fit.rss, _OTHERS_WITHOUT)
+            for name in sorted(state.fit.names)
+        )
+        state = replace(
+            state, fit=fit, held=None, alternatives=(), rival=None,
+            rejected=(*state.rejected, *gone),
+        )  # fmt: skip
+    return replace(state, remainder=remainder)
+
+
+def explains(state: State, before: State) -> bool:
+    """True if an effect of one run alone is in the answer, and nothing but noise is left.
+
+    Beside drafts as well, but for such as did so without that effect, or nearly.
+    """
+    sets, described = state.sets, state.drafted or state.fit
+    if not any(c.run for c in state.fit.candidates) or not sets.leaves_noise(described):
+        return False
+    drafted = before.drafted
+    if drafted is None or not sets.leaves_noise(drafted):
+        return True
+    return sets.ebic(described) < sets.ebic(drafted) - STRONG
+
+
+def _odd(state: State, fit: Fit, name: str, runs: int) -> OddRun | None:
+    """The run `name`, if it disagrees beside the effects of `fit` and the others do not."""
+    own = _of_runs(state, [name])
+    residual = own.at(fit.settings)
+    remainder = _beyond_noise(own, residual, 0)
+    if remainder is None or remainder.p_value > FALSE_ALARMS / runs:
+        return None
+    others = _of_runs(state, [s.run for s in state.problem.data if s.run != name])
+    again = least_squares_fit(others, fit.candidates, [fit.settings], base=state.sets.base)
+    if _beyond_noise(others, again.residual, len(again.order)) is not None:
+        return None
+    assert remainder.description is not None, "what is more than noise is described"
+    scatter, rest = (float(np.sqrt(np.mean(r**2))) for r in (residual, again.residual))
+    return OddRun(name, scatter, rest, remainder.description, remainder.variable)
+
+
+def _beyond_noise(residuals: Residuals, residual: Floats, parameters: int) -> Remainder | None:
+    """The test of a residual; None if it is noise, of whatever size and memory."""
+    found = examine(residuals, residual, parameters)
+    if not found.significant:
+        return None
+    noise = noise_of(residuals, residual, parameters)
+    return None if as_noise(residuals, noise, residual, found) else found
+
+
+def _of_runs(state: State, names: Collection[str]) -> Residuals:
+    """The problem of these runs alone."""
+    problem, sets = state.problem, state.sets
+    rows = [i for i, series in enumerate(problem.data) if series.run in names]
+
+    def simulate(settings: Settings) -> list[Floats]:
+        predicted = problem.simulate(settings)
+        return [predicted[i] for i in rows]
+
+    data, sigmas = [problem.data[i] for i in rows], [sets.residuals.sigmas[i] for i in rows]
+    return Residuals(simulate, data, sigmas=sigmas).calibrated_at(sets.null.settings)
