@@ -83,7 +83,10 @@ def _mopro(*arguments: str, at: Path | None = None) -> subprocess.CompletedProce
 
 
 def compare(before: Path, after: Path) -> int:
-    """Print what differs between two folders of answers; 1 if something does."""
+    """Print what differs between two folders of answers; 1 if something does.
+
+    A key that only one of two answers has is none of them.
+    """
     names = sorted({p.name for p in before.glob("*.json")} | {p.name for p in after.glob("*.json")})
     different = 0
     for name in names:
@@ -99,7 +102,7 @@ def _different(one: Path, other: Path) -> list[str]:
     if not (one.exists() and other.exists()):
         return ["only in one folder"]
     first, second = (json.loads(p.read_text()) for p in (one, other))
-    return [k for k in {**first, **second} if _text(first, k) != _text(second, k)]
+    return [k for k in first.keys() & second.keys() if _text(first, k) != _text(second, k)]
 
 
 def _text(answer: dict[str, Any], key: str) -> str:

@@ -70,6 +70,8 @@ def conclude(state: State) -> Verdict:
         nuisances=tuple(_nuisances(sets, sizes.settings)),
         correlations=sizes.correlations(),
         without_drafts=None if sizes.fit.key == fit.key else fit.settings,
+        odd_run=state.odd,
+        trace=state.trace,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -11,10 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from mopro.engine.candidate import Candidate, Parameter
 from mopro.engine.conclude import conclude
-from mopro.engine.fits import Key
 from mopro.engine.freeform import WithLaws
-from mopro.engine.odd_run import beside_the_others, explains, odd_run
-from mopro.engine.passes import PASSES, better_alternative
+from mopro.engine.passes import PASSES, Pass, in_turn
 from mopro.engine.search.hypotheses import Progress
 from mopro.engine.series import Series, Simulate
 from mopro.engine.state import Problem, State
@@ -36,6 +33,7 @@ def reconcile(
     coarse: Simulate | None = None,
     jobs: int = 1,
     progress: Progress = lambda _: None,
+    passes: Sequence[Pass] = PASSES,
 ) -> Verdict:
     """Find which of `effects` the model lacks, if any, with the evidence for each.
 
@@ -48,48 +46,20 @@ def reconcile(
     is the same model with smaller steps of integration, asked before anything is called
     unexplained, and `coarse` with larger ones, by which changes of the prediction are told.
     `jobs` simulations run at once, in threads, and `progress` is called with a line about each
-    fit. The passes are taken again from an alternative that the data support strongly over the
-    answer. Raises ValueError for data or predictions that are not finite numbers and for
-    predictions of another length.
+    fit. `passes` lead from the question to the answer, which keeps their trace. Raises ValueError
+    for data or predictions that are not finite numbers and for predictions of another length.
     """
     _check(effects, data)
     own = (Candidate(BASE, tuple(base)),) if base else ()
     simulate, coarse = WithLaws(simulate, data, ()), coarse and WithLaws(coarse, data, ())
     problem = Problem(
-        simulate, finer, coarse, tuple(effects), tuple(unlisted), own, tuple(data), jobs, progress
-    )
+        simulate, finer, coarse, tuple(effects), tuple(unlisted), own, tuple(data), jobs, progress,
+        in_one_run,
+    )  # fmt: skip
     # The matrices are tall and narrow: threads of the linear algebra take longer to meet than
     # they save, and the sums would depend on their number.
     with threadpool_limits(1, "blas"):
-        state = _answered(State.of(problem))
-        if (found := odd_run(state)) is None:
-            return conclude(state)
-        odd, beside = found
-        if of_run := tuple(in_one_run.get(odd.run, ())):
-            wider = replace(state.problem, catalogue=(*state.problem.catalogue, *of_run))
-            again = _answered(replace(State.of(wider), notes=state.notes))
-            if explains(again, state):
-                return replace(conclude(again), odd_run=odd)
-        return replace(conclude(beside_the_others(state, odd, beside)), odd_run=odd)
-
-
-def _answered(state: State) -> State:
-    """The state after all passes, taken again from a better alternative that they show."""
-    state, known = _passed(state), set[Key]()
-    while (better := better_alternative(state)) is not None and better.key not in known:
-        known.add(better.key)
-        # What the passes found out about the data, such as wild samples, holds.
-        begun = State.of(state.problem)
-        fit = begun.sets.fitted(better.candidates, better.settings)
-        state = _passed(replace(begun, fit=fit, notes=state.notes))
-    return state
-
-
-def _passed(state: State) -> State:
-    """The state after all passes."""
-    for each in PASSES:
-        state = each(state)
-    return state
+        return conclude(in_turn(passes, State.of(problem)))
 
 
 def _check(effects: Sequence[Candidate], data: Sequence[Series]) -> None:

@@ -107,6 +107,23 @@ class OddRun:
 
 
 @dataclass(frozen=True)
+class Taken:
+    """What a pass did: the effects of the answer before and after it, the EBIC then, and why."""
+
+    name: str
+    before: tuple[str, ...]
+    after: tuple[str, ...]
+    ebic: float
+    why: str
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "pass": self.name, "before": list(self.before), "after": list(self.after),
+            "ebic": self.ebic, "why": self.why,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
 class BelowResolution:
     """An effect that these data could not show at any plausible size.
 
@@ -178,7 +195,7 @@ class Verdict:
     free-form terms beside the effects or, if the verdict is `ambiguous`, of a set that does as
     well. `notes`: remarks on the noise, and on that set. `nuisances`: the fitted coefficients of
     each series' nuisances, in its unit. `correlations` of the estimates, by `effect.parameter`.
-    `odd_run`: the run that alone disagrees with all runs' model.
+    `odd_run`: the run that alone disagrees with all runs' model. `trace`: what each pass did.
     """
 
     verdict: str
@@ -205,6 +222,7 @@ class Verdict:
     correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     without_drafts: Settings | None = None
     odd_run: OddRun | None = None
+    trace: tuple[Taken, ...] = ()
 
     @property
     def settings_alone(self) -> Settings:
@@ -298,6 +316,7 @@ class Verdict:
             ],
             "notes": list(self.notes),
             "correlations": {name: dict(row) for name, row in self.correlations.items()},
+            "trace": [taken.as_json() for taken in self.trace],
         }
 
 

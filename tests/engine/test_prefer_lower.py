@@ -6,18 +6,11 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
-from mopro.engine import passes
 from mopro.engine.conclude import conclude
 from mopro.engine.fits import HeldOut
 from mopro.engine.freeform import WithLaws
-from mopro.engine.passes import (
-    FAILS_HELD_OUT,
-    drop_unsupported,
-    hold_out,
-    prefer_lower,
-    readmit,
-    set_laws_apart,
-)
+from mopro.engine.passes import DROP, drop, hold_out, prefer_lower, readmit, set_laws_apart
+from mopro.engine.passes.drop import FAILS_HELD_OUT
 from mopro.engine.state import Problem, State
 from mopro.engine.verdict import Rejected
 
@@ -53,7 +46,7 @@ def test_of_effects_that_held_out_parts_deny_the_one_that_is_missed_least_goes(m
         own = gains.get(fit.names, dict.fromkeys(fit.names, 1.0))
         return HeldOut(2.0, 1.0, own, fit.residual)
 
-    monkeypatch.setattr(passes, "_held", held_out)
+    monkeypatch.setattr(drop, "held_of", held_out)
     answer = hold_out(replace(state, fit=fit))
     assert answer.fit.names == {"true"}
     assert [(r.name, r.reason) for r in answer.rejected] == [("third", FAILS_HELD_OUT)]
@@ -68,8 +61,8 @@ def test_once_held_out_parts_deny_an_effect_the_others_are_chosen_anew(monkeypat
         gains = {name: -1.0 if name == "third" else 1.0 for name in fit.names}
         return HeldOut(2.0, 1.0, gains, fit.residual)
 
-    monkeypatch.setattr(passes, "_held", held_out)
-    answer = drop_unsupported(replace(state, fit=fit))
+    monkeypatch.setattr(drop, "held_of", held_out)
+    answer = DROP(replace(state, fit=fit))
     assert answer.fit.names == {"true"}
     assert [r.name for r in answer.rejected] == ["third"]
     assert answer.held.residual is answer.fit.residual
@@ -95,7 +88,7 @@ def test_nothing_changes_where_nothing_was_dropped(state):
 def readmitted(state, *dropped):
     """The answer where effects were dropped one after the other, each with its reason."""
     rejected = tuple(Rejected(name, 1.0, reason) for name, reason in dropped)
-    return readmit(replace(state, fit=state.sets.null, rejected=rejected))
+    return readmit(DROP)(replace(state, fit=state.sets.null, rejected=rejected))
 
 
 def test_what_held_out_parts_denied_beside_others_comes_back_without_them(state):

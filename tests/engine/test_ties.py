@@ -10,7 +10,7 @@ from scipy import fft, signal
 from helpers.signals import candidates, diagnosed, measured, of_size, sizes, times
 from mopro.engine.fits import Evidence, Fit
 from mopro.engine.freeform import WithLaws
-from mopro.engine.passes import better_alternative, find_alternatives
+from mopro.engine.passes.alternatives import better_alternative, find_alternatives
 from mopro.engine.residuals.noise import Noise
 from mopro.engine.state import Problem, State
 from mopro.engine.verdict import Rejected

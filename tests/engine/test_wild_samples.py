@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
-from mopro.engine import engine
+from mopro.engine import diagnosis
 from mopro.engine.freeform import WithLaws
-from mopro.engine.passes import search_catalogue, set_wild_aside
+from mopro.engine.passes import alternatives, search_catalogue, set_wild_aside
 from mopro.engine.state import Problem, State
 
 
@@ -32,7 +32,7 @@ def test_the_search_is_repeated_where_wild_samples_are_much_of_what_is_left(unli
     problem = Problem(model, None, None, catalogue, (), (), data, 1, said.append)
     found = search_catalogue(State.of(problem))
     said.clear()
-    state = set_wild_aside(found)
+    state = search_catalogue(set_wild_aside(found))
     assert any(line.startswith("simulating the signature") for line in said) is searched
     assert state.notes == ("probe in run has one wild sample, at 1.751 s: left out",)
     assert state.fit.names == {"up"}
@@ -52,9 +52,9 @@ def test_what_was_set_aside_stays_aside_where_the_passes_begin_again(monkeypatch
         begun.append(state.fit)
         return state.fit if len(begun) == 1 else None
 
-    monkeypatch.setattr(engine, "better_alternative", once)
+    monkeypatch.setattr(alternatives, "better_alternative", once)
     catalogue = candidates("up", "down")
-    answer = engine.reconcile(
+    answer = diagnosis.reconcile(
         simulate, catalogue, [replace(series, values=values)], progress=said.append
     )
     assert (answer.verdict, len(begun)) == ("named", 2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import product
 from typing import TypeVar
@@ -103,6 +104,13 @@ class Hypotheses:
         if not np.isfinite(self.residuals.predicted(fit.settings)).all():
             raise ValueError("the model without effects predicts values that are not finite")
         self._fits[fit.key] = fit
+
+    def copy(self) -> Hypotheses:
+        """These sets, to which others may be fitted without changing these."""
+        own = copy(self)
+        own._fits, own._limits = dict(self._fits), dict(self._limits)
+        own._stepped, own._remainders = set(self._stepped), dict(self._remainders)
+        return own
 
     def join(self, laws: Sequence[Candidate], simulate: Simulate, coarse: Simulate | None) -> None:
         """Let free-form terms compete, which `simulate` and `coarse` know beside the catalogue."""

@@ -64,6 +64,13 @@ class Screening:
         self._groups: LRUCache[Hashable, list[Group]] = LRUCache(_KEPT_BYTES, _bytes_of_groups)
         self._searched: LRUCache[Hashable, list[Group]] = LRUCache(_KEPT_BYTES, _bytes_of_groups)
 
+    def on(self, sets: Hypotheses) -> Screening:
+        """The same of a copy of these sets; what was simulated is known there."""
+        own = Screening(sets)
+        own._lock, own._tests, own._subsets = self._lock, self._tests, self._subsets
+        own._groups, own._searched = self._groups, self._searched
+        return own
+
     def beside(self, base: Fit, at: Fit) -> list[ScoreTest]:
         """Score tests of all candidates that may join `base`, the lowest predicted EBIC first.
 

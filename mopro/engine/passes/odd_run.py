@@ -1,14 +1,15 @@
-"""Test of the runs for one that alone disagrees with the model, where all others agree."""
+"""Passes on a run that alone disagrees with the model, where all others agree."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mopro.engine.assumed import FALSE_ALARMS, STRONG, VERY_STRONG
 from mopro.engine.fits import Fit, least_squares_fit
+from mopro.engine.passes.loops import Loop, Pass, a_pass, in_turn
 from mopro.engine.residuals import Remainder, Residuals, as_noise, examine, noise_of
 from mopro.engine.series import Floats, Mask, Settings
 from mopro.engine.state import State
@@ -17,24 +18,42 @@ from mopro.engine.verdict import OddRun, Rejected
 _OTHERS_WITHOUT = "the other runs agree without it, and not with it"
 
 
-def odd_run(state: State) -> tuple[OddRun, Fit] | None:
+@a_pass
+def find_odd_run(state: State) -> State:
     """The run that alone disagrees, and the set of effects beside which the others agree.
 
     That is one beside which the other runs, fitted by themselves, leave noise, and of which that
     run does not: none, or the fitted set that describes the others best. With one false alarm in a
-    thousand, over all runs. None where nothing stays unexplained, or where it may as well be
+    thousand, over all runs. Nothing where nothing stays unexplained, or where it may as well be
     another run.
     """
     names = list(dict.fromkeys(series.run for series in state.problem.data))
     if len(names) < 2 or not state.remainder.significant or not state.sets.residuals.known_noise:
-        return None
+        return state
     for with_effects in (False, True):
         sets = [_best_of_others(state, n) if with_effects else state.sets.null for n in names]
         tried = [(_odd(state, own, n, len(names)), own) for own, n in zip(sets, names, strict=True)]
-        odd = [(run, own) for run, own in tried if run is not None]
-        if len(odd) == 1:
-            return odd[0]
-    return None
+        found = [(run, own) for run, own in tried if run is not None]
+        if len(found) == 1:
+            ((odd, agreed),) = found
+            return replace(state, odd=odd, agreed=agreed)
+    return state
+
+
+@dataclass(frozen=True)
+class _InOneRun(Loop):
+    def __call__(self, state: State) -> State:
+        of_run = tuple(state.problem.in_one_run.get(state.odd.run, ())) if state.odd else ()
+        if not of_run:
+            return state
+        wider = replace(state.problem, catalogue=(*state.problem.catalogue, *of_run))
+        again = in_turn(self.passes, state.begun(wider))
+        return replace(again, odd=state.odd) if _explains(again, state) else state
+
+
+def in_one_run(*passes: Pass) -> Loop:
+    """`passes` with each effect in the odd run alone as well; their answer if that explains it."""
+    return _InOneRun(passes)
 
 
 def _best_of_others(state: State, run: str) -> Fit:
@@ -51,11 +70,15 @@ def _samples_of_others(state: State, run: str) -> Mask:
     return np.concatenate([np.full(len(s), s.run != run) for s in state.problem.data])
 
 
-def beside_the_others(state: State, odd: OddRun, fit: Fit) -> State:
+@a_pass
+def keep_what_others_bear(state: State) -> State:
     """The answer without what the other runs contradict, and what is left as it is in the odd one.
 
     An effect, or a draft, that stands for what is in one run alone is none of the machine.
     """
+    odd, fit = state.odd, state.agreed
+    if odd is None or fit is None:
+        return state
     others = _samples_of_others(state, odd.run)
 
     def contradicted(other: Fit) -> bool:
@@ -80,7 +103,7 @@ def beside_the_others(state: State, odd: OddRun, fit: Fit) -> State:
     return replace(state, remainder=remainder)
 
 
-def explains(state: State, before: State) -> bool:
+def _explains(state: State, before: State) -> bool:
     """True if an effect of one run alone is in the answer, and nothing but noise is left.
 
     Beside drafts as well, but for such as did so without that effect, or nearly.

@@ -11,6 +11,7 @@ from scipy import linalg
 from mopro.engine.assumed import FEWEST, MAJORITY, MOST_FOLDS, ROUNDING, VERY_STRONG
 from mopro.engine.candidate import Candidate, Parameter, Role
 from mopro.engine.fits import Fit, folds, spread
+from mopro.engine.passes.loops import a_pass
 from mopro.engine.residuals import projected_out
 from mopro.engine.search.hypotheses import Hypotheses
 from mopro.engine.series import Mask
@@ -28,6 +29,7 @@ _RESHAPED = "as a function of {}, what is there has another shape: " + _STANDS_I
 _MOST_PARTS = FEWEST * MOST_FOLDS
 
 
+@a_pass
 def expose_stand_ins(state: State) -> State:
     """The answer without effects whose size differs from part to part, the worst dropped first.
 
@@ -97,6 +99,7 @@ def _at_their_ends(sets: Hypotheses, fit: Fit) -> set[str]:
     }
 
 
+@a_pass
 def expose_beside_drafts(state: State) -> State:
     """The answer without effects that the drafts show to be something else, the worst first.
 
@@ -118,6 +121,7 @@ def expose_beside_drafts(state: State) -> State:
             _exposed(state, worst, reasons[worst][1]),
             fit=sets.settled(sets.without(state.fit, worst)),
             drafted=_taken_over(state, state.drafted, worst),
+            drafted_held=None,
         )
     return state
 
