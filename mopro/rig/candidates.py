@@ -439,6 +439,8 @@ def _locals(model: Model, effect: WrittenEffect, run: Run, known: Known) -> Iter
 def _in_node(model: Model, node: str, known: Known) -> Known:
     own = np.asarray(known[node])
     others = [np.asarray(known[n]) - own for n in model.rig.nodes if n != node]
+    if model.experiment.begins_in_balance:
+        others = [other - other[0] for other in others]
     used = model.rig.laws[node].formula.names
     foreign = [known[n] for n in model.experiment.units if n not in used and n != "ambient"]
     return {

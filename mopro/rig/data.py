@@ -16,7 +16,7 @@ from mopro.formula.evaluate import Floats
 from mopro.formula.written import Written
 from mopro.instruments.quantity import Measurable
 from mopro.machine.runs import NO_DATA, Data
-from mopro.rig.model import Rig
+from mopro.rig.model import THERMAL, Rig
 from mopro.source import Source
 from mopro.tomlfile import Value
 
@@ -111,3 +111,20 @@ class RigExperiment:
     units: Mapping[str, str]
     notes: tuple[str, ...] = ()
     columns: tuple[Mapping[str, Floats], ...] = ()
+
+    @cached_property
+    def begins_in_balance(self) -> bool:
+        """True if each node begins as warm as its surroundings, at what its sensor shows first.
+
+        Where the zeros of the sensors are free: what they show apart then is their zeros, and no
+        heat flows between the nodes.
+        """
+        if self.machine.kind != THERMAL or "ambient" in self.units:
+            return False
+        shown = [
+            (reading, run.start[node])
+            for run in self.trials
+            for reading in run.readings
+            for node in reading.sensor.reads.formula.names & run.start.keys()
+        ]
+        return all(r.sensor.zero is None and start == r.first for r, start in shown)

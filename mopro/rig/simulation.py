@@ -413,6 +413,18 @@ class Model:
             friction = assembler.codes(parse("0"), slots)
         return [moving, friction]
 
+    def _exchange(self, node: str, slots: Mapping[str, int]) -> tuple[Formula, dict[str, int]]:
+        """What a node is colder by than the others, in all, and the slots of names in it.
+
+        Of the rises since the beginning where the zeros of the sensors are free.
+        """
+        others = [other for other in self.rig.nodes if other != node]
+        if not self.experiment.begins_in_balance:
+            return parse(" + ".join(f"({other} - T)" for other in others) or "0"), {}
+        beginnings = {f"_at_{i}": slots[f"ambient {other}"] for i, other in enumerate(others)}
+        rises = (f"({other} - _at_{i} - T + ambient)" for i, other in enumerate(others))
+        return parse(" + ".join(rises) or "0"), beginnings
+
     def _node_codes(
         self,
         assembler: Assembler,
@@ -424,16 +436,18 @@ class Model:
         law = self.rig.laws[node].formula
         ambient = "ambient" if "ambient" in slots else f"ambient {node}"
         own = {**slots, "T": slots[node], "ambient": slots[ambient]}
-        others = " + ".join(f"({other} - T)" for other in self.rig.nodes if other != node)
+        exchange, beginnings = self._exchange(node, slots)
         foreign = [name for name in self.experiment.units if name not in law.names]
         foreign = [name for name in foreign if name != "ambient"]
         inner = {
-            "exchange": parse(others or "0"),
+            "exchange": exchange,
             "in_first": parse("1" if node == self.rig.nodes[0] else "0"),
             "foreign": parse(foreign[0] if foreign else "0"),
         }
         terms = [
-            _codes(assembler, effect, own, inner) for effect in active if effect.enters == POWER
+            _codes(assembler, effect, {**own, **beginnings}, inner)
+            for effect in active
+            if effect.enters == POWER
         ]
         capacity = capacity_of(self.rig)
         by = assembler.codes(parse(capacity), slots) if capacity else []
