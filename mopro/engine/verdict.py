@@ -108,7 +108,10 @@ class OddRun:
 
 @dataclass(frozen=True)
 class Taken:
-    """What a pass did: the effects of the answer before and after it, the EBIC then, and why."""
+    """What a pass did: the effects of the answer before and after it, the EBIC then, and why.
+
+    The EBIC is infinite where the answer has a number at the end of a range that it must not reach.
+    """
 
     name: str
     before: tuple[str, ...]
@@ -116,10 +119,15 @@ class Taken:
     ebic: float
     why: str
 
+    @property
+    def decides(self) -> bool:
+        """True if the answer is another one after it, or something was found out."""
+        return self.before != self.after or bool(self.why)
+
     def as_json(self) -> dict[str, Any]:
         return {
             "pass": self.name, "before": list(self.before), "after": list(self.after),
-            "ebic": self.ebic, "why": self.why,
+            "ebic": self.ebic if math.isfinite(self.ebic) else None, "why": self.why,
         }  # fmt: skip
 
 
@@ -244,18 +252,30 @@ class Verdict:
             for s, b, a in zip(data, before, after, strict=True)
         )
 
+    def __str__(self) -> str:
+        """The verdict, a line for each number of the effects and each gap, and remarks."""
+        lines = [f"Verdict: {self.verdict}"]
+        for name, parameter, value, interval, *_ in _effect_cells(self.fitted):
+            lines.append(f"{name}: {parameter} = {value} ({interval})")
+        for run, sensor, before, after, noise in _gap_cells(self.gap.runs):
+            lines.append(f"{run}, {sensor}: rms {before} before, {after} after, noise {noise}")
+        return "\n".join([*lines, *self._remarks()])
+
     def _repr_html_(self) -> str:
         """Effects with their evidence, the gap, alternatives and notes."""
         parts = [table(_EFFECTS_SHOWN, _effect_cells(self.fitted))] if self.fitted else []
         parts.append(table(_GAPS_SHOWN, _gap_cells(self.gap.runs)))
+        return section(f"Verdict: {self.verdict}", [*parts, *map(paragraph, self._remarks())])
+
+    def _remarks(self) -> list[str]:
+        """What is to be said beside the effects and the gaps."""
         said = [f"Calibrated: {own.name} of {own.form}." for own in self.sensors]
         said += [f"As good an explanation: {' and '.join(n)}." for n in self.alternatives]
         said += [f"{self.odd_run.run} alone disagrees."] if self.odd_run else []
         said += [f"In no catalogue: {d.law} {d.unit}, of {d.of}." for d in self.drafts]
         if self.remainder.significant:
             said.append(f"Unexplained: {self.remainder.description}.")
-        said += [f"{note[:1].upper()}{note[1:]}." for note in self.notes]
-        return section(f"Verdict: {self.verdict}", [*parts, *map(paragraph, said)])
+        return said + [f"{note[:1].upper()}{note[1:]}." for note in self.notes]
 
     @property
     def fitted(self) -> tuple[Named, ...]:

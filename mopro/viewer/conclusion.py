@@ -22,6 +22,7 @@ from mopro.experiment.conclude.wording import (
     place_words,
     remainder_words,
     sentence,
+    trace_rows,
     undecided_words,
     value_words,
 )
@@ -38,6 +39,7 @@ _GAPS = ("run", "sensor", "before", "after", "held out", "machine file rerun", "
          "source lines")  # fmt: skip
 _PLACES = ("run", "where", "sensor", "samples", "mean", "RMS", "σ of the sensor")
 _TRIED = ("candidate", "status", "σ in all", "reason")
+_PASSES = ("pass", "effects after it", "EBIC", "why")
 _UNDECIDED = "No effect of the catalogue is supported by the data."
 
 
@@ -55,6 +57,7 @@ def conclusion_page(conclusion: Conclusion) -> str:
             section("Where simulation and data disagreed", _where(conclusion)),
             section("Remaining residual", [paragraph(_remainder(verdict))]),
             section("All candidates", _all_candidates(conclusion)),
+            section("How the answer came about", _passes(verdict), opened=False),
             *_next(conclusion),
             section("Provenance", _provenance(conclusion), opened=False),
         ],
@@ -89,6 +92,10 @@ def _effects(conclusion: Conclusion) -> Iterator[str]:
     yield from map(paragraph, calibration_words(conclusion.verdict))
     yield from map(paragraph, undecided_words(conclusion.verdict))
     yield from map(paragraph, conclusion.reservations())
+
+
+def _passes(verdict: Verdict) -> Iterator[str]:
+    yield table(_PASSES, trace_rows(verdict), "Passes that decided something")
 
 
 def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mopro.experiment.conclude.conclusion import Conclusion
 
 _MOST_ROWS = 40
+_PASSES = ("pass", "effects", "EBIC", "why")
 _EFFECTS = ("effect", "parameter", "95 % interval", "σ in all", "log10 Bayes", "held out")
 _GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise")
 
@@ -50,6 +51,7 @@ _GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise"
     shell_complete=effect_names,
 )
 @allow_python_option()
+@click.option("--explain", is_flag=True, help="Print how the answer came about, pass by pass.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
     experiment: str,
@@ -59,6 +61,7 @@ def command(
     without: tuple[str, ...],
     only: tuple[str, ...],
     allow_python: bool,
+    explain: bool,
     as_json: bool,
 ) -> int:
     """Find the effects that the machine's model lacks, add them, and show the gap shrink.
@@ -87,6 +90,8 @@ def command(
         say(json.dumps(answer, indent=1, default=float, allow_nan=False))
     else:
         _tell(conclusion)
+        if explain:
+            _explain(conclusion.verdict)
     return max(code, EXIT_FAILED if conclusion.verdict.verdict == "unexplained" else 0)
 
 
@@ -185,6 +190,14 @@ def _tell(conclusion: Conclusion) -> None:
         say(conclusion.next_experiment.text)
     elif verdict.verdict == "ambiguous":
         say(conclusion.advice)
+
+
+def _explain(verdict: Verdict) -> None:
+    from mopro.cli.terminal.table import print_table
+    from mopro.experiment.conclude.wording import trace_rows
+
+    say("\nHow the answer came about, by the passes that decided something:")
+    print_table(_PASSES, list(trace_rows(verdict)), _MOST_ROWS)
 
 
 def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:

@@ -68,6 +68,13 @@ def odd_run_words(verdict: Verdict) -> Iterator[str]:
         )
 
 
+def trace_rows(verdict: Verdict) -> Iterator[list[str]]:
+    """A row for each pass that decided something: its name, the effects and EBIC after it, why."""
+    for taken in filter(lambda taken: taken.decides, verdict.trace):
+        effects = ", ".join(taken.after) or "none"
+        yield [taken.name.replace("_", " "), effects, f"{taken.ebic:.1f}", taken.why]
+
+
 def remainder_words(verdict: Verdict) -> str:
     """The remainder beside the effects in words, and that beside the free-form terms, if any."""
     remainder = verdict.remainder
