@@ -19,8 +19,9 @@ ALLOWED = {
         "mopro.benchmark.hidden.effects", "mopro.engine.candidate", "mopro.effects",
     },
     "mopro.benchmark": {
-        "numpy", "scipy", "numba", "mopro.errors", "mopro.files", "mopro.formula.dimension",
-        "mopro.inputs", "mopro.jit", "mopro.jobs", "mopro.machine", "mopro.units",
+        "numpy", "scipy", "numba", "mopro.engine.threads", "mopro.errors", "mopro.files",
+        "mopro.formula.dimension", "mopro.inputs", "mopro.jit", "mopro.jobs", "mopro.machine",
+        "mopro.units",
     },
 }  # fmt: skip
 # The formulas of a user's file are hidden by mopro's own plant: the reference plant knows none.

@@ -6,6 +6,7 @@ applied in this order, except those that act last.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -21,50 +22,50 @@ if TYPE_CHECKING:
 ENTRY_POINTS = "mopro.effects"
 
 OWN = (
-    "forces.payload_mass:PayloadMass",
-    "forces.viscous_drag:ViscousDrag",
-    "forces.quadratic_drag:QuadraticDrag",
-    "forces.coulomb_friction:CoulombFriction",
-    "forces.stribeck_friction:StribeckFriction",
-    "forces.load_dependent_friction:LoadDependentFriction",
-    "forces.umbilical_spring:UmbilicalSpring",
-    "forces.constant_force:ConstantForce",
-    "forces.electrical_damping:ElectricalDamping",
-    "forces.force_constant:ForceConstant",
-    "forces.force_constant_temperature:ForceConstantTemperature",
-    "forces.detent_force:DetentForce",
-    "currents.phase_gain_imbalance:PhaseGainImbalance",
-    "currents.quadrature_error:QuadratureError",
-    "currents.phase_current_offset:PhaseCurrentOffset",
-    "currents.current_third_harmonic:CurrentThirdHarmonic",
-    "currents.current_loop_lag:CurrentLoopLag",
-    "currents.voltage_saturation:VoltageSaturation",
-    "currents.hold_current_reduction:HoldCurrentReduction",
-    "command.controller_clock:ControllerClock",
-    "command.profile_tick:ProfileTick",
-    "command.acceleration_scale:AccelerationScale",
-    "command.velocity_scale:VelocityScale",
-    "command.start_delay:StartDelay",
-    "command.lost_steps:LostSteps",
-    "measurement.pitch_scale:PitchScale",
-    "measurement.platen_expansion:PlatenExpansion",
-    "measurement.sensor_gain:SensorGain",
-    "measurement.sensor_offset:SensorOffset",
-    "measurement.cross_axis_coupling:CrossAxisCoupling",
-    "measurement.backlash:Backlash",
-    "measurement.sensor_bandwidth:SensorBandwidth",
-    "measurement.trigger_delay:TriggerDelay",
-    "measurement.sample_clock:SampleClock",
-    "measurement.sensor_nonlinearity:SensorNonlinearity",
-    "measurement.periodic_error:PeriodicError",
-    "measurement.hum:Hum",
-    "heat.ambient_drift:AmbientDrift",
-    "heat.platen_conduction:PlatenConduction",
-    "heat.speed_dependent_heat:SpeedDependentHeat",
-    "heat.convection_scale:ConvectionScale",
-    "heat.resistance_tempco:ResistanceTempco",
-    "heat.radiation:Radiation",
-    "heat.thermocouple_lag:ThermocoupleLag",
+    "forces:PayloadMass",
+    "forces:ViscousDrag",
+    "forces:QuadraticDrag",
+    "forces:CoulombFriction",
+    "forces:StribeckFriction",
+    "forces:LoadDependentFriction",
+    "forces:UmbilicalSpring",
+    "forces:ConstantForce",
+    "forces:ElectricalDamping",
+    "forces:ForceConstant",
+    "forces:ForceConstantTemperature",
+    "forces:DetentForce",
+    "currents:PhaseGainImbalance",
+    "currents:QuadratureError",
+    "currents:PhaseCurrentOffset",
+    "currents:CurrentThirdHarmonic",
+    "currents:CurrentLoopLag",
+    "currents:VoltageSaturation",
+    "currents:HoldCurrentReduction",
+    "command:ControllerClock",
+    "command:ProfileTick",
+    "command:AccelerationScale",
+    "command:VelocityScale",
+    "command:StartDelay",
+    "command:LostSteps",
+    "measurement:PitchScale",
+    "measurement:PlatenExpansion",
+    "measurement:SensorGain",
+    "measurement:SensorOffset",
+    "measurement:CrossAxisCoupling",
+    "measurement:Backlash",
+    "measurement:SensorBandwidth",
+    "measurement:TriggerDelay",
+    "measurement:SampleClock",
+    "measurement:SensorNonlinearity",
+    "measurement:PeriodicError",
+    "measurement:Hum",
+    "heat:AmbientDrift",
+    "heat:PlatenConduction",
+    "heat:SpeedDependentHeat",
+    "heat:ConvectionScale",
+    "heat:ResistanceTempco",
+    "heat:Radiation",
+    "heat:ThermocoupleLag",
 )
 
 # What importing and making somebody else's class may raise.
@@ -74,7 +75,13 @@ _LOADING_ERRORS = (
 )  # fmt: skip
 
 
-_TARGETS = {target.partition(":")[0].rpartition(".")[2]: target for target in OWN}
+
+def _name_of(target: str) -> str:
+    """The name of an effect by that of its class: `viscous_drag` of `ViscousDrag`."""
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", target.partition(":")[2]).lower()
+
+
+_TARGETS = {_name_of(target): target for target in OWN}
 
 # Those of mopro's own effects that have a `stated_by`.
 STATED_ELSEWHERE = ("voltage_saturation",)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mopro.effects import Active
-from mopro.effects.forces.platen_edge import PLATEN_EDGE
+from mopro.effects.forces import PLATEN_EDGE
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.motion.track import Track

@@ -1,18 +1,17 @@
 """The catalogue itself: names, documents, kernels of their own, effects from outside."""
 
+import importlib
 import inspect
 import os
 import subprocess
 import sys
 from importlib.metadata import distributions
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import mopro
 from helpers.paths import PROGRAMS, TESTS
-from mopro import effects
 from mopro.effects import catalogue
 from mopro.effects.base import Effect
 from mopro.effects.document import markdown
@@ -23,19 +22,20 @@ from mopro.errors import ModelError
 BODY = "UU012500/1\nVEL1 15.0\nACC1 0.1\nMRI1 1.0\nWX1\nWT100\n"
 
 
-ROOMS = Path(effects.__file__).parent
-# Files of rooms that hold no effect of the catalogue: what effects share, and every machine's own.
-SHARED = {"forces/dahl.py", "forces/platen_edge.py", "command/scaled.py"}
+# The end of the platen, which every machine has.
+EVERY_MACHINE_S = "forces:PlatenEdge"
+DOMAINS = ("forces", "currents", "command", "measurement", "heat")
 
 
-def test_each_file_of_a_room_is_registered_under_its_own_name():
-    files = {path.relative_to(ROOMS).as_posix() for path in ROOMS.glob("*/[a-z]*.py")}
-    files = {file for file in files if not file.startswith("unlisted/")}
-    registered = {target.partition(":")[0].replace(".", "/") + ".py" for target in OWN}
-    assert files - SHARED == registered
-    assert [e.name for e in own_effects().values()] == [
-        target.partition(":")[0].partition(".")[2] for target in OWN
-    ]
+def test_each_effect_of_a_domain_is_registered_under_its_own_name():
+    classes = {
+        f"{domain}:{name}"
+        for domain in DOMAINS
+        for name, found in vars(importlib.import_module(f"mopro.effects.{domain}")).items()
+        if isinstance(found, type) and issubclass(found, Effect) and "name" in vars(found)
+    }
+    assert classes == {*OWN, EVERY_MACHINE_S}
+    assert list(own_effects()) == [effect.name for effect in own_effects().values()]
 
 
 @pytest.mark.parametrize("effect", catalogue().values(), ids=lambda effect: effect.name)
@@ -57,17 +57,19 @@ def test_effects_load_no_scipy():
     assert done.stdout == "False\n"
 
 
-def test_a_machine_without_effects_loads_none_but_those_stated_elsewhere():
+def test_a_machine_without_effects_loads_no_domain_but_of_those_stated_elsewhere():
     script = (
         "import sys; from mopro.effects import catalogue; from mopro.machine import load_machine\n"
         "from mopro.effects.resolve import active_effects\n"
         "print(active_effects(load_machine('chow1992'), catalogue()))\n"
-        "print(*(name for name in catalogue() if any(m.endswith('.' + name) for m in sys.modules)))"
+        f"print(*(d for d in {DOMAINS} if f'mopro.effects.{{d}}' in sys.modules))"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], check=True, capture_output=True, text=True
     )
-    assert done.stdout.splitlines() == ["()", " ".join(STATED_ELSEWHERE)]
+    stated = {type(own_effects()[name]).__module__ for name in STATED_ELSEWHERE}
+    expected = [d for d in DOMAINS if f"mopro.effects.{d}" in stated]
+    assert done.stdout.splitlines() == ["()", " ".join(expected)]
 
 
 def test_effects_stated_elsewhere_are_those_that_say_so():

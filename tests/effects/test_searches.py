@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import mopro
 from helpers.one_run import LASER, PROGRAM, of
-from mopro.effects.currents.hold_current_reduction import EARLIEST_S
+from mopro.effects.currents import EARLIEST_S
 from mopro.engine.fits import least_squares_fit
 from mopro.engine.residuals import Residuals
 from mopro.engine.search.signature import searched

@@ -10,8 +10,13 @@ from typing import ClassVar
 import numpy as np
 
 from mopro.effects.base import Domain, Floats, Parameter, View, phase
-from mopro.effects.forces.coulomb_friction import PROBED_N
-from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_FITTED, DahlFriction, with_presliding
+from mopro.effects.forces import (
+    PRESLIDING,
+    PRESLIDING_FITTED,
+    PROBED_N,
+    DahlFriction,
+    with_presliding,
+)
 from mopro.effects.search import FEWEST_PERIODS, Values, force_N, strongest_lines
 from mopro.effects.unlisted.term import FreeFormTerm, size
 from mopro.engine.assumed import LEAST_SHARE

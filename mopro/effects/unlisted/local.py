@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from mopro.effects.base import Floats, Parameter, View
-from mopro.effects.forces.dahl import PRESLIDING, PRESLIDING_M, DahlFriction
+from mopro.effects.forces import PRESLIDING, PRESLIDING_M, DahlFriction
 from mopro.effects.search import Values, force_N, targets_m
 from mopro.effects.unlisted.forces import Force, motions
 from mopro.effects.unlisted.term import size

@@ -1,13 +1,13 @@
-"""A drive that reduces its current at rest, and the search for the time at which it does so.
+"""The drive's phase currents, in units of the set current I.
 
-At that time the oscillation after a move becomes slower. The residual depends on the phase of
-the oscillation then, so a fit from a fixed start does not converge.
+The nominal setpoints are i_a = cos θ, i_b = sin θ with θ = k x_c.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -16,6 +16,149 @@ from mopro.effects.base import Domain, Effect, Floats, Parameter, View, ViewedRe
 from mopro.effects.search import Values
 from mopro.engine.candidate import Candidate, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted
+from mopro.machine import Machine
+
+
+class PhaseGainImbalance(Effect):
+    """The two phases' gains differ.
+
+    i_a' = i_a (1 + eps/2), i_b' = i_b (1 - eps/2); eps is a ratio. At low speed
+    Δx = -eps/(2k) sin 2θ. Source: assumed.
+    """
+
+    name = "phase_gain_imbalance"
+    domain = Domain.DYNAMICS
+    kernel_group = "setpoints"
+    parameters = (
+        Parameter("eps", "1", "ratio", 0.04, (-0.1, 0.1), -1.0, 1.0, "relative difference"),
+    )
+
+    @staticmethod
+    def setpoint(theta: float, ia: float, ib: float, eps: float) -> tuple[float, float]:
+        return ia * (1.0 + eps / 2.0), ib * (1.0 - eps / 2.0)
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(self.fitted("eps", 0.03))
+
+
+class QuadratureError(Effect):
+    """The phases are not a quarter turn apart.
+
+    i_b' = sin(θ + phi), phi in rad. At low speed Δx = phi/(2k) (1 + cos 2θ) for small
+    phi. Source: assumed.
+    """
+
+    name = "quadrature_error"
+    domain = Domain.DYNAMICS
+    kernel_group = "setpoints"
+    parameters = (Parameter("phi", "rad", "angle", 0.035, (-0.0873, 0.0873), -1.0, 1.0, "angle"),)
+
+    @staticmethod
+    def setpoint(theta: float, ia: float, ib: float, phi: float) -> tuple[float, float]:
+        # As sin(θ + phi) - sin θ: only what does not change in a run is a sine of another angle.
+        half = math.sin(0.5 * phi)
+        more = math.cos(theta) * math.sin(phi) - 2.0 * half * half * math.sin(theta)
+        return ia, ib + more
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(self.fitted("phi", 0.02))
+
+
+class PhaseCurrentOffset(Effect):
+    """The phase currents have an offset.
+
+    i_a' = i_a + o_a, i_b' = i_b + o_b, in units of I. At low speed
+    Δx = (o_b cos θ - o_a sin θ)/k. Source: assumed.
+    """
+
+    name = "phase_current_offset"
+    domain = Domain.DYNAMICS
+    kernel_group = "setpoints"
+    parameters = (
+        Parameter("o_a", "1", "ratio", 0.02, (-0.05, 0.05), -1.0, 1.0, "of phase a over I"),
+        Parameter("o_b", "1", "ratio", 0.0, (-0.05, 0.05), -1.0, 1.0, "of phase b over I"),
+    )
+
+    @staticmethod
+    def setpoint(theta: float, ia: float, ib: float, oa: float, ob: float) -> tuple[float, float]:
+        return ia + oa, ib + ob
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(self.fitted("o_a", 0.01), self.fitted("o_b", 0.01))
+
+
+class CurrentThirdHarmonic(Effect):
+    """The phase currents have a third harmonic.
+
+    i_b' = i_b + s sin 3θ, and i_a' = i_a - s cos 3θ, the same shape a quarter turn
+    earlier; s is a ratio. At low speed Δx = s/k sin 4θ. Source: assumed.
+    """
+
+    name = "current_third_harmonic"
+    domain = Domain.DYNAMICS
+    kernel_group = "setpoints"
+    parameters = (Parameter("s", "1", "ratio", 0.02, (-0.05, 0.05), -1.0, 1.0, "over I"),)
+
+    @staticmethod
+    def setpoint(theta: float, ia: float, ib: float, s: float) -> tuple[float, float]:
+        # Of the angle's own sine and cosine, which compiled code has at hand.
+        cosine, sine = math.cos(theta), math.sin(theta)
+        cosine_3 = cosine * (4.0 * cosine * cosine - 3.0)
+        return ia - s * cosine_3, ib + s * sine * (3.0 - 4.0 * sine * sine)
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(self.fitted("s", 0.01))
+
+
+# A shorter lag is a mere delay.
+_SHORTEST_S = 1e-5
+
+
+class CurrentLoopLag(Effect):
+    """Each phase current follows its setpoint with a first-order lag.
+
+    tau di/dt = i_set - i, tau in s. At a steady speed ω = k ẋ: amplitude
+    1/√(1 + ω² tau²) and angle atan(ω tau), so Δx = -atan(ω tau)/k. Source: assumed.
+    """
+
+    name = "current_loop_lag"
+    domain = Domain.DYNAMICS
+    families = ("delay",)
+    parameters = (Parameter("tau", "s", "time", 1e-4, (2e-5, 5e-4), 0.0, 0.01, "time constant"),)
+    current_loop = "lag"
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(replace(self.fitted("tau", 5e-5, 3e-4), low=_SHORTEST_S))
+
+
+_SUPPLY = Fitted(
+    "Vb", "V", 25.0, 225.0, (40.0, 50.0, 90.0), Role.SHAPE, plausible=(40.0, 150.0), inverse=True
+)
+
+
+class VoltageSaturation(Effect):
+    """The supply voltage limits the phase currents: the full electrical model of each phase.
+
+    v_a = R i_a + L di_a/dt - Kf ẋ sin kx, v_b = R i_b + L di_b/dt + Kf ẋ cos kx, with
+    Kf = F0/I and |v| <= Vb (V). The current loop asks for what keeps the current on its
+    setpoint, and brings it back within 50 µs, as long as Vb suffices. Source: R is eq.
+    3.45; L and supply are assumed.
+    """
+
+    name = "voltage_saturation"
+    domain = Domain.DYNAMICS
+    parameters = (
+        Parameter("Vb", "V", "voltage", 75.0, (40.0, 150.0), 1.0, 1e6, "supply", null=1e6),
+    )
+    current_loop = "voltage"
+
+    def stated_by(self, machine: Machine) -> tuple[float, ...] | None:
+        """A drive of the full electrical model has it at its supply."""
+        return (machine.drive.supply_V,) if machine.drive.model == "full" else None
+
+    def forms(self, view: View) -> Iterator[Candidate]:
+        yield self.form(_SUPPLY)
+
 
 # Excess of squared residuals over white noise, in its standard deviations, that is evidence.
 _EXCESS_SIGMAS = 5.0

@@ -1,1 +1,0 @@
-"""Effects on the controller's command, before the drive."""

@@ -1,1 +1,0 @@
-"""Terms missing in the heat balance of chapter 3.1."""

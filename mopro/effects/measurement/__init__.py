@@ -1,1 +1,0 @@
-"""Effects between the true position and the reading of an instrument."""
