@@ -29,13 +29,13 @@ from typing import Any
 import numpy as np
 
 import mopro.engine
-from mopro.benchmark.grids.machines import MachineSpec
-from mopro.benchmark.hidden.effects import HIDDEN_EFFECTS, POSITION
-from mopro.benchmark.hidden.of_machines import LISTED
-from mopro.benchmark.hidden.spec import ENCODER, LASER, THERMOCOUPLE, CaseSpec
-from mopro.benchmark.making.case import draw_case
-from mopro.benchmark.making.machine_case import machine_case
-from mopro.benchmark.making.make import experiment
+from mopro.blind.grids.machines import MachineSpec
+from mopro.blind.hidden.effects import HIDDEN_EFFECTS, POSITION
+from mopro.blind.hidden.of_machines import LISTED
+from mopro.blind.hidden.spec import ENCODER, LASER, THERMOCOUPLE, CaseSpec
+from mopro.blind.making.case import draw_case
+from mopro.blind.making.machine_case import machine_case
+from mopro.blind.making.make import experiment
 from mopro.engine.assumed import SAME
 from mopro.engine.candidate import RUN, Candidate, Role
 from mopro.engine.diagnosis import BASE

@@ -13,20 +13,20 @@ from helpers.paths import ROOT, TESTS
 # Room -> modules outside of the room and of the standard library that it may import.
 ALLOWED = {
     "mopro.engine": {"numpy", "scipy", "cachetools", "threadpoolctl", "numba"},
-    "mopro.benchmark.reference": {"numpy", "scipy", "numba"},
+    "mopro.blind.reference": {"numpy", "scipy", "numba"},
     # What an effect assumes is drawn over the ranges that its catalogue entry has.
-    "mopro.benchmark.hidden.constants": {
-        "mopro.benchmark.hidden.effects", "mopro.engine.candidate", "mopro.effects",
+    "mopro.blind.hidden.constants": {
+        "mopro.blind.hidden.effects", "mopro.engine.candidate", "mopro.effects",
     },
-    "mopro.benchmark": {
+    "mopro.blind": {
         "numpy", "scipy", "numba", "mopro.engine.threads", "mopro.errors", "mopro.files",
         "mopro.formula.dimension", "mopro.inputs", "mopro.jit", "mopro.jobs", "mopro.machine",
         "mopro.units",
     },
 }  # fmt: skip
 # The formulas of a user's file are hidden by mopro's own plant: the reference plant knows none.
-EMULATED = "mopro.benchmark.hidden.stated"
-RANGES = "mopro.benchmark.hidden.constants"
+EMULATED = "mopro.blind.hidden.stated"
+RANGES = "mopro.blind.hidden.constants"
 
 
 @pytest.fixture(scope="module")
@@ -60,17 +60,17 @@ def test_a_room_imports_only_what_it_may(graph, room):
 
 
 def test_two_modules_of_the_benchmark_read_mopro_s_machine_model(graph):
-    found = foreign_imports(graph, "mopro.benchmark")
+    found = foreign_imports(graph, "mopro.blind")
     readers = {module for module, imported in found if within(imported, ["mopro.machine"])}
-    assert readers == {"mopro.benchmark.making.machine", EMULATED}
+    assert readers == {"mopro.blind.making.machine", EMULATED}
 
 
 @pytest.mark.parametrize("imported", ["mopro", "mopro.emulator", "mopro.units"])
 def test_any_import_of_mopro_in_the_reference_plant_is_found(graph, imported):
-    plant = "mopro.benchmark.reference.plant"
+    plant = "mopro.blind.reference.plant"
     assert imported in graph.modules
     graph.add_import(importer=plant, imported=imported)
-    assert (plant, imported) in foreign_imports(graph, "mopro.benchmark.reference")
+    assert (plant, imported) in foreign_imports(graph, "mopro.blind.reference")
     graph.remove_import(importer=plant, imported=imported)
 
 

@@ -75,7 +75,6 @@ _LOADING_ERRORS = (
 )  # fmt: skip
 
 
-
 def _name_of(target: str) -> str:
     """The name of an effect by that of its class: `viscous_drag` of `ViscousDrag`."""
     return re.sub(r"(?<!^)(?=[A-Z])", "_", target.partition(":")[2]).lower()

@@ -11,7 +11,7 @@ from mopro.effects import catalogue
 
 PACKAGE = Path(mopro.__file__).parent
 # Rooms that are about single effects: their own, and the benchmark, which hides them.
-ROOMS = ("effects", "benchmark")
+ROOMS = ("effects", "blind")
 FORBIDDEN = {*catalogue(), *(type(effect).__name__ for effect in catalogue().values())}
 # A kind of fault that a virtual controller can have: pitches lost by a blow, at a given time.
 # The effect of that name loses them in a given move. The name is one of the scenario files.

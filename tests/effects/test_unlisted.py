@@ -9,9 +9,9 @@ import mopro
 from helpers import one_run
 from helpers.laboratory import Lab
 from helpers.signals import names
-from mopro.benchmark.reference.foreign import Foreign
-from mopro.benchmark.reference.readings import ProgramRun, ReferencePlant
-from mopro.benchmark.reference.sensors import Instrument
+from mopro.blind.reference.foreign import Foreign
+from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.reference.sensors import Instrument
 from mopro.effects import Active, catalogue
 from mopro.effects.unlisted import unlisted_terms, with_unlisted
 from mopro.engine.freeform import measurement_laws

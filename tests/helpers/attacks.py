@@ -21,10 +21,10 @@ ATTACKS: dict[str, tuple[str, ...]] = {
     "numbers of 310 digits, of any base, with any exponent, calls with any arguments, in "
     "each place that takes a formula; sizes and starts that are none": ("formula/test_numbers.py",),
     "models that run away within a search: infinite, NaN, or larger than any power of them is": (
-        "residuals/test_whitened.py::test_a_prediction_that_runs_away",
-        "residuals/test_whitened.py::test_an_effect_that_runs_away",
-        "residuals/test_whitened.py::test_a_descent_that_begins",
-        "residuals/test_whitened.py::test_what_has_run_away",
+        "engine/residuals/test_whitened.py::test_a_prediction_that_runs_away",
+        "engine/residuals/test_whitened.py::test_an_effect_that_runs_away",
+        "engine/residuals/test_whitened.py::test_a_descent_that_begins",
+        "engine/residuals/test_whitened.py::test_what_has_run_away",
         "cli/test_run_away.py",
         "plant/test_stepped_heat.py::test_a_temperature_that_runs_away",
         "experiment/test_force.py",
@@ -32,7 +32,7 @@ ATTACKS: dict[str, tuple[str, ...]] = {
     "a `matplotlibrc` (`text.usetex`, nonsense, a pipe) or a numba configuration in the current "
     "folder": ("test_current_folder.py::test_settings", "plot/test_style.py"),
     "pipes, folders, sockets, devices, dangling links instead of input files, named by "
-    "commands and by files": ("cli/test_no_files.py", "benchmark/test_no_files.py"),
+    "commands and by files": ("cli/test_no_files.py", "blind/test_no_files.py"),
     "the token of a live page in the arguments of a browser": (
         "web/test_server.py::test_the_token",
         "web/test_server.py::test_a_file_with_the_token",
@@ -72,7 +72,7 @@ ATTACKS: dict[str, tuple[str, ...]] = {
         "test_power_loss.py",
     ),
     "files of the user in the folder of `mopro blind make`, paths that lead out, a truncated "
-    "verdict": ("benchmark/test_manifest.py",),
+    "verdict": ("blind/test_manifest.py",),
     "a pickle in the current folder, a cache of others or with a flipped bit, processes "
     "that fill it at once": ("test_cachefolder.py", "plant/kernel/test_cache.py"),
     "clients that flood, say nothing, come second, have no token": ("controller/test_tcp.py",),

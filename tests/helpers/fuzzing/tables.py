@@ -364,7 +364,7 @@ def _cache(folder: Path) -> Take:
 
 
 def _manifest(folder: Path) -> Take:
-    from mopro.benchmark.making.manifest import Manifest
+    from mopro.blind.making.manifest import Manifest
 
     return in_file(
         folder, "made.json", lambda path: Manifest.read(path.parent).refuse_foreign(["1"])
@@ -372,13 +372,13 @@ def _manifest(folder: Path) -> Take:
 
 
 def _answers(folder: Path) -> Take:
-    from mopro.benchmark.scoring.run import CaseFolder
+    from mopro.blind.scoring.run import CaseFolder
 
     return in_file(folder, "answers.json", lambda path: CaseFolder.read(path.parent).files)
 
 
 def _verdict(folder: Path) -> Take:
-    from mopro.benchmark.scoring.run import _read_kept
+    from mopro.blind.scoring.run import _read_kept
 
     return in_file(folder, "verdict.json", _read_kept)
 
@@ -467,7 +467,7 @@ TABLES = (
     ),
     Parser(
         "manifest",
-        ("mopro.benchmark.making.manifest",),
+        ("mopro.blind.making.manifest",),
         _manifest,
         lambda: [_MANIFEST.encode()],
         (*_JSON, _FORM, "../", "001/a.csv"),
@@ -476,7 +476,7 @@ TABLES = (
     ),
     Parser(
         "answers of a benchmark",
-        ("mopro.benchmark.scoring.run",),
+        ("mopro.blind.scoring.run",),
         _answers,
         lambda: [_ANSWERS.encode()],
         (*_JSON, '"seed"', '"001"', "../"),
@@ -485,7 +485,7 @@ TABLES = (
     ),
     Parser(
         "kept verdict",
-        ("mopro.benchmark.scoring.run",),
+        ("mopro.blind.scoring.run",),
         _verdict,
         lambda: [json.dumps(_VERDICT).encode()],
         _JSON,

@@ -274,7 +274,7 @@ def _settings(folder: Path) -> Take:
 
 
 def _effects(folder: Path) -> Take:
-    from mopro.benchmark.hidden.stated import StatedEffects
+    from mopro.blind.hidden.stated import StatedEffects
 
     def read(path: Path) -> None:
         stated = StatedEffects.read(str(path), "chow1992")

@@ -1,0 +1,175 @@
+"""Judgement of one verdict: outcome, intervals, residuals and time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mopro.blind.reference.nominal import INCH_M
+from mopro.blind.reference.sensors import Instrument
+from mopro.blind.scoring.outcome import (
+    FAILED,
+    GOOD,
+    NONE,
+    UNEXPLAINED,
+    family,
+    outcome,
+    variables_said,
+)
+from mopro.blind.scoring.outcome_deleted import outcome_deleted
+from mopro.blind.scoring.outcome_foreign import outcome_foreign, size_is_right
+
+_VERDICTS = ("named", "ambiguous", NONE, UNEXPLAINED)
+_ANGLES = ("phi", "phi2", "phi3")
+
+
+@dataclass(frozen=True)
+class IntervalCheck:
+    """One 95 % interval: `inside` if it contains the true value.
+
+    `main` marks the effect's first parameter, its size. The true values are in SI; an
+    interval in inches (a sensor's zero) is converted.
+    """
+
+    effect: str
+    parameter: str
+    inside: bool
+    main: bool
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The judgement of one case.
+
+    `outcome` is right (every effect by its name), family (by a family that holds it), partly
+    (some effects and no wrong one), wrong (a name that is not in the data), none, unexplained
+    or failed. `truth` are the hidden effects, `least_sigma` the total size of the smallest,
+    `said` the effects named, each with its family after slashes. `gap_before` and
+    `gap_after` are the rms residual over the noise, `seconds` the time that the case took.
+    `variables` are those that the verdict states for what remains, `right_variable` if one of
+    them is right. `visible_sigma` is the size of all effects without an offset of each series.
+    `foreign` is the kind of what no catalogue has, `coloured` if it is noise of the stated size.
+    `size_is_right` if each hidden effect is named with its size. `leaves` is the chi-squared that
+    the named effects leave of the hidden response, None where it was not asked. `drafted` if a
+    free-form term was told. Of the file that was written: `same` if it leaves of its own data what
+    the verdict says, and the rms residual over the noise of a run that it has not seen, before and
+    after; None where no file was asked for.
+    """
+
+    number: str
+    group: str
+    sensor: str
+    truth: tuple[str, ...]
+    least_sigma: float
+    outcome: str
+    said: tuple[str, ...]
+    verdict: str
+    described: bool
+    covered: tuple[IntervalCheck, ...]
+    gap_before: float | None
+    gap_after: float | None
+    seconds: float | None
+    note: str = ""
+    variables: tuple[str, ...] = ()
+    right_variable: bool = False
+    visible_sigma: float = 0.0
+    foreign: str = ""
+    coloured: bool = False
+    size_is_right: bool = False
+    leaves: float | None = None
+    drafted: bool = False
+    same: bool | None = None
+    unseen_before: float | None = None
+    unseen_after: float | None = None
+
+    @property
+    def good(self) -> bool:
+        """Every visible effect has its right name or family."""
+        return self.outcome in GOOD
+
+
+def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> Judgement:
+    """The judgement of `reply` (from reconcile, with `seconds`) by `answer` (from answers.json)."""
+    zeros = [e for e in reply.get("calibration") or [] if e["name"] == "sensor_offset"]
+    told = [*(reply.get("effects") or []), *zeros]
+    named = [e for e in told if not _is_true_offset(e, answer)]
+    sizes = [e["total_sigma"] for e in answer["effects"]]
+    gap = reply.get("gap") or {}
+    noise, variables = _noise_rms(gap, answer), variables_said(reply)
+    return Judgement(
+        number=number,
+        group=answer["group"],
+        sensor=answer["sensor"],
+        truth=tuple(e["name"] for e in answer["effects"]),
+        least_sigma=min(sizes, default=0.0),
+        outcome=_outcome(answer, reply, named),
+        said=tuple("/".join([e["name"], *family(e)]) for e in named),
+        verdict=str(reply.get("verdict", FAILED)),
+        described=bool((reply.get("remainder") or {}).get("description")),
+        covered=tuple(c for e in named for c in _coverage(e, answer)),
+        gap_before=ratio(gap.get("before_rms"), noise),
+        gap_after=ratio(gap.get("after_rms"), noise),
+        seconds=reply.get("seconds"),
+        variables=variables,
+        right_variable=bool({*variables} & {*(answer.get("variables") or [])}),
+        visible_sigma=float(answer.get("visible_sigma") or 0.0),
+        foreign=str((answer.get("foreign") or {}).get("name", "")),
+        coloured=bool(answer.get("coloured")),
+        size_is_right=size_is_right(answer, named),
+        leaves=answer.get("named_leaves"),
+        note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
+    )
+
+
+def _is_true_offset(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> bool:
+    """An offset of a sensor that is in the data but is not listed as a hidden effect."""
+    hidden = {e["name"] for e in answer["effects"]}
+    return effect["name"] == "sensor_offset" not in hidden and any(answer["offsets"])
+
+
+def _outcome(
+    answer: Mapping[str, Any], reply: Mapping[str, Any], named: list[Mapping[str, Any]]
+) -> str:
+    if reply.get("verdict") not in _VERDICTS:
+        return FAILED
+    if "without" in answer:
+        return outcome_deleted(answer, reply, named)
+    return (outcome_foreign if answer.get("foreign") else outcome)(answer, reply, named)
+
+
+def _coverage(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> list[IntervalCheck]:
+    """Each 95 % interval of one named effect that is really hidden."""
+    truths = {e["name"]: e["parameters"] for e in answer["effects"]}
+    true = truths.get(effect["name"], {})
+    first = next(iter(true), None)
+    found = []
+    for name, said in (effect.get("parameters") or {}).items():
+        interval = said.get("ci95")
+        if name in true and interval and None not in interval:
+            scale = INCH_M if said.get("unit") == "in" else 1.0
+            inside = _inside(true[name], [scale * end for end in interval], name in _ANGLES)
+            found.append(IntervalCheck(effect["name"], name, inside, name == first))
+    return found
+
+
+def _inside(value: float, interval: list[float], angle: bool) -> bool:
+    low, high = sorted(interval)
+    if angle:
+        low, value = low - high, (value - high) % (2 * math.pi) - 2 * math.pi
+        return value >= low or abs(value + 2 * math.pi) < 1e-12
+    return low <= value <= high
+
+
+def _noise_rms(gap: Mapping[str, Any], answer: Mapping[str, Any]) -> float | None:
+    """RMS of the noise that is in the data: that of `gap`, unless the case states another."""
+    if "noise_factor" not in answer:
+        return gap.get("noise_rms")
+    sigmas = [Instrument(**told).sigma for told in answer["instruments"]]
+    return math.sqrt(sum(sigma**2 for sigma in sigmas) / len(sigmas))
+
+
+def ratio(rms: float | None, noise: float | None) -> float | None:
+    """`rms` over the noise; None if either is not known."""
+    return rms / noise if rms is not None and noise else None

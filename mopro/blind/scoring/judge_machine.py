@@ -1,0 +1,142 @@
+"""Judgement of a verdict on a machine beside the motor, and of the file that was written for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mopro.blind.making.equivalent import MARGIN
+from mopro.blind.making.machine_drawn import Machine
+from mopro.blind.making.machine_size import left_by
+from mopro.blind.making.machine_texts import columns_of, per_si
+from mopro.blind.scoring.judge import IntervalCheck, Judgement, ratio
+from mopro.blind.scoring.outcome import (
+    FAILED,
+    FAMILY,
+    RIGHT,
+    UNEXPLAINED,
+    WRONG,
+    Document,
+    family,
+    outcome,
+    variables_said,
+)
+from mopro.formula.dimension import factor_of
+
+# Relative difference of a file's own residual from what the verdict says of it.
+_EQUAL = 1e-9
+
+
+def judge_machine(number: str, answer: Document, reply: Document, folder: Path) -> Judgement:
+    """The judgement of `reply` by `answer` (from answers.json); the case's logs are in `folder`.
+
+    A name is false if it is not hidden and the set of names, refitted by the reference plant,
+    leaves chi-squared of 10 or more of the hidden response.
+    """
+    named = list(reply.get("effects") or [])
+    found = str(reply.get("verdict", FAILED))
+    known = found in ("named", "ambiguous", "none", UNEXPLAINED)
+    result = outcome(answer, reply, named) if known else FAILED
+    left = None
+    if result == WRONG and answer["effects"]:
+        left = _left(answer, named, folder)
+        result = FAMILY if left < MARGIN else WRONG
+    if answer["unlisted"] and known:
+        result = _of_unlisted(answer, reply)
+    gap = reply.get("gap") or {}
+    covered = _coverage(answer, reply) if result == RIGHT else ()
+    return Judgement(
+        number=number,
+        group=answer["group"],
+        sensor=answer["sensor"],
+        truth=tuple(e["name"] for e in answer["effects"]) or tuple(answer["unlisted"]),
+        least_sigma=min((e["total_sigma"] for e in answer["effects"]), default=0.0),
+        outcome=result,
+        said=tuple("/".join([e["name"], *family(e)]) for e in named),
+        verdict=found,
+        described=bool((reply.get("remainder") or {}).get("description")),
+        covered=covered,
+        gap_before=ratio(gap.get("before_rms"), gap.get("noise_rms")),
+        gap_after=ratio(gap.get("after_rms"), gap.get("noise_rms")),
+        seconds=reply.get("seconds"),
+        note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
+        variables=variables_said(reply),
+        right_variable=bool({*variables_said(reply)} & {*answer["variables"]}),
+        leaves=left,
+        drafted=bool(reply.get("drafts")),
+        **_of_file(answer, reply),
+    )
+
+
+def _of_unlisted(answer: Document, reply: Document) -> str:
+    """The outcome where nobody listed what is hidden: right if a draft is of its variable."""
+    if not {*variables_said(reply)} & {*answer["variables"]}:
+        return WRONG if reply.get("effects") else str(reply["verdict"])
+    return WRONG if reply.get("effects") and reply["verdict"] == "named" else RIGHT
+
+
+def machine_of(answer: Document) -> Machine:
+    """The machine that `answer` states."""
+    told = answer["machine"]
+    return Machine(
+        told["kind"], told["numbers"], tuple(told["free"]), told["off"], told["start"], told["zero"]
+    )
+
+
+def _left(answer: Document, named: list[Mapping[str, Any]], folder: Path) -> float:
+    machine = machine_of(answer)
+    runs = [columns_of(machine.kind, (folder / name).read_bytes()) for name in answer["runs"]]
+    truth = {e["name"]: e["parameters"] for e in answer["effects"]} | answer["unlisted"]
+    told = {e["name"]: {n: _si(p) for n, p in e["parameters"].items()} for e in named}
+    return left_by(machine, runs, truth, told, answer["sigma"])
+
+
+def _si(parameter: Mapping[str, Any]) -> float:
+    return float(parameter["value"]) * factor_of(parameter["unit"])
+
+
+def _coverage(answer: Document, reply: Document) -> tuple[IntervalCheck, ...]:
+    """Each 95 % interval of an effect that is hidden, and of a free number."""
+    found = []
+    truths = {e["name"]: e["parameters"] for e in answer["effects"]}
+    for effect in reply.get("effects") or []:
+        true = truths.get(effect["name"], {})
+        for name, told in effect["parameters"].items():
+            if name in true and (inside := _inside(true[name], told)) is not None:
+                main = name == next(iter(true))
+                found.append(IntervalCheck(effect["name"], name, inside, main))
+    numbers = answer["machine"]["numbers"]
+    for name, told in (reply.get("base") or {}).items():
+        if name in numbers and (inside := _inside(numbers[name], told)) is not None:
+            found.append(IntervalCheck("base", name, inside, False))
+    return tuple(found)
+
+
+def _inside(true: float, told: Mapping[str, Any]) -> bool | None:
+    """True if the 95 % interval holds the true value; None if there is no whole interval."""
+    interval = told.get("ci95") or [None]
+    if None in interval:
+        return None
+    low, high = sorted(factor_of(told["unit"]) * end for end in interval)
+    return bool(low <= true <= high)
+
+
+def _of_file(answer: Document, reply: Document) -> dict[str, Any]:
+    """Fields of a judgement on the repaired file: `same`, `unseen_before`, `unseen_after`."""
+    own, unseen = (reply.get(key) or [] for key in ("applied", "unseen"))
+    told = {(r["run"], r["sensor"]): r for r in (reply.get("gap") or {}).get("runs") or []}
+    same = None
+    if own:
+        pairs = [(r["after_rms"], told[r["run"], r["sensor"]]["rerun_rms"]) for r in own]
+        same = all(b is not None and abs(a - b) <= _EQUAL * abs(b) for a, b in pairs)
+    if not unseen:
+        return {"same": same}
+    rms = [
+        float(np.sqrt(np.mean([r[key] ** 2 for r in unseen])))
+        for key in ("before_rms", "after_rms")
+    ]
+    noise = answer["sigma"] * per_si(answer["machine"]["kind"])
+    return {"same": same, "unseen_before": rms[0] / noise, "unseen_after": rms[1] / noise}
