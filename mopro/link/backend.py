@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
+from itertools import pairwise
 from typing import Any
 
 from mopro.errors import DataError, LinkError
 from mopro.link.course import CAUSES, UNDER_WAY, Awaited, Contradiction, Course, Step
 from mopro.link.flash import allowed_s, upload
 from mopro.link.halt import Signals, StopOnError, TimeBudget
-from mopro.link.reached import reached_s
 from mopro.link.samples import Sample, Samples
 from mopro.link.session import Refused, Session
 from mopro.link.watch import Watch
@@ -23,6 +23,27 @@ from mopro.machine.backend import Progress, Told, no_one
 from mopro.motion import Schedule, plan
 from mopro.program import AXES, Program
 from mopro.recording import Header, MoveOutcome, MoveReport, Run, Sink, Stall
+
+
+def reached_s(schedule: Schedule, watch: Watch) -> float:
+    """The time (s) in `schedule` at which a run was left, for the moves that nobody tells of.
+
+    Of the times at which the lines are under way and completed that the controller told last,
+    that nearest to when it was last seen running.
+    """
+    if watch.state == "done":
+        return schedule.duration_s
+    near_s = watch.running_s * watch.speed
+    told = watch.line(watch.statement), watch.line(watch.completed)
+    ends_s = (t for m in schedule.moves for t in (m.start_s, m.end_s))
+    times_s = sorted({*ends_s, *(t for t, _ in schedule.activity)})
+    fitting = (
+        min(max(near_s, begin_s), math.nextafter(end_s, -math.inf))
+        for begin_s, end_s in pairwise([*times_s, math.inf])
+        if schedule.lines_at(begin_s) == told
+    )
+    return min(fitting, key=lambda at_s: abs(at_s - near_s), default=near_s)
+
 
 POLL_HZ = 20.0
 OPENING_S = 15.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mopro.errors import DataError, DataFileError
 from mopro.inputs import open_to_read
 from mopro.logs.cells import without_missing, without_overload
-from mopro.logs.clock import Clock, clock_of
+from mopro.logs.clock import Clock, clock_of, words_of_stamp
 from mopro.logs.containers import READERS
 from mopro.logs.foreign import refuse_foreign, suffix_of
 from mopro.logs.grbl import is_grbl, read_grbl
@@ -21,14 +21,53 @@ from mopro.logs.ledger import Rows
 from mopro.logs.lists import with_lists
 from mopro.logs.log import Column, Decision, Floats, Log, listed
 from mopro.logs.names import heading
-from mopro.logs.newest import oldest_first
 from mopro.logs.order import NoClock, TooCoarse
 from mopro.logs.recordings import Ints, Placed, boundaries, placed
-from mopro.logs.stamps import NoStamp
+from mopro.logs.stamps import NoStamp, seconds_of_words
 from mopro.logs.table import Table
 from mopro.logs.text import read_text
 from mopro.logs.timed import Stamp, stamps_in
 from mopro.logs.written import as_number
+
+# Rows of which the direction is taken, and the share of steps back that makes it.
+_SAMPLE = 1000
+_MOST = 0.8
+
+
+def oldest_first(table: Table, stamps: list[Stamp]) -> Table:
+    """The table with its rows in the order of time: turned round if its first stamp descends."""
+    if not stamps or not _descends(table, stamps[0]):
+        return table
+    reason = "the newest row is the first: rows are counted from the last one"
+    told = Decision(f"column {stamps[0].name}", "read from the end", reason, True, True)
+    every = table.first_line + np.arange(table.rows) if table.lines is None else table.lines
+    return replace(
+        table,
+        columns={name: values[::-1] for name, values in table.columns.items()},
+        lines=every[::-1],
+        decisions=(*table.decisions, told),
+    )
+
+
+def _descends(table: Table, stamp: Stamp) -> bool:
+    times = _sampled(table, stamp)
+    steps = np.diff(times[~np.isnan(times)])
+    steps = steps[steps != 0]
+    return len(steps) > 1 and bool(np.mean(steps < 0) > _MOST)
+
+
+def _sampled(table: Table, stamp: Stamp) -> Floats:
+    """Times of the first rows, in any unit."""
+    values = table.columns[stamp.name]
+    if isinstance(values, np.ndarray):
+        own: NDArray[np.float64] = np.asarray(values[:_SAMPLE], float)
+        return own
+    words, _ = words_of_stamp(table, stamp)
+    try:
+        return seconds_of_words(words.slice(0, _SAMPLE))[0]
+    except NoStamp:
+        return np.zeros(0)  # told with its line where all are read
+
 
 ROW_CLOCK = "row"
 

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mopro.effects import Active, Domain, catalogue_of, on_axis
 from mopro.effects.resolve import active_effects
@@ -21,19 +22,63 @@ from mopro.errors import Diagnostic, ModelError, RunError
 from mopro.machine import Machine
 from mopro.machine.constants import PlantConstants
 from mopro.motion import PlannedMove, Schedule, Stopping
-from mopro.plant.axis import EmulatedAxis, NotFinite
-from mopro.plant.columns import columns_of
+from mopro.plant.axis import EmulatedAxis, NotFinite, Samples
 from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.drive_scaling import DriveScaling, hold_scaling, with_heat
 from mopro.plant.engine import Engine, Stepping, is_nominal
 from mopro.plant.heat import HeatHistory, HeatIntervals
 from mopro.plant.kernel.terms import TermSet
+from mopro.plant.platen import yaw_rad
 from mopro.plant.stepped_heat import SteppedHeat
 from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, line_at, platen_edges, switches_u
 from mopro.program import AXES
 from mopro.recording import MoveOutcome, Stall
 from mopro.recording.record import Columns
 from mopro.source import Source, Span
+
+
+def columns_of(
+    times: Floats,
+    samples: Mapping[int, Samples],
+    temperature_C: Floats,
+    schedule: Schedule,
+    machine: Machine,
+) -> Columns:
+    """All columns at `times` from the `samples` of each axis, in their order."""
+    columns: Columns = {"time_s": times}
+    for n, of_axis in samples.items():
+        columns |= _axis_columns(n, of_axis)
+    columns["temperature_C"] = temperature_C
+    columns["line"] = _lines(schedule, times)
+    for n, of_axis in samples.items():
+        if of_axis.voltage_a_V is not None and of_axis.voltage_b_V is not None:
+            columns[f"voltage_a_{n}_V"] = of_axis.voltage_a_V
+            columns[f"voltage_b_{n}_V"] = of_axis.voltage_b_V
+    if machine.forcers is not None:
+        lags = {n: s.command_m - s.position_m for n, s in samples.items()}
+        columns["yaw_rad"] = yaw_rad(machine.forcers, machine.axis.wave_number_1_m, lags)
+    return columns
+
+
+def _axis_columns(n: int, samples: Samples) -> Columns:
+    return {
+        f"command_{n}_m": samples.command_m,
+        f"position_{n}_m": samples.position_m,
+        f"velocity_{n}_m_s": samples.velocity_m_s,
+        f"phase_a_{n}_A": samples.phase_a_A,
+        f"phase_b_{n}_A": samples.phase_b_A,
+        f"force_{n}_N": samples.force_N,
+    }
+
+
+def _lines(schedule: Schedule, times: Floats) -> NDArray[np.int32]:
+    """The running source line at each time; before anything takes time, the first one."""
+    if not schedule.activity:
+        return np.full(len(times), schedule.program.ops[0].span.line, dtype=np.int32)
+    starts, lines = zip(*schedule.activity, strict=True)
+    at = np.searchsorted(np.array(starts), times, side="right") - 1
+    return np.array(lines, dtype=np.int32)[np.maximum(at, 0)]
+
 
 # RK4 at this step is within 0.03 nm of the exact response to LVDT3.
 MAX_STEP_S = 50e-6

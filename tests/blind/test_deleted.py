@@ -16,8 +16,7 @@ from mopro.blind.making.make import make
 from mopro.blind.making.sizes import NoiselessRuns
 from mopro.blind.reference.readings import ProgramRun, ReferencePlant
 from mopro.blind.scoring.judge import judge
-from mopro.blind.scoring.named_set import with_named_set
-from mopro.blind.scoring.run import VerdictSource, without_of
+from mopro.blind.scoring.run import VerdictSource, with_named_set, without_of
 from mopro.blind.scoring.score import Score
 from mopro.cli.experiments.blind import make as make_command
 

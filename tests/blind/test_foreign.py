@@ -22,7 +22,7 @@ from mopro.blind.reference.nominal import THESIS
 from mopro.blind.reference.readings import ProgramRun, ReferencePlant
 from mopro.blind.scoring.follow import hidden_plant
 from mopro.blind.scoring.judge import judge
-from mopro.blind.scoring.named_set import with_named_set
+from mopro.blind.scoring.run import with_named_set
 from mopro.blind.scoring.score import Score
 
 MOVE = "UU012500/1\nVEL1 20.0\nACC1 0.25\nMRI1 4.0\nWX1\nWT300\nMRI1 -4.0\nWX1\nWT300\n"

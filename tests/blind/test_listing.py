@@ -6,9 +6,8 @@ import pytest
 
 from helpers.paths import PROGRAMS
 from mopro import compile as compile_program
-from mopro.blind.reference.listing import timeline
+from mopro.blind.reference.listing import duration_s, profile_segments, timeline
 from mopro.blind.reference.nominal import INCH_M, THESIS
-from mopro.blind.reference.profiles import duration_s, profile_segments
 from mopro.language.load import load
 from mopro.motion import plan
 

@@ -14,7 +14,7 @@ from mopro.engine.fits import least_squares_fit
 from mopro.engine.residuals import Residuals
 from mopro.engine.search.signature import searched
 from mopro.experiment.diagnose.candidates import candidates
-from mopro.experiment.diagnose.series import series_of
+from mopro.experiment.diagnose.diagnosis import series_of
 from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
 
 

@@ -12,8 +12,7 @@ from mopro.experiment.check.feasible import too_long
 from mopro.experiment.compare.comparison import DISAGREEMENT, NO_DISAGREEMENT, compare
 from mopro.experiment.compare.labels import PHASES, labels
 from mopro.experiment.diagnose.candidates import candidates
-from mopro.experiment.diagnose.diagnosis import diagnose
-from mopro.experiment.diagnose.series import series_of
+from mopro.experiment.diagnose.diagnosis import diagnose, series_of
 from mopro.experiment.model import Reading, Trial
 from mopro.experiment.predict.forward_model import ForwardModel
 from mopro.experiment.predict.nominal import planned

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mopro.plant.first_order import first_order
+from mopro.plant.measurement import first_order
 
 INTERVAL_S = 5e-4
 

@@ -12,7 +12,7 @@ import mopro
 from mopro.motion import plan, plan_profile
 from mopro.recording import MoveOutcome, MoveReport
 from mopro.recording.envelope import Band, Envelope, Envelopes
-from mopro.recording.phases import phases_of
+from mopro.recording.figure import phases_of
 
 VALUES = arrays(np.float32, st.integers(1, 300), elements=st.floats(-9, 9, width=16))
 

@@ -22,10 +22,55 @@ from mopro.blind.scoring.outcome import (
     WRONG,
 )
 from mopro.blind.scoring.rows import CLEAR_SIGMA, TableRow, percent, share
-from mopro.blind.scoring.rows_deleted import deleted_rows
-from mopro.blind.scoring.rows_foreign import foreign_rows
 from mopro.blind.scoring.rows_machines import machines_rows
 from mopro.blind.scoring.rows_short import short_rows
+
+
+def foreign_rows(cases: Sequence[Judgement]) -> Iterator[TableRow]:
+    """Rows on physics and faults, on the effects beside them, and on coloured noise."""
+    noise = [j for j in cases if j.coloured]
+    real = [j for j in cases if not j.coloured]
+    beside = [j for j in cases if j.truth and j.least_sigma >= CLEAR_SIGMA]
+    yield share("foreign: a false clean name", cases, 0.02, _false_and_clean, at_most=True)
+    yield share("foreign: a false name beside something unexplained", cases, None, _false_beside)
+    yield share("foreign: unexplained and described", real, None, _described)
+    yield share("foreign: right variable", real, 0.70, lambda j: j.right_variable)
+    yield share("an effect beside it, 20 σ or more: named with its size", beside, 0.90,
+                lambda j: j.size_is_right)  # fmt: skip
+    yield share("coloured noise of the stated size: none",
+                [j for j in noise if not j.truth], 0.95, lambda j: j.verdict == NONE)  # fmt: skip
+
+
+def _false_and_clean(j: Judgement) -> bool:
+    return j.outcome == WRONG and j.verdict != UNEXPLAINED
+
+
+def _false_beside(j: Judgement) -> bool:
+    return j.outcome == WRONG and j.verdict == UNEXPLAINED
+
+
+def _described(j: Judgement) -> bool:
+    return j.verdict == UNEXPLAINED and j.described
+
+
+def deleted_rows(cases: Sequence[Judgement]) -> Iterator[TableRow]:
+    """Rows on the cases whose effect shows by 20 σ or more beside an offset, and on the others."""
+    seen = [j for j in cases if j.visible_sigma >= CLEAR_SIGMA]
+    faint = [j for j in cases if j.visible_sigma < CLEAR_SIGMA]
+    what = "effect left out, 20 σ or more"
+    yield share(f"{what}: a false name", seen, 0.08, _false, at_most=True)
+    yield share(f"{what}: right variable, or an equivalent name", seen, 0.75, _right)
+    yield share(f"{what}: an equivalent name", seen, None, lambda j: j.outcome == FAMILY)
+    yield share("effect left out, below 20 σ: a false name", faint, 0.08, _false, at_most=True)
+
+
+def _false(j: Judgement) -> bool:
+    return j.outcome == WRONG
+
+
+def _right(j: Judgement) -> bool:
+    return j.outcome in GOOD
+
 
 OUTCOMES = (RIGHT, FAMILY, PARTLY, WRONG, NONE, UNEXPLAINED, FAILED)
 _LARGEST_RESIDUAL = 1.1  # held-out rms over the noise, at most

@@ -6,7 +6,7 @@ each of them did.
 """
 
 from mopro.engine.passes.alternatives import find_alternatives, from_alternatives
-from mopro.engine.passes.drafts import set_laws_apart, something_is_left
+from mopro.engine.passes.drafts import examine_remainder, set_laws_apart, something_is_left
 from mopro.engine.passes.drop import (
     drop_outweighed,
     eliminate,
@@ -18,7 +18,6 @@ from mopro.engine.passes.drop import (
 from mopro.engine.passes.find import add_laws, search_catalogue, settle
 from mopro.engine.passes.loops import Loop, Pass, a_pass, in_turn, until_stable, where
 from mopro.engine.passes.odd_run import find_odd_run, in_one_run, keep_what_others_bear
-from mopro.engine.passes.remainder import examine_remainder
 from mopro.engine.passes.samples import (
     refine_steps,
     restate_quiet_noise,

@@ -4,19 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from mopro.experiment.compare.labels import labels
+from mopro.experiment.model import Trial
+from mopro.experiment.predict.nominal import planned
 from mopro.experiment.read.data import read_data
-from mopro.experiment.rigs.command import command_of
 from mopro.experiment.rigs.entries import RigEntries, RunEntry
 from mopro.formula import Formula, FormulaError, factor_of
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.language import check_names
+from mopro.machine import load_machine
 from mopro.machine.runs import data_of
+from mopro.program.compile import compile_file
 from mopro.rig.data import Reading, RigExperiment, Run, Sensor
 from mopro.rig.model import AXIS, THERMAL
 from mopro.tomlfile import Value
+
+_CONTROLLER = "chow1992"
+
+
+def command_of(path: Path, time_s: Floats, axis: int = 1) -> Floats:
+    """Commanded position (m) of an axis at `time_s`, as the controller of 1992 plans a program.
+
+    Raises SourceError and MotionError for the program.
+    """
+    machine = load_machine(_CONTROLLER)
+    trial = Trial(path.name, compile_file(path, "attested"), None, 0.0, (), partial=False)
+    return labels(planned(trial, machine), axis, time_s, machine.microstep_m).command_m
+
 
 _COMMAND = "command"
 _FEWEST_SAMPLES = 8
