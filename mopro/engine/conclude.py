@@ -65,7 +65,7 @@ def conclude(state: State) -> Verdict:
         alternatives=tuple(tuple(sorted(other.names)) for other in others),
         base={p: e for c in fit.base for p, e in sizes.estimates(c).items()},
         base_before=sets.null.settings,
-        drafts=_drafts(state),
+        drafts=_drafts(state, sizes),
         notes=(*state.notes, *(note for note in notes if note)),
         nuisances=tuple(_nuisances(sets, sizes.settings)),
         correlations=sizes.correlations(),
@@ -117,11 +117,13 @@ def _sigmas(sets: Hypotheses, fit: Fit, without: Fit) -> float:
     return math.sqrt(max(without.rss - fit.rss, 0.0) / sets.scale(fit))
 
 
-def _drafts(state: State) -> tuple[Draft, ...]:
+def _drafts(state: State, sizes: Sizes) -> tuple[Draft, ...]:
     """The free-form terms beside the answer or, without any, of what does as well."""
     sets, drafted, held = state.sets, state.drafted or state.rival, state.drafted_held
     if drafted is None:
         return ()
+    if sizes.fit.key != drafted.key:
+        sizes = Sizes.by(state, drafted, held)
     return tuple(
         Draft(
             name=c.name,
@@ -132,6 +134,7 @@ def _drafts(state: State) -> tuple[Draft, ...]:
             run=c.law.run,
             sigmas=_sigmas(sets, drafted, sets.without(drafted, c.name)),
             held_out=held is not None and held.supports(c.name),
+            parameters=sizes.estimates(c),
         )
         for c in drafted.candidates
         if c.law is not None

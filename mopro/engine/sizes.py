@@ -36,9 +36,16 @@ class Sizes:
 
     @staticmethod
     def of(state: State) -> Sizes:
-        sets, fit, held, evidence = state.sets, state.fit, state.held, state.sets.evidence
-        if state.drafted is not None and fit.key <= state.drafted.key:
-            fit, held, evidence = state.drafted, state.drafted_held, sets.evidence_by(state.drafted)
+        if state.drafted is not None and state.fit.key <= state.drafted.key:
+            return Sizes.by(state, state.drafted, state.drafted_held)
+        return Sizes.by(state, state.fit, state.held)
+
+    @staticmethod
+    def by(state: State, fit: Fit, held: HeldOut | None) -> Sizes:
+        """The sizes by a `fit` that `held` tells of."""
+        sets, evidence = state.sets, state.sets.evidence
+        if fit is not state.fit:
+            evidence = sets.evidence_by(fit)
         own = Evidence(evidence.noise, evidence.catalogue)
         return Sizes(state.fit, with_central_jacobian(sets.residuals, fit), own, held, sets)
 

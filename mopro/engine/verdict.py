@@ -84,7 +84,7 @@ class Draft:
     """A free-form term that describes what no listed effect explains.
 
     `enters`, `of` and `run` as those of `Law`; `law`: its formula, whose values are in `unit`.
-    `held_out` as that of `Named`.
+    `held_out` and `parameters` as those of `Named`.
     """
 
     name: str
@@ -95,6 +95,7 @@ class Draft:
     sigmas: float
     held_out: bool
     run: str | None = None
+    parameters: Mapping[str, Estimate] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -68,9 +68,16 @@ class Opened(Protocol):
         ...
 
     def conclude(
-        self, jobs: int = 1, progress: Progress = quiet, left_out: Collection[str] = ()
+        self,
+        jobs: int = 1,
+        progress: Progress = quiet,
+        left_out: Collection[str] = (),
+        with_drafts: bool = False,
     ) -> Conclusion:
-        """Find what the model lacks, without the effects in `left_out`."""
+        """Find what the model lacks, without the effects in `left_out`.
+
+        The machine file has drafts inside the model as well if `with_drafts`.
+        """
         ...
 
 
@@ -101,9 +108,13 @@ class OfTheMotor:
         return compare(self.experiment, np.random.default_rng(seed))
 
     def conclude(
-        self, jobs: int = 1, progress: Progress = quiet, left_out: Collection[str] = ()
+        self,
+        jobs: int = 1,
+        progress: Progress = quiet,
+        left_out: Collection[str] = (),
+        with_drafts: bool = False,
     ) -> Conclusion:
-        return conclude(self.experiment, jobs, progress, left_out)
+        return conclude(self.experiment, jobs, progress, left_out, with_drafts)
 
 
 @dataclass(frozen=True)
@@ -133,9 +144,13 @@ class OfARig:
         return rig_compare.compare(self.study)
 
     def conclude(
-        self, jobs: int = 1, progress: Progress = quiet, left_out: Collection[str] = ()
+        self,
+        jobs: int = 1,
+        progress: Progress = quiet,
+        left_out: Collection[str] = (),
+        with_drafts: bool = False,
     ) -> Conclusion:
-        return rig_conclude.conclude(self.study, jobs, progress, left_out)
+        return rig_conclude.conclude(self.study, jobs, progress, left_out, with_drafts)
 
 
 def _rows_notes(rows: KeptRows | None) -> tuple[str, ...]:

@@ -26,7 +26,9 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
 _EFFECT_NAME = re.compile(r"[^\W][^\n\"]{0,59}")
 _PLACE = re.compile(r"\{([a-z]+)\}")
 _OF_AXES = ("rotary", "angular")
-_EFFECT_KEYS = {"name", "enters", "formula", "form", "extends", "driven", *_OF_AXES}
+_EFFECT_KEYS = {
+    "name", "enters", "formula", "form", "extends", "driven", "unconfirmed", *_OF_AXES,
+}  # fmt: skip
 _PARAMETER_KEYS = {"unit", "range", "start", "role", "positive"}
 
 
@@ -96,7 +98,8 @@ def read_effect(entry: Value, host: Host, units: Mapping[str, str], own: bool) -
     form, extends = (entry.get(key, text(empty=True), None) for key in ("form", "extends"))
     if entry.faults > before:
         raise Refused
-    driven, rotary, angular = (entry.get(key, flag, False) for key in ("driven", *_OF_AXES))
+    flags = ("driven", *_OF_AXES, "unconfirmed")
+    driven, rotary, angular, unconfirmed = (entry.get(key, flag, False) for key in flags)
     of = "" if own else entry.get("of", text(), "")
     return WrittenEffect(
         name,
@@ -112,6 +115,7 @@ def read_effect(entry: Value, host: Host, units: Mapping[str, str], own: bool) -
         of,
         entry,
         angular,
+        unconfirmed=unconfirmed,
     )
 
 

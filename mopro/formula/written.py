@@ -117,7 +117,7 @@ class WrittenEffect:
     of a candidate of the diagnosis. `own`: it is of the user's file. `driven`: of a machine
     that has an input. `rotary`: of an axis that makes a whole turn, `angular`: of one whose place
     is an angle. `of`: the variable of a free-form term, which no catalogue lists. `crosses`: the
-    input that it finds a share of in a sensor.
+    input that it finds a share of in a sensor. `unconfirmed`: it is the draft of a diagnosis.
     """
 
     name: str
@@ -134,6 +134,7 @@ class WrittenEffect:
     value: Value | None = field(default=None, compare=False)
     angular: bool = False
     crosses: str = ""
+    unconfirmed: bool = False
 
 
 def toml_lines(effect: WrittenEffect) -> list[str]:

@@ -1,5 +1,6 @@
 """Free-form terms inside the simulator: what they do there, and that the diagnosis drafts them."""
 
+import json
 import re
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import mopro
 from helpers import one_run
+from helpers.commands import run_here
 from helpers.laboratory import Lab
 from helpers.signals import names
 from mopro.blind.reference.foreign import Foreign
@@ -232,6 +234,21 @@ def test_a_force_that_nobody_listed_is_drafted_and_no_effect_is_named(tmp_path, 
     assert [e.name for e in verdict.effects] == []
     assert [draft.of for draft in verdict.drafts] == [of]
     assert verdict.drafts[0].enters == "force"
+
+
+def test_a_drafted_force_is_in_the_machine_file_if_it_is_asked_for(tmp_path):
+    """On another program that file leaves the noise, and the one without the draft does not."""
+    lab = Lab(tmp_path)
+    for program in ("fast", "slow"):
+        lab.record(f"{program}.CMD", f"{program}.csv", {"viscous_drag": {"b": 9.0}})
+    file = lab.experiment(['program = "fast.CMD"\ndata = "fast.csv"'])
+    asked = "reconcile", file, "--without", "viscous_drag", "--out", "new.toml", "--with-drafts"
+    done = run_here(tmp_path, *asked)
+    assert "The machine file has force of v, unconfirmed" in done.stdout
+    other = lab.experiment(['program = "slow.CMD"\ndata = "slow.csv"'])
+    applied = run_here(tmp_path, "compare", other, "--apply", "new.toml", "--json")
+    (gap,) = json.loads(applied.stdout)["applied"]
+    assert gap["after_rms"] < 1.1 * gap["noise_rms"] < 0.6 * gap["before_rms"]
 
 
 @pytest.mark.parametrize("drag", [0.0, 4.0])

@@ -50,6 +50,9 @@ _GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise"
     help="Try this effect, no others.",
     shell_complete=effect_names,
 )
+@click.option(
+    "--with-drafts", is_flag=True, help="Write terms that nobody listed into --out as well."
+)
 @allow_python_option()
 @click.option("--explain", is_flag=True, help="Print how the answer came about, pass by pass.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -60,13 +63,16 @@ def command(
     jobs: int | None,
     without: tuple[str, ...],
     only: tuple[str, ...],
+    with_drafts: bool,
     allow_python: bool,
     explain: bool,
     as_json: bool,
 ) -> int:
     """Find the effects that the machine's model lacks, add them, and show the gap shrink.
 
-    --without and --only may be given several times, and together.
+    --without and --only may be given several times, and together. With
+    --with-drafts the machine file has the free-form terms inside the model as
+    well, as [[effect]] marked unconfirmed.
     Exits with 1 if a significant residual remains that no effect of the catalogue explains.
 
     Example: mopro reconcile experiment.toml --out machine.toml --report why.html
@@ -81,7 +87,7 @@ def command(
     for note in loaded.notes:
         say(note, err=True)
     with claimed(out, report), _progress() as progress:
-        conclusion = loaded.conclude(jobs or os.cpu_count() or 1, progress, left_out)
+        conclusion = loaded.conclude(jobs or os.cpu_count() or 1, progress, left_out, with_drafts)
     code = _written(conclusion, out, report)
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine_name, **conclusion.as_json()}

@@ -1,6 +1,7 @@
 """Free-form terms inside the simulator: forces and heat flows that no catalogue lists.
 
-A diagnosis tries them beside the catalogue's effects. No machine file switches them on.
+A diagnosis tries them beside the catalogue's effects. No machine file switches them on, but one may
+state some of them as formulas (`written_terms`).
 """
 
 from __future__ import annotations
@@ -12,14 +13,30 @@ from mopro.effects.unlisted.forces import FORCES
 from mopro.effects.unlisted.heat import HEAT
 from mopro.effects.unlisted.local import LOCAL
 from mopro.effects.unlisted.term import FreeFormTerm
+from mopro.formula.written import EffectParameter, Written, WrittenEffect
+from mopro.machine.formulas import AS_FORCE, NAMES
 
-__all__ = ["unlisted_terms", "with_unlisted"]
+__all__ = ["unlisted_terms", "with_unlisted", "written_terms"]
 
 
 @cache
 def unlisted_terms() -> tuple[FreeFormTerm, ...]:
     """All free-form terms, as effects."""
     return tuple(term() for term in (*FORCES, *LOCAL, *HEAT))
+
+
+@cache
+def written_terms() -> dict[str, WrittenEffect]:
+    """By name those that a machine file can state as a formula of place and speed, c its size."""
+    found = {}
+    for term in unlisted_terms():
+        names = {p.name for p in term.parameters}
+        if term.enters == AS_FORCE and term.text and names == {"c"}:
+            written = Written.of(f"c * {term.text}")
+            if written.formula.names <= {"c", *NAMES[AS_FORCE]}:
+                own = EffectParameter("c", term.parameters[0].unit)
+                found[term.name] = WrittenEffect(term.name, AS_FORCE, "", written, (own,))
+    return found
 
 
 def with_unlisted(catalogue: Catalogue) -> Catalogue:

@@ -13,16 +13,25 @@ import numpy as np
 
 from mopro import markup
 from mopro.effects import catalogue_of
+from mopro.effects.unlisted import written_terms
 from mopro.engine.residuals import Residuals, without_wild
 from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import Verdict, rms
 from mopro.errors import DataError
 from mopro.experiment.compare.comparison import Place, compare
+from mopro.experiment.conclude.drafts import section
+from mopro.experiment.conclude.drafts import with_drafts as drafts_taken
 from mopro.experiment.conclude.machine_file import machine_text, machine_with, of_runs, quoted
-from mopro.experiment.conclude.wording import advice, file_words, reservations
+from mopro.experiment.conclude.wording import (
+    advice,
+    file_words,
+    reservations,
+    unconfirmed_words,
+)
 from mopro.experiment.design.experiment_design import Proposal, propose
 from mopro.experiment.diagnose.diagnosis import Model, diagnose
 from mopro.experiment.model import Experiment
+from mopro.machine.formulas import read_formulas
 from mopro.source import Source
 from mopro.tomlfile import Document
 
@@ -71,7 +80,8 @@ class Conclusion:
     `machine_fault`: why that text must not be written. `of_runs`: the effects in it that belong to
     the runs of this experiment. `left_out` are the effects that were no candidates, `tried` those
     that were.
-    `program`: the model, if the machine is a program.
+    `program`: the model, if the machine is a program. `filed`: the verdict as the file has it, if
+    it has drafts.
     `advice`: what else to do if the verdict is ambiguous and no next experiment is proposed.
     """
 
@@ -88,6 +98,7 @@ class Conclusion:
     left_out: tuple[str, ...] = ()
     tried: tuple[str, ...] = ()
     program: Path | None = None
+    filed: Verdict | None = None
 
     def text_in(self, folder: Path) -> str:
         """The machine's file for a folder: it finds a model that is a program from there."""
@@ -119,7 +130,9 @@ class Conclusion:
     def reservations(self) -> Iterator[str]:
         """Lines on what the machine file leaves out, has for certain runs, or predicts worse."""
         yield from reservations(self.verdict, self.runs)
-        yield from file_words(self.verdict, self.of_runs, self.rerun_rms, self.series)
+        yield from file_words(self.filed or self.verdict, self.of_runs, self.rerun_rms, self.series)
+        if self.filed is not None:
+            yield from unconfirmed_words(self.verdict, self.filed)
 
     def as_json(self) -> dict[str, Any]:
         answer = self.verdict.as_json()
@@ -146,9 +159,11 @@ def conclude(
     jobs: int = 1,
     progress: Callable[[str], None] = lambda _: None,
     left_out: Collection[str] = (),
+    with_drafts: bool = False,
 ) -> Conclusion:
     """Diagnose `experiment`, without the effects in `left_out`, and derive what follows.
 
+    The machine file has those drafts as well that it can state as formulas if `with_drafts`.
     Raises MotionError, ModelError.
     """
     progress("comparing")
@@ -156,7 +171,8 @@ def conclude(
     diagnosis = diagnose(experiment, jobs, progress, left_out)
     verdict, series = diagnosis.verdict, diagnosis.series
     progress("simulating the experiment again with the effects found")
-    machine = machine_with(experiment, verdict)
+    filed, found = drafted(experiment, verdict) if with_drafts else (experiment, verdict)
+    machine = machine_with(filed, found)
     again = Model(replace(diagnosis.experiment, machine=machine), resolved=diagnosis.resolved)
     rerun = Residuals(again, series).calibrated_at({}).of_exact_sensors({})
     proposal = None
@@ -169,14 +185,31 @@ def conclude(
         series=series,
         verdict=verdict,
         where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
-        machine_text=machine_text(experiment, verdict),
-        of_runs=tuple(of_runs(experiment, verdict)),
+        machine_text=machine_text(filed, found),
+        of_runs=tuple(of_runs(filed, found)),
         rerun_rms=tuple(_rms(s, own) for s, own in zip(series, rerun, strict=True)),
         next_experiment=proposal,
         advice=advice(verdict),
         left_out=tuple(sorted(left_out)),
         tried=tuple(name for name in catalogue_of(experiment.machine) if name not in left_out),
+        filed=None if found is verdict else found,
     )
+
+
+def drafted(experiment: Experiment, verdict: Verdict) -> tuple[Experiment, Verdict]:
+    """The experiment and the verdict with those drafts that a motor's file can state as formulas.
+
+    They are forces of the place and the speed in which nothing but their size was fitted.
+    """
+    known = written_terms()
+    taken = [draft for draft in verdict.drafts if draft.run is None and draft.name in known]
+    if not taken:
+        return experiment, verdict
+    lines = [line for draft in taken for line in section(draft, known[draft.name])]
+    stated = Document(Source("drafts", "\n".join(lines))).read(read_formulas)
+    own = {draft.name: known[draft.name] for draft in taken}
+    machine = experiment.machine.beside(stated)
+    return replace(experiment, machine=machine), drafts_taken(verdict, own)
 
 
 def _rms(series: Series, residual: Floats) -> float:

@@ -257,6 +257,13 @@ def reservations(verdict: Verdict, runs: tuple[str, ...]) -> Iterator[str]:
             yield f"{effect.name} is not in the machine file: {reason}."
 
 
+def unconfirmed_words(verdict: Verdict, filed: Verdict) -> Iterator[str]:
+    """A line on each draft that the machine file has: `filed` is the verdict with those."""
+    for effect in filed.effects:
+        if effect not in verdict.effects:
+            yield f"The machine file has {effect.name}: compare it with a run that it has not seen."
+
+
 def _why_of_runs(verdict: Verdict, name: str) -> str:
     run = next((e.run for e in verdict.fitted if e.name == name), None)
     if run is None:
@@ -279,7 +286,7 @@ def file_words(
     if verdict.without_drafts is not None:
         yield (
             "The machine file has no drafts: its numbers are those that fit without them, and may "
-            "differ from those above."
+            "differ from those above (--with-drafts writes those inside the model)."
         )
     for name in of_runs:
         yield (f"{name} is {_why_of_runs(verdict, name)}, and is off in all others.")

@@ -11,6 +11,7 @@ from mopro.errors import DataError
 from mopro.experiment.conclude.conclusion import Conclusion
 from mopro.experiment.conclude.wording import advice
 from mopro.experiment.rigs.compare import compare, worst
+from mopro.experiment.rigs.drafted import drafted
 from mopro.experiment.rigs.noisy_inputs import beside_noise
 from mopro.experiment.rigs.one_speed import at_one_speed
 from mopro.experiment.rigs.repaired import effects_of_runs, machine_text
@@ -36,8 +37,12 @@ def conclude(
     jobs: int = 1,
     progress: Callable[[str], None] = lambda _: None,
     left_out: Collection[str] = (),
+    with_drafts: bool = False,
 ) -> Conclusion:
-    """Find the effects that the machine lacks, without those in `left_out`, and repair its file."""
+    """Find the effects that the machine lacks, without those in `left_out`, and repair its file.
+
+    The file has drafts inside the machine's equations as well if `with_drafts`.
+    """
     progress("comparing")
     places = compare(study).where
     every = candidates(study.model, study.series, study.base.settings)
@@ -57,8 +62,9 @@ def conclude(
     study, verdict = beside_noise(study, asked)
     verdict = at_one_speed(study, verdict)
     progress("simulating the experiment again with the effects found")
-    text = machine_text(study.experiment, verdict)
-    again = rerun(study, verdict, text)
+    as_filed, filed = drafted(study, verdict) if with_drafts else (study, verdict)
+    text = machine_text(as_filed.experiment, filed)
+    again = rerun(as_filed, filed, text)
     return Conclusion(
         experiment=study.experiment,
         series=study.series,
@@ -66,13 +72,14 @@ def conclude(
         where=worst(places, _MOST_PLACES),
         machine_text=text,
         machine_fault=again.fault,
-        of_runs=tuple(effects_of_runs(study.experiment, verdict.fitted)),
+        of_runs=tuple(effects_of_runs(as_filed.experiment, filed.fitted)),
         rerun_rms=again.rms,
         next_experiment=None,
         left_out=tuple(sorted({c.name for c in every} & set(left_out))),
         advice=advice(verdict, _ADVICE),
         tried=tuple(dict.fromkeys(c.name for c in tried)),
         program=_program(study.experiment.machine),
+        filed=None if filed is verdict else filed,
     )
 
 

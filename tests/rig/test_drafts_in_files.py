@@ -1,0 +1,63 @@
+"""Drafts in a machine file (--with-drafts), and what such a file predicts of an unseen run."""
+
+import json
+
+import pytest
+
+from helpers.commands import run_here
+from helpers.rigs import DRIVE, drive_folder
+
+NAME = "friction of |x|, unconfirmed"
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Where a friction of the place was found, and another run of the same drive."""
+    seen, unseen = (tmp_path_factory.mktemp(name) for name in ("seen", "unseen"))
+    drive_folder(seen, DRIVE, of_place=12.0)
+    drive_folder(unseen, DRIVE, of_place=12.0, seed=7)
+    return seen, unseen
+
+
+@pytest.fixture(scope="module")
+def said(folders):
+    """What is said where plain.toml, and where new.toml with drafts is written."""
+    return repaired(folders[0], "plain.toml"), repaired(folders[0], "new.toml", "--with-drafts")
+
+
+def repaired(folder, out, *options):
+    done = run_here(folder, "reconcile", "experiment.toml", "--out", out, *options)
+    assert done.returncode == 1, done.stderr
+    return done.stdout
+
+
+def test_a_draft_is_in_the_file_if_it_is_asked_for_and_says_that_nobody_confirmed_it(folders, said):
+    plain, new = ((folders[0] / name).read_text("utf-8") for name in ("plain.toml", "new.toml"))
+    assert "unconfirmed" not in plain
+    assert "(--with-drafts writes those inside the model)" in said[0]
+    assert (
+        f'name = "{NAME}"\nenters = "friction"\nformula = "c * abs(x)"\nunconfirmed = true' in new
+    )
+    assert f'[effects."{NAME}"]' in new
+    assert f"The machine file has {NAME}: compare it with a run that it has not seen." in said[1]
+
+
+@pytest.mark.usefixtures("said")
+def test_the_file_with_the_draft_predicts_another_run_to_its_noise(folders):
+    seen, unseen = folders
+    done = run_here(unseen, "compare", "experiment.toml", "--apply", seen / "new.toml", "--json")
+    (gap,) = json.loads(done.stdout)["applied"]
+    assert gap["after_rms"] < 1.1 * gap["noise_rms"] < 0.5 * gap["before_rms"]
+
+
+@pytest.mark.usefixtures("said")
+def test_the_file_with_the_draft_is_a_machine_to_begin_another_diagnosis_with(folders, tmp_path):
+    seen, unseen = folders
+    text = (unseen / "experiment.toml").read_text("utf-8")
+    first, _, rest = text.partition("\n")
+    assert first.startswith("machine = ")
+    (tmp_path / "experiment.toml").write_text(f'machine = "{seen / "new.toml"}"\n{rest}')
+    for file in unseen.glob("*.csv"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    done = run_here(tmp_path, "reconcile", "experiment.toml", "--json")
+    assert json.loads(done.stdout)["verdict"] == "none"
