@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from mopro.engine.assumed import STRONG
+from mopro.engine.assumed import STRONG, VERY_STRONG
 from mopro.engine.fits import Fit, Key
 from mopro.engine.passes.drop import held_of
 from mopro.engine.passes.loops import Loop, Pass, a_pass, in_turn
@@ -60,9 +60,14 @@ def better_alternative(state: State) -> Fit | None:
     """The fitted alternative that the data support strongly over the answer; None if none.
 
     A search that strong effects mislead may end in a set that a fit from elsewhere shows to be
-    none of the best. What was dropped from the answer would be dropped again.
+    none of the best. What was dropped from the answer would be dropped again. A set with free-form
+    terms of the model is one as well, beyond the benefit of the doubt that what is listed has.
     """
     dropped = {r.name for r in state.rejected}
+    if (rival := state.rival) is not None and not dropped & rival.names:
+        of_model = not any(c.law and c.law.of_data for c in rival.candidates)
+        if of_model and state.sets.ebic(rival) < state.sets.ebic(state.fit) - VERY_STRONG:
+            return rival
     better = {
         other.names
         for other in state.alternatives
@@ -80,7 +85,8 @@ class _FromAlternatives(Loop):
             # What the passes found out about the data, such as wild samples, holds.
             begun = state.begun(state.problem)
             fit = begun.sets.fitted(better.candidates, better.settings)
-            state = in_turn(self.passes, replace(begun, fit=fit))
+            state = replace(begun, fit=fit).traced("from_alternatives", state)
+            state = in_turn(self.passes, state)
         return state
 
 

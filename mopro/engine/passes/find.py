@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mopro.engine.assumed import VERY_STRONG
+from mopro.engine.assumed import MAJORITY, VERY_STRONG
 from mopro.engine.candidate import Candidate
+from mopro.engine.fits import Fit
 from mopro.engine.freeform import WithLaws, measurement_laws
 from mopro.engine.passes.loops import a_pass
 from mopro.engine.search.rounds import FIRST_ROUNDS, join_singly, search
@@ -60,11 +61,30 @@ def add_laws(state: State) -> State:
     part = single.key <= state.fit.key
     fronts = [state.fit, *([] if part and noise else [single])]
     search(sets, state.screening, fronts, only_laws=noise)
+    if not sets.best().laws and (law := _law_alone(state)) is not None:
+        search(sets, state.screening, [law], only_laws=True)
     best, listed = sets.best(), sets.best_listed()
     # What somebody has listed has the benefit of the doubt, if it is no more.
     doubt = 0.0 if len(best.candidates) < len(listed.candidates) else VERY_STRONG
     stays = sets.ebic(listed) - sets.ebic(best) < doubt
     return replace(state, fit=listed if stays else best)
+
+
+def _law_alone(state: State) -> Fit | None:
+    """The fit of a law of the model, alone, that explains most of what several listed effects do.
+
+    A strong one is predicted badly beside anything: only a fit shows what it explains, and what may
+    join it.
+    """
+    sets, listed = state.sets, state.sets.best_listed()
+    laws = [c for c in sets.catalogue if c.law and not c.law.of_data]
+    if len(listed.candidates) < 2 or not laws:
+        return None
+    scores = [s for s in state.screening.of(sets.null, laws) if s.starts]
+    fits = sets.fit_all([((s.candidate,), [{**sets.null.settings, **s.starts[0]}]) for s in scores])
+    best = min(fits, key=lambda fit: fit.rss, default=sets.null)
+    most = MAJORITY * (sets.null.rss - listed.rss)
+    return best if sets.null.rss - best.rss > most else None
 
 
 def _rivalled(state: State, laws: Sequence[Candidate]) -> bool:

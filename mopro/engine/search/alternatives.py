@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -20,7 +20,7 @@ from mopro.engine.assumed import (
     VERY_STRONG,
 )
 from mopro.engine.candidate import Candidate
-from mopro.engine.fits import Fit
+from mopro.engine.fits import Fit, Identity
 from mopro.engine.search.hypotheses import Hypotheses, Proposal
 from mopro.engine.search.linear_subset import LinearSubset, of_each_kind
 from mopro.engine.search.neighbours import in_form, in_other_forms, neighbourhood
@@ -70,13 +70,21 @@ def alternatives(sets: Hypotheses, screening: Screening, best: Fit) -> tuple[Alt
             weak += _weak(sets, best, own)
     fitted = [
         Alternative.of(fit.candidates, sets.evidence.above(fit, best), fit.settings)
-        for fit in sets.ranked()
+        for fit in _each_fitted(sets)
         if _is_alternative(sets, fit, best)
     ]
     lowest: dict[frozenset[str], Alternative] = {}
     for other in sorted([*fitted, *weak], key=lambda a: (a.delta_ebic, sorted(a.names))):
         lowest.setdefault(other.names, other)
     return tuple(lowest.values())
+
+
+def _each_fitted(sets: Hypotheses) -> Iterator[Fit]:
+    """All fitted sets, also those that are fitted while the others are looked at."""
+    known = set[Identity]()
+    while new := [fit for fit in sets.ranked() if fit.identity not in known]:
+        known |= {fit.identity for fit in new}
+        yield from new
 
 
 def _differs(names: frozenset[str], best: Fit) -> bool:
