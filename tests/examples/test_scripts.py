@@ -67,3 +67,18 @@ def test_the_servo_s_script_tells_play_from_a_preload(tmp_path):
     assert "Named: compliance." in preloaded
     # Without the run that it is preloaded in, a friction under the load does nearly as well.
     assert "Ambiguous: compliance or friction_under_load, backlash_under_load." in single
+
+
+def test_the_engine_s_example_finds_the_leak_of_a_simulator_of_its_own():
+    path = ROOT / "examples" / "engine.py"
+    imported = [line.split()[1] for line in path.read_text("utf-8").splitlines()
+                if line.startswith(("import ", "from "))]  # fmt: skip
+    assert imported == ["numpy", "mopro.engine"]
+    done = subprocess.run(
+        [sys.executable, path], check=True, capture_output=True, text=True, timeout=LIMIT_S
+    )
+    first, second, *_ = done.stdout.splitlines()
+    assert first == "Verdict: named"
+    low, high = (float(end) for end in second.partition("(")[2].rstrip(")").split(" to "))
+    assert second.startswith("leak: q = ")
+    assert low <= 0.02 <= high
