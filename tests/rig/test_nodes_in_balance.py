@@ -29,14 +29,14 @@ noise_rms = 0.1
 
 def readings(begin, zeros, seed):
     """Time (s), duty and what both thermometers show; the duty changes every 200 s."""
-    t = np.arange(0.0, 1200.0, 4.0)
+    t = np.arange(0.0, 1200.0, 8.0)
     duty = np.array([0.0, 1.0, 0.3, 0.8, 0.1, 0.6])[(t // 200).astype(int)]
 
     def rates(time, at):
-        pushed = 0.3 * duty[min(int(time // 4), len(t) - 1)]
+        pushed = 0.3 * duty[min(int(time // 8), len(t) - 1)]
         return [pushed, 0.0] - 0.005 * (at - AMBIENT_C) + K * (at[::-1] - at)
 
-    course = solve_ivp(rates, (0.0, t[-1]), begin, t_eval=t, max_step=4.0, rtol=1e-8).y
+    course = solve_ivp(rates, (0.0, t[-1]), begin, t_eval=t, max_step=8.0, rtol=1e-8).y
     noise = np.random.default_rng(seed).normal(0.0, NOISE_C, (2, len(t)))
     return np.vstack([t, duty, course + np.array(zeros)[:, None] + noise])
 
