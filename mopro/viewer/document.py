@@ -97,7 +97,7 @@ def document(
 ) -> str:
     """The page of `views`; `lead` and `body` are HTML above and below them.
 
-    `options` are told to the scripts; `connect` is for a page that is fed (assets.policy).
+    `options` are told to the scripts; `connect` is for a page that is fed (`policy`).
     """
     pack = Pack()
     shown = [view.as_json(pack) for view in views]

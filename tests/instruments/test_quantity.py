@@ -15,7 +15,7 @@ from mopro.units import UNITS
 PACKAGE = Path(mopro.__file__).parent
 # The benchmark's reference plant and its cases share no code with mopro's sensors; the tables
 # of the thesis have quantities of their own.
-OTHERS = ("instruments", "benchmark", "thesis")
+OTHERS = ("instruments", "blind", "thesis")
 CONSTANTS = {name.upper() for name in QUANTITIES}
 # Who makes sensors of the thesis' instruments names what they measure.
 MAKERS = {"experiment/read/raw.py", "cli/experiments/measure.py"}

@@ -15,8 +15,7 @@ from helpers.commands import run_here
 from helpers.rigs import DRIVE, FRICTION_OF_PLACE, drive_folder
 from mopro.markup import table
 from mopro.recording.moves import MoveReport
-from mopro.viewer import assets
-from mopro.viewer.document import data_block, document
+from mopro.viewer.document import FOLDER, PLOTTER, SCRIPTS, data_block, document
 from mopro.viewer.model import Lines, Scale
 from mopro.viewer.pack import Pack
 from mopro.viewer.run import moves_json
@@ -25,12 +24,12 @@ WRITES_MARKUP = re.compile(r"innerHTML|outerHTML|insertAdjacentHTML|document\.wr
 
 
 def test_the_plotting_library_is_the_published_one():
-    stated = (assets.PLOTTER / "VERSION").read_text("utf-8")
+    stated = (PLOTTER / "VERSION").read_text("utf-8")
     assert stated.startswith("uPlot 1.6.32, MIT licence, https://registry.npmjs.org/uplot/")
     digests = dict(re.findall(r"sha256 (\w{64}) (\S+)", stated))
     assert set(digests.values()) == {"uPlot.iife.min.js", "uPlot.min.css"}
     for digest, name in digests.items():
-        assert hashlib.sha256((assets.PLOTTER / name).read_bytes()).hexdigest() == digest
+        assert hashlib.sha256((PLOTTER / name).read_bytes()).hexdigest() == digest
 
 
 def test_every_script_and_style_of_a_page_is_allowed_by_its_digest_and_no_other():
@@ -45,9 +44,9 @@ def test_every_script_and_style_of_a_page_is_allowed_by_its_digest_and_no_other(
     assert "Copyright (c) 2022 Leon Sorokin" in found[2], "the licence goes with the library"
 
 
-@pytest.mark.parametrize("name", assets.SCRIPTS)
+@pytest.mark.parametrize("name", SCRIPTS)
 def test_no_script_makes_markup_of_text(name):
-    text = (assets.FOLDER / name).read_text("utf-8")
+    text = (FOLDER / name).read_text("utf-8")
     assert not WRITES_MARKUP.search(text)
     assert max(map(len, text.splitlines())) <= 100
 
