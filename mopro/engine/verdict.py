@@ -132,7 +132,7 @@ class OddRun:
 
 @dataclass(frozen=True)
 class Taken:
-    """What a pass did: the effects of the answer before and after it, the EBIC then, and why.
+    """Entry of the trace: a pass, the effects of the answer before and after it, the EBIC, and why.
 
     The EBIC is infinite where the answer has a number at the end of a range that it must not reach.
     """
@@ -292,7 +292,7 @@ class Verdict:
         return section(f"Verdict: {self.verdict}", [*parts, *map(paragraph, self._remarks())])
 
     def _remarks(self) -> list[str]:
-        """What is to be said beside the effects and the gaps."""
+        """Calibrations, alternatives, drafts, what stays unexplained and notes, in sentences."""
         said = [f"Calibrated: {own.name} of {own.form}." for own in self.sensors]
         said += [f"As good an explanation: {' and '.join(n)}." for n in self.alternatives]
         said += [f"{self.odd_run.run} alone disagrees."] if self.odd_run else []

@@ -414,7 +414,7 @@ class Model:
         return [moving, friction]
 
     def _exchange(self, node: str, slots: Mapping[str, int]) -> tuple[Formula, dict[str, int]]:
-        """What a node is colder by than the others, in all, and the slots of names in it.
+        """Sum of the differences (K) of the other nodes to this one, and the slots of names in it.
 
         Of the rises since the beginning where the zeros of the sensors are free.
         """

@@ -35,7 +35,7 @@ def flat(passes):
 
 
 def told(one):
-    """What a state holds of its fits, and the answer."""
+    """Fits, catalogue, answer and remarks of a state."""
     fits = {fit.key: (fit.rss, fit.settings) for fit in one.sets.ranked()}
     catalogue = [c.key for c in one.sets.catalogue]
     return fits, one.fit.key, catalogue, one.rejected, one.notes

@@ -6,13 +6,34 @@ import pytest
 
 from helpers.commands import run_here
 from helpers.rigs import DRIVE, drive_folder
+from mopro.engine.residuals import NOTHING_LEFT
+from mopro.engine.verdict import Draft, Estimate, Gap, Verdict
+from mopro.experiment.conclude.drafts import filed
+from mopro.formula.written import EffectParameter, Written, WrittenEffect
 
 NAME = "friction of |x|, unconfirmed"
 
 
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_draft_that_would_do_in_place_of_the_answer_is_in_no_file(beside):
+    draft = Draft("force of x", "force", "x", "2 * x", "N", 9.0, True, None,
+                  {"c": Estimate(2.0, "N/m", (1.0, 3.0), at_bound=False)})  # fmt: skip
+    gap = Gap("m", 2.0, 1.0, 1.0, None)
+    word = "unexplained" if beside else "ambiguous"
+    verdict = Verdict(word, (), (), (), (), gap, NOTHING_LEFT, {},
+                      drafts=(draft,), without_drafts={} if beside else None)  # fmt: skip
+    term = WrittenEffect(
+        "force of x", "force", "", Written.of("c * x"), (EffectParameter("c", "N/m"),)
+    )
+    found = filed(verdict, {"force of x": term})
+    assert (found is not None) is beside
+    if found is not None:
+        assert found[1].settings == {"force of x, unconfirmed": {"c": 2.0}}
+
+
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """Where a friction of the place was found, and another run of the same drive."""
+    """Folders of two runs of a drive with a friction of the place that nobody listed."""
     seen, unseen = (tmp_path_factory.mktemp(name) for name in ("seen", "unseen"))
     drive_folder(seen, DRIVE, of_place=12.0)
     drive_folder(unseen, DRIVE, of_place=12.0, seed=7)
@@ -21,7 +42,7 @@ def folders(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def said(folders):
-    """What is said where plain.toml, and where new.toml with drafts is written."""
+    """Terminal output of the commands that write plain.toml, and new.toml with drafts."""
     return repaired(folders[0], "plain.toml"), repaired(folders[0], "new.toml", "--with-drafts")
 
 

@@ -33,7 +33,8 @@ def set_laws_apart(state: State) -> State:
         rejected.append(Rejected(name, less.rss - fit.rss, NO_GAIN))
         fit = less
     sets.judge_by(fit)
-    state, beside = replace(state, fit=fit, rejected=tuple(rejected)), state
+    held = state.held if fit is state.fit else None
+    state, beside = replace(state, fit=fit, held=held, rejected=tuple(rejected)), state
     if not beside.fit.laws:
         return state
     # Beside the terms an effect may have had another form.

@@ -1,7 +1,8 @@
-"""What a pass is, passes taken in turn, and loops of passes."""
+"""Passes that leave a trace, sequences of passes, and loops of passes."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -33,13 +34,14 @@ def a_pass(change: Pass) -> Traced:
 
 
 @dataclass(frozen=True)
-class Loop:
+class Loop(ABC):
     """A pass that takes `passes`, once or more."""
 
     passes: tuple[Pass, ...]
 
+    @abstractmethod
     def __call__(self, state: State) -> State:
-        raise NotImplementedError
+        """The state after the last of them."""
 
 
 def in_turn(passes: Sequence[Pass], state: State) -> State:

@@ -65,7 +65,7 @@ class Screening:
         self._searched: LRUCache[Hashable, list[Group]] = LRUCache(_KEPT_BYTES, _bytes_of_groups)
 
     def on(self, sets: Hypotheses) -> Screening:
-        """The same of a copy of these sets; what was simulated is known there."""
+        """Screening of a copy of these sets, with the signatures that are known here."""
         own = Screening(sets)
         own._lock, own._tests, own._subsets = self._lock, self._tests, self._subsets
         own._groups, own._searched = self._groups, self._searched

@@ -19,8 +19,7 @@ from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import Verdict, rms
 from mopro.errors import DataError
 from mopro.experiment.compare.comparison import Place, compare
-from mopro.experiment.conclude.drafts import section
-from mopro.experiment.conclude.drafts import with_drafts as drafts_taken
+from mopro.experiment.conclude.drafts import filed
 from mopro.experiment.conclude.machine_file import machine_text, machine_with, of_runs, quoted
 from mopro.experiment.conclude.wording import (
     advice,
@@ -171,8 +170,8 @@ def conclude(
     diagnosis = diagnose(experiment, jobs, progress, left_out)
     verdict, series = diagnosis.verdict, diagnosis.series
     progress("simulating the experiment again with the effects found")
-    filed, found = drafted(experiment, verdict) if with_drafts else (experiment, verdict)
-    machine = machine_with(filed, found)
+    stated, found = drafted(experiment, verdict) if with_drafts else (experiment, verdict)
+    machine = machine_with(stated, found)
     again = Model(replace(diagnosis.experiment, machine=machine), resolved=diagnosis.resolved)
     rerun = Residuals(again, series).calibrated_at({}).of_exact_sensors({})
     proposal = None
@@ -185,8 +184,8 @@ def conclude(
         series=series,
         verdict=verdict,
         where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
-        machine_text=machine_text(filed, found),
-        of_runs=tuple(of_runs(filed, found)),
+        machine_text=machine_text(stated, found),
+        of_runs=tuple(of_runs(stated, found)),
         rerun_rms=tuple(_rms(s, own) for s, own in zip(series, rerun, strict=True)),
         next_experiment=proposal,
         advice=advice(verdict),
@@ -201,15 +200,12 @@ def drafted(experiment: Experiment, verdict: Verdict) -> tuple[Experiment, Verdi
 
     They are forces of the place and the speed in which nothing but their size was fitted.
     """
-    known = written_terms()
-    taken = [draft for draft in verdict.drafts if draft.run is None and draft.name in known]
-    if not taken:
+    found = filed(verdict, written_terms())
+    if found is None:
         return experiment, verdict
-    lines = [line for draft in taken for line in section(draft, known[draft.name])]
-    stated = Document(Source("drafts", "\n".join(lines))).read(read_formulas)
-    own = {draft.name: known[draft.name] for draft in taken}
-    machine = experiment.machine.beside(stated)
-    return replace(experiment, machine=machine), drafts_taken(verdict, own)
+    text, wider = found
+    machine = experiment.machine.beside(Document(text).read(read_formulas))
+    return replace(experiment, machine=machine), wider
 
 
 def _rms(series: Series, residual: Floats) -> float:

@@ -9,17 +9,43 @@ from dataclasses import replace
 from mopro.engine.verdict import Draft, Named, Verdict
 from mopro.experiment.conclude.machine_file import quoted
 from mopro.formula.written import WrittenEffect
+from mopro.source import Source
 
 
-def file_name(draft: Draft) -> str:
+def filed(verdict: Verdict, terms: Mapping[str, WrittenEffect]) -> tuple[Source, Verdict] | None:
+    """Text of the `[[effect]]` sections of drafts, and the verdict with those among its effects.
+
+    They are the drafts of all runs that stand beside the answer and are in `terms` by their name;
+    all sizes are those beside them. None where there are none: a set that would do as well as the
+    answer is not beside it.
+    """
+    taken = [draft for draft in verdict.drafts if draft.run is None and draft.name in terms]
+    if not taken or verdict.without_drafts is None:
+        return None
+    lines = [line for draft in taken for line in _section(draft, terms[draft.name])]
+    added = {
+        _file_name(draft): {name: e.value for name, e in draft.parameters.items()}
+        for draft in taken
+    }
+    wider = replace(
+        verdict,
+        effects=(*verdict.effects, *map(_named, taken)),
+        settings={**verdict.settings, **added},
+        drafts=tuple(draft for draft in verdict.drafts if draft not in taken),
+        without_drafts=None,
+    )
+    return Source("drafts", "\n".join(lines)), wider
+
+
+def _file_name(draft: Draft) -> str:
     """The name that a file gives to a draft: another one than that of the free-form term."""
     return f"{draft.name}, unconfirmed"
 
 
-def section(draft: Draft, effect: WrittenEffect) -> Iterator[str]:
+def _section(draft: Draft, effect: WrittenEffect) -> Iterator[str]:
     """Lines of the `[[effect]]` that states the term `effect` of a draft."""
     yield "[[effect]]"
-    yield f"name = {quoted(file_name(draft))}"
+    yield f"name = {quoted(_file_name(draft))}"
     yield f"enters = {quoted(f'{effect.enters} {effect.target}'.strip())}"
     yield f"formula = {quoted(effect.term.formula.text)}"
     yield "unconfirmed = true"
@@ -27,26 +53,9 @@ def section(draft: Draft, effect: WrittenEffect) -> Iterator[str]:
         yield f"{p.name} = {{ unit = {quoted(p.unit)}, role = {quoted(p.role)} }}"
 
 
-def with_drafts(verdict: Verdict, effects: Mapping[str, WrittenEffect]) -> Verdict:
-    """The verdict with the drafts of these names among its effects, and all sizes beside drafts."""
-    taken = [draft for draft in verdict.drafts if draft.name in effects]
-    if not taken:
-        return verdict
-    added = {
-        file_name(draft): {name: e.value for name, e in draft.parameters.items()} for draft in taken
-    }
-    return replace(
-        verdict,
-        effects=(*verdict.effects, *map(_named, taken)),
-        settings={**verdict.settings, **added},
-        drafts=tuple(draft for draft in verdict.drafts if draft.name not in effects),
-        without_drafts=None,
-    )
-
-
 def _named(draft: Draft) -> Named:
     return Named(
-        name=file_name(draft),
+        name=_file_name(draft),
         form="",
         parameters=dict(draft.parameters),
         indistinguishable_from=[],

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mopro.engine.verdict import Verdict
-from mopro.experiment.conclude.drafts import section, with_drafts
+from mopro.experiment.conclude.drafts import filed
 from mopro.experiment.rigs.study import Study
 from mopro.formula.entry import read_effects
 from mopro.rig.file import HOSTS
 from mopro.rig.names import unlisted_of
 from mopro.rig.simulation import Model
-from mopro.source import Source
 from mopro.tomlfile import Document
 
 
@@ -21,17 +20,12 @@ def drafted(study: Study, verdict: Verdict) -> tuple[Study, Verdict]:
     Others, such as a step in the readings of one run, are none of the machine.
     """
     experiment = study.experiment
-    known = {effect.name: effect for effect in unlisted_of(experiment)}
-    taken = [draft for draft in verdict.drafts if draft.run is None and draft.name in known]
-    if not taken:
+    found = filed(verdict, {effect.name: effect for effect in unlisted_of(experiment)})
+    if found is None:
         return study, verdict
-    lines = [line for draft in taken for line in section(draft, known[draft.name])]
+    text, wider = found
     host = HOSTS[experiment.machine.kind]
-    stated = Document(Source("drafts", "\n".join(lines))).read(
-        lambda root: read_effects(root, host)
-    )
-    machine = experiment.machine.beside(stated)
-    wider = replace(experiment, machine=machine)
-    model = Model(wider, foreign=study.model.foreign)
-    own = {draft.name: known[draft.name] for draft in taken}
-    return replace(study, experiment=wider, model=model), with_drafts(verdict, own)
+    stated = Document(text).read(lambda root: read_effects(root, host))
+    experiment = replace(experiment, machine=experiment.machine.beside(stated))
+    model = Model(experiment, foreign=study.model.foreign)
+    return replace(study, experiment=experiment, model=model), wider
