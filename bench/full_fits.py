@@ -42,9 +42,9 @@ from mopro.engine.diagnosis import BASE
 from mopro.engine.fits import NO_LIMIT, growing_fit, least_squares_fit
 from mopro.engine.residuals import Residuals
 from mopro.engine.verdict import Verdict
-from mopro.experiment.diagnose import diagnosis as of_the_motor
 from mopro.experiment.opened import open_experiment
-from mopro.experiment.rigs import conclude as of_a_rig
+from mopro.experiment.sawyer import diagnosis as of_the_motor
+from mopro.experiment.stated import conclude as of_a_rig
 from mopro.formula.dimension import factor_of
 
 EXPLAINED = 0.9

@@ -27,7 +27,7 @@ from mopro.machine.model import FASTEST_1_S
 from mopro.motion.planner import LONGEST_RUN_S, MOST_STATEMENTS
 from mopro.program.lower import MOST_DWELL_MS
 from mopro.recording import reading
-from mopro.rig import file as rigs
+from mopro.stated import file as rigs
 from mopro.tomlfile import MOST_BYTES as MOST_TOML_BYTES
 from mopro.tomlfile.scan import MOST_LEVELS
 from mopro.web import server

@@ -11,21 +11,21 @@ import numpy as np
 
 from mopro.effects import catalogue_of
 from mopro.errors import Diagnostic, ModelError
-from mopro.experiment.check.load import load_experiment
 from mopro.experiment.compare.comparison import Comparison, compare
 from mopro.experiment.conclude.conclusion import Conclusion, Examined, conclude
-from mopro.experiment.model import Experiment
-from mopro.experiment.read.file import read_entries
 from mopro.experiment.read.rows import KeptRows, rows_of
-from mopro.experiment.rigs import compare as rig_compare
-from mopro.experiment.rigs import conclude as rig_conclude
-from mopro.experiment.rigs.entries import RigEntries, read_rig_entries
-from mopro.experiment.rigs.study import Study, study
+from mopro.experiment.sawyer.file import read_entries
+from mopro.experiment.sawyer.load import load_experiment
+from mopro.experiment.sawyer.model import Experiment
+from mopro.experiment.stated import compare as rig_compare
+from mopro.experiment.stated import conclude as rig_conclude
+from mopro.experiment.stated.entries import StatedEntries, read_stated_entries
+from mopro.experiment.stated.study import Study, study
 from mopro.inputs import no_file
 from mopro.machine import load_machine
-from mopro.rig.file import kind_of
-from mopro.rig.model import KINDS
 from mopro.source import Span
+from mopro.stated.file import kind_of
+from mopro.stated.model import KINDS
 from mopro.tomlfile import Document, read_source
 
 Progress = Callable[[str], None]
@@ -118,7 +118,7 @@ class OfTheMotor:
 
 
 @dataclass(frozen=True)
-class OfARig:
+class OfStated:
     """An experiment on a machine of another kind."""
 
     study: Study
@@ -168,7 +168,7 @@ def is_rig(path: str | Path) -> bool:
 
 def files_of(path: str | Path) -> list[Path]:
     """Every file that an experiment reads; ModelError."""
-    return read_rig_entries(path).files if is_rig(path) else read_entries(path).files
+    return read_stated_entries(path).files if is_rig(path) else read_entries(path).files
 
 
 def open_before(path: str | Path, applied: str, allow_python: bool = False) -> Opened:
@@ -178,9 +178,9 @@ def open_before(path: str | Path, applied: str, allow_python: bool = False) -> O
     """
     if not is_rig(path):
         return open_experiment(path)
-    own, entries = read_rig_entries(path).machine, _entries(path, applied)
+    own, entries = read_stated_entries(path).machine, _entries(path, applied)
     machine = entries.machine.without_effects(own.active.keys())
-    return OfARig(study(replace(entries, machine=machine), allow_python), rows_of(path))
+    return OfStated(study(replace(entries, machine=machine), allow_python), rows_of(path))
 
 
 def open_experiment(
@@ -192,15 +192,15 @@ def open_experiment(
     """
     rows = rows_of(path)
     if is_rig(path):
-        return OfARig(study(_entries(path, applied), allow_python), rows)
+        return OfStated(study(_entries(path, applied), allow_python), rows)
     machine = None if applied is None else load_machine(applied)
     return OfTheMotor(load_experiment(path, machine), rows)
 
 
-def _entries(path: str | Path, applied: str | None) -> RigEntries:
-    entries = read_rig_entries(path, applied)
+def _entries(path: str | Path, applied: str | None) -> StatedEntries:
+    entries = read_stated_entries(path, applied)
     if applied is not None:
-        stated = read_rig_entries(path).machine.kind
+        stated = read_stated_entries(path).machine.kind
         if entries.machine.kind != stated:
             message = f"{applied} is of kind {entries.machine.kind}, and the experiment of {stated}"
             raise ModelError(entries.machine.source, [_kind_fault(message)])

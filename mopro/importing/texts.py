@@ -14,7 +14,7 @@ from mopro.importing.propose import Proposal
 from mopro.importing.roles import Signal, decision_of
 from mopro.importing.runs import file_of, rows_text
 from mopro.logs import Decision, Rows
-from mopro.rig.rough import Sampled, axis_lines, thermal_lines, unit_of_speed
+from mopro.stated.rough import Sampled, axis_lines, thermal_lines, unit_of_speed
 from mopro.text import visible
 
 _HEAD = (

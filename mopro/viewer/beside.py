@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from mopro.experiment.compare.comparison import Place
 from mopro.experiment.conclude.wording import place_words
-from mopro.experiment.model import Experiment, Trial
-from mopro.experiment.predict.nominal import planned
+from mopro.experiment.sawyer.model import Experiment, Trial
+from mopro.experiment.sawyer.nominal import planned
 from mopro.viewer.model import Mark
 from mopro.viewer.platen import platen_json
 from mopro.viewer.series import Beside, track_name

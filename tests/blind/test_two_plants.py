@@ -10,9 +10,9 @@ from mopro.blind.making.case import case_instruments
 from mopro.blind.making.programs import ProgramWriter
 from mopro.blind.reference.nominal import THESIS
 from mopro.blind.reference.readings import ProgramRun, ReferencePlant
-from mopro.experiment.model import Experiment, Reading
-from mopro.experiment.model import Trial as Measured
-from mopro.experiment.predict.forward_model import ForwardModel
+from mopro.experiment.sawyer.forward_model import ForwardModel
+from mopro.experiment.sawyer.model import Experiment, Reading
+from mopro.experiment.sawyer.model import Trial as Measured
 from mopro.instruments.quantity import TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine

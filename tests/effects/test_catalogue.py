@@ -141,8 +141,8 @@ for compiled in (False, True):
     k = 2 * math.pi / 1.016e-3
     print(abs((x - off["position_1_m"][-1]) / (4.0 * math.sin(x / 0.01) / (k * 111.0)) - 1))
 
-from mopro.experiment.diagnose.candidates import candidates
-from mopro.experiment.predict.forward_model import ForwardModel
+from mopro.experiment.sawyer.candidates import candidates
+from mopro.experiment.sawyer.forward_model import ForwardModel
 from helpers.one_run import of
 
 motor = ForwardModel(of(np.zeros(100), program))

@@ -10,9 +10,9 @@ from mopro.effects import catalogue, catalogue_of
 from mopro.effects.formula import effect_of
 from mopro.errors import ModelError
 from mopro.experiment.conclude.machine_file import machine_text, machine_with
-from mopro.experiment.diagnose.diagnosis import diagnose
-from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.predict.forward_model import ForwardModel
+from mopro.experiment.sawyer.diagnosis import diagnose
+from mopro.experiment.sawyer.forward_model import ForwardModel
+from mopro.experiment.sawyer.model import Experiment, Reading, Trial
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine

@@ -8,7 +8,7 @@ import pytest
 import mopro
 from helpers.laboratory import Lab
 from mopro.experiment import load_experiment
-from mopro.experiment.diagnose.diagnosis import diagnose
+from mopro.experiment.sawyer.diagnosis import diagnose
 from mopro.machine import load_machine
 
 AXIS = load_machine("chow1992").axis

@@ -13,9 +13,9 @@ from mopro.effects.currents import EARLIEST_S
 from mopro.engine.fits import least_squares_fit
 from mopro.engine.residuals import Residuals
 from mopro.engine.search.signature import searched
-from mopro.experiment.diagnose.candidates import candidates
-from mopro.experiment.diagnose.diagnosis import series_of
-from mopro.experiment.predict.forward_model import COARSE, FINE, ForwardModel
+from mopro.experiment.sawyer.candidates import candidates
+from mopro.experiment.sawyer.diagnosis import series_of
+from mopro.experiment.sawyer.forward_model import COARSE, FINE, ForwardModel
 
 
 def starts(

@@ -8,14 +8,14 @@ import pytest
 from mopro.effects import Active, Domain, catalogue
 from mopro.errors import ModelError
 from mopro.experiment import load_experiment
-from mopro.experiment.check.feasible import too_long
 from mopro.experiment.compare.comparison import DISAGREEMENT, NO_DISAGREEMENT, compare
-from mopro.experiment.compare.labels import PHASES, labels
-from mopro.experiment.diagnose.candidates import candidates
-from mopro.experiment.diagnose.diagnosis import diagnose, series_of
-from mopro.experiment.model import Reading, Trial
-from mopro.experiment.predict.forward_model import ForwardModel
-from mopro.experiment.predict.nominal import planned
+from mopro.experiment.sawyer.candidates import candidates
+from mopro.experiment.sawyer.diagnosis import diagnose, series_of
+from mopro.experiment.sawyer.feasible import too_long
+from mopro.experiment.sawyer.forward_model import ForwardModel
+from mopro.experiment.sawyer.labels import PHASES, labels
+from mopro.experiment.sawyer.model import Reading, Trial
+from mopro.experiment.sawyer.nominal import planned
 from mopro.instruments.quantity import FORCE, POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.plant import measured_at

@@ -15,7 +15,7 @@ from mopro.engine.verdict import Estimate, Gap, Named, Verdict
 from mopro.errors import ModelError
 from mopro.experiment.conclude.machine_file import machine_text
 from mopro.experiment.opened import open_experiment
-from mopro.experiment.predict.forward_model import ForwardModel
+from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine

@@ -17,7 +17,7 @@ from mopro.errors import ModelError
 
 if TYPE_CHECKING:
     from mopro.machine import Machine
-    from mopro.rig.model import Rig
+    from mopro.stated.model import StatedMachine
 
 _MOST_ROWS = 200
 _EXTENDING = """# A machine that differs from BASE; all that is not stated here is that of BASE.
@@ -57,10 +57,10 @@ def show(machine: str, as_json: bool) -> None:
     """
     from mopro.cli.terminal.table import print_table
     from mopro.machine import load_machine
-    from mopro.rig.file import kind_of, load_rig
+    from mopro.stated.file import kind_of, load_stated
 
     if kind_of(machine) is not None:
-        rig = load_rig(machine)
+        rig = load_stated(machine)
         name, rows = rig.name, list(_of_rig(rig))
     else:
         loaded = load_machine(machine)
@@ -147,17 +147,17 @@ def _checked(machine: str) -> str:
     from mopro.effects.resolve import active_effects
     from mopro.machine import load_machine
     from mopro.plant import try_out
-    from mopro.rig.file import kind_of, load_rig
+    from mopro.stated.file import kind_of, load_stated
 
     if kind_of(machine) is not None:
-        return load_rig(machine).name
+        return load_stated(machine).name
     loaded = load_machine(machine)
     active_effects(loaded, catalogue_of(loaded))
     try_out(loaded)
     return loaded.name
 
 
-def _of_rig(rig: Rig) -> Iterator[dict[str, Any]]:
+def _of_rig(rig: StatedMachine) -> Iterator[dict[str, Any]]:
     """A row for each number and law of a machine of another kind, and for each effect in it."""
     for number in rig.numbers.values():
         origin = "free" if number.free else "stated"

@@ -26,7 +26,7 @@ def dialect_names(context: click.Context, param: click.Parameter, incomplete: st
 
 
 def instrument_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
-    from mopro.experiment.read.raw import KINDS
+    from mopro.experiment.sawyer.raw import KINDS
 
     return _or_file(KINDS, incomplete)
 

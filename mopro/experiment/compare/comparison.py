@@ -12,16 +12,16 @@ from mopro.engine.residuals import Corrected, whiteness_p
 from mopro.engine.series import Mask, Series
 from mopro.engine.verdict import rms
 from mopro.experiment.compare.allowed import allowed
-from mopro.experiment.compare.labels import PHASES, Labels, labels_of
 from mopro.experiment.compare.noise import larger_noise, noise_notes, without_wild_samples
 from mopro.experiment.compare.noise_tests import (
     chi2_p,
     mean_p,
     quantile_residual,
 )
-from mopro.experiment.model import Experiment, Floats, Reading, SteadyTable
-from mopro.experiment.predict.alignment import aligned
-from mopro.experiment.predict.nominal import planned, predict, predict_table
+from mopro.experiment.sawyer.alignment import aligned
+from mopro.experiment.sawyer.labels import PHASES, Labels, labels_of
+from mopro.experiment.sawyer.model import Experiment, Floats, Reading, SteadyTable
+from mopro.experiment.sawyer.nominal import planned, predict, predict_table
 from mopro.units import residual_unit
 
 # Chance of any false alarm in one comparison, over all its tests together (Bonferroni).

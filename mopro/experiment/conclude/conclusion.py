@@ -27,9 +27,9 @@ from mopro.experiment.conclude.wording import (
     reservations,
     unconfirmed_words,
 )
-from mopro.experiment.design.experiment_design import Proposal, propose
-from mopro.experiment.diagnose.diagnosis import Model, diagnose
-from mopro.experiment.model import Experiment
+from mopro.experiment.sawyer.diagnosis import Model, diagnose
+from mopro.experiment.sawyer.experiment_design import Proposal, propose
+from mopro.experiment.sawyer.model import Experiment
 from mopro.machine.formulas import read_formulas
 from mopro.source import Source
 from mopro.tomlfile import Document

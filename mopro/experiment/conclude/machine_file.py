@@ -11,7 +11,7 @@ from mopro.effects import catalogue_of
 from mopro.effects.base import AXIS, Effect, Parameter, angle_in
 from mopro.engine.verdict import Named, Verdict
 from mopro.experiment.conclude.wording import origin_words, reservation
-from mopro.experiment.model import Experiment
+from mopro.experiment.sawyer.model import Experiment
 from mopro.formula.written import WrittenEffect, toml_lines
 from mopro.machine import Machine
 from mopro.machine.file import read_machine

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataFileError, Diagnostic
-from mopro.experiment.model import Floats
+from mopro.experiment.sawyer.model import Floats
 from mopro.logs.foreign import kind_of
 from mopro.logs.place import cell_span
 from mopro.source import Source, Span

@@ -17,7 +17,7 @@ from mopro.errors import DataError
 from mopro.experiment import load_experiment
 from mopro.experiment.compare.comparison import compare
 from mopro.experiment.compare.noise_tests import quantile_residual
-from mopro.experiment.predict.nominal import predict
+from mopro.experiment.sawyer.nominal import predict
 from mopro.instruments import Thermocouple, read_lvdt, write_thermocouple
 from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor

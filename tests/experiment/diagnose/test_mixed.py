@@ -7,12 +7,12 @@ import pytest
 
 import mopro
 from helpers.thermal_table import MACHINE, table
-from mopro.experiment.diagnose.candidates import candidates
-from mopro.experiment.diagnose.diagnosis import diagnose
-from mopro.experiment.diagnose.quantisation import thinned
-from mopro.experiment.model import Experiment, Reading, Trial
-from mopro.experiment.predict.forward_model import FINE, ForwardModel
-from mopro.experiment.predict.steady import rises
+from mopro.experiment.sawyer.candidates import candidates
+from mopro.experiment.sawyer.diagnosis import diagnose
+from mopro.experiment.sawyer.forward_model import FINE, ForwardModel
+from mopro.experiment.sawyer.model import Experiment, Reading, Trial
+from mopro.experiment.sawyer.quantisation import thinned
+from mopro.experiment.sawyer.steady import rises
 from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine

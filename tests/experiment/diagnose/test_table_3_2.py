@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 
 import mopro
 from helpers.thermal_table import AIR, CYCLE_M, MACHINE, offered, table
-from mopro.experiment.diagnose.thermal import series
-from mopro.experiment.predict.steady import rises
+from mopro.experiment.sawyer.steady import rises
+from mopro.experiment.sawyer.thermal import series
 
 CANDIDATES = offered()
 

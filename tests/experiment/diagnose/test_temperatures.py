@@ -6,7 +6,7 @@ import pytest
 import mopro
 from mopro.emulator import Emulator
 from mopro.experiment import load_experiment
-from mopro.experiment.diagnose.diagnosis import diagnose
+from mopro.experiment.sawyer.diagnosis import diagnose
 from mopro.instruments import Thermocouple
 from mopro.machine import load_machine
 

@@ -7,9 +7,9 @@ import pytest
 
 import mopro
 from helpers.one_run import of
-from mopro.experiment.diagnose.candidates import candidates, unlisted
-from mopro.experiment.predict import forward_model
-from mopro.experiment.predict.forward_model import COARSE, ROUGH, ForwardModel
+from mopro.experiment.sawyer import forward_model
+from mopro.experiment.sawyer.candidates import candidates, unlisted
+from mopro.experiment.sawyer.forward_model import COARSE, ROUGH, ForwardModel
 from mopro.machine import load_machine
 from mopro.plant import Stepping, simulate
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from helpers.thermal_table import AIR, CYCLE_M, INCH, MACHINE, offered, source_table, table
-from mopro.experiment.diagnose.thermal import series
-from mopro.experiment.model import SteadyTable
-from mopro.experiment.predict.steady import HOTTEST_RISE_K, rises
+from mopro.experiment.sawyer.model import SteadyTable
+from mopro.experiment.sawyer.steady import HOTTEST_RISE_K, rises
+from mopro.experiment.sawyer.thermal import series
 from mopro.thesis.printed import THERMAL
 
 NOT_REPRODUCIBLE = 4

@@ -205,11 +205,11 @@ def _machine(folder: Path) -> Take:
     from mopro.effects import catalogue_of
     from mopro.effects.resolve import active_effects
     from mopro.machine import load_machine
-    from mopro.rig.file import kind_of, load_rig
+    from mopro.stated.file import kind_of, load_stated
 
     def read(path: Path) -> None:
         if kind_of(path) is not None:
-            load_rig(path)
+            load_stated(path)
             return
         machine = load_machine(str(path))
         machine.quantities()
@@ -219,7 +219,7 @@ def _machine(folder: Path) -> Take:
 
 
 def _experiment(folder: Path) -> Take:
-    from mopro.experiment.read.runs import read_experiment
+    from mopro.experiment.sawyer.runs import read_experiment
 
     _beside(folder, "time_s,position_1_mm,temperature_C,x")
     return in_file(folder, "fuzz.toml", read_experiment)
@@ -227,14 +227,14 @@ def _experiment(folder: Path) -> Take:
 
 def _rig_experiment(folder: Path) -> Take:
     from mopro.experiment.opened import is_rig
-    from mopro.experiment.rigs.entries import read_rig_entries
-    from mopro.experiment.rigs.read import read_rig_experiment
+    from mopro.experiment.stated.entries import read_stated_entries
+    from mopro.experiment.stated.read import read_stated_experiment
 
     _beside(folder, "time_s,u,T_C,x_C")
 
     def read(path: Path) -> None:
         is_rig(path)
-        read_rig_experiment(read_rig_entries(path))
+        read_stated_experiment(read_stated_entries(path))
 
     return in_file(folder, "fuzz.toml", read)
 
@@ -250,7 +250,7 @@ def _beside(folder: Path, columns: str) -> None:
 
 
 def _instrument(folder: Path) -> Take:
-    from mopro.experiment.read.file import instrument
+    from mopro.experiment.sawyer.file import instrument
 
     return in_file(folder, "fuzz.toml", lambda path: instrument(str(path), 1))
 
@@ -286,7 +286,7 @@ def _effects(folder: Path) -> Take:
 def _catalogue(_: Path) -> Take:
     from mopro.errors import ModelError
     from mopro.formula.entry import read_effect
-    from mopro.rig.file import HOSTS
+    from mopro.stated.file import HOSTS
     from mopro.tomlfile import Document, Value
 
     units = dict.fromkeys(("x", "force", "power", "foreign", "time"), "m")
@@ -532,7 +532,7 @@ _TEXTS = (
     Parser("TOML", ("mopro.tomlfile",), _document, _tomls, _TOML, 12, 1024),
     Parser(
         "machine file",
-        ("mopro.machine.file", "mopro.rig.file", "mopro.effects.resolve"),
+        ("mopro.machine.file", "mopro.stated.file", "mopro.effects.resolve"),
         _machine,
         _tomls,
         _TOML,
@@ -542,7 +542,7 @@ _TEXTS = (
     ),
     Parser(
         "experiment file",
-        ("mopro.experiment.read.file", "mopro.experiment.read.runs"),
+        ("mopro.experiment.sawyer.file", "mopro.experiment.sawyer.runs"),
         _experiment,
         lambda: [_SAWYER, *_tomls()],
         _TOML,
@@ -551,7 +551,7 @@ _TEXTS = (
     ),
     Parser(
         "experiment file, other kinds",
-        ("mopro.experiment.rigs.entries",),
+        ("mopro.experiment.stated.entries",),
         _rig_experiment,
         lambda: [_HEATER, *_tomls()],
         _TOML,
@@ -560,7 +560,7 @@ _TEXTS = (
     ),
     Parser(
         "instrument file",
-        ("mopro.experiment.read.file",),
+        ("mopro.experiment.sawyer.file",),
         _instrument,
         lambda: [_SENSOR, *_tomls()],
         _TOML,
@@ -608,7 +608,7 @@ _TEXTS = (
         "catalogue of effects",
         ("mopro.formula.entry",),
         _catalogue,
-        lambda: [_EFFECT, *files("mopro/rig/catalogue/*.toml")],
+        lambda: [_EFFECT, *files("mopro/stated/catalogue/*.toml")],
         _TOML + _FORMULA,
         1,
         change=with_formulas,

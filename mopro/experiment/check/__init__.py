@@ -1,1 +1,0 @@
-"""Consistency of an experiment before it is compared: units, times, limits, stalls."""

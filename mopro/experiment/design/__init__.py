@@ -1,1 +1,0 @@
-"""The next experiment: the program that separates the alternatives of a verdict."""

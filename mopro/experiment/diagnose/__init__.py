@@ -1,1 +1,0 @@
-"""An experiment through the diagnosis: its candidates, their starts, the verdict."""

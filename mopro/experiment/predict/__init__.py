@@ -1,1 +1,0 @@
-"""Predictions of an experiment's readings for given effects."""

@@ -1,0 +1,1 @@
+"""Experiments on a Sawyer motor: read, checked, predicted, diagnosed, repaired, continued."""

@@ -1,0 +1,484 @@
+"""The effects of a machine of another kind as candidates, their ranges from the data's sizes."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import or_
+
+import numpy as np
+
+from mopro.engine.assumed import TOLERANCE
+from mopro.engine.candidate import RUN, Candidate, Law, Parameter, Role
+from mopro.engine.series import Series, Settings
+from mopro.engine.spectrum import grid_step
+from mopro.formula import Dimension, dimension_of_unit
+from mopro.formula.evaluate import Floats, evaluate
+from mopro.formula.written import (
+    AMPLITUDE,
+    PERIOD,
+    THRESHOLD,
+    EffectParameter,
+    WrittenEffect,
+)
+from mopro.stated.base import DIFFERENCE
+from mopro.stated.crosstalk import stands_apart
+from mopro.stated.data import Run
+from mopro.stated.model import (
+    COMMAND,
+    FORCE,
+    FRICTION,
+    MEASUREMENT,
+    POWER,
+    Number,
+)  # fmt: skip
+from mopro.stated.names import TIME, capacity_of, inertia_of, names_of, units_of
+from mopro.stated.search import Search
+from mopro.stated.simulation import BASE, Known, Model, term_of
+
+# An amplitude is looked for up to this multiple of what would make the term as large as the
+# quantity that it is added to, and simulated first at this share of it.
+_LARGEST, _PROBED = 3.0, 0.03
+# A shape without a range: shares of the span of the quantity of its unit, and where it starts.
+_SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
+# Longest and shortest period that is looked for: in the span of its variable, of which it takes
+# nearly two to be told from a bend (an axis may make just two turns), and in steps of it.
+# Samples are even in time: from two of them on, less what tells a line from its mirror image, they
+# show a line as it is.
+_MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS, _SHORTEST_INTERVALS = 0.55, 4.0, 2 * (1 + TOLERANCE)
+_PERIOD_STARTS = (0.05, 0.15, 0.4)
+# Share of the span within which two places are one: a place that is visited again is off by
+# rounding.
+_SAME_PLACE = 1e-6
+_SHAPE_DIFFERENCE = 1e-5
+# A start is looked for by a simulation at this share of the range's end, and within these shares.
+_TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-4, 0.3
+# Distance of a start from the value of the machine's file, as a share of the range.
+_START_DISTANCE = 0.1
+# Tolerances within which a number is looked for.
+_WIDER = 5.0
+_NAME = re.compile(r"[A-Za-z_]\w*")
+
+
+@dataclass(frozen=True)
+class _Extent:
+    """Longest span of a signal in a run, and shortest step of it by which samples show a period."""
+
+    span: float = 0.0
+    step: float = math.inf
+
+    def __or__(self, other: _Extent) -> _Extent:
+        return _Extent(max(self.span, other.span), min(self.step, other.step))
+
+
+@dataclass(frozen=True)
+class _Sized:
+    """Sizes of the data, from which ranges of parameters follow.
+
+    `names`: those that formulas of a range may use. `along`: the extent (SI) of each signal along
+    the runs, by dimension and name; `read`: that of the samples that a sensor was read at, in
+    whatever order their places were visited.
+    """
+
+    names: Mapping[str, float]
+    along: Mapping[Dimension, Mapping[str, _Extent]]
+    read: Mapping[Dimension, Mapping[str, _Extent]]
+
+    def extent(self, effect: WrittenEffect, dimension: Dimension) -> _Extent:
+        """That of the signals of a dimension in the effect's term, or of all if it has none.
+
+        A term of the measurement acts at the samples, any other one throughout the motion.
+        """
+        read = effect.enters == MEASUREMENT and dimension != TIME
+        every = (self.read if read else self.along).get(dimension, {})
+        own = [each for name, each in every.items() if name in effect.term.formula.names]
+        return reduce(or_, own or every.values(), _Extent())
+
+
+def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list[Candidate]:
+    """All effects as candidates, and the numbers that are known with a tolerance.
+
+    `settings` are those of the free numbers without effects, at which terms are measured.
+    """
+    found = [_of_number(n) for n in model.rig.numbers.values() if n.tolerance]
+    if model.rig.kind == "python":
+        return found + [_of_foreign(effect) for effect in model.forms]
+    sized = _sizes(model, settings)
+    for effect in model.forms:
+        made = _candidate(model, effect, data, settings, sized)
+        found += [made] if made is not None else []
+    names = {(c.name, c.form) for c in found}
+    return [c for c in found if c.extends is None or (c.name, c.extends) in names]
+
+
+def in_one_run(model: Model, every: Sequence[Candidate]) -> dict[str, list[Candidate]]:
+    """Each effect among `every` candidate as it is on in one run alone, by the name of that.
+
+    Without those that the machine has in all runs.
+    """
+    names = {form.name for form in model.forms} - model.rig.active.keys()
+    tried = [c for c in every if c.name in names and RUN not in {p.name for p in c.parameters}]
+    return {
+        run.name: [c.in_run(run.name, nth) for c in tried if c.name not in run.without]
+        for nth, run in enumerate(model.experiment.trials)
+    }
+
+
+def unlisted(model: Model, data: Sequence[Series], settings: Settings) -> list[Candidate]:
+    """The free-form terms in the model's equations as candidates, at `settings` as above."""
+    sized = _sizes(model, settings)
+    made = ((term, _candidate(model, term, data, settings, sized)) for term in model.unlisted)
+    return [replace(c, law=_law(model, term)) for term, c in made if c is not None]
+
+
+def _law(model: Model, term: WrittenEffect) -> Law:
+    """Law of a free-form term, for its drafts: a power is called heat there, as in the motor's."""
+    units = {FORCE: "force", FRICTION: "force", POWER: "power"}
+    unit = units_of(model.experiment)[units.get(term.enters, "u")]
+    enters = "heat" if term.enters == POWER else term.enters
+
+    def written(values: Mapping[str, float]) -> str:
+        """The formula with its numbers (SI)."""
+        text = term.term.formula.text
+        return _NAME.sub(lambda m: f"{values[m[0]]:.4g}" if m[0] in values else m[0], text)
+
+    return Law(enters, term.of, unit, written)
+
+
+def _of_number(number: Number) -> Candidate:
+    reach = number.tolerance * abs(number.value)
+    value = number.value
+    parameter = Parameter(
+        number.name, number.unit, value - _WIDER * reach, value + _WIDER * reach,
+        (value + reach / 2,), null=value, tolerated=(value - reach, value + reach),
+    )  # fmt: skip
+    return Candidate(number.name, (parameter,))
+
+
+def _of_foreign(effect: WrittenEffect) -> Candidate:
+    made = []
+    for p in effect.parameters:
+        if not isinstance(p.low, float) or not isinstance(p.high, float):
+            assert effect.value is not None
+            message = f"expected a range of {p.name}: the model is a program, and tells no sizes"
+            raise effect.value[p.name].error(message, "missing-key")
+        start = p.start if isinstance(p.start, float) else p.low + 0.55 * (p.high - p.low)
+        role = Role.AMPLITUDE if p.role == AMPLITUDE else _role_of_shape(p)
+        made.append(Parameter(p.name, p.unit, p.low, p.high, (start,), role))
+    return Candidate(effect.name, tuple(made), effect.form, extends=effect.extends)
+
+
+def _candidate(
+    model: Model, effect: WrittenEffect, data: Sequence[Series], settings: Settings, sized: _Sized
+) -> Candidate | None:
+    """The candidate of an effect; None for one that does nothing, or cannot show, in these data."""
+    if effect.crosses and not _crosses(model, effect, settings):
+        return None
+    shapes = []
+    for p in effect.parameters:
+        if p.role != AMPLITUDE:
+            shape = _shape(effect, p, sized)
+            if shape is None:
+                return None
+            shapes.append(shape)
+    fixed = {p.name: p.starts[0] for p in shapes}
+    sizes = _scale_of(model, effect, settings, data)
+    amplitudes = []
+    for p in effect.parameters:
+        if p.role == AMPLITUDE:
+            made = _amplitude(model, effect, p, {**fixed}, settings, sized, sizes)
+            if made is None:
+                return None
+            if p.start is None and p.low is None:
+                made = _probed(model, effect, made, fixed, data, settings)
+            amplitudes.append(made)
+    parameters = _in_order(effect, [*shapes, *amplitudes])
+    own = model.rig.active.get(effect.name)
+    if own is not None:
+        parameters = tuple(_about(p, own.get(p.name, 0.0)) for p in parameters)
+    find = None
+    if shapes and effect.enters == MEASUREMENT:
+        find = Search(model, effect, parameters, _MOST_PERIODS_OF_SPAN)
+    # A form that is searched for needs no plain one to begin from.
+    extends = effect.extends if find is None else None
+    return Candidate(
+        effect.name, parameters, effect.form, extends=extends, can_enter_first=extends is not None,
+        flexible=any(p.role == PERIOD for p in effect.parameters), find_starts=find,
+    )  # fmt: skip
+
+
+def _crosses(model: Model, effect: WrittenEffect, settings: Settings) -> bool:
+    """True if the data can tell a share of an input in a sensor from all else in its readings."""
+    unused = {form.crosses for form in model.forms} - {effect.crosses}
+    read = []
+    for run in model.experiment.trials:
+        known = {n: v for n, v in model.values_in(run, settings).items() if n not in unused}
+        finite = {n: v for n, v in known.items() if np.isfinite(v).all()}
+        read += [(r, finite) for r in run.readings if model.shows(effect, r.sensor)]
+    return stands_apart(read, effect.crosses)
+
+
+def _in_order(effect: WrittenEffect, made: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    by_name = {p.name: p for p in made}
+    return tuple(by_name[p.name] for p in effect.parameters)
+
+
+def _about(parameter: Parameter, null: float) -> Parameter:
+    """`parameter` of an effect that the machine's file switches on: its null is the value there."""
+    if parameter.role is not Role.AMPLITUDE:
+        return replace(parameter, starts=(min(max(null, parameter.low), parameter.high),))
+    low, high = min(parameter.low, null), max(parameter.high, null)
+    moved = replace(parameter, null=null, low=low, high=high)
+    step = _START_DISTANCE if moved.scaled(null) < 1 - _START_DISTANCE else -_START_DISTANCE
+    return replace(moved, starts=(moved.value(moved.scaled(null) + step),))
+
+
+# -- sizes -------------------------------------------------------------------------------
+
+
+def _sizes(model: Model, settings: Settings) -> _Sized:
+    along: dict[Dimension, dict[str, _Extent]] = {}
+    read: dict[Dimension, dict[str, _Extent]] = {}
+    names = {"step": math.inf, "length": 0.0, "x_span": 0.0, "v_max": 0.0, "a_max": 0.0}
+    known = names_of(model.experiment)
+    for run in model.experiment.trials:
+        values = model.values_in(run, settings)
+        rows = np.unique(np.concatenate([reading.rows for reading in run.readings]))
+        for name, own in values.items():
+            dimension = known.get(name)
+            if dimension is not None and np.isfinite(own).all():
+                for extents, found in (
+                    (along, _Extent(float(np.ptp(own)), _step_along(own))),
+                    (read, _Extent(float(np.ptp(own[rows])), _step_between(own[rows]))),
+                ):
+                    of_unit = extents.setdefault(dimension, {})
+                    of_unit[name] = of_unit.get(name, _Extent()) | found
+        names["step"] = min(names["step"], float(np.median(np.diff(run.time_s))))
+        names["length"] = max(names["length"], float(np.ptp(run.time_s)))
+        for name, of in (("x_span", "x"), ("v_max", "v"), ("a_max", "a")):
+            size = float(np.ptp(values[of]) if of == "x" else np.max(np.abs(values[of]))) if (
+                of in values
+            ) else 0.0  # fmt: skip
+            names[name] = max(names[name], size)
+        for name, signals in (("u", (*run.inputs,)), ("T", model.rig.nodes)):
+            low, high = f"{name}_low", f"{name}_high"
+            for own in (values[s] for s in signals if s in values and np.isfinite(values[s]).all()):
+                names[low] = min(names.get(low, math.inf), float(np.min(own)))
+                names[high] = max(names.get(high, -math.inf), float(np.max(own)))
+    return _Sized(names, along, read)
+
+
+def _step_along(values: Floats) -> float:
+    """The median change from sample to sample (in the unit of `values`), infinite without any."""
+    moved = np.abs(np.diff(values))
+    moved = moved[moved > 0]
+    return float(np.median(moved)) if len(moved) else math.inf
+
+
+def _step_between(places: Floats) -> float:
+    """The median distance of neighbouring places (in their unit), infinite where all are one.
+
+    At least the step of a grid that they are on, where two periods look alike.
+    """
+    apart = np.diff(np.sort(places))
+    apart = apart[apart > _SAME_PLACE * np.ptp(places)]
+    return max(float(np.median(apart)), grid_step(places)) if len(apart) else math.inf
+
+
+def _role_of_shape(p: EffectParameter) -> Role:
+    """A threshold is found on a grid: where the term jumps, no slope leads to it."""
+    return Role.SEARCHED if p.role == THRESHOLD else Role.SHAPE
+
+
+def _shape(effect: WrittenEffect, p: EffectParameter, sized: _Sized) -> Parameter | None:
+    """A shape of an effect; None if its range is empty, as of a period that no data show."""
+    dimension = dimension_of_unit(p.unit)
+    extent = sized.extent(effect, dimension)
+    span, step = (extent.span or 1.0) / p.factor, extent.step / p.factor
+    low, high = _SHAPES[0] * span, _SHAPES[1] * span
+    starts = tuple(share * span for share in _SHAPE_STARTS)
+    if p.role == PERIOD:
+        steps = _SHORTEST_INTERVALS if dimension == TIME else _SHORTEST_STEPS
+        low, high = steps * step, _MOST_PERIODS_OF_SPAN * span
+        starts = tuple(share * span for share in _PERIOD_STARTS)
+    if p.low is not None and p.high is not None:
+        low, high = (p.sized(end, sized.names) for end in (p.low, p.high))
+        starts = tuple(low + share * (high - low) for share in _SHAPE_STARTS)
+    if p.role == THRESHOLD:
+        # A term that is not searched for is tried at both ends.
+        starts = (low, high)
+    begun = p.begun(sized.names)
+    if begun is not None:
+        starts = (begun,)
+    if not low < high:
+        return None
+    return Parameter(
+        p.name, p.unit, low, high, tuple(min(max(s, low), high) for s in starts),
+        _role_of_shape(p), inverse=p.role == PERIOD and low > 0, difference=_SHAPE_DIFFERENCE,
+    )  # fmt: skip
+
+
+def _amplitude(
+    model: Model, effect: WrittenEffect, p: EffectParameter, fixed: Mapping[str, float],
+    settings: Settings, sized: _Sized, scale: float,
+) -> Parameter | None:  # fmt: skip
+    if p.low is not None and p.high is not None:
+        low, high = (p.sized(end, sized.names) for end in (p.low, p.high))
+        if not low < high:
+            return None
+        # The middle of most ranges is 0, where the effect is off.
+        share = 0.55 if low < 0 else 0.05
+        start = low + share * (high - low) or high / 10
+    else:
+        size = _size_of_term(model, effect, p.name, fixed, settings)
+        if not size or not math.isfinite(size):
+            return None
+        high = _LARGEST * scale / size
+        low = 0.0 if p.positive or effect.enters == FRICTION else -high
+        start = _PROBED * high
+    begun = p.begun(sized.names)
+    start = start if begun is None else begun
+    difference = 1e-3 if effect.enters == COMMAND else DIFFERENCE
+    return Parameter(p.name, p.unit, low, high, (start,), difference=difference)
+
+
+def _probed(
+    model: Model, effect: WrittenEffect, parameter: Parameter, fixed: Mapping[str, float],
+    data: Sequence[Series], settings: Settings,
+) -> Parameter:  # fmt: skip
+    """`parameter` with a range and a start from what one simulation shows it to do.
+
+    It starts where it changes the predictions by about what is left of the data. A long motion
+    magnifies what a force does, so that the size of a term alone tells little.
+    """
+    tried = parameter.high * _TRIED
+    off = dict.fromkeys((p.name for p in effect.parameters), 0.0) | dict(fixed)
+    with_it = {**settings, effect.name: off | {parameter.name: tried}}
+    change = residual = 0.0
+    for series, one, other in zip(data, model(settings), model(with_it), strict=True):
+        reach = float(np.ptp(series.values)) or 1.0
+        change = max(change, _scatter(other - one) / reach)
+        residual = max(residual, _scatter(series.values - one) / reach)
+    if not change or not math.isfinite(change):
+        return parameter
+    # Alone it would change the readings by several times their range.
+    high = min(parameter.high, _LARGEST * tried / change)
+    low = parameter.low if parameter.low == 0 else -high
+    start = min(max(tried * residual / change, _LEAST_START * high), _MOST_START * high)
+    return replace(parameter, low=low, high=high, starts=(start,))
+
+
+def _scatter(values: Floats) -> float:
+    """The RMS of values about their mean."""
+    return float(np.std(values))
+
+
+def _size_of_term(
+    model: Model, effect: WrittenEffect, name: str, fixed: Mapping[str, float], settings: Settings
+) -> float:
+    """The largest change by the term for one unit of a parameter, without other effects.
+
+    ModelError where a term gives no finite number.
+    """
+    largest = 0.0
+    for run in model.experiment.trials:
+        off = {p.name: fixed.get(p.name, 0.0) * p.factor for p in effect.parameters}
+        one = next(p.factor for p in effect.parameters if p.name == name)
+        known: Known = {**model.values_in(run, settings), **model.values(settings)}
+        for local in _locals(model, effect, run, known):
+            with_one = term_of(effect, {**off, name: one}, {**known, **local}, run.time_s)
+            without = term_of(effect, off, {**known, **local}, run.time_s)
+            change = np.abs(with_one - without)
+            _check_finite(model, effect, change, run, settings)
+            largest = max(largest, float(change.max()))
+    return largest
+
+
+def _check_finite(
+    model: Model, effect: WrittenEffect, change: Floats, run: Run, settings: Settings
+) -> None:
+    """ModelError at the term, if it is the user's, or at the run in which the model runs away."""
+    if np.isfinite(change).all():
+        return
+    at = float(run.time_s[np.flatnonzero(~np.isfinite(change))[0]])
+    if effect.own and effect.value is not None:
+        raise effect.value["formula"].error(
+            f"the formula gives no finite number at {at:.6g} s of run {run.name}: "
+            "it divides by zero, or runs away", "not-finite",
+        )  # fmt: skip
+    if run.value is not None:
+        free = [n for n in model.rig.numbers.values() if n.free]
+        numbers = ", ".join(f"{n.name} = {settings[BASE][n.name]:.4g} {n.unit}" for n in free)
+        fitted = f" with {numbers}, as fitted," if numbers else ""
+        raise run.value.error(
+            f"the model{fitted} runs away: at {at:.6g} s no {effect.name} can be worked out",
+            "not-finite", "look at the signs of its law and at the ranges of its numbers",
+        )  # fmt: skip
+
+
+def _locals(model: Model, effect: WrittenEffect, run: Run, known: Known) -> Iterator[Known]:
+    """Names that a term has where it enters: one set for each place that it enters."""
+    match effect.enters:
+        case "measurement":
+            for reading in run.readings:
+                if model.shows(effect, reading.sensor):
+                    formula = reading.sensor.reads.formula
+                    yield {"y": evaluate(formula, known, run.time_s)}
+        case "input":
+            yield from ({"u": own} for n, own in run.inputs.items() if effect.target in ("", n))
+        case "power":
+            for node in model.rig.nodes:
+                yield _in_node(model, node, known)
+        case _:
+            yield {}
+
+
+def _in_node(model: Model, node: str, known: Known) -> Known:
+    own = np.asarray(known[node])
+    others = [np.asarray(known[n]) - own for n in model.rig.nodes if n != node]
+    if model.experiment.begins_in_balance:
+        others = [other - other[0] for other in others]
+    used = model.rig.laws[node].formula.names
+    foreign = [known[n] for n in model.experiment.units if n not in used and n != "ambient"]
+    return {
+        "T": own,
+        "ambient": known.get("ambient", float(own[0])),
+        "exchange": sum(others, np.zeros_like(own)),
+        "in_first": float(node == model.rig.nodes[0]),
+        "foreign": foreign[0] if foreign else 0.0,
+    }
+
+
+def _scale_of(
+    model: Model, effect: WrittenEffect, settings: Settings, data: Sequence[Series]
+) -> float:
+    """The size (SI) of the quantity that a term is added to, in these data."""
+    rig = model.rig
+    found = 0.0
+    for run in model.experiment.trials:
+        values = model.values_in(run, settings)
+        match effect.enters:
+            case "force" | "friction":
+                inertia = inertia_of(rig)
+                mass = model.values(settings)[inertia] if inertia else 1.0
+                inputs = [values[n] for n in ("force", "torque") if n in values]
+                sizes = [mass * values["a"], *inputs]
+            case "power":
+                capacity = capacity_of(rig)
+                held = model.values(settings)[capacity] if capacity else 1.0
+                sizes = [held * np.gradient(values[n], run.time_s) for n in rig.nodes]
+            case "input":
+                sizes = [own for name, own in run.inputs.items() if effect.target in ("", name)]
+            case "ambient":
+                sizes = [np.ones(1)]
+            case _:
+                sizes = [
+                    np.array([np.ptp(r.values) * r.sensor.factor])
+                    for r in run.readings
+                    if effect.target in ("", r.sensor.name)
+                ]
+        found = max([found, *(float(np.max(np.abs(s))) for s in sizes if np.isfinite(s).all())])
+    return found or 1.0

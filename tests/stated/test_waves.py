@@ -1,0 +1,124 @@
+"""Waves in place and in time: harmonics are of one line, and at one speed both are the same."""
+
+import numpy as np
+import pytest
+
+from helpers.rigs import write
+from mopro.experiment.opened import open_experiment
+from mopro.experiment.stated.entries import read_stated_entries
+from mopro.experiment.stated.study import study
+
+RNG = np.random.default_rng
+HEAD = """\
+machine = "kinematic"
+[inputs]
+command = { column = "target_mm" }
+[[sensor]]
+name = "scale"
+quantity = "position"
+column = "position_mm"
+noise_rms = 0.002
+"""
+
+
+def wave(angle, sizes):
+    """A sum of harmonics of an angle (rad) with sizes for once, twice ... a turn."""
+    return sum(a * np.sin(k * angle + 1.3 * k) for k, a in enumerate(sizes, start=1))
+
+
+def verdict_of(folder, motions, in_place=(), in_time=(), period=5.0, period_s=0.9, seed=1):
+    """The verdict on runs that go as `motions`, pairs of times (s) and places (mm)."""
+    text, rng = HEAD, RNG(seed)
+    for nth, (t, x) in enumerate(motions):
+        read = x + 0.002 * rng.standard_normal(len(t))
+        read = (
+            read + wave(2 * np.pi * x / period, in_place) + wave(2 * np.pi * t / period_s, in_time)
+        )
+        write(folder / f"{nth}.csv", {"time_s": t, "target_mm": x, "position_mm": read})
+        text += f'[[run]]\ndata = "{nth}.csv"\n'
+    (folder / "experiment.toml").write_text(text, encoding="utf-8")
+    return open_experiment(folder / "experiment.toml").conclude().verdict
+
+
+def stops(seed):
+    t = np.arange(0, 60, 0.05)
+    return t, np.interp(t, np.linspace(0, 60, 15), RNG(seed).uniform(-50, 50, 15))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "form"),
+    [
+        ((1,), ""),
+        ((0.2, 1), "2nd harmonic"),
+        ((1, 0, 0.4), "3rd harmonic"),
+        ((0.2, 0, 1), "3rd harmonic"),
+        ((1, 0, 0, 0.4), "4th harmonic"),
+        ((0.3, 0, 1, 1), "4th harmonic"),
+        ((1, 0.5, 0.4, 0.3), "4th harmonic"),
+    ],
+)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_harmonics_of_a_period_in_place_are_one_effect(tmp_path, sizes, form, seed):
+    sizes = tuple(0.01 * size for size in sizes)
+    verdict = verdict_of(tmp_path, [stops(seed)], sizes, seed=seed)
+    (effect,) = verdict.effects
+    period = effect.parameters["P"]
+    assert (verdict.verdict, effect.name, effect.form) == ("named", "periodic_error", form)
+    assert period.value == pytest.approx(5.0, abs=0.006)
+    assert np.diff(period.ci95) < 0.02
+
+
+def test_harmonics_of_a_period_in_time_are_one_effect_beside_one_in_place(tmp_path):
+    verdict = verdict_of(tmp_path, [stops(3)], (0.01, 0, 0.004), (0.006, 0, 0.003))
+    assert verdict.verdict == "named"
+    periods = {effect.name: effect.parameters["P"].value for effect in verdict.effects}
+    assert periods == pytest.approx({"periodic_error": 5.0, "periodic_in_time": 0.9}, rel=1e-3)
+
+
+def test_no_harmonic_is_named_where_there_is_no_wave(tmp_path):
+    assert verdict_of(tmp_path, [stops(4)]).verdict == "none"
+
+
+def straight(speed, start=0.0):
+    t = np.arange(0, 60, 0.05)
+    return t, start + speed * t
+
+
+ONE_SPEED = [
+    [straight(0.7)],
+    [straight(-0.7, 30.0)],
+    [straight(0.7, 4.0), straight(0.7, 4.0)],
+]
+
+
+@pytest.mark.parametrize("motions", ONE_SPEED)
+@pytest.mark.parametrize(
+    ("in_place", "in_time"),
+    [((0.01,), ()), ((), (0.01,)), ((0.01,), (0.006, 0, 0.003)), ((0.01, 0, 0.004), (0.005,))],
+)
+def test_at_one_speed_neither_place_nor_time_is_named(tmp_path, motions, in_place, in_time):
+    verdict = verdict_of(tmp_path, motions, in_place, in_time)
+    assert verdict.verdict == "ambiguous"
+    kinds = {"periodic_error", "periodic_in_time"}
+    for effect in verdict.effects:
+        assert kinds == {effect.name, *effect.indistinguishable_from}
+        (twin,) = effect.alternatives
+        assert twin in effect.alternatives[twin]
+    assert "at one speed" in verdict.notes[-1]
+
+
+@pytest.mark.parametrize("speeds", [(0.7, 1.1), (0.7, -0.7)])
+def test_another_speed_or_the_way_back_tells_place_from_time(tmp_path, speeds):
+    motions = [straight(speed) for speed in speeds]
+    verdict = verdict_of(tmp_path, motions, (0.01,), (0.006, 0, 0.003))
+    assert verdict.verdict == "named"
+    periods = {effect.name: effect.parameters["P"].value for effect in verdict.effects}
+    assert periods == pytest.approx({"periodic_error": 5.0, "periodic_in_time": 0.9}, rel=1e-3)
+
+
+def test_waves_that_change_places_predict_the_same(tmp_path):
+    verdict = verdict_of(tmp_path, [straight(0.7, 4.0)], (0.01,), (0.006,))
+    model = study(read_stated_entries(tmp_path / "experiment.toml")).model
+    (other,) = verdict.effects[0].alternatives.values()
+    (found,), (exchanged,) = model(verdict.settings), model(other)
+    assert found - exchanged == pytest.approx((found - exchanged).mean(), abs=2e-4)
