@@ -121,8 +121,8 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
     if name:
         sys.modules[MODULE] = changed_module(name, factor)
     from mopro.engine import reconcile as plain
+    from mopro.experiment import load_experiment
     from mopro.experiment.sawyer import diagnosis
-    from mopro.experiment.sawyer.load import load_experiment
 
     def reconcile(model: Any, *args: Any, finer: Any, coarse: Any, **how: Any) -> Any:
         about = f"resolved {model.resolved}"

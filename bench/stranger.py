@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from helpers.rigs import screw_log
+from helpers.stated import screw_log
 
 STEPS = (
     ("import", "screw.csv", "--as", "screw"),

@@ -17,7 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import mopro
-from helpers.rigs import DRIVE, FRICTION_OF_PLACE, drive_folder, write
+from helpers.stated import DRIVE, FRICTION_OF_PLACE, drive_folder, write
 from mopro.effects import catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.experiment.opened import open_experiment

@@ -69,7 +69,7 @@ def base_of(model: Model) -> list[Parameter]:
     """The free numbers of the model, from where the file or the data have them."""
     numbers = [
         Parameter(n.name, n.unit, n.low, n.high, (n.value,), difference=DIFFERENCE)
-        for n in model.rig.numbers.values()
+        for n in model.machine.numbers.values()
         if n.free
     ]
     starts = [p for run in model.experiment.trials for p in _starts(model, run)]
@@ -79,18 +79,18 @@ def base_of(model: Model) -> list[Parameter]:
 def _starts(model: Model, run: Run) -> Iterator[Parameter]:
     """Free starts of the states of a run."""
     free = [state for state, at in run.start.items() if at is None]
-    if model.rig.kind == KINEMATIC or not free:
+    if model.machine.kind == KINEMATIC or not free:
         return
-    if model.rig.kind == THERMAL:
+    if model.machine.kind == THERMAL:
         for state in free:
             yield _start(run, state, "C", *_first_temperature(run, state))
-    if model.rig.kind == AXIS:
+    if model.machine.kind == AXIS:
         x, v, reach_x, reach_v = _first_motion(run)
-        rig = model.rig
-        unit = {"x": rig.unit, "v": f"{rig.unit}/s"}
+        machine = model.machine
+        unit = {"x": machine.unit, "v": f"{machine.unit}/s"}
         for state, at, reach in (("x", x, reach_x), ("v", v, reach_v)):
             if state in free:
-                yield _start(run, state, unit[state], at / rig.factor, reach / rig.factor)
+                yield _start(run, state, unit[state], at / machine.factor, reach / machine.factor)
 
 
 def _start(run: Run, state: str, unit: str, at: float, reach: float) -> Parameter:
@@ -199,7 +199,7 @@ def fitted_base(
 
 
 def _fitted(model: Model, residuals: Residuals, base: Sequence[Candidate], start: Settings) -> Fit:
-    if model.rig.kind == AXIS:
+    if model.machine.kind == AXIS:
         return growing_fit(residuals, (), start, NO_LIMIT, base)
     return least_squares_fit(residuals, (), [start], base=base)
 
@@ -212,7 +212,7 @@ def _elsewhere(
     What is left without effects may be that of another minimum of the law. The points are those
     of an additive recurrence, along the logarithm of a range that has no 0 in it.
     """
-    own = [p for p in parameters if p.name in model.rig.numbers]
+    own = [p for p in parameters if p.name in model.machine.numbers]
     starts: list[Settings] = [
         {BASE: {**found, **{p.name: _along(p, s) for p, s in zip(own, shares, strict=True)}}}
         for shares in _spread(len(own))

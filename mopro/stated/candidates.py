@@ -103,8 +103,8 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
 
     `settings` are those of the free numbers without effects, at which terms are measured.
     """
-    found = [_of_number(n) for n in model.rig.numbers.values() if n.tolerance]
-    if model.rig.kind == "python":
+    found = [_of_number(n) for n in model.machine.numbers.values() if n.tolerance]
+    if model.machine.kind == "python":
         return found + [_of_foreign(effect) for effect in model.forms]
     sized = _sizes(model, settings)
     for effect in model.forms:
@@ -119,7 +119,7 @@ def in_one_run(model: Model, every: Sequence[Candidate]) -> dict[str, list[Candi
 
     Without those that the machine has in all runs.
     """
-    names = {form.name for form in model.forms} - model.rig.active.keys()
+    names = {form.name for form in model.forms} - model.machine.active.keys()
     tried = [c for c in every if c.name in names and RUN not in {p.name for p in c.parameters}]
     return {
         run.name: [c.in_run(run.name, nth) for c in tried if c.name not in run.without]
@@ -196,7 +196,7 @@ def _candidate(
                 made = _probed(model, effect, made, fixed, data, settings)
             amplitudes.append(made)
     parameters = _in_order(effect, [*shapes, *amplitudes])
-    own = model.rig.active.get(effect.name)
+    own = model.machine.active.get(effect.name)
     if own is not None:
         parameters = tuple(_about(p, own.get(p.name, 0.0)) for p in parameters)
     find = None
@@ -263,7 +263,7 @@ def _sizes(model: Model, settings: Settings) -> _Sized:
                 of in values
             ) else 0.0  # fmt: skip
             names[name] = max(names[name], size)
-        for name, signals in (("u", (*run.inputs,)), ("T", model.rig.nodes)):
+        for name, signals in (("u", (*run.inputs,)), ("T", model.machine.nodes)):
             low, high = f"{name}_low", f"{name}_high"
             for own in (values[s] for s in signals if s in values and np.isfinite(values[s]).all()):
                 names[low] = min(names.get(low, math.inf), float(np.min(own)))
@@ -410,7 +410,7 @@ def _check_finite(
             "it divides by zero, or runs away", "not-finite",
         )  # fmt: skip
     if run.value is not None:
-        free = [n for n in model.rig.numbers.values() if n.free]
+        free = [n for n in model.machine.numbers.values() if n.free]
         numbers = ", ".join(f"{n.name} = {settings[BASE][n.name]:.4g} {n.unit}" for n in free)
         fitted = f" with {numbers}, as fitted," if numbers else ""
         raise run.value.error(
@@ -430,7 +430,7 @@ def _locals(model: Model, effect: WrittenEffect, run: Run, known: Known) -> Iter
         case "input":
             yield from ({"u": own} for n, own in run.inputs.items() if effect.target in ("", n))
         case "power":
-            for node in model.rig.nodes:
+            for node in model.machine.nodes:
                 yield _in_node(model, node, known)
         case _:
             yield {}
@@ -438,16 +438,16 @@ def _locals(model: Model, effect: WrittenEffect, run: Run, known: Known) -> Iter
 
 def _in_node(model: Model, node: str, known: Known) -> Known:
     own = np.asarray(known[node])
-    others = [np.asarray(known[n]) - own for n in model.rig.nodes if n != node]
+    others = [np.asarray(known[n]) - own for n in model.machine.nodes if n != node]
     if model.experiment.begins_in_balance:
         others = [other - other[0] for other in others]
-    used = model.rig.laws[node].formula.names
+    used = model.machine.laws[node].formula.names
     foreign = [known[n] for n in model.experiment.units if n not in used and n != "ambient"]
     return {
         "T": own,
         "ambient": known.get("ambient", float(own[0])),
         "exchange": sum(others, np.zeros_like(own)),
-        "in_first": float(node == model.rig.nodes[0]),
+        "in_first": float(node == model.machine.nodes[0]),
         "foreign": foreign[0] if foreign else 0.0,
     }
 
@@ -456,20 +456,20 @@ def _scale_of(
     model: Model, effect: WrittenEffect, settings: Settings, data: Sequence[Series]
 ) -> float:
     """The size (SI) of the quantity that a term is added to, in these data."""
-    rig = model.rig
+    machine = model.machine
     found = 0.0
     for run in model.experiment.trials:
         values = model.values_in(run, settings)
         match effect.enters:
             case "force" | "friction":
-                inertia = inertia_of(rig)
+                inertia = inertia_of(machine)
                 mass = model.values(settings)[inertia] if inertia else 1.0
                 inputs = [values[n] for n in ("force", "torque") if n in values]
                 sizes = [mass * values["a"], *inputs]
             case "power":
-                capacity = capacity_of(rig)
+                capacity = capacity_of(machine)
                 held = model.values(settings)[capacity] if capacity else 1.0
-                sizes = [held * np.gradient(values[n], run.time_s) for n in rig.nodes]
+                sizes = [held * np.gradient(values[n], run.time_s) for n in machine.nodes]
             case "input":
                 sizes = [own for name, own in run.inputs.items() if effect.target in ("", name)]
             case "ambient":

@@ -46,14 +46,14 @@ def divided(one: Dimension, other: Dimension) -> Dimension:
     return tuple(a - b for a, b in zip(one, other, strict=True))
 
 
-def inertia_of(rig: StatedMachine) -> str | None:
+def inertia_of(machine: StatedMachine) -> str | None:
     """The number that is the axis' mass or inertia; None if it has none."""
-    return next((name for name in ("mass", "inertia") if name in rig.numbers), None)
+    return next((name for name in ("mass", "inertia") if name in machine.numbers), None)
 
 
-def capacity_of(rig: StatedMachine) -> str | None:
+def capacity_of(machine: StatedMachine) -> str | None:
     """The number that is the nodes' heat capacity; None if it has none."""
-    return "capacity" if "capacity" in rig.numbers else None
+    return "capacity" if "capacity" in machine.numbers else None
 
 
 def axis_dimension(experiment: StatedExperiment) -> Dimension:
@@ -62,13 +62,13 @@ def axis_dimension(experiment: StatedExperiment) -> Dimension:
 
 def names_of(experiment: StatedExperiment) -> Dimensions:
     """The names of time, inputs, numbers and states."""
-    rig = experiment.machine
+    machine = experiment.machine
     known: Dimensions = {"t": TIME}
     known |= {name: dimension_of_unit(unit) for name, unit in experiment.units.items()}
-    known |= {name: dimension_of_unit(number.unit) for name, number in rig.numbers.items()}
-    if rig.kind == THERMAL:
-        known |= dict.fromkeys(rig.nodes, _KELVIN)
-    elif rig.kind != PYTHON:
+    known |= {name: dimension_of_unit(number.unit) for name, number in machine.numbers.items()}
+    if machine.kind == THERMAL:
+        known |= dict.fromkeys(machine.nodes, _KELVIN)
+    elif machine.kind != PYTHON:
         x = axis_dimension(experiment)
         known |= {"x": x, "v": divided(x, TIME), "a": divided(divided(x, TIME), TIME)}
     return known
@@ -86,9 +86,9 @@ def in_a_node(experiment: StatedExperiment) -> Dimensions:
 
 def force_dimension(experiment: StatedExperiment) -> Dimension:
     """That of an axis' force: of an acceleration where it has no mass or inertia."""
-    rig = experiment.machine
-    inertia = inertia_of(rig)
-    own = dimension_of_unit(rig.numbers[inertia].unit) if inertia else NUMBER
+    machine = experiment.machine
+    inertia = inertia_of(machine)
+    own = dimension_of_unit(machine.numbers[inertia].unit) if inertia else NUMBER
     x = divided(divided(axis_dimension(experiment), TIME), TIME)
     return tuple(a + b for a, b in zip(own, x, strict=True))
 
@@ -106,18 +106,18 @@ def effects_of(experiment: StatedExperiment) -> tuple[WrittenEffect, ...]:
     A user's effect takes the place of a listed one of its name, and of one with the same formula:
     under two names one effect would be ambiguous.
     """
-    rig, listed = experiment.machine, listed_of(experiment)
-    own = {effect.name for effect in rig.effects} | rig.numbers.keys()
+    machine, listed = experiment.machine, listed_of(experiment)
+    own = {effect.name for effect in machine.effects} | machine.numbers.keys()
     if _only_speeds(experiment):
         listed = tuple(e for e in listed if e.enters != MEASUREMENT)
-    same = {_in_essence(effect) for effect in rig.effects}
+    same = {_in_essence(effect) for effect in machine.effects}
     usable = [
         e for e in _usable(listed, experiment) if e.name not in own and _in_essence(e) not in same
     ]
-    used, sensors = _used(experiment, [*rig.effects, *usable]), sensors_of(experiment)
+    used, sensors = _used(experiment, [*machine.effects, *usable]), sensors_of(experiment)
     each = [*plays_of(experiment, sensors), *crosstalk_of(experiment, sensors, used)]
     each = [e for e in each if e.name not in own and _in_essence(e) not in same]
-    return (*rig.effects, *usable, *each)
+    return (*machine.effects, *usable, *each)
 
 
 def _used(experiment: StatedExperiment, effects: Iterable[WrittenEffect]) -> frozenset[str]:
@@ -125,12 +125,12 @@ def _used(experiment: StatedExperiment, effects: Iterable[WrittenEffect]) -> fro
 
     A program may use any.
     """
-    rig = experiment.machine
-    if rig.kind == PYTHON:
+    machine = experiment.machine
+    if machine.kind == PYTHON:
         return frozenset(experiment.units)
-    law = axis_law(experiment) if rig.kind == AXIS else None
+    law = axis_law(experiment) if machine.kind == AXIS else None
     formulas = [law] if law is not None else []
-    formulas += [own.formula for own in rig.laws.values()]
+    formulas += [own.formula for own in machine.laws.values()]
     formulas += [sensor.reads.formula for sensor in sensors_of(experiment)]
     named = [formula.names for formula in formulas]
     return frozenset({AMBIENT}).union(*named, *map(_needs, effects))
@@ -153,8 +153,8 @@ def listed_of(experiment: StatedExperiment) -> tuple[WrittenEffect, ...]:
 
 def unlisted_of(experiment: StatedExperiment) -> tuple[WrittenEffect, ...]:
     """The free-form terms of the machine's kind whose names are in the experiment."""
-    rig = experiment.machine
-    terms = unlisted_terms(rig.kind, tuple(sorted(units_of(experiment).items())))
+    machine = experiment.machine
+    terms = unlisted_terms(machine.kind, tuple(sorted(units_of(experiment).items())))
     alike = len(set(experiment.units.values())) == 1
     return tuple(e for e in _usable(terms, experiment) if alike or e.enters != INPUT)
 
@@ -212,27 +212,27 @@ def _needs(effect: WrittenEffect) -> frozenset[str]:
     return effect.term.formula.names - {p.name for p in effect.parameters}
 
 
-def _local(rig: StatedMachine, effect: WrittenEffect) -> set[str]:
+def _local(machine: StatedMachine, effect: WrittenEffect) -> set[str]:
     if effect.enters == POWER:
-        several = {"exchange", "in_first", "foreign"} if len(rig.nodes) > 1 else set()
+        several = {"exchange", "in_first", "foreign"} if len(machine.nodes) > 1 else set()
         return {"T", "ambient", *several}
     return {MEASUREMENT: {"y"}, INPUT: {"u"}}.get(effect.enters, set())
 
 
 def units_of(experiment: StatedExperiment) -> dict[str, str]:
     """The units that stand for `{x}` and the like in the catalogue."""
-    rig, inputs = experiment.machine, experiment.units
+    machine, inputs = experiment.machine, experiment.units
     first = next(iter(inputs.values()), "1")
     units = {"load": inputs.get("load", "1"), "foreign": first, "u": first}
-    if rig.kind == THERMAL:
-        return {**units, "power": "W" if capacity_of(rig) else "K/s"}
+    if machine.kind == THERMAL:
+        return {**units, "power": "W" if capacity_of(machine) else "K/s"}
     effort = _effort(experiment)
-    if rig.kind == KINEMATIC and not effort:
-        return {**units, "x": rig.unit or "1"}
+    if machine.kind == KINEMATIC and not effort:
+        return {**units, "x": machine.unit or "1"}
     x = place_unit(experiment)
     if effort:
         return {**units, "x": x, "force": effort}
-    force = {"mass": "N", "inertia": "N m"}.get(inertia_of(rig) or "", product(x, "1/s2"))
+    force = {"mass": "N", "inertia": "N m"}.get(inertia_of(machine) or "", product(x, "1/s2"))
     return {**units, "x": x, "force": force}
 
 
@@ -253,20 +253,20 @@ def _effort(experiment: StatedExperiment) -> str:
 
 def check(experiment: StatedExperiment, effects: tuple[WrittenEffect, ...]) -> None:
     """ModelError for a law or an effect that uses an unknown name, or whose units do not match."""
-    rig, known = experiment.machine, names_of(experiment)
-    if rig.kind == KINEMATIC and rig.laws["position"].value is None:
+    machine, known = experiment.machine, names_of(experiment)
+    if machine.kind == KINEMATIC and machine.laws["position"].value is None:
         _check_command(experiment)
-    for law in rig.laws.values():
-        names = known | (in_a_node(experiment) if rig.kind == THERMAL else {})
-        if rig.kind == KINEMATIC:
+    for law in machine.laws.values():
+        names = known | (in_a_node(experiment) if machine.kind == THERMAL else {})
+        if machine.kind == KINEMATIC:
             # The law is what the place is worked out from.
             names = {name: own for name, own in known.items() if name not in ("x", "v", "a")}
         law.check(names, _law_dimension(experiment), "the law")
     for sensor in sensors_of(experiment):
-        if rig.kind != PYTHON:
+        if machine.kind != PYTHON:
             _check_reads(sensor, known)
     for effect in effects:
-        if rig.kind != PYTHON:
+        if machine.kind != PYTHON:
             _check_effect(effect, experiment, known)
 
 
@@ -352,10 +352,10 @@ def sensors_of(experiment: StatedExperiment) -> list[Sensor]:
 
 def axis_law(experiment: StatedExperiment) -> Formula | None:
     """The force that the numbers of an axis and its inputs make; None where its file has a law."""
-    rig, inputs = experiment.machine, experiment.units.keys()
-    if "acceleration" in rig.laws:
+    machine, inputs = experiment.machine, experiment.units.keys()
+    if "acceleration" in machine.laws:
         return None
-    has = rig.numbers.keys()
+    has = machine.numbers.keys()
     parts: list[str] = [name for name in ("force", "torque") if name in inputs]
     if "constant" in has and "current" in inputs:
         parts.append("constant * current")

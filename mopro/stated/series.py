@@ -64,7 +64,9 @@ def _told(model: Model, run: Run, reading: Reading) -> bool:
     """
     placed = reading.sensor.quantity.tells_place
     return (
-        model.rig.kind != THERMAL and not run.feedback and not (placed and model.rig.kind == AXIS)
+        model.machine.kind != THERMAL
+        and not run.feedback
+        and not (placed and model.machine.kind == AXIS)
     )
 
 

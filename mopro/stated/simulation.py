@@ -102,7 +102,7 @@ class Model:
         foreign: Simulate | None = None,
     ) -> None:
         self.experiment = experiment
-        self.rig = experiment.machine
+        self.machine = experiment.machine
         self.forms = effects_of(experiment)
         self.unlisted = unlisted_of(experiment)
         self._by_name: dict[str, list[WrittenEffect]] = {}
@@ -137,7 +137,7 @@ class Model:
     def values(self, settings: Settings) -> dict[str, float]:
         """The numbers of the model in SI."""
         stated = self._stated(settings)
-        return {name: value * self.rig.numbers[name].factor for name, value in stated.items()}
+        return {name: value * self.machine.numbers[name].factor for name, value in stated.items()}
 
     def _stated(self, settings: Settings) -> dict[str, float]:
         """The numbers of the model in their units: free ones are of the base.
@@ -145,7 +145,7 @@ class Model:
         One with a tolerance is a candidate of its own; an effect may be called as a free one is.
         """
         found = {}
-        for name, number in self.rig.numbers.items():
+        for name, number in self.machine.numbers.items():
             own = settings.get(name if number.tolerance else BASE, {})
             found[name] = float(own.get(name, number.value))
         return found
@@ -153,7 +153,7 @@ class Model:
     def active(self, run: Run, settings: Settings) -> Active:
         """The effects that are on in a run, with their parameters in SI."""
         found = []
-        on = self._place.keys() & (settings.keys() | self.rig.active.keys())
+        on = self._place.keys() & (settings.keys() | self.machine.active.keys())
         for name in sorted(on, key=self._place.__getitem__):
             own = self._switched(name, settings, run)
             if own is not None:
@@ -167,7 +167,7 @@ class Model:
 
         In the settings it may be on in one run alone, unless it has a parameter of that name.
         """
-        own = settings.get(name, self.rig.active.get(name))
+        own = settings.get(name, self.machine.active.get(name))
         if own is None or name in run.without:
             return None
         if RUN not in own or any(
@@ -251,7 +251,7 @@ class Model:
 
     def _motion(self, setup: _Setup) -> Motion:
         inputs, ends = self._inputs(setup)
-        if self.rig.kind == KINEMATIC:
+        if self.machine.kind == KINEMATIC:
             return Motion({"x": self._followed(setup, inputs)}, inputs)
         return Motion(self._integrated(setup, inputs, ends), inputs)
 
@@ -259,7 +259,7 @@ class Model:
         """The inputs behind each row, and at the end of the line from there to the next row."""
         run = setup.run
         inputs, ends = dict(run.inputs), dict(run.inputs)
-        held = run.held if self.rig.kind != KINEMATIC else frozenset()
+        held = run.held if self.machine.kind != KINEMATIC else frozenset()
         values: dict[str, Floats | float] = {"t": run.time_s, **setup.values}
         for effect, own in setup.entering(INPUT):
             for name in [name for name in inputs if effect.target in ("", name)]:
@@ -278,7 +278,7 @@ class Model:
         """Position of a kinematic machine: each effect acts on what those before it left."""
         run = setup.run
         known: dict[str, Any] = {"t": run.time_s, **inputs, **setup.values}
-        x = evaluate(self.rig.laws["position"].formula, known, run.time_s)
+        x = evaluate(self.machine.laws["position"].formula, known, run.time_s)
         for effect, own in setup.entering(COMMAND):
             before = self._rated(run, {**known, "x": x}, [effect.term.formula])
             x = x + term_of(effect, own, before, run.time_s)
@@ -290,13 +290,13 @@ class Model:
             own = self._switched(effect.name, settings, run) or {}
             numbers |= {p.name: float(own.get(p.name, 0.0)) for p in effect.parameters}
         assert self.foreign is not None
-        assert self.rig.python is not None
+        assert self.machine.python is not None
         position = self.experiment.trials.index(run)
         found = self.foreign(numbers, dict(self.experiment.columns[position]))
         try:
             return [_array(found, r.sensor.name, len(run.time_s))[r.rows] for r in run.readings]
         except ValueError as error:
-            file, function = self.rig.python
+            file, function = self.machine.python
             raise DataError(f"{file}: {function} returns {error}", "failed-model") from error
 
     # -- equations ---------------------------------------------------------------------
@@ -336,11 +336,11 @@ class Model:
         states = np.zeros((len(names), len(run.time_s)))
         states[:, 0] = [self._start(run, name, setup.settings) for name in names]
         lines = [(inputs[name], ends[name]) for name in self.experiment.units]
-        if self.rig.kind == THERMAL:
+        if self.machine.kind == THERMAL:
             lines = self._beside_surroundings(setup, inputs, ends, states[:, 0])
         shape = len(lines), len(run.time_s)
         packed, until = (np.array([own[i] for own in lines]).reshape(shape) for i in (0, 1))
-        advance = integrate.axis if self.rig.kind == AXIS else integrate.nodes
+        advance = integrate.axis if self.machine.kind == AXIS else integrate.nodes
         advance(
             program.codes, program.segments, variables, run.time_s, packed, until, step_s, states
         )
@@ -366,7 +366,7 @@ class Model:
     @property
     def states(self) -> tuple[str, ...]:
         """The names of the states that are integrated."""
-        return ("x", "v") if self.rig.kind == AXIS else self.rig.nodes
+        return ("x", "v") if self.machine.kind == AXIS else self.machine.nodes
 
     def _start(self, run: Run, state: str, settings: Settings) -> float:
         # A node that no sensor reads begins with the first that one reads.
@@ -375,7 +375,7 @@ class Model:
         if stated is not None:
             return stated
         found = float(settings.get(BASE, {}).get(START.format(run.name, state), 0.0))
-        return found * self.rig.factor if self.rig.kind == AXIS else found
+        return found * self.machine.factor if self.machine.kind == AXIS else found
 
     def _program(self, active: Sequence[WrittenEffect]) -> _Program:
         key = tuple((effect.name, effect.form) for effect in active)
@@ -385,15 +385,17 @@ class Model:
 
     def _assembled(self, active: Sequence[WrittenEffect]) -> _Program:
         every = ["t", *self.states, *self.experiment.units]
-        every += [f"ambient {node}" for node in self.rig.nodes]
-        every += self.rig.numbers
+        every += [f"ambient {node}" for node in self.machine.nodes]
+        every += self.machine.numbers
         every += [f"{effect.name}.{p.name}" for effect in active for p in effect.parameters]
         slots = {name: place for place, name in enumerate(every)}
         assembler = Assembler(len(slots))
-        if self.rig.kind == AXIS:
+        if self.machine.kind == AXIS:
             parts = self._axis_codes(assembler, slots, active)
         else:
-            parts = [self._node_codes(assembler, slots, active, node) for node in self.rig.nodes]
+            parts = [
+                self._node_codes(assembler, slots, active, node) for node in self.machine.nodes
+            ]
         ends = np.cumsum([0, *map(len, parts)])
         codes = np.array([code for part in parts for code in part], dtype=np.int64).reshape(-1, 2)
         segments = np.column_stack([ends[:-1], ends[1:]]).astype(np.int64)
@@ -407,13 +409,13 @@ class Model:
             place: [_codes(assembler, e, slots) for e in active if e.enters == place]
             for place in (FORCE, FRICTION)
         }
-        law, inertia = axis_law(self.experiment), inertia_of(self.rig)
+        law, inertia = axis_law(self.experiment), inertia_of(self.machine)
         own = [] if law is None else [assembler.codes(law, slots)]
-        dry = [assembler.codes(parse("dry"), slots)] if "dry" in self.rig.numbers else []
+        dry = [assembler.codes(parse("dry"), slots)] if "dry" in self.machine.numbers else []
         by = assembler.codes(parse(inertia), slots) if inertia else []
         force = assembler.quotient(assembler.sum([*own, *terms[FORCE]]), by)
         friction = assembler.quotient(assembler.sum([*dry, *terms[FRICTION]]), by)
-        stated = [assembler.codes(law.formula, slots) for law in self.rig.laws.values()]
+        stated = [assembler.codes(law.formula, slots) for law in self.machine.laws.values()]
         moving = assembler.sum([*stated, *([force] if force else [])])
         if not friction and jumps(moving):
             # Steps end where the velocity passes zero, as those with dry friction do.
@@ -425,7 +427,7 @@ class Model:
 
         Of the rises since the beginning where the zeros of the sensors are free.
         """
-        others = [other for other in self.rig.nodes if other != node]
+        others = [other for other in self.machine.nodes if other != node]
         if not self.experiment.begins_in_balance:
             return parse(" + ".join(f"({other} - T)" for other in others) or "0"), {}
         beginnings = {f"_at_{i}": slots[f"ambient {other}"] for i, other in enumerate(others)}
@@ -440,7 +442,7 @@ class Model:
         node: str,
     ) -> Codes:
         """Codes of the rate of one thermal node."""
-        law = self.rig.laws[node].formula
+        law = self.machine.laws[node].formula
         ambient = "ambient" if "ambient" in slots else f"ambient {node}"
         own = {**slots, "T": slots[node], "ambient": slots[ambient]}
         exchange, beginnings = self._exchange(node, slots)
@@ -448,7 +450,7 @@ class Model:
         foreign = [name for name in foreign if name != "ambient"]
         inner = {
             "exchange": exchange,
-            "in_first": parse("1" if node == self.rig.nodes[0] else "0"),
+            "in_first": parse("1" if node == self.machine.nodes[0] else "0"),
             "foreign": parse(foreign[0] if foreign else "0"),
         }
         terms = [
@@ -456,7 +458,7 @@ class Model:
             for effect in active
             if effect.enters == POWER
         ]
-        capacity = capacity_of(self.rig)
+        capacity = capacity_of(self.machine)
         by = assembler.codes(parse(capacity), slots) if capacity else []
         return assembler.quotient(assembler.sum([assembler.codes(law, own), *terms]), by)
 

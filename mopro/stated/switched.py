@@ -25,33 +25,33 @@ def as_stated(experiment: StatedExperiment) -> StatedExperiment:
     with another one. What these data lack is left out, with a note. ModelError for an effect or a
     parameter that does not exist, and for a unit of another quantity.
     """
-    rig, effects = experiment.machine, effects_of(experiment)
+    machine, effects = experiment.machine, effects_of(experiment)
     usable = {effect.name for effect in effects}
-    _check_names(rig, effects, usable | {effect.name for effect in listed_of(experiment)})
+    _check_names(machine, effects, usable | {effect.name for effect in listed_of(experiment)})
     active = {
-        name: {key: _in_its_unit(rig, name, key, value, effects) for key, value in own.items()}
-        for name, own in rig.active.items()
+        name: {key: _in_its_unit(machine, name, key, value, effects) for key, value in own.items()}
+        for name, own in machine.active.items()
         if name in usable
     }
     left_out = tuple(
-        f"{name} of {rig.name} is left out: these data lack what it acts on"
-        for name in rig.active
+        f"{name} of {machine.name} is left out: these data lack what it acts on"
+        for name in machine.active
         if name not in usable
     )
-    machine = replace(rig, active=active, units={})
+    machine = replace(machine, active=active, units={})
     return replace(experiment, machine=machine, notes=experiment.notes + left_out)
 
 
-def _check_names(rig: StatedMachine, effects: Iterable[WrittenEffect], known: set[str]) -> None:
-    for name, own in rig.active.items():
+def _check_names(machine: StatedMachine, effects: Iterable[WrittenEffect], known: set[str]) -> None:
+    for name, own in machine.active.items():
         # One of a sensor that is not in these data is of another experiment.
         if name not in known and not name.startswith((CROSSTALK, BEFORE)):
-            raise _error(rig, (name,), f"there is no effect {name}", "unknown-effect", known)
+            raise _error(machine, (name,), f"there is no effect {name}", "unknown-effect", known)
         keys = {p.name for p in _parameters(effects, name)}
         for key in own:
             if keys and key not in keys:
                 message = f"{name} has no parameter {key}"
-                raise _error(rig, (name, key), message, "unknown-parameter", keys)
+                raise _error(machine, (name, key), message, "unknown-parameter", keys)
 
 
 def _parameters(effects: Iterable[WrittenEffect], name: str) -> Iterator[EffectParameter]:
@@ -60,22 +60,22 @@ def _parameters(effects: Iterable[WrittenEffect], name: str) -> Iterator[EffectP
 
 
 def _in_its_unit(
-    rig: StatedMachine, name: str, key: str, value: float, effects: Iterable[WrittenEffect]
+    machine: StatedMachine, name: str, key: str, value: float, effects: Iterable[WrittenEffect]
 ) -> float:
-    stated = rig.units.get(name, {}).get(key)
+    stated = machine.units.get(name, {}).get(key)
     own = next(p.unit for p in _parameters(effects, name) if p.name == key)
     if stated is None or stated == own:
         return value
     if dimension_of_unit(stated) != dimension_of_unit(own):
         message = f"{key} is stated in {stated}, and is in {own}"
-        raise _error(rig, (name, key), message, "wrong-unit", ())
+        raise _error(machine, (name, key), message, "wrong-unit", ())
     return value * factor_of(stated) / factor_of(own)
 
 
 def _error(
-    rig: StatedMachine, place: tuple[str, ...], message: str, rule: str, known: Iterable[str]
+    machine: StatedMachine, place: tuple[str, ...], message: str, rule: str, known: Iterable[str]
 ) -> ModelError:
-    value = Document(rig.source).root["effects"]
+    value = Document(machine.source).root["effects"]
     for key in place:
         value = value[key]
     names = sorted(known)

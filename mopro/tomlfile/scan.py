@@ -63,6 +63,16 @@ def places(text: str) -> dict[Path, Span]:
     return _Scan(text).run()
 
 
+def sections(text: str) -> dict[int, Path]:
+    """The path of each `[name]` and `[[name]]` of `text`, by the number of its line.
+
+    Raises BeyondLimit.
+    """
+    scan = _Scan(text)
+    scan.run()
+    return scan.sections
+
+
 @dataclass(slots=True)
 class _Open:
     """A bracket that is not closed yet; `count` is the index of a list's element."""
@@ -86,6 +96,7 @@ class _Scan:
         self._in_value = False
         self._header = 0  # how many brackets opened the header that is being read
         self._section: Path = ()
+        self.sections: dict[int, Path] = {}
         self._tables_of: Counter[Path] = Counter()  # how many [[name]] there were
         self._parts: list[tuple[str, Span]] = []
         self._path: Path = ()
@@ -186,6 +197,7 @@ class _Scan:
         if self._parts:
             first, last = self._parts[0][1], self._parts[-1][1]
             self._section = self._named(path, Span(last.line, first.column, last.end_column))
+            self.sections[last.line] = self._section
         self._header = 0
         self._parts.clear()
 

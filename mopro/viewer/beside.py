@@ -8,15 +8,18 @@ from mopro.experiment.compare.comparison import Place
 from mopro.experiment.conclude.wording import place_words
 from mopro.experiment.sawyer.model import Experiment, Trial
 from mopro.experiment.sawyer.nominal import planned
+from mopro.experiment.sawyer.system import Sawyer
+from mopro.experiment.system import System
 from mopro.viewer.model import Mark
 from mopro.viewer.platen import platen_json
 from mopro.viewer.series import Beside, track_name
 
 
-def beside_of(experiment: object, places: Sequence[Place]) -> dict[str, Beside]:
-    """By run; a machine of another kind has neither programs nor a platen."""
-    if not isinstance(experiment, Experiment):
+def beside_of(system: System, places: Sequence[Place]) -> dict[str, Beside]:
+    """By run; a stated machine has neither programs nor a platen."""
+    if not isinstance(system, Sawyer):
         return {}
+    experiment = system.experiment
     return {trial.name: _beside(experiment, trial, places) for trial in experiment.trials}
 
 

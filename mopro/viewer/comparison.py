@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
-from mopro.experiment.conclude.conclusion import Examined
 from mopro.experiment.conclude.wording import place_words
+from mopro.experiment.opened import Opened
 from mopro.markup import listing, paragraph, section, table
 from mopro.units import residual_unit
 from mopro.viewer.beside import beside_of
@@ -23,22 +23,19 @@ _WHITE = {True: "yes", False: "no", None: "unknown"}
 
 
 def comparison_page(
-    experiment: Examined,
-    notes: Sequence[str],
-    comparison: Comparison,
-    before: Comparison | None = None,
+    opened: Opened, comparison: Comparison, before: Comparison | None = None
 ) -> str:
-    """The page of the `comparison` of an `experiment`.
+    """The page of the `comparison` of an experiment.
 
     With `before`, that on the experiment's own machine, both residuals are on one axis. Raises
     MotionError.
     """
-    source = experiment.source
+    source = opened.system.source
     found = _residuals(comparison, before)
     return document(
-        f"{Path(source.name).name} on {experiment.machine.name}: {comparison.verdict}",
-        map(paragraph, notes),
-        series_views(found, beside_of(experiment, comparison.where)),
+        f"{Path(source.name).name} on {opened.machine_name}: {comparison.verdict}",
+        map(paragraph, opened.notes),
+        series_views(found, beside_of(opened.system, comparison.where)),
         [
             *([_gaps(before, comparison)] if before else []),
             section("Series", [table(_SERIES, map(_series, comparison.series), _TESTS)]),

@@ -49,8 +49,8 @@ def conclusion_page(conclusion: Conclusion) -> str:
     found = _residuals(conclusion)
     return document(
         sentence(verdict),
-        [paragraph(f"{_name(conclusion)} on the machine {conclusion.experiment.machine.name}.")],
-        series_views(found, beside_of(conclusion.experiment, conclusion.where)),
+        [paragraph(f"{_name(conclusion)} on the machine {conclusion.system.name}.")],
+        series_views(found, beside_of(conclusion.system, conclusion.where)),
         [
             section("Effects found", _effects(conclusion)),
             section("The gap", _gap(conclusion)),
@@ -73,12 +73,12 @@ def _residuals(conclusion: Conclusion) -> list[Residuals]:
             {"before": verdict.before[index], "after": verdict.after[index]},
             {s.name: s.changes[index] for s in verdict.signatures},
         )
-        for index, series in enumerate(conclusion.series)
+        for index, series in enumerate(conclusion.system.series)
     ]
 
 
 def _name(conclusion: Conclusion) -> str:
-    return Path(conclusion.experiment.source.name).name
+    return Path(conclusion.system.source.name).name
 
 
 def _effects(conclusion: Conclusion) -> Iterator[str]:
@@ -114,13 +114,13 @@ def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:
 
 def _gap(conclusion: Conclusion) -> Iterator[str]:
     rows = []
-    gaps = zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, conclusion.series, strict=True)
-    for run, rerun, series in gaps:
+    verdict, series = conclusion.verdict, conclusion.system.series
+    for run, rerun, own in zip(verdict.gap.runs, conclusion.repaired.rms, series, strict=True):
         figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
         sizes = ["unknown" if f is None else f"{f:.3g} {residual_unit(run.unit)}" for f in figures]
         if run.held_out_rms is None:
             sizes[2] = "nothing to hold out"
-        lines = ", ".join(map(str, source_lines(series))) or "–"
+        lines = ", ".join(map(str, source_lines(own))) or "–"
         rows.append([run.run, run.sensor, *sizes, lines])
     yield table(_GAPS, rows, "RMS of the residual (measured − simulated)")
 
@@ -200,21 +200,21 @@ def _proposal(conclusion: Conclusion) -> Iterator[str]:
 
 
 def _provenance(conclusion: Conclusion) -> Iterator[str]:
-    experiment = conclusion.experiment
+    system = conclusion.system
     versions = ", ".join(f"{name} {version(name)}" for name in ("mopro", "numpy", "scipy"))
     yield table(
         (),
         [
             ["experiment", _name(conclusion)],
-            ["machine", experiment.machine.name],
-            ["samples", str(sum(map(len, conclusion.series)))],
+            ["machine", system.name],
+            ["samples", str(sum(map(len, system.series)))],
             ["made by", f"{versions}, Python {platform.python_version()}"],
         ],
         "Origin",
     )
-    for note in experiment.notes:
+    for note in system.notes:
         yield paragraph(note)
     yield heading("The experiment's file", 3)
-    yield listing(experiment.source.text)
+    yield listing(system.source.text)
     yield heading("The machine file with the effects found", 3)
     yield listing(conclusion.machine_text)

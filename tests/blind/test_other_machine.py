@@ -16,8 +16,8 @@ from mopro.blind.making.make import BenchmarkMachine, write
 from mopro.blind.reference.nominal import THESIS
 from mopro.blind.reference.readings import ReferencePlant
 from mopro.blind.scoring.follow import hidden_plant
-from mopro.experiment.sawyer.diagnosis import Model
-from mopro.experiment.sawyer.load import load_experiment
+from mopro.experiment import load_experiment
+from mopro.experiment.sawyer.system import Model
 from mopro.machine import load_machine
 
 STATED = Path(mopro.__file__).parent / "machine" / "machines" / "chow1992.toml"

@@ -20,8 +20,8 @@ from mopro.blind.scoring.score import Score
 from mopro.effects import catalogue
 from mopro.engine.candidate import Role
 from mopro.errors import DataError
+from mopro.experiment import load_experiment
 from mopro.experiment.sawyer.forward_model import ForwardModel
-from mopro.experiment.sawyer.load import load_experiment
 from mopro.instruments.quantity import TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine

@@ -5,7 +5,7 @@ import pytest
 
 from helpers.pages import Reader, blocks_of
 from helpers.paths import ROOT
-from helpers.rigs import driven, write
+from helpers.stated import driven, write
 
 PAGES = {
     path.relative_to(ROOT).as_posix(): blocks_of(path)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import mopro
+from helpers.diagnosis import diagnose
 from mopro.effects import catalogue, catalogue_of
 from mopro.effects.formula import effect_of
 from mopro.errors import ModelError
-from mopro.experiment.conclude.machine_file import machine_text, machine_with
-from mopro.experiment.sawyer.diagnosis import diagnose
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.model import Experiment, Reading, Trial
+from mopro.experiment.sawyer.repaired import machine_text, machine_with
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine

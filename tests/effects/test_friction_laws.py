@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import mopro
+from helpers.diagnosis import diagnose
 from helpers.laboratory import Lab
 from mopro.experiment import load_experiment
-from mopro.experiment.sawyer.diagnosis import diagnose
 from mopro.machine import load_machine
 
 AXIS = load_machine("chow1992").axis

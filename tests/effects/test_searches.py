@@ -14,8 +14,8 @@ from mopro.engine.fits import least_squares_fit
 from mopro.engine.residuals import Residuals
 from mopro.engine.search.signature import searched
 from mopro.experiment.sawyer.candidates import candidates
-from mopro.experiment.sawyer.diagnosis import series_of
 from mopro.experiment.sawyer.forward_model import COARSE, FINE, ForwardModel
+from mopro.experiment.sawyer.system import series_of
 
 
 def starts(

@@ -9,6 +9,7 @@ import pytest
 import mopro
 from helpers import one_run
 from helpers.commands import run_here
+from helpers.diagnosis import diagnose
 from helpers.laboratory import Lab
 from helpers.signals import names
 from mopro.blind.reference.foreign import Foreign
@@ -19,8 +20,8 @@ from mopro.effects.unlisted import unlisted_terms, with_unlisted
 from mopro.engine.freeform import measurement_laws
 from mopro.experiment import load_experiment
 from mopro.experiment.sawyer.candidates import unlisted
-from mopro.experiment.sawyer.diagnosis import Model, diagnose
 from mopro.experiment.sawyer.model import Experiment, SteadyTable
+from mopro.experiment.sawyer.system import Model
 from mopro.machine import load_machine
 from mopro.plant import plan_with_effects, simulate
 from mopro.source import Source

@@ -5,17 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helpers.diagnosis import diagnose
 from mopro.effects import Active, Domain, catalogue
 from mopro.errors import ModelError
 from mopro.experiment import load_experiment
 from mopro.experiment.compare.comparison import DISAGREEMENT, NO_DISAGREEMENT, compare
 from mopro.experiment.sawyer.candidates import candidates
-from mopro.experiment.sawyer.diagnosis import diagnose, series_of
 from mopro.experiment.sawyer.feasible import too_long
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.labels import PHASES, labels
 from mopro.experiment.sawyer.model import Reading, Trial
 from mopro.experiment.sawyer.nominal import planned
+from mopro.experiment.sawyer.system import Sawyer, series_of
 from mopro.instruments.quantity import FORCE, POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.plant import measured_at
@@ -59,7 +60,7 @@ def test_a_force_in_metres_is_refused_and_newtons_are_suggested(lab):
 
 
 def test_forces_of_the_machine_itself_agree_with_its_simulation(lab):
-    comparison = compare(measured(lab), np.random.default_rng(1))
+    comparison = compare(Sawyer(measured(lab)), 1)
     assert comparison.verdict == NO_DISAGREEMENT
     assert {place.axis for place in comparison.where} == {1}
     assert {place.unit for place in comparison.where} == {"N"}
@@ -82,7 +83,7 @@ def test_samples_have_the_labels_of_their_axis_and_are_held_out_with_its_moves(l
 
 def test_a_drag_that_the_model_lacks_is_named(lab):
     experiment = measured(lab, {"viscous_drag": {"b": 8.0}})
-    assert compare(experiment, np.random.default_rng(1)).verdict == DISAGREEMENT
+    assert compare(Sawyer(experiment), 1).verdict == DISAGREEMENT
     found = diagnose(experiment)
     assert found.verdict.verdict == "named"
     (drag,) = found.verdict.effects

@@ -13,9 +13,9 @@ from mopro.emulator import Emulator, emulate
 from mopro.engine.residuals import NOTHING_LEFT
 from mopro.engine.verdict import Estimate, Gap, Named, Verdict
 from mopro.errors import ModelError
-from mopro.experiment.conclude.machine_file import machine_text
 from mopro.experiment.opened import open_experiment
 from mopro.experiment.sawyer.forward_model import ForwardModel
+from mopro.experiment.sawyer.repaired import machine_text
 from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine
@@ -82,11 +82,11 @@ def verdict(**effects):
 def predicted(path, machine=None, settings=None):
     """The experiment on `machine`, and what it predicts with `settings`."""
     opened = open_experiment(path, None if machine is None else str(machine))
-    return opened, ForwardModel(opened.experiment)(settings or {})
+    return opened, ForwardModel(opened.system.experiment)(settings or {})
 
 
 def repaired(folder, path, **effects):
-    text = machine_text(open_experiment(path).experiment, verdict(**effects))
+    text = machine_text(open_experiment(path).system.experiment, verdict(**effects))
     file = folder / "repaired.toml"
     file.write_text(text)
     return file, tomllib.loads(text)
@@ -334,7 +334,7 @@ def test_a_bad_form_is_refused_at_its_place(tmp_path, stated, place, said):
 def test_each_form_of_toml_is_read_and_replaced(tmp_path, stated):
     machine = f"{EXTENDED}[effects.hum]\nA = 1e-4\n{stated}\n"
     path = laboratory(tmp_path, "a.csv", machine=machine)
-    assert open_experiment(path).experiment.machine.runs == {"hum": {"a.csv": "1c291ca3"}}
+    assert open_experiment(path).system.experiment.machine.runs == {"hum": {"a.csv": "1c291ca3"}}
     _, written = repaired(tmp_path, path, hum={"A": 2e-4, "f": 60.0, "phi_1": 0.1})
     assert written["effects"]["hum"]["runs"]["a.csv"] != "1c291ca3"
 
@@ -362,9 +362,9 @@ def test_names_of_an_effect_and_of_the_machine_are_of_different_tables(tmp_path,
     applied, written = repaired(tmp_path, path, **values)
     assert written["effects"][effect][parameter]["value"] == 0.0125
     opened, seen = predicted(path, applied)
-    before = open_experiment(path).experiment.machine
-    assert opened.experiment.machine.axis == before.axis
-    assert opened.experiment.machine.drive == before.drive
+    before = open_experiment(path).system.experiment.machine
+    assert opened.system.experiment.machine.axis == before.axis
+    assert opened.system.experiment.machine.drive == before.drive
     assert seen[0] == pytest.approx(predicted(path, settings=values)[1][0], abs=1e-9)
 
 

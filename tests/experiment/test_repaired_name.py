@@ -2,7 +2,7 @@
 
 import pytest
 
-from mopro.experiment.conclude.machine_file import repaired_name
+from mopro.experiment.sawyer.repaired import repaired_name
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from helpers.rigs import DRIVEN, write
+from helpers.stated import DRIVEN, write
 from mopro.experiment.opened import open_experiment
 from mopro.formula.signals import held_delayed, held_lag
 
@@ -86,7 +86,7 @@ def test_a_mass_is_where_its_force_has_pushed_it(tmp_path, effect, settings):
     write(tmp_path / "run.csv", columns)
     (tmp_path / "machine.toml").write_text(MASS, encoding="utf-8")
     (tmp_path / "experiment.toml").write_text(DRIVEN, encoding="utf-8")
-    model = open_experiment(tmp_path / "experiment.toml").study.model
+    model = open_experiment(tmp_path / "experiment.toml").system.model
     (found,) = model({effect: settings})
     fine = np.arange(0, 1.99, 1e-5) + 0.5e-5
     row = np.minimum((fine / 0.01 + 1e-9).astype(int), 199)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mopro.experiment.stated.entries import read_stated_entries
+from mopro.experiment.opened import experiment_file
 
 EXPERIMENT = """\
 machine = "axis"
@@ -28,7 +28,7 @@ def roles(folder, formula, unit="m", role=""):
     text = EXPERIMENT.format(formula=formula, unit=unit, role=role)
     (folder / "experiment.toml").write_text(text, encoding="utf-8")
     (folder / "run.csv").write_text("time_s,force_N,position_m\n0,0,0\n1,1,1\n", encoding="utf-8")
-    (own,) = read_stated_entries(folder / "experiment.toml").machine.effects
+    (own,) = experiment_file(folder / "experiment.toml").entries.machine.effects
     return {p.name: p.role for p in own.parameters}
 
 

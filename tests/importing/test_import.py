@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import screw_log
+from helpers.stated import screw_log
 
 RATE_HZ = 100.0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import write
+from helpers.stated import write
 from mopro.experiment.opened import open_experiment
 
 SWING = """\
@@ -43,7 +43,7 @@ def test_the_speed_at_the_start_has_a_range_where_most_readings_are_equal(
     write(tmp_path / "run.csv", {"time_s": np.arange(rows) * 0.02, "place_mm": places})
     (tmp_path / "machine.toml").write_text(SWING, "utf-8")
     (tmp_path / "experiment.toml").write_text(SEEN, "utf-8")
-    found = open_experiment(tmp_path / "experiment.toml").study.base.parameters
+    found = open_experiment(tmp_path / "experiment.toml").system.base.parameters
     assert all(p.low < p.high for p in found), found
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy import signal
 
 from helpers.commands import run_here
-from helpers.rigs import DRIVEN, FRICTION_OF_PLACE, driven, write
+from helpers.stated import DRIVEN, FRICTION_OF_PLACE, driven, write
 from mopro.errors import ModelError
 from mopro.experiment.opened import open_experiment
 
@@ -19,8 +19,8 @@ def fitted(folder, text, columns):
     """The numbers of the machine in SI as they fit without effects, and the machine."""
     (folder / "experiment.toml").write_text(text, encoding="utf-8")
     write(folder / "run.csv", columns)
-    study = open_experiment(folder / "experiment.toml").study
-    return study.model.values(study.base.settings), study.experiment.machine
+    system = open_experiment(folder / "experiment.toml").system
+    return system.model.values(system.base.settings), system.experiment.machine
 
 
 def test_a_force_shows_mass_and_viscous_friction(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import DRIVE, DRIVEN, driven, write
+from helpers.stated import DRIVE, DRIVEN, driven, write
 from mopro.engine.play import follow
 from mopro.experiment.opened import open_experiment
 

@@ -8,7 +8,7 @@ PAGE = (ROOT / "docs" / "machines.md").read_text("utf-8")
 
 
 def test_the_page_lists_the_effects_of_no_other_catalogue():
-    folder = ROOT / "mopro" / "rig" / "catalogue"
+    folder = ROOT / "mopro" / "stated" / "catalogue"
     for kind in ("kinematic", "axis", "thermal"):
         names = re.findall(r'^name = "(\w+)"', (folder / f"{kind}.toml").read_text(), re.MULTILINE)
         assert len(names) > 5

@@ -1,14 +1,15 @@
 """Drafts in a machine file (--with-drafts), and what such a file predicts of an unseen run."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import DRIVE, drive_folder
+from helpers.stated import DRIVE, drive_folder
 from mopro.engine.residuals import NOTHING_LEFT
 from mopro.engine.verdict import Draft, Estimate, Gap, Verdict
-from mopro.experiment.conclude.drafts import filed
+from mopro.experiment.conclude.drafts import with_drafts
 from mopro.formula.written import EffectParameter, Written, WrittenEffect
 
 NAME = "friction of |x|, unconfirmed"
@@ -25,9 +26,11 @@ def test_a_draft_that_would_do_in_place_of_the_answer_is_in_no_file(beside):
     term = WrittenEffect(
         "force of x", "force", "", Written.of("c * x"), (EffectParameter("c", "N/m"),)
     )
-    found = filed(verdict, {"force of x": term})
+    system = SimpleNamespace(terms={"force of x": term}, beside=lambda source: source.text)
+    found = with_drafts(system, verdict)
     assert (found is not None) is beside
     if found is not None:
+        assert "c * x" in found[0]
         assert found[1].settings == {"force of x, unconfirmed": {"c": 2.0}}
 
 

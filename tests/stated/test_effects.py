@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, write
+from helpers.stated import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, write
 from mopro.experiment.opened import open_experiment
 
 HIDDEN_N_M = 12.0
@@ -150,7 +150,7 @@ def test_a_program_is_told_what_the_machine_file_switches_on_in_its_own_units(
         "    return {'scale': place - place + 100 * numbers['gap'] + numbers['k'] / 1e3}\n",
         encoding="utf-8",
     )
-    model = open_experiment(tmp_path / "experiment.toml", allow_python=True).study.model
+    model = open_experiment(tmp_path / "experiment.toml", allow_python=True).system.model
     (predicted,) = model({"base": {"k": 100.0}})
     assert predicted == pytest.approx(np.full(len(predicted), 100 * told + 0.1))
 
@@ -212,7 +212,7 @@ def test_a_force_that_turns_with_the_motion_is_that_of_dry_friction(tmp_path):
     force = 30 * np.sin(2.3 * t) + 20 * np.sin(6.1 * t)
     write(tmp_path / "run.csv", {"time_s": t, "force_N": force, "position_mm": 0.1 * np.sin(t)})
     (tmp_path / "experiment.toml").write_text(DRIVEN, encoding="utf-8")
-    model = open_experiment(tmp_path / "experiment.toml").study.model
+    model = open_experiment(tmp_path / "experiment.toml").system.model
     (jumping,), (rubbing,) = (model({name: {"F1": 2.0}}) for name in ("jumps", "rubs"))
     (without,) = model({})
     assert np.ptp(rubbing - without) > 100.0

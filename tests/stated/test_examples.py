@@ -14,7 +14,7 @@ import pytest
 
 from helpers.commands import run_here
 from helpers.paths import ROOT
-from helpers.rigs import write
+from helpers.stated import write
 
 EXAMPLES = ROOT / "examples"
 MOST_LINES = 25

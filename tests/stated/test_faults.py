@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, driven, write
+from helpers.stated import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder, driven, write
 from mopro.errors import ModelError
-from mopro.experiment.opened import OfStated, open_experiment
+from mopro.experiment.opened import open_experiment
+from mopro.experiment.stated.system import Stated
 from mopro.stated.candidates import candidates
 from mopro.stated.simulation import BASE
 
@@ -153,11 +154,11 @@ def test_terms_of_a_model_that_runs_away_with_its_numbers_are_refused_at_the_run
     """Its loss has the wrong sign, so that what radiates is soon no number."""
     oven = OVEN.replace("- U", "+ U").replace("5000", "50")
     opened = open_experiment(oven_folder(tmp_path, oven))
-    assert isinstance(opened, OfStated)
-    study = opened.study
-    numbers = {**study.base.settings[BASE], "U": 0.1}
+    system = opened.system
+    assert isinstance(system, Stated)
+    numbers = {**system.base.settings[BASE], "U": 0.1}
     with pytest.raises(ModelError) as told:
-        candidates(study.model, study.series, {BASE: numbers})
+        candidates(system.model, system.series, {BASE: numbers})
     assert "experiment.toml:10:" in str(told.value)
     assert all(words in str(told.value) for words in ("runs away", "U = 0.1 1/s"))
 

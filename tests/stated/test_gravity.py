@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from helpers.rigs import write
+from helpers.stated import write
 from mopro.experiment.opened import open_experiment
 
 ARM = """\

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from helpers.rigs import write
+from helpers.stated import write
 from mopro.experiment.opened import open_experiment
 
 MASS, DAMPING, SPRING = 1.2, 3.0, 40.0
@@ -76,7 +76,7 @@ def logged(folder, *, seed, noise=0.08, drag=0.0, shaken=0.0, stated=""):
 
 
 def told(conclusion):
-    return any("row to row" in note for note in conclusion.experiment.notes)
+    return any("row to row" in note for note in conclusion.system.notes)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -112,7 +112,7 @@ def test_a_force_that_does_shake_is_no_noise(tmp_path):
 
 def test_the_readings_vary_as_a_noisy_force_makes_them(tmp_path):
     opened = logged(tmp_path, seed=1, stated="0.08")
-    series = opened.study.series[0]
+    series = opened.system.series[0]
     rng = np.random.default_rng(7)
     drawn = [axis((0.08 * rng.standard_normal(500)).tolist(), 0.008, within=4) for _ in range(60)]
     expected = 1e3 * math.sqrt(np.mean(np.square(drawn)))

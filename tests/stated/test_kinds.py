@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from helpers.commands import run_here
-from helpers.rigs import write
+from helpers.stated import write
 
 RNG = np.random.default_rng
 T = np.arange(0, 12, 0.02)

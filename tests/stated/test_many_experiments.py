@@ -3,14 +3,14 @@
 import pytest
 
 from helpers.many_experiments.judge import KINDS, drawn
-from mopro.experiment.opened import files_of
+from mopro.experiment.opened import experiment_file
 
 
 @pytest.mark.parametrize("seed", range(60))
 def test_what_is_drawn_can_be_read(tmp_path, seed):
     kind, file = drawn((1, seed), tmp_path)
     assert kind in KINDS
-    assert all(own.exists() for own in files_of(file))
+    assert all(own.exists() for own in experiment_file(file).files)
 
 
 def test_a_seed_makes_the_same_files(tmp_path):

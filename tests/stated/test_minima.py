@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from helpers.rigs import write
+from helpers.stated import write
 from mopro.experiment.opened import open_experiment
 
 SERVO = """\
@@ -61,8 +61,8 @@ def fitted(folder, text, ranges, begun, runs):
         write(folder / f"{i}.csv", columns)
         seen += f'\n[[run]]\ndata = "{i}.csv"\n'
     (folder / "experiment.toml").write_text(seen, encoding="utf-8")
-    study = open_experiment(folder / "experiment.toml").study
-    return study.base.settings["base"], study.experiment.notes
+    system = open_experiment(folder / "experiment.toml").system
+    return system.base.settings["base"], system.experiment.notes
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from helpers.rigs import DRIVE, DRIVEN, drive_folder
+from helpers.stated import DRIVE, DRIVEN, drive_folder
 from mopro.errors import ModelError
 from mopro.experiment.opened import open_experiment
 from mopro.source import Source

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import write
+from helpers.stated import write
 
 T = np.arange(0.0, 8.0, 0.01)
 MACHINE = 'kind = "kinematic"\nname = "stage"\nunit = "mm"\n'

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from helpers.rigs import DRIVE, DRIVEN, driven, write
+from helpers.stated import DRIVE, DRIVEN, driven, write
 from mopro.errors import ModelError
 from mopro.experiment.opened import open_experiment
 from mopro.stated.base import slope_of

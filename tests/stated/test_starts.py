@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from helpers.rigs import write
+from helpers.stated import write
 from mopro.experiment.opened import open_experiment
 
 OVEN = """\
@@ -68,7 +68,7 @@ def test_nothing_is_named_for_the_noise_of_a_first_reading(tmp_path, seed):
 @pytest.mark.parametrize("sigma", [0.002, 0.05, 0.5])
 @pytest.mark.parametrize("even", [True, False])
 def test_a_start_is_looked_for_within_the_noise_that_neighbours_show(tmp_path, sigma, even):
-    parameters = oven(tmp_path, sigma=sigma, seed=5, even=even).study.base.parameters
+    parameters = oven(tmp_path, sigma=sigma, seed=5, even=even).system.base.parameters
     starts = [p for p in parameters if p.name.startswith("start of")]
     assert len(starts) == 4
     for p in starts:
@@ -77,7 +77,7 @@ def test_a_start_is_looked_for_within_the_noise_that_neighbours_show(tmp_path, s
 
 
 def test_a_start_is_looked_for_within_the_noise_that_is_stated(tmp_path):
-    parameters = oven(tmp_path, sigma=0.05, seed=5, noise="0.08").study.base.parameters
+    parameters = oven(tmp_path, sigma=0.05, seed=5, noise="0.08").system.base.parameters
     for p in parameters:
         if p.name.startswith("start of"):
             assert (p.high - p.low) / 2 == pytest.approx(0.24)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helpers.rigs import write
+from helpers.stated import write
 from mopro.engine.swing import swing
 from mopro.experiment.opened import open_experiment
 

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from helpers.rigs import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder
+from helpers.stated import DRIVE, DRIVEN, FRICTION_OF_PLACE, drive_folder
 from mopro.errors import ModelError
 from mopro.experiment.opened import open_experiment
 
 BASE = {"base": {"viscous": 3.0, "spring": 40.0}}
 
 
-def study(folder, stated, experiment=DRIVEN):
+def system(folder, stated, experiment=DRIVEN):
     path = drive_folder(folder, DRIVE + FRICTION_OF_PLACE + stated, experiment, length_s=4.0)
-    return open_experiment(path).study
+    return open_experiment(path).system
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def study(folder, stated, experiment=DRIVEN):
     ],
 )  # fmt: skip
 def test_an_effect_acts_by_the_unit_that_the_file_states(tmp_path, stated, effect, values):
-    model = study(tmp_path, "\n" + stated + "\n").model
+    model = system(tmp_path, "\n" + stated + "\n").model
     factors = {p.name: p.factor for p in model.form(effect, values).parameters}
     own = {name: value / factors[name] for name, value in values.items()}
     (by_file,), (by_settings,) = model(BASE), model({**BASE, effect: own})
@@ -53,7 +53,7 @@ def test_an_effect_acts_by_the_unit_that_the_file_states(tmp_path, stated, effec
 )
 def test_what_cannot_act_is_told_at_its_line(tmp_path, stated, rule, words):
     with pytest.raises(ModelError, match=words) as found:
-        study(tmp_path, "\n" + stated + "\n")
+        system(tmp_path, "\n" + stated + "\n")
     (finding,) = found.value.diagnostics
     text = DRIVE + FRICTION_OF_PLACE + "\n" + stated
     assert finding.span.line in (text.count("\n"), text.count("\n") + 1)
@@ -74,5 +74,5 @@ def test_an_effect_that_these_data_lack_is_told(tmp_path):
     """Without a temperature nothing grows."""
     text = DRIVEN.replace("start = { x = 0, v = 0 }\n", "")
     text = text.replace('force = { column = "force_N"', 'command = { column = "position_mm"')
-    notes = open_experiment(drive_folder(tmp_path, GROWING, text)).study.experiment.notes
+    notes = open_experiment(drive_folder(tmp_path, GROWING, text)).system.experiment.notes
     assert "thermal_growth of stage is left out: these data lack what it acts on" in notes

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.rigs import DRIVE, drive_folder, write
+from helpers.stated import DRIVE, drive_folder, write
+from mopro.experiment.opened import experiment_file
 from mopro.experiment.stated.bare import completed
-from mopro.experiment.stated.entries import read_stated_entries
 from mopro.experiment.stated.read import read_stated_experiment
 from mopro.stated.file import EFFORT, catalogue, unlisted_terms
 from mopro.stated.names import check, unlisted_of
@@ -279,7 +279,7 @@ AXIS = {"v", "sgn v", "x", "x mod", "t", "command"}
 def test_the_units_of_free_form_terms_match(tmp_path, make, variables):
     make(tmp_path)
     experiment = completed(
-        read_stated_experiment(read_stated_entries(tmp_path / "experiment.toml"))
+        read_stated_experiment(experiment_file(tmp_path / "experiment.toml").entries)
     )
     terms = unlisted_of(experiment)
     assert {term.of for term in terms} == variables

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from helpers.rigs import write
+from helpers.stated import write
 from mopro.experiment.opened import open_experiment
-from mopro.experiment.stated.entries import read_stated_entries
-from mopro.experiment.stated.study import study
 
 RNG = np.random.default_rng
 HEAD = """\
@@ -118,7 +116,7 @@ def test_another_speed_or_the_way_back_tells_place_from_time(tmp_path, speeds):
 
 def test_waves_that_change_places_predict_the_same(tmp_path):
     verdict = verdict_of(tmp_path, [straight(0.7, 4.0)], (0.01,), (0.006,))
-    model = study(read_stated_entries(tmp_path / "experiment.toml")).model
+    model = open_experiment(tmp_path / "experiment.toml").system.model
     (other,) = verdict.effects[0].alternatives.values()
     (found,), (exchanged,) = model(verdict.settings), model(other)
     assert found - exchanged == pytest.approx((found - exchanged).mean(), abs=2e-4)

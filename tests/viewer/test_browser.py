@@ -9,7 +9,7 @@ import pytest
 from helpers.browser import browser
 from helpers.commands import run_here
 from helpers.paths import PROGRAMS
-from helpers.rigs import DRIVE, FRICTION_OF_PLACE, drive_folder
+from helpers.stated import DRIVE, FRICTION_OF_PLACE, drive_folder
 from mopro.emulator import Emulator
 from mopro.machine import load_machine
 from mopro.markup import listing, table

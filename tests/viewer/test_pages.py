@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helpers.commands import run_here
-from helpers.rigs import DRIVE, FRICTION_OF_PLACE, drive_folder
+from helpers.stated import DRIVE, FRICTION_OF_PLACE, drive_folder
 from mopro.markup import table
 from mopro.recording.moves import MoveReport
 from mopro.viewer.document import FOLDER, PLOTTER, SCRIPTS, data_block, document

@@ -78,23 +78,23 @@ def command(
     Example: mopro compare unseen.toml --apply repaired.toml
     """
     from mopro.experiment.compare.comparison import DISAGREEMENT
-    from mopro.experiment.opened import files_of, open_before, open_experiment
+    from mopro.experiment.opened import experiment_file
 
     inputs: list[Named] = [("EXPERIMENT", experiment)]
-    inputs += [("EXPERIMENT", file) for file in files_of(experiment)]
+    stated = experiment_file(experiment)
+    inputs += [("EXPERIMENT", file) for file in stated.files]
     keep_inputs(
         [("--plot", plot), ("--report", report)], [*inputs, ("--apply", machine_file(applied))]
     )
-    loaded = (
-        open_experiment(experiment, allow_python=allow_python)
-        if applied is None
-        else open_before(experiment, applied, allow_python)
-    )
+    if applied is None:
+        loaded = stated.opened(allow_python=allow_python)
+    else:
+        loaded = stated.before(applied, allow_python)
     told = _tell(loaded.notes)
     with claimed(plot, report):
         comparison, before = loaded.compare(seed), None
         if applied is not None:
-            loaded, before = open_experiment(experiment, applied, allow_python), comparison
+            loaded, before = stated.opened(applied, allow_python), comparison
             _tell(note for note in loaded.notes if note not in told)
             comparison = loaded.compare(seed)
     gaps = [] if before is None else list(_gaps(before, comparison))
@@ -137,7 +137,7 @@ def _figure_of(comparison: Comparison, before: Comparison | None, title: str, fo
 def _page(loaded: Opened, comparison: Comparison, before: Comparison | None) -> bytes:
     from mopro.viewer.comparison import comparison_page
 
-    page = comparison_page(loaded.examined, loaded.notes, comparison, before)
+    page = comparison_page(loaded, comparison, before)
     return page_bytes(page)
 
 

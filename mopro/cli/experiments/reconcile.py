@@ -77,12 +77,13 @@ def command(
 
     Example: mopro reconcile experiment.toml --out machine.toml --report why.html
     """
-    from mopro.experiment.opened import files_of, open_experiment
+    from mopro.experiment.opened import experiment_file
 
     outputs = [("--out", out), ("--report", report)]
     keep_inputs(outputs, [("EXPERIMENT", experiment)])
-    keep_inputs(outputs, [("EXPERIMENT", file) for file in files_of(experiment)])
-    loaded = open_experiment(experiment, allow_python=allow_python)
+    stated = experiment_file(experiment)
+    keep_inputs(outputs, [("EXPERIMENT", file) for file in stated.files])
+    loaded = stated.opened(allow_python=allow_python)
     left_out = _left_out(without, only, loaded.effects)
     for note in loaded.notes:
         say(note, err=True)
@@ -126,8 +127,8 @@ def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> i
     code = 0
     if out:
         try:
-            if conclusion.machine_fault is not None:
-                raise conclusion.machine_fault
+            if conclusion.repaired.fault is not None:
+                raise conclusion.repaired.fault
             write(out, conclusion.text_in(out.parent).encode("utf-8"))
         except DataError as error:
             say(error.render(), err=True)
@@ -233,7 +234,7 @@ def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:
 
 
 def _gap_rows(conclusion: Conclusion) -> Iterator[list[str]]:
-    for run, rerun in zip(conclusion.verdict.gap.runs, conclusion.rerun_rms, strict=True):
+    for run, rerun in zip(conclusion.verdict.gap.runs, conclusion.repaired.rms, strict=True):
         figures = (run.before_rms, run.after_rms, run.held_out_rms, rerun, run.noise_rms)
         unit = residual_unit(run.unit)
         yield [run.run, run.sensor, *("-" if f is None else f"{f:.3g} {unit}" for f in figures)]

@@ -60,8 +60,8 @@ def show(machine: str, as_json: bool) -> None:
     from mopro.stated.file import kind_of, load_stated
 
     if kind_of(machine) is not None:
-        rig = load_stated(machine)
-        name, rows = rig.name, list(_of_rig(rig))
+        stated = load_stated(machine)
+        name, rows = stated.name, list(_of_stated(stated))
     else:
         loaded = load_machine(machine)
         name, rows = loaded.name, [*loaded.quantities(), *_effects(loaded)]
@@ -157,15 +157,15 @@ def _checked(machine: str) -> str:
     return loaded.name
 
 
-def _of_rig(rig: StatedMachine) -> Iterator[dict[str, Any]]:
+def _of_stated(machine: StatedMachine) -> Iterator[dict[str, Any]]:
     """A row for each number and law of a machine of another kind, and for each effect in it."""
-    for number in rig.numbers.values():
+    for number in machine.numbers.values():
         origin = "free" if number.free else "stated"
         row = {"key": f"base.{number.name}", "value": number.value, "unit": number.unit}
         yield {**row, "origin": origin, "place": "", "tolerance": number.tolerance}
-    for name, law in rig.laws.items():
+    for name, law in machine.laws.items():
         yield {"key": name, "value": law.formula.text, "unit": "", "origin": "law", "place": ""}
-    for effect, values in rig.active.items():
+    for effect, values in machine.active.items():
         for name, value in values.items():
             row = {"key": f"effects.{effect}.{name}", "value": value, "unit": ""}
             yield {**row, "origin": "stated", "place": ""}

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from mopro.engine.residuals import Corrected, whiteness_p
-from mopro.engine.series import Mask, Series
+from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import rms
-from mopro.experiment.compare.allowed import allowed
+from mopro.experiment.compare.allowed import Allowed, allowed
 from mopro.experiment.compare.noise import larger_noise, noise_notes, without_wild_samples
-from mopro.experiment.compare.noise_tests import (
-    chi2_p,
-    mean_p,
-    quantile_residual,
-)
-from mopro.experiment.sawyer.alignment import aligned
-from mopro.experiment.sawyer.labels import PHASES, Labels, labels_of
-from mopro.experiment.sawyer.model import Experiment, Floats, Reading, SteadyTable
-from mopro.experiment.sawyer.nominal import planned, predict, predict_table
+from mopro.experiment.compare.noise_tests import chi2_p, mean_p
+from mopro.experiment.system import Predicted, Spot, System
 from mopro.units import residual_unit
 
 # Chance of any false alarm in one comparison, over all its tests together (Bonferroni).
@@ -29,12 +22,9 @@ FALSE_ALARMS = 1e-3
 NO_DISAGREEMENT, DISAGREEMENT = "no disagreement", "disagreement"
 NOT_JUDGED = "not judged"
 STEADY = "steady"
-_TABLE = "table"
 
 _SERIES_SHOWN = ("run", "sensor", "samples", "residual (RMS)", "noise", "σ", "only noise")
 _PLACES_SHOWN = ("run", "line", "phase", "direction", "sensor", "mean", "RMS", "σ", "")
-
-Predict = Callable[[Experiment], list[list[Floats]]]
 
 
 @dataclass(frozen=True)
@@ -192,6 +182,53 @@ class Comparison:
         }
 
 
+def compare(system: System, seed: int = 0) -> Comparison:
+    """Compare all data of an experiment with what its machine's file predicts.
+
+    `seed`: of the position of a reading within a converter's step (quantile_residual).
+    """
+    generator = np.random.default_rng(seed)
+    every = list(system.predicted(generator))
+    within, left, z = _judged(every)
+    data, notes = without_wild_samples([p.series for p in every], left)
+    if notes:
+        # An offset and a tolerance that were fitted to wild samples are off.
+        every = [replace(p, series=own) for p, own in zip(every, data, strict=True)]
+        within, left, z = _judged(every)
+    residuals = [p.residual for p in every]
+    spots = [list(p.spots(p.series)) for p in every]
+    tests = sum(_tests_of(p.series) * (1 + len(own)) for p, own in zip(every, spots, strict=True))
+    level = FALSE_ALARMS / max(tests, 1)
+    compared = [Compared(p.series, own) for p, own in zip(every, residuals, strict=True)]
+
+    def judge(z: Sequence[Floats]) -> Comparison:
+        judged = list(zip(data, residuals, z, spots, strict=True))
+        series = [
+            _series(s, r, own, level, within.chance.get(s.sensor, 1.0)) for s, r, own, _ in judged
+        ]
+        where = [_place(s, r, own, spot, level) for s, r, own, here in judged for spot in here]
+        return Comparison.of(where, series, compared, within.told, notes)
+
+    return in_larger_noise(data, z, judge)
+
+
+def _judged(every: Sequence[Predicted]) -> tuple[Allowed, list[Floats], list[Floats]]:
+    """Fitted tolerances of the sensors, the residuals without them, and these in σ of the noise."""
+    residuals = [p.residual for p in every]
+    z = [p.scaled(own) for p, own in zip(every, residuals, strict=True)]
+    within, left = allowed([p.series for p in every], residuals), residuals[:]
+    for i, (p, off) in enumerate(zip(every, within.off, strict=True)):
+        if off is not None:
+            left[i] = p.aligned(p.series, residuals[i] - off)
+            z[i] = p.scaled(left[i])
+    return within, left, z
+
+
+def _tests_of(series: Series) -> int:
+    """Tests of a series, and of each of its spots: of size, and of order in time if it has that."""
+    return 1 if series.time_s is None else 2
+
+
 def in_larger_noise(
     data: Sequence[Series], z: Sequence[Floats], judge: Callable[[Sequence[Floats]], Comparison]
 ) -> Comparison:
@@ -213,87 +250,6 @@ def _shown(number: float | None) -> str:
     return "-" if number is None else f"{number:.3g}"
 
 
-@dataclass(frozen=True)
-class _Residual:
-    """A reading minus its prediction in the sensor's unit (`values`) and in σ (`z`)."""
-
-    run: str
-    reading: Reading
-    labels: Labels
-    values: Floats
-    z: Floats
-
-    def compared(self) -> Compared:
-        """The readings with what was commanded at their times, and their residual."""
-        reading, sensor, labels = self.reading, self.reading.sensor, self.labels
-        placed = (
-            {"position": labels.command_m / sensor.unit_si} if sensor.quantity.sees_place else {}
-        )
-        series = Series(
-            run=self.run, sensor=sensor.name, unit=sensor.unit, values=reading.values,
-            sigma=sensor.sigma or None, time_s=reading.time_s,
-            labels={"line": labels.line, **placed},
-            position_unit=sensor.unit if placed else "m", tolerances=sensor.tolerances,
-        )  # fmt: skip
-        return Compared(series, self.values)
-
-    def judged(self, off: Floats | None, generator: np.random.Generator) -> _Residual:
-        """This residual with the σ of what is left without `off`."""
-        if off is None:
-            return self
-        reading = self.reading
-        left = aligned(self.values - off)
-        z = quantile_residual(reading.values, reading.values - left, reading.sensor, generator)
-        return replace(self, z=z)
-
-
-def compare(
-    experiment: Experiment,
-    generator: np.random.Generator,
-    prediction: Predict = predict,
-) -> Comparison:
-    """Compare all data of `experiment` with what `prediction` computes for it.
-
-    `generator` draws the position of a reading within a converter's step (quantile_residual).
-    """
-    residuals = list(_residuals(experiment, prediction(experiment), generator))
-    compared = [r.compared() for r in residuals]
-    within = allowed([c.series for c in compared], [c.residual for c in compared])
-    residuals = [r.judged(off, generator) for r, off in zip(residuals, within.off, strict=True)]
-    left = [
-        c.residual if off is None else aligned(c.residual - off)
-        for c, off in zip(compared, within.off, strict=True)
-    ]
-    data, notes = without_wild_samples([c.series for c in compared], left)
-    compared = [replace(c, series=series) for c, series in zip(compared, data, strict=True)]
-    groups = [
-        [rows[series.counted[rows]] for rows in _places(r.labels)]
-        for r, series in zip(residuals, data, strict=True)
-    ]
-    tests = 2 * len(residuals) + 2 * sum(map(len, groups))
-    level = FALSE_ALARMS / max(tests + sum(len(t.rise_K) for t in experiment.tables), 1)
-    tables = [(t, predict_table(t, experiment.machine)) for t in experiment.tables]
-    for table, predicted in tables:
-        seen = Series(table.name, _TABLE, "C", table.rise_K, table.noise_K)
-        compared.append(Compared(seen, table.rise_K - predicted))
-
-    def judge(z: Sequence[Floats]) -> Comparison:
-        trials = [replace(r, z=own) for r, own in zip(residuals, z, strict=True)]
-        series = [
-            _series(r, own.counted, level, within.chance.get(own.sensor, 1.0))
-            for r, own in zip(trials, data, strict=True)
-        ]
-        places = zip(trials, groups, strict=True)
-        where = [_place(r, rows, level) for r, own in places for rows in own if len(rows)]
-        for table, predicted in tables:
-            rows, whole = _table(table, predicted, level)
-            where += rows
-            series.append(whole)
-        return Comparison.of(where, series, compared, within.told, notes)
-
-    return in_larger_noise(data, [r.z for r in residuals], judge)
-
-
 def _verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
     """Verdict of a comparison with these places and series."""
     if any(s.white is False for s in series) or any(p.significant for p in where):
@@ -301,69 +257,29 @@ def _verdict_of(where: Sequence[Place], series: Sequence[SeriesTest]) -> str:
     return NO_DISAGREEMENT if all(s.white for s in series) else NOT_JUDGED
 
 
-def _residuals(
-    experiment: Experiment, predicted: list[list[Floats]], generator: np.random.Generator
-) -> Iterator[_Residual]:
-    microstep_m = experiment.machine.microstep_m
-    for trial, of_trial in zip(experiment.trials, predicted, strict=True):
-        schedule = planned(trial, experiment.machine)
-        for reading, expected in zip(trial.readings, of_trial, strict=True):
-            values = aligned(reading.values - expected)
-            z = quantile_residual(
-                reading.values, reading.values - values, reading.sensor, generator
-            )
-            marks = labels_of(reading, schedule, microstep_m)
-            yield _Residual(trial.name, reading, marks, values, z)
-
-
-def _places(labels: Labels) -> Iterator[np.ndarray[Any, np.dtype[np.intp]]]:
-    """Indices of the samples of each line, phase and direction, in the order of the lines."""
-    codes = np.unique(labels.phase, return_inverse=True)[1]
-    keys = (labels.line.astype(np.int64) * len(PHASES) + codes) * 3 + labels.direction
-    group = np.unique(keys, return_inverse=True)[1]
-    order = np.argsort(group, kind="stable")
-    edges = np.flatnonzero(np.diff(group[order])) + 1
-    yield from np.split(order, edges)
-
-
-def _place(r: _Residual, rows: np.ndarray[Any, np.dtype[np.intp]], level: float) -> Place:
-    sensor, first, z = r.reading.sensor, int(rows[0]), r.z[rows]
+def _place(series: Series, residual: Floats, z: Floats, spot: Spot, level: float) -> Place:
+    """The place of a spot; `z` is what is left of the residual, in standard deviations."""
+    rows = spot.rows
+    p_value = None if series.sigma is None else min(chi2_p(z[rows]), mean_p(z[rows]))
     return Place.of(
-        r.values[rows],
-        sensor.sigma,
-        min(chi2_p(z), mean_p(z)),
-        level,
-        run=r.run,
-        line=int(r.labels.line[first]),
-        phase=str(r.labels.phase[first]),
-        axis=sensor.axis if sensor.quantity.of_axis else None,
-        direction=int(r.labels.direction[first]),
-        sensor=sensor.name,
-        unit=sensor.unit,
-    )
-
-
-def _series(r: _Residual, counted: Mask, level: float, chance: float) -> SeriesTest:
-    sensor, z = r.reading.sensor, r.z[counted]
-    size_p = min(chi2_p(z, fitted=1), chance)
-    return SeriesTest.of(
-        r.values[counted], sensor.sigma, size_p, whiteness_p(z), level,
-        run=r.run, sensor=sensor.name, unit=sensor.unit,
+        residual[rows], series.sigma, p_value, level,
+        run=series.run, line=spot.line, phase=spot.phase, axis=spot.axis,
+        direction=spot.direction, sensor=series.sensor, unit=series.unit,
     )  # fmt: skip
 
 
-def _table(table: SteadyTable, predicted: Floats, level: float) -> tuple[list[Place], SeriesTest]:
-    """Each row of a table as a Place, and the table as a whole; not judged without known noise."""
-    residual, noise = table.rise_K - predicted, table.noise_K
-    places = [
-        Place.of(
-            own, noise, None if noise is None else mean_p(own / noise), level, run=table.name,
-            line=row, phase=STEADY, axis=None, direction=0, sensor=_TABLE, unit="C",
-        )
-        for row, own in enumerate(residual[:, None], start=1)
-    ]  # fmt: skip
-    size_p = None if noise is None else chi2_p(residual / noise)
-    whole = SeriesTest.of(
-        residual, noise, size_p, None, level, run=table.name, sensor=_TABLE, unit="C"
-    )
-    return places, whole
+def _series(series: Series, residual: Floats, z: Floats, level: float, chance: float) -> SeriesTest:
+    own, ordered = z[series.counted], series.time_s is not None
+    known = series.sigma is not None
+    size_p = min(chi2_p(own, fitted=int(ordered)), chance) if known else None
+    memory_p = whiteness_p(own) if known and ordered else None
+    return SeriesTest.of(
+        residual[series.counted], series.sigma, size_p, memory_p, level,
+        run=series.run, sensor=series.sensor, unit=series.unit,
+    )  # fmt: skip
+
+
+def worst(places: Sequence[Place], most: int) -> tuple[Place, ...]:
+    """The significant places; where no noise is known, the largest."""
+    known = [place for place in places if place.significant]
+    return tuple(known or [p for p in places if p.sigma is None])[:most]

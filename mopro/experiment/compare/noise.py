@@ -16,8 +16,14 @@ from mopro.engine.series import Floats, Series
 def without_wild_samples(
     data: Sequence[Series], left: Sequence[Floats]
 ) -> tuple[list[Series], tuple[str, ...]]:
-    """The series without their wild and repeated samples, by what is `left` of them, and notes."""
-    parts = [without_wild(series, own) for series, own in zip(data, left, strict=True)]
+    """The series without their wild and repeated samples, by what is `left` of them, and notes.
+
+    Rows of a table have no neighbours that a wild one could differ from.
+    """
+    parts = [
+        (series, list[str]()) if series.time_s is None else without_wild(series, own)
+        for series, own in zip(data, left, strict=True)
+    ]
     return [series for series, _ in parts], tuple(note for _, notes in parts for note in notes)
 
 
@@ -27,7 +33,9 @@ def larger_noise(data: Sequence[Series], z: Sequence[Floats]) -> list[float]:
     `z`: what is left of each series in standard deviations. 1 where it is as stated, or unknown.
     """
     factors = [
-        math.sqrt(difference_variance(own[series.counted])) if series.sigma else 1.0
+        math.sqrt(difference_variance(own[series.counted]))
+        if series.sigma and series.time_s is not None
+        else 1.0
         for series, own in zip(data, z, strict=True)
     ]
     return [factor if factor > 1 + TOLERANCE else 1.0 for factor in factors]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy import special
 
-from mopro.experiment.sawyer.model import Floats
+from mopro.engine.series import Floats
 from mopro.instruments.sensor import Sensor
 
 # Share of a converter's step that the noise is at least taken for: a prediction is not exact.

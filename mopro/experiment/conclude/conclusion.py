@@ -4,117 +4,65 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Protocol
-
-import numpy as np
+from typing import Any
 
 from mopro import markup
-from mopro.effects import catalogue_of
-from mopro.effects.unlisted import written_terms
-from mopro.engine.residuals import Residuals, without_wild
-from mopro.engine.series import Floats, Series
-from mopro.engine.verdict import Verdict, rms
+from mopro.engine import reconcile
+from mopro.engine.verdict import Verdict
 from mopro.errors import DataError
-from mopro.experiment.compare.comparison import Place, compare
-from mopro.experiment.conclude.drafts import filed
-from mopro.experiment.conclude.machine_file import machine_text, machine_with, of_runs, quoted
-from mopro.experiment.conclude.wording import (
-    advice,
-    file_words,
-    reservations,
-    unconfirmed_words,
-)
-from mopro.experiment.sawyer.diagnosis import Model, diagnose
-from mopro.experiment.sawyer.experiment_design import Proposal, propose
-from mopro.experiment.sawyer.model import Experiment
-from mopro.machine.formulas import read_formulas
+from mopro.experiment.compare.comparison import Place, compare, worst
+from mopro.experiment.conclude import drafts
+from mopro.experiment.conclude.wording import file_words, reservations, unconfirmed_words
+from mopro.experiment.system import Proposal, Repaired, System
 from mopro.source import Source
 from mopro.tomlfile import Document
+from mopro.tomlfile.edit import Text, quoted
 
 _MOST_PLACES = 40
-# Of the generator that draws the position of a reading within a coarse converter's step.
-_SEED = 0
-
-
-class _Named(Protocol):
-    @property
-    def name(self) -> str:
-        """The name of a machine or a run."""
-        ...
-
-
-class Examined(Protocol):
-    """An experiment of any kind of machine, as far as a conclusion tells of it."""
-
-    @property
-    def source(self) -> Source:
-        """The experiment's file."""
-        ...
-
-    @property
-    def machine(self) -> _Named:
-        """Its machine."""
-        ...
-
-    @property
-    def trials(self) -> Sequence[_Named]:
-        """Its runs that have time series."""
-        ...
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Remarks on its data."""
-        ...
+# What a library says of such numbers tells nobody what to do.
+_NOT_FINITE = (
+    "{}: with some effects the model comes to numbers that cannot be worked with: look at the "
+    "signs of its law and at the ranges of its free numbers, or leave effects out with --without"
+)
 
 
 @dataclass(frozen=True)
 class Conclusion:
     """A verdict and what follows from it.
 
-    `rerun_rms` is the RMS residual of each series, in its unit, when the experiment is
-    simulated again on the machine that `machine_text` describes, None where that cannot be read.
-    `machine_fault`: why that text must not be written. `of_runs`: the effects in it that belong to
-    the runs of this experiment. `left_out` are the effects that were no candidates, `tried` those
-    that were.
-    `program`: the model, if the machine is a program. `filed`: the verdict as the file has it, if
-    it has drafts.
-    `advice`: what else to do if the verdict is ambiguous and no next experiment is proposed.
+    `system`: that the verdict is of. `left_out` are the effects that were no candidates, `tried`
+    those that were. `advice`: what else to do if the verdict is ambiguous and no next experiment is
+    proposed. `filed`: the verdict as the machine file has it, if that has drafts.
     """
 
-    experiment: Examined
-    series: tuple[Series, ...]
+    system: System
     verdict: Verdict
     where: tuple[Place, ...]
-    machine_text: str
-    rerun_rms: tuple[float | None, ...]
+    repaired: Repaired
     next_experiment: Proposal | None
     advice: str
-    machine_fault: DataError | None = None
-    of_runs: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     tried: tuple[str, ...] = ()
-    program: Path | None = None
     filed: Verdict | None = None
+
+    @property
+    def machine_text(self) -> str:
+        """The machine's file with what was found."""
+        return self.repaired.text
 
     def text_in(self, folder: Path) -> str:
         """The machine's file for a folder: it finds a model that is a program from there."""
-        if self.program is None:
-            return self.machine_text
-        stated = Document(Source("", self.machine_text)).root["python"]
-        found = os.path.relpath(self.program.resolve(), folder.resolve())
-        named = f"{Path(found).as_posix()}:{stated.data.rpartition(':')[2]}"
-        lines, row = self.machine_text.split("\n"), stated.span.line - 1
-        # The span is that of the key.
-        lines[row] = lines[row].replace(stated.data, quoted(named)[1:-1], 1)
-        return "\n".join(lines)
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """The names of the runs that have time series."""
-        return tuple(trial.name for trial in self.experiment.trials)
+        text, program = self.repaired.text, self.system.program
+        if program is None:
+            return text
+        source = Source("", text)
+        function = Document(source).root["python"].data.rpartition(":")[2]
+        found = os.path.relpath(program.resolve(), folder.resolve())
+        named = quoted(f"{Path(found).as_posix()}:{function}")
+        return f"{Text.of(source).with_value(('python',), named)}\n"
 
     def _repr_html_(self) -> str:
         """The verdict, and the program that would distinguish its alternatives."""
@@ -128,8 +76,9 @@ class Conclusion:
 
     def reservations(self) -> Iterator[str]:
         """Lines on what the machine file leaves out, has for certain runs, or predicts worse."""
-        yield from reservations(self.verdict, self.runs)
-        yield from file_words(self.filed or self.verdict, self.of_runs, self.rerun_rms, self.series)
+        yield from reservations(self.verdict, self.system.runs)
+        filed, repaired = self.filed or self.verdict, self.repaired
+        yield from file_words(filed, repaired.of_runs, repaired.rms, self.system.series)
         if self.filed is not None:
             yield from unconfirmed_words(self.verdict, self.filed)
 
@@ -140,7 +89,7 @@ class Conclusion:
         answer["reservations"] = list(self.reservations())
         answer["gap"]["runs"] = [
             {**run, "rerun_rms": rerun}
-            for run, rerun in zip(answer["gap"]["runs"], self.rerun_rms, strict=True)
+            for run, rerun in zip(answer["gap"]["runs"], self.repaired.rms, strict=True)
         ]
         if self.next_experiment:
             answer["next_experiment"] = self.next_experiment.text
@@ -154,64 +103,61 @@ class Conclusion:
 
 
 def conclude(
-    experiment: Experiment,
+    system: System,
     jobs: int = 1,
     progress: Callable[[str], None] = lambda _: None,
     left_out: Collection[str] = (),
     with_drafts: bool = False,
 ) -> Conclusion:
-    """Diagnose `experiment`, without the effects in `left_out`, and derive what follows.
+    """Find what the model of `system` lacks, without the effects in `left_out`, and what follows.
 
     The machine file has those drafts as well that it can state as formulas if `with_drafts`.
-    Raises MotionError, ModelError.
+    Raises MotionError for a program that cannot be run, ModelError and DataError.
     """
     progress("comparing")
-    places = compare(experiment, np.random.default_rng(_SEED)).where
-    diagnosis = diagnose(experiment, jobs, progress, left_out)
-    verdict, series = diagnosis.verdict, diagnosis.series
+    where = worst(compare(system).where, _MOST_PLACES)
+    judged, verdict = diagnose(system, jobs, progress, left_out)
     progress("simulating the experiment again with the effects found")
-    stated, found = drafted(experiment, verdict) if with_drafts else (experiment, verdict)
-    machine = machine_with(stated, found)
-    again = Model(replace(diagnosis.experiment, machine=machine), resolved=diagnosis.resolved)
-    rerun = Residuals(again, series).calibrated_at({}).of_exact_sensors({})
-    proposal = None
-    # No program tells what was in a run that is over.
-    if verdict.verdict == "ambiguous" and not any(effect.run for effect in verdict.effects):
+    drafted = drafts.with_drafts(judged, verdict) if with_drafts else None
+    stated, named = drafted or (judged, verdict)
+    repaired, proposal = stated.repaired(named), None
+    if verdict.verdict == "ambiguous":
         progress("designing an experiment that distinguishes the alternatives")
-        proposal = propose(experiment, verdict)
+        proposal = system.next_experiment(verdict)
+    tried, off = system.tried(left_out)
     return Conclusion(
-        experiment=experiment,
-        series=series,
+        system=judged,
         verdict=verdict,
-        where=tuple(place for place in places if place.significant)[:_MOST_PLACES],
-        machine_text=machine_text(stated, found),
-        of_runs=tuple(of_runs(stated, found)),
-        rerun_rms=tuple(_rms(s, own) for s, own in zip(series, rerun, strict=True)),
+        where=where,
+        repaired=repaired,
         next_experiment=proposal,
-        advice=advice(verdict),
-        left_out=tuple(sorted(left_out)),
-        tried=tuple(name for name in catalogue_of(experiment.machine) if name not in left_out),
-        filed=None if found is verdict else found,
+        advice=system.advice(verdict),
+        left_out=off,
+        tried=tried,
+        filed=drafted and named,
     )
 
 
-def drafted(experiment: Experiment, verdict: Verdict) -> tuple[Experiment, Verdict]:
-    """The experiment and the verdict with those drafts that a motor's file can state as formulas.
+def diagnose(
+    system: System,
+    jobs: int = 1,
+    progress: Callable[[str], None] = lambda _: None,
+    left_out: Collection[str] = (),
+) -> tuple[System, Verdict]:
+    """The verdict on `system`, and the variant of it that the data call for.
 
-    They are forces of the place and the speed in which nothing but their size was fitted.
+    Effects whose names are in `left_out` are no candidates and no alternatives.
     """
-    found = filed(verdict, written_terms())
-    if found is None:
-        return experiment, verdict
-    text, wider = found
-    machine = experiment.machine.beside(Document(text).read(read_formulas))
-    return replace(experiment, machine=machine), wider
 
+    def asked(own: System) -> Verdict:
+        question = own.question(left_out)
+        try:
+            return reconcile(**vars(question), jobs=jobs, progress=progress)
+        except ValueError as error:
+            message = _NOT_FINITE.format(system.source.name)
+            raise DataError(message, "not-finite") from error
 
-def _rms(series: Series, residual: Floats) -> float:
-    """RMS of a residual (in the unit of the series) without its offset and wild samples."""
-    counting, _ = without_wild(series, series.without_nuisances(residual))
-    return rms(counting.without_nuisances(residual)[counting.counted])
+    return system.judged(asked, left_out)
 
 
 def _strict(value: Any) -> Any:

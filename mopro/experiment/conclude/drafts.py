@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 from mopro.engine.verdict import Draft, Named, Verdict
-from mopro.experiment.conclude.machine_file import quoted
+from mopro.experiment.system import System
 from mopro.formula.written import WrittenEffect
 from mopro.source import Source
+from mopro.tomlfile.edit import quoted
 
 
-def filed(verdict: Verdict, terms: Mapping[str, WrittenEffect]) -> tuple[Source, Verdict] | None:
-    """Text of the `[[effect]]` sections of drafts, and the verdict with those among its effects.
+def with_drafts(system: System, verdict: Verdict) -> tuple[System, Verdict] | None:
+    """The machine with the drafts of a verdict in its equations, and the verdict with them named.
 
-    They are the drafts of all runs that stand beside the answer and are in `terms` by their name;
-    all sizes are those beside them. None where there are none: a set that would do as well as the
-    answer is not beside it.
+    They are those of all runs that stand beside the answer and are among the system's terms; all
+    sizes are those beside them. Others, such as a step in the readings of one run, are none of the
+    machine. None where there are none: a set that would do as well as the answer is not beside it.
     """
+    terms = system.terms
     taken = [draft for draft in verdict.drafts if draft.run is None and draft.name in terms]
     if not taken or verdict.without_drafts is None:
         return None
@@ -34,7 +36,7 @@ def filed(verdict: Verdict, terms: Mapping[str, WrittenEffect]) -> tuple[Source,
         drafts=tuple(draft for draft in verdict.drafts if draft not in taken),
         without_drafts=None,
     )
-    return Source("drafts", "\n".join(lines)), wider
+    return system.beside(Source("drafts", "\n".join(lines))), wider
 
 
 def _file_name(draft: Draft) -> str:

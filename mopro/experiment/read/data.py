@@ -18,8 +18,8 @@ from typing import NoReturn, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.engine.series import Floats
 from mopro.errors import DataFileError, Diagnostic
-from mopro.experiment.sawyer.model import Floats
 from mopro.logs.foreign import kind_of
 from mopro.logs.place import cell_span
 from mopro.source import Source, Span

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from mopro.logs.ledger import Rows
 from mopro.text import visible
-from mopro.tomlfile import Document, Value, read_source
+from mopro.tomlfile import Value
 from mopro.tomlfile.schema import table_in
 
 _MOST = 50
@@ -49,9 +48,3 @@ def _are(entries: object, kind: type) -> bool:
     return isinstance(entries, list) and len(entries) <= _MOST and all(
         isinstance(entry, kind) for entry in entries
     )  # fmt: skip
-
-
-def rows_of(path: str | Path) -> KeptRows | None:
-    """The rows of the experiment in file `path`; None if it does not state them. ModelError."""
-    document = Document(read_source(path))
-    return document.read(lambda root: root.get("rows", kept_rows, None))

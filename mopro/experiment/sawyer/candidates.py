@@ -15,8 +15,8 @@ from mopro.effects.base import AXIS, WIDER
 from mopro.effects.unlisted import unlisted_terms
 from mopro.engine.assumed import CLEAR
 from mopro.engine.candidate import RUN, Candidate, Parameter, Role
-from mopro.experiment.sawyer import thermal
 from mopro.experiment.sawyer.forward_model import ForwardModel
+from mopro.experiment.sawyer.steady import lasts
 from mopro.instruments.quantity import Quantity
 from mopro.machine import Machine
 
@@ -101,7 +101,7 @@ def _of_heat(model: ForwardModel, lasting: bool) -> Iterator[Candidate]:
     """
     machine = model.experiment.machine
     for effect in catalogue_of(machine).values():
-        if effect.domain is Domain.HEAT and thermal.lasts(effect, machine) is lasting:
+        if effect.domain is Domain.HEAT and lasts(effect, machine) is lasting:
             yield from effect.candidates(model) if model.experiment.trials else effect.forms(model)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from mopro.errors import DataError
+from mopro.experiment.read.entries import file_beside, sections_of
 from mopro.experiment.read.rows import kept_rows
 from mopro.experiment.sawyer.raw import KINDS
-from mopro.inputs import no_file
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor
 from mopro.instruments.stated import TOLERANCES
@@ -18,7 +18,7 @@ from mopro.machine import Machine, builtin_machines, load_machine
 from mopro.machine.file import formulas_in
 from mopro.program import AXES
 from mopro.source import Source, Span
-from mopro.tomlfile import Document, Refused, Value, read_named, read_source, shown
+from mopro.tomlfile import Document, Refused, Value, read_named, shown
 from mopro.tomlfile.schema import Reader, flag, number, one_of, quantity, text
 
 
@@ -80,7 +80,7 @@ class RunEntry:
 
 
 @dataclass(frozen=True)
-class Entries:
+class SawyerEntries:
     """Contents of experiment.toml, before any of its data are read."""
 
     source: Source
@@ -102,20 +102,9 @@ class Entries:
         return [Path(self.source.name), *own, *dict.fromkeys(named)]
 
 
-def read_entries(path: str | Path) -> Entries:
-    """Read the file's entries; raises ModelError with all findings."""
-    document = Document(read_source(path))
+def read_sawyer(document: Document) -> SawyerEntries:
+    """The entries of an experiment's file; ModelError with all findings."""
     return document.read(_Reader(document.source).entries)
-
-
-def file_beside(source: Source, value: Value) -> Path:
-    """Path of the regular file that a key of the experiment names, relative to its folder."""
-    name = text(message=f"expected the name of a file for {value.key}")(value)
-    path = Path(source.name).parent / name
-    if wrong := no_file(path, shown(path, 400)):
-        hint = "paths begin at the folder of this file"
-        raise value.refused(wrong, "no-such-file", hint)
-    return path
 
 
 def instrument(name_or_path: str, axis: int) -> Sensor:
@@ -148,11 +137,11 @@ class _Reader:
         self._source = source
         self._machine_file: Path | None = None
 
-    def entries(self, root: Value) -> Entries:
+    def entries(self, root: Value) -> SawyerEntries:
         root.only({"machine", "grammar", "sensor", "run", "effect", "rows"})
         root.get("rows", kept_rows, None)
         grammar = root.get("grammar", one_of(*_GRAMMARS), _GRAMMARS[0])
-        tables = self._sections(root, "run")
+        tables = sections_of(root, "run")
         sampled = any("table" not in entry for entry in tables)
         sensors = self._sensors(root, sampled)
         sensor_name = _name_among(sensors)
@@ -162,7 +151,7 @@ class _Reader:
         formulas = formulas_in(root)
         if machine is None:
             raise Refused
-        return Entries(
+        return SawyerEntries(
             self._source,
             machine.beside(formulas),
             grammar,
@@ -181,18 +170,10 @@ class _Reader:
     def _file(self, value: Value) -> Path:
         return file_beside(self._source, value)
 
-    @staticmethod
-    def _sections(root: Value, key: str) -> list[Value]:
-        before = root.faults
-        entries = root.sections(key)
-        if not entries and root.faults == before:
-            root.report(f"expected at least one [[{key}]]", "missing-key", at=key)
-        return entries
-
     def _sensors(self, root: Value, sampled: bool) -> dict[str, SensorEntry]:
         """The sensors that can be used, by name; without `sampled` data they need no rate."""
         sensors: dict[str, SensorEntry] = {}
-        for entry in self._sections(root, "sensor"):
+        for entry in sections_of(root, "sensor"):
             if made := _sensor(entry, sampled):
                 name = made.sensor.name
                 if name in sensors:

@@ -6,7 +6,6 @@ import numpy as np
 
 from mopro.effects import catalogue_of
 from mopro.effects.resolve import active_effects
-from mopro.experiment.sawyer.alignment import aligned
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.logged import schedule_of
 from mopro.experiment.sawyer.model import Experiment, Floats, SteadyTable, Trial
@@ -63,3 +62,15 @@ def _chi2(experiment: Experiment, predicted: list[list[Floats]]) -> float:
         for trial, of_trial in zip(experiment.trials, predicted, strict=True)
         for reading, expected in zip(trial.readings, of_trial, strict=True)
     )
+
+
+def aligned(residual: Floats) -> Floats:
+    """`residual` less its offset, a robust mean.
+
+    The offset is the mean of the samples within 3 σ of the median, σ from the median absolute
+    deviation, so that a disagreement in a few places does not shift all others.
+    """
+    middle = float(np.median(residual))
+    spread = 1.4826 * float(np.median(np.abs(residual - middle)))
+    near = np.abs(residual - middle) <= 3 * spread
+    return residual - float(residual[near].mean())

@@ -10,7 +10,7 @@ import numpy as np
 
 from mopro.errors import render_all
 from mopro.experiment.read.data import TIME, DataFile, other_unit, read_data, refused
-from mopro.experiment.sawyer.file import Entries, RunEntry, SensorEntry, read_entries
+from mopro.experiment.sawyer.file import RunEntry, SawyerEntries, SensorEntry
 from mopro.experiment.sawyer.model import (
     Experiment,
     Floats,
@@ -42,17 +42,12 @@ _OTHERS = re.compile(
 )
 
 
-def read_experiment(path: str | Path) -> Experiment:
-    """The experiment in file `path`, and all the data that it names.
+def read_runs(entries: SawyerEntries) -> Experiment:
+    """The experiment, with all the data that its file names.
 
-    Raises ModelError for the file itself, SourceError for a program, DataError for data.
-    The data are not checked against their programs; `load_experiment` does that.
+    Raises SourceError for a program, DataError for data. The data are not checked against their
+    programs; `loaded` does that.
     """
-    return read_runs(read_entries(path))
-
-
-def read_runs(entries: Entries) -> Experiment:
-    """The experiment with the files that `entries` names; see read_experiment."""
     reader = _Runs(entries)
     trials = tuple(reader.trial(run) for run in entries.runs if run.form != "table")
     tables = tuple(reader.table(run) for run in entries.runs if run.form == "table")
@@ -60,7 +55,7 @@ def read_runs(entries: Entries) -> Experiment:
 
 
 class _Runs:
-    def __init__(self, entries: Entries) -> None:
+    def __init__(self, entries: SawyerEntries) -> None:
         self._entries = entries
         self.notes: list[str] = []
 

@@ -15,10 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from mopro.effects import Active, Domain, catalogue_of
+from mopro.effects import Active, Domain, Effect, catalogue_of
 from mopro.effects.base import Surroundings
 from mopro.effects.resolve import active_effects, with_values
 from mopro.effects.unlisted import with_unlisted
+from mopro.engine.series import Series
+from mopro.engine.tolerances import Tolerances
 from mopro.experiment.sawyer.model import Floats, SteadyTable
 from mopro.machine import Machine
 from mopro.motion import plan_profile
@@ -93,3 +95,24 @@ def _rise(machine: Machine, motion: _SteadyMotion, active: Sequence[Active]) -> 
     if flow_W(coldest_K) < 0:
         return coldest_K
     return float(optimize.brentq(flow_W, coldest_K, HOTTEST_RISE_K, xtol=_RESOLUTION_K))
+
+
+def series_of_table(table: SteadyTable) -> Series:
+    """The table as a Series of one sensor, each row a fold.
+
+    A rise is the difference of two readings, so there is no offset to take out.
+    """
+    rows = len(table.rise_K)
+    return Series(
+        table.name, "temperature", "K", table.rise_K, table.noise_K,
+        folds=np.arange(rows), nuisances=np.zeros((rows, 0)),
+        tolerances=Tolerances(gain=table.gain_tolerance),
+    )  # fmt: skip
+
+
+def lasts(effect: Effect, machine: Machine) -> bool:
+    """True if the effect changes the final temperature of a motion, not only the approach to it."""
+    one = np.array([0.1])
+    motion = SteadyTable("", one, one, one, 0 * one, one, None)
+    largest = {effect.name: {p.name: p.plausible[1] for p in effect.parameters}}
+    return bool((rises(motion, machine, largest) != rises(motion, machine, {})).any())

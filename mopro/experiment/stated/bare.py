@@ -26,13 +26,16 @@ def completed(experiment: StatedExperiment) -> StatedExperiment:
 
     Raises ModelError where the experiment has no input that could drive it.
     """
-    rig = experiment.machine
-    if not rig.bare:
+    machine = experiment.machine
+    if not machine.bare:
         return experiment
-    body = {AXIS: _axis, THERMAL: _thermal}[rig.kind]
-    text = "\n".join([f'kind = "{rig.kind}"', f'name = "{rig.name}"', *body(experiment)]) + "\n"
-    made = read_stated(Source(rig.name, text)).beside(rig.effects)
-    return replace(experiment, machine=replace(made, unit=made.unit or rig.unit))
+    body = {AXIS: _axis, THERMAL: _thermal}[machine.kind]
+    text = (
+        "\n".join([f'kind = "{machine.kind}"', f'name = "{machine.name}"', *body(experiment)])
+        + "\n"
+    )
+    made = read_stated(Source(machine.name, text)).beside(machine.effects)
+    return replace(experiment, machine=replace(made, unit=made.unit or machine.unit))
 
 
 def _missing(experiment: StatedExperiment, what: str, line: str) -> ModelError:

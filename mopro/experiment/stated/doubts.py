@@ -67,7 +67,7 @@ def check_scales(model: Model, data: Sequence[Series], base: BaseFit) -> list[st
         if not np.ptp(series.values):
             continue  # what is left of equal readings is rounding, which is of any scale
         factor, poor = _of_line(series, own), True
-        if factor is None and base.parameters and model.rig.kind != KINEMATIC:
+        if factor is None and base.parameters and model.machine.kind != KINEMATIC:
             factor, poor = _of_fits(parts, series, _left(series, own))
         if factor is None:
             continue
@@ -102,11 +102,11 @@ def _levels(model: Model, predicted: Sequence[Floats], told: Collection[str]) ->
             reading = model.readings[i][1]
             if reading.sensor.name in told or reading.sensor.scale is None:
                 continue
-            if model.rig.kind == KINEMATIC:
+            if model.machine.kind == KINEMATIC:
                 found = _level(reading.values, predicted[i], "the command")
             else:
                 others = [model.readings[j][1] for j in rows if j != i]
-                found = _first_level(reading, others) if model.rig.kind == THERMAL else None
+                found = _first_level(reading, others) if model.machine.kind == THERMAL else None
             if found is not None:
                 yield f"{reading.sensor.name}: the readings of {run.name} {found}"
 
@@ -234,7 +234,7 @@ class _Part:
 def _fitted_together(model: Model, data: Sequence[Series]) -> list[_Part]:
     """Each run by itself, or all of them where they share a number that is free."""
     whole = _Part(model, data)
-    shared = any(number.free for number in model.rig.numbers.values())
+    shared = any(number.free for number in model.machine.numbers.values())
     return [whole] if shared else [whole.of(run.name) for run in model.experiment.trials]
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from mopro.experiment.read.entries import file_beside, sections_of
 from mopro.experiment.read.rows import kept_rows
-from mopro.experiment.sawyer.file import file_beside
 from mopro.experiment.stated.bare import skeleton
 from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, parse
 from mopro.formula.entry import check_name, read_effects, read_formula
@@ -20,7 +20,7 @@ from mopro.source import Source
 from mopro.stated.data import Sensor
 from mopro.stated.file import HOSTS, load_stated
 from mopro.stated.model import AMBIENT, AXIS, KINDS, KINEMATIC, PYTHON, THERMAL, StatedMachine
-from mopro.tomlfile import Document, Refused, Value, read_source, shown
+from mopro.tomlfile import Document, Refused, Value, shown
 from mopro.tomlfile.schema import flag, number, number_in, one_of, table_in, text
 
 T = TypeVar("T")
@@ -107,9 +107,8 @@ class StatedEntries:
         return folder / self.machine.python[0]
 
 
-def read_stated_entries(path: str | Path, applied: str | Path | None = None) -> StatedEntries:
+def read_stated_entries(document: Document, applied: str | Path | None = None) -> StatedEntries:
     """The file's entries; `applied` is a machine to take instead. ModelError with all findings."""
-    document = Document(read_source(path))
     return document.read(_Reader(document.source, applied).entries)
 
 
@@ -132,11 +131,8 @@ class _Reader:
         machine = machine.beside(read_effects(root, HOSTS[machine.kind]))
         clock = root.get("time", _clock, _Clock("time_s", 1.0))
         inputs = root.get("inputs", _inputs(machine.kind), {})
-        sensors = [s for entry in root.sections("sensor") if (s := _sensor(entry, machine))]
-        runs = [self._run(entry, inputs, machine) for entry in root.sections("run")]
-        for key, found in (("sensor", sensors), ("run", runs)):
-            if not found and root.faults == before:
-                root.report(f"expected at least one [[{key}]]", "missing-key", at=key)
+        sensors = [s for entry in sections_of(root, "sensor") if (s := _sensor(entry, machine))]
+        runs = [self._run(entry, inputs, machine) for entry in sections_of(root, "run")]
         _check_names(root, "sensor", [s.name for s in sensors])
         _check_names(root, "run", [run.name for run in runs if run])
         if root.faults > before:

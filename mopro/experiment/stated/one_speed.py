@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mopro.engine.assumed import VERY_STRONG
-from mopro.engine.series import Settings
+from mopro.engine.series import Series, Settings
 from mopro.engine.verdict import Named, Verdict, rms
-from mopro.experiment.stated.study import Study
 from mopro.formula.evaluate import Floats
 from mopro.formula.language import parse, substituted
 from mopro.formula.written import AMPLITUDE, PERIOD, WrittenEffect
@@ -23,15 +22,14 @@ _NOTE = (
 )
 
 
-def at_one_speed(study: Study, verdict: Verdict) -> Verdict:
+def at_one_speed(model: Model, series: Sequence[Series], verdict: Verdict) -> Verdict:
     """The verdict with each wave in place as ambiguous with the same one in time, and the reverse.
 
     A search tells such alternatives by the names in a set, which stay if two waves change places.
     """
-    model = study.model
-    if model.rig.kind != KINEMATIC or model.foreign is not None:
+    if model.machine.kind != KINEMATIC or model.foreign is not None:
         return verdict
-    sigmas = [s.sigma or rms(left) for s, left in zip(study.series, verdict.after, strict=True)]
+    sigmas = [s.sigma or rms(left) for s, left in zip(series, verdict.after, strict=True)]
     twins = {e.name: t for e in verdict.effects if (t := _twin(model, e, verdict, sigmas))}
     kept = {e.name for e in verdict.effects} - twins.keys()
     # A name stands once in a set.

@@ -8,16 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
+from mopro.effects import catalogue_of
+from mopro.effects.resolve import active_effects
 from mopro.experiment.read.data import read_data
-from mopro.experiment.sawyer.labels import labels
-from mopro.experiment.sawyer.model import Trial
-from mopro.experiment.sawyer.nominal import planned
 from mopro.experiment.stated.entries import RunEntry, StatedEntries
 from mopro.formula import Formula, FormulaError, factor_of
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.language import check_names
 from mopro.machine import load_machine
 from mopro.machine.runs import data_of
+from mopro.plant import CommandTable, plan_with_effects
+from mopro.program import AXES
 from mopro.program.compile import compile_file
 from mopro.stated.data import Reading, Run, Sensor, StatedExperiment
 from mopro.stated.model import AXIS, THERMAL
@@ -26,14 +27,16 @@ from mopro.tomlfile import Value
 _CONTROLLER = "chow1992"
 
 
-def command_of(path: Path, time_s: Floats, axis: int = 1) -> Floats:
-    """Commanded position (m) of an axis at `time_s`, as the controller of 1992 plans a program.
+def command_of(path: Path, time_s: Floats) -> Floats:
+    """Commanded position (m) of axis 1 at `time_s`, as the controller of 1992 plans a program.
 
     Raises SourceError and MotionError for the program.
     """
-    machine = load_machine(_CONTROLLER)
-    trial = Trial(path.name, compile_file(path, "attested"), None, 0.0, (), partial=False)
-    return labels(planned(trial, machine), axis, time_s, machine.microstep_m).command_m
+    machine, first = load_machine(_CONTROLLER), AXES[0]
+    active = active_effects(machine, catalogue_of(machine))
+    schedule = plan_with_effects(compile_file(path, "attested"), machine, active)
+    place_u = CommandTable(schedule.tracks[first]).position_u(np.maximum(time_s, 0.0))
+    return machine.microstep_m * place_u
 
 
 _COMMAND = "command"

@@ -10,7 +10,7 @@ from mopro.emulator import Emulator
 from mopro.engine import Estimate, Named, Verdict
 from mopro.engine.residuals.remainder import Remainder
 from mopro.engine.verdict import Gap
-from mopro.experiment.sawyer.experiment_design import propose
+from mopro.experiment.sawyer.design import propose
 from mopro.experiment.sawyer.model import Experiment, Reading, Trial
 from mopro.experiment.sawyer.test_motions import (
     Bounds,

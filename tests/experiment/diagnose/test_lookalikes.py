@@ -9,8 +9,8 @@ import mopro
 from helpers.one_run import LASER, of
 from mopro.engine import reconcile
 from mopro.experiment.sawyer.candidates import candidates
-from mopro.experiment.sawyer.diagnosis import series_of
 from mopro.experiment.sawyer.forward_model import COARSE, FINE, ForwardModel
+from mopro.experiment.sawyer.system import series_of
 
 STROKES = mopro.compile("UU012500/1\nVEL1 5.0\nACC1 0.1\n" + 4 * "MRI1 3.0\nWX1\nWT300\n")
 COARSER = dataclasses.replace(LASER, noise_rms=1e-4)

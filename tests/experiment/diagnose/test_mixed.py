@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import mopro
+from helpers.diagnosis import diagnose
 from helpers.thermal_table import MACHINE, table
 from mopro.experiment.sawyer.candidates import candidates
-from mopro.experiment.sawyer.diagnosis import diagnose
 from mopro.experiment.sawyer.forward_model import FINE, ForwardModel
 from mopro.experiment.sawyer.model import Experiment, Reading, Trial
 from mopro.experiment.sawyer.quantisation import thinned

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 import mopro
 from helpers.thermal_table import AIR, CYCLE_M, MACHINE, offered, table
 from mopro.experiment.sawyer.steady import rises
-from mopro.experiment.sawyer.thermal import series
+from mopro.experiment.sawyer.steady import series_of_table as series
 
 CANDIDATES = offered()
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mopro
+from helpers.diagnosis import diagnose
 from mopro.emulator import Emulator
 from mopro.experiment import load_experiment
-from mopro.experiment.sawyer.diagnosis import diagnose
 from mopro.instruments import Thermocouple
 from mopro.machine import load_machine
 

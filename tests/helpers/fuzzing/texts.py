@@ -219,22 +219,27 @@ def _machine(folder: Path) -> Take:
 
 
 def _experiment(folder: Path) -> Take:
-    from mopro.experiment.sawyer.runs import read_experiment
+    from mopro.experiment.opened import experiment_file
+    from mopro.experiment.sawyer.file import read_sawyer
+    from mopro.experiment.sawyer.runs import read_runs
 
     _beside(folder, "time_s,position_1_mm,temperature_C,x")
-    return in_file(folder, "fuzz.toml", read_experiment)
+
+    def read(path: Path) -> None:
+        read_runs(read_sawyer(experiment_file(path).document))
+
+    return in_file(folder, "fuzz.toml", read)
 
 
-def _rig_experiment(folder: Path) -> Take:
-    from mopro.experiment.opened import is_rig
+def _stated_experiment(folder: Path) -> Take:
+    from mopro.experiment.opened import experiment_file
     from mopro.experiment.stated.entries import read_stated_entries
     from mopro.experiment.stated.read import read_stated_experiment
 
     _beside(folder, "time_s,u,T_C,x_C")
 
     def read(path: Path) -> None:
-        is_rig(path)
-        read_stated_experiment(read_stated_entries(path))
+        read_stated_experiment(read_stated_entries(experiment_file(path).document))
 
     return in_file(folder, "fuzz.toml", read)
 
@@ -552,7 +557,7 @@ _TEXTS = (
     Parser(
         "experiment file, other kinds",
         ("mopro.experiment.stated.entries",),
-        _rig_experiment,
+        _stated_experiment,
         lambda: [_HEATER, *_tomls()],
         _TOML,
         1,

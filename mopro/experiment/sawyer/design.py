@@ -28,6 +28,7 @@ from mopro.experiment.sawyer.test_motions import (
     moving_excitations,
     text_of,
 )
+from mopro.experiment.system import Proposal
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor
 from mopro.machine.constants import PlantConstants
@@ -46,21 +47,6 @@ _MOST_ALTERNATIVES = 8
 _AFTER_S = 0.3
 # Half width of a 95 % interval in standard deviations.
 _NORMAL_95 = 1.96
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """A program to run, its payload, and by how many σ it separates the effects of a family.
-
-    `separations` are those of each alternative from the named effect, `pairs` those of every
-    two of the family, as any of them may be the true one.
-    """
-
-    text: str
-    summary: str
-    payload_kg: float
-    separations: dict[str, float]
-    pairs: dict[tuple[str, str], float]
 
 
 @dataclass(frozen=True)
