@@ -4,49 +4,47 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
-from mopro.effects.search import Values, residual_m, targets_m
+from mopro.effects.search import targets_m
 from mopro.engine.candidate import Candidate, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted
 from mopro.formula.closures import closure_of
 from mopro.formula.dimension import dimension_of_unit, factor_of, words
+from mopro.formula.search import Sampled, Search
+from mopro.formula.shapes import MOST_PERIODS_OF_SPAN, Sized, role_of_shape, shape_of
 from mopro.formula.written import (
     AMPLITUDE,
+    COMMAND,
+    FORCE,
+    FRICTION,
+    MEASUREMENT,
     PERIOD,
-    THRESHOLD,
     EffectParameter,
     Written,
     WrittenEffect,
 )
-from mopro.machine.formulas import AS_FORCE, AS_FRICTION, COMMAND, MEASUREMENT
+from mopro.machine.formulas import NAMES
 
 # As the catalogue's laws of dry friction have it where it is not fitted.
 _PRESLIDING_M = 5e-6
 # Starts of an amplitude without any, as shares of its range: of a force, and of a place.
 _FORCE_STARTS, _PLACE_STARTS = (3e-3, 3e-2), (1e-4,)
-# A shape without a range: shares of the span of what has its unit, and where it starts.
-_SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
-# Shortest and longest period, in the span of its variable.
-_PERIODS, _PERIOD_STARTS = (0.005, 0.5), (0.02, 0.05, 0.15, 0.4)
-# Points of the grid of a search along a shape and along a period, most of all together, and most
-# samples of a series that it takes.
-_GRID, _PERIOD_GRID, _MOST_POINTS, _MOST_SAMPLES = 12, 400, 2000, 2000
 # Times at which the size of a term is taken, in each run.
 _TIMES = 400
-_DIFFERENCE = {AS_FORCE: 1e-4, AS_FRICTION: 1e-4, COMMAND: 1e-5, MEASUREMENT: 1e-5}
+_DIFFERENCE = {FORCE: 1e-4, FRICTION: 1e-4, COMMAND: 1e-5, MEASUREMENT: 1e-5}
 
 
 @cache
 def effect_of(written: WrittenEffect) -> Effect:
     """The effect that a file states; of one class for all files that state the same."""
     base = {
-        AS_FORCE: FormulaForce, AS_FRICTION: FormulaFriction, COMMAND: FormulaCommand,
+        FORCE: FormulaForce, FRICTION: FormulaFriction, COMMAND: FormulaCommand,
         MEASUREMENT: FormulaMeasurement,
     }[written.enters]  # fmt: skip
     facts: dict[str, Any] = {
@@ -79,7 +77,7 @@ def _parameter(p: EffectParameter) -> Parameter:
     return FormulaParameter(
         p.name, p.unit, "", start, (low, high), min(low, 0.0) if p.role == AMPLITUDE else low,
         high, "of the file", null=0.0 if p.role == AMPLITUDE else start,
-        role=Role.AMPLITUDE if p.role == AMPLITUDE else _role_of_shape(p),
+        role=Role.AMPLITUDE if p.role == AMPLITUDE else role_of_shape(p),
     )  # fmt: skip
 
 
@@ -117,33 +115,34 @@ class FormulaEffect(Effect):
         finite values in them.
         """
         sizes = _Sizes.of(view)
-        shapes = {p.name: self._shape(p, sizes) for p in self.written.parameters if _is_shape(p)}
+        found = {p.name: self._shape(p, sizes) for p in self.written.parameters if _is_shape(p)}
+        shapes = {name: shape for name, shape in found.items() if shape is not None}
+        if len(shapes) < len(found):
+            return
         made = []
         for p in self.written.parameters:
-            found = shapes.get(p.name) or self._amplitude(p, shapes, sizes)
-            if found is None:
+            parameter = shapes.get(p.name) or self._amplitude(p, shapes, sizes)
+            if parameter is None:
                 return
-            made.append(found)
+            made.append(parameter)
         flexible = any(p.role == PERIOD for p in self.written.parameters)
-        find = self._search(view, made) if shapes and self.written.enters == MEASUREMENT else None
+        find = None
+        if shapes and self.written.enters == MEASUREMENT:
+            find = Search(self.written, tuple(made), MOST_PERIODS_OF_SPAN, _samples_of(view))
         yield self.form(*made, flexible=flexible, find_starts=find)
 
-    def _shape(self, p: EffectParameter, sizes: _Sizes) -> Fitted:
-        low, high = _PERIODS if p.role == PERIOD else _SHAPES
-        starts = _PERIOD_STARTS if p.role == PERIOD else _SHAPE_STARTS
-        if p.low is not None and p.high is not None:
-            ends = tuple(p.sized(end, sizes.names) for end in (p.low, p.high))
-            chosen = tuple(ends[0] + share * (ends[1] - ends[0]) for share in _SHAPE_STARTS)
-        else:
-            span = sizes.span_of(p, self.written) / p.factor
-            ends, chosen = (low * span, high * span), tuple(share * span for share in starts)
-        begun = p.begun(sizes.names)
-        chosen = chosen if begun is None else (begun,)
-        return Fitted(
-            p.name, p.unit, ends[0], ends[1], chosen, _role_of_shape(p),
-            null=self.parameter(p.name).null, inverse=p.role == PERIOD and ends[0] > 0,
-            difference=_DIFFERENCE[self.written.enters],
-        )  # fmt: skip
+    def _shape(self, p: EffectParameter, sizes: _Sizes) -> Fitted | None:
+        made = shape_of(self.written, p, sizes.sized)
+        if p.low is None and not sizes.sized.extent(self.written, dimension_of_unit(p.unit)).span:
+            raise self._without_range(p)
+        null, difference = self.parameter(p.name).null, _DIFFERENCE[self.written.enters]
+        return made and replace(made, null=null, difference=difference)
+
+    def _without_range(self, p: EffectParameter) -> Exception:
+        of = words(dimension_of_unit(p.unit))
+        message = f"expected a range of {p.name}: no size of the runs is in {of}"
+        assert self.written.value is not None, "it was read from a file"
+        return self.written.value[p.name].error(message, "missing-key")
 
     def _amplitude(
         self, p: EffectParameter, shapes: Mapping[str, Fitted], sizes: _Sizes
@@ -155,8 +154,8 @@ class FormulaEffect(Effect):
             if not largest:
                 return None
             high = sizes.scale(self.written.enters) / largest
-            low = 0.0 if p.positive or self.written.enters == AS_FRICTION else -high
-        in_force = self.written.enters in (AS_FORCE, AS_FRICTION)
+            low = 0.0 if p.positive or self.written.enters == FRICTION else -high
+        in_force = self.written.enters in (FORCE, FRICTION)
         shares = _FORCE_STARTS if in_force else _PLACE_STARTS
         starts = tuple(share * (high if high > 0 else low) for share in shares)
         begun = p.begun(sizes.names)
@@ -188,55 +187,9 @@ class FormulaEffect(Effect):
         assert self.written.value is not None, "it was read from a file"
         return self.written.value["formula"].error(message, "not-finite")
 
-    # -- search for shapes of a measurement ------------------------------------------------
-
-    def _search(
-        self, view: View, parameters: Sequence[Fitted]
-    ) -> Callable[[ResidualView], Iterator[Values]]:
-        """Search for shapes: where on a grid the term takes most of the residual away."""
-        shapes = [p for p in parameters if p.role is not Role.AMPLITUDE]
-        sizes = [p for p in parameters if p.role is Role.AMPLITUDE]
-
-        def find(fit: ResidualView) -> Iterator[Values]:
-            best: tuple[float, dict[str, float]] = (0.0, {})
-            series = list(_series(view, fit))
-            for point in _grid(shapes):
-                gain, found = self._gain(point, sizes, series)
-                if gain > best[0]:
-                    best = gain, {**point, **found}
-            if best[1]:
-                yield {p.name: best[1][p.name] for p in parameters}
-
-        return find
-
-    def _gain(
-        self, point: Mapping[str, float], sizes: Sequence[Fitted], series: Sequence[_Series]
-    ) -> tuple[float, dict[str, float]]:
-        """Fall of the sum of squares with these shapes, and the sizes that give it."""
-        off = dict.fromkeys((p.name for p in sizes), 0.0) | dict(point)
-        columns = []
-        for size in sizes:
-            own = off | {size.name: 1.0}
-            values = [own[p.name] for p in self.written.parameters]
-            blocks = [s.whitened(self.value(s.names, s.names["t"], values)) for s in series]
-            columns.append(np.nan_to_num(np.concatenate(blocks)))
-        basis, left = np.stack(columns, axis=1), np.concatenate([s.residual for s in series])
-        best = np.linalg.lstsq(basis, left, rcond=1e-9)[0]
-        gain = float(left @ left - np.sum((left - basis @ best) ** 2))
-        found = {p.name: p.within(v) for p, v in zip(sizes, best.tolist(), strict=True)}
-        first = sizes[0]
-        if found[first.name] == first.null:
-            found[first.name] = first.starts[0]
-        return gain, found
-
 
 def _is_shape(p: EffectParameter) -> bool:
     return p.role != AMPLITUDE
-
-
-def _role_of_shape(p: EffectParameter) -> Role:
-    """A threshold is found on a grid: where the term jumps, no slope leads to it."""
-    return Role.SEARCHED if p.role == THRESHOLD else Role.SHAPE
 
 
 class FormulaForce(FormulaEffect):
@@ -332,11 +285,20 @@ def _in_time(x: Floats, time_s: Floats) -> dict[str, Floats]:
 
 @dataclass(frozen=True)
 class _Sizes:
-    """Commanded motions of the runs, as names of formulas, and the sizes taken from them."""
+    """Commanded motions of the runs, as names of formulas, and the sizes taken from them.
+
+    `x_span` (m) and `pull_out_N`: sizes of what terms are added to.
+    """
 
     runs: tuple[dict[str, Floats], ...]
-    names: Mapping[str, float]
+    sized: Sized
+    x_span: float
     pull_out_N: float
+
+    @property
+    def names(self) -> Mapping[str, float]:
+        """The names that formulas of a range may use."""
+        return self.sized.names
 
     @classmethod
     def of(cls, view: View) -> _Sizes:
@@ -355,21 +317,23 @@ class _Sizes:
             "a_max": max((float(np.max(np.abs(n["a"]))) for n in runs), default=0.0),
         }
         names["step"] = names["length"] / _TIMES
-        return cls(tuple(runs), names, view.machine.axis.pull_out_force_N)
-
-    def span_of(self, p: EffectParameter, effect: WrittenEffect) -> float:
-        """The span (SI) of what has the unit of a shape; ModelError if nothing has."""
-        wanted = dimension_of_unit(p.unit)
-        for unit, name in (("m", "x_span"), ("m/s", "v_max"), ("s", "length"), ("m/s2", "a_max")):
-            if dimension_of_unit(unit) == wanted and self.names[name] > 0:
-                return self.names[name]
-        assert effect.value is not None, "it was read from a file"
-        message = f"expected a range of {p.name}: no size of the runs is in {words(wanted)}"
-        raise effect.value[p.name].error(message, "missing-key")
+        read = [(own, np.arange(len(own["t"]))) for own in _as_read(view)] or [
+            (own, np.arange(_TIMES)) for own in runs
+        ]
+        sized = Sized.of(read, NAMES[MEASUREMENT], names)
+        return cls(tuple(runs), sized, names["x_span"], view.machine.axis.pull_out_force_N)
 
     def scale(self, enters: str) -> float:
         """The size (SI) of the quantity that a term is added to."""
-        return self.pull_out_N if enters in (AS_FORCE, AS_FRICTION) else self.names["x_span"]
+        return self.pull_out_N if enters in (FORCE, FRICTION) else self.x_span
+
+
+def _as_read(view: View) -> Iterator[dict[str, Floats]]:
+    """The motion of the model without effects at the samples of each position sensor."""
+    places = view.targets({})
+    for row, (_, reading) in view.positions().items():
+        if len(reading.time_s) > 1:
+            yield _in_time(places[row] * reading.sensor.unit_si, reading.time_s)
 
 
 def _scene_of(position_u: Floats, time_s: Floats, view: View) -> dict[str, Floats]:
@@ -381,40 +345,18 @@ def _scene_of(position_u: Floats, time_s: Floats, view: View) -> dict[str, Float
 # -- samples of a search -------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Series:
-    """Samples of one sensor: names of formulas, and the residual (m) less its mean, whitened."""
+def _samples_of(view: View) -> Callable[[ResidualView], list[Sampled]]:
+    """The samples of the position sensors in a fit, as a search for shapes sees them."""
 
-    names: Mapping[str, Floats]
-    sigma_m: float
-    residual: Floats = field(repr=False)
+    def samples(fit: ResidualView) -> list[Sampled]:
+        targets, air = targets_m(view, fit), view.machine.heat.ambient_C
+        found = []
+        for row, (_, reading) in view.positions().items():
+            x, time_s, unit = targets[row], reading.time_s, reading.sensor.unit_si
+            names = {**_in_time(x, time_s), "y": x, "T": np.full_like(x, air)}
+            left, sigma = fit.residuals[row], float(fit.sigmas[row])
+            rows = np.arange(len(x))
+            found.append(Sampled(names, time_s, rows, left, sigma, 1 / unit, is_aligned=True))
+        return found
 
-    def whitened(self, change_m: Floats) -> Floats:
-        """A change of the readings (m), less its mean, in standard deviations."""
-        apart: Floats = (change_m - change_m.mean()) / self.sigma_m
-        return apart
-
-
-def _series(view: View, fit: ResidualView) -> Iterator[_Series]:
-    targets = targets_m(view, fit)
-    for row, (_, reading) in view.positions().items():
-        every = slice(None, None, max(1, len(reading.time_s) // _MOST_SAMPLES))
-        sigma_m = float(fit.sigmas[row]) * reading.sensor.unit_si
-        x, time_s = targets[row][every], reading.time_s[every]
-        names = {**_in_time(x, time_s), "y": x, "T": np.full_like(x, view.machine.heat.ambient_C)}
-        left = residual_m(view, fit, row)[every]
-        yield _Series(names, sigma_m, (left - left.mean()) / sigma_m)
-
-
-def _grid(shapes: Sequence[Fitted]) -> Iterator[dict[str, float]]:
-    """Points of the grid of all shapes."""
-    axes = np.meshgrid(*map(_along, shapes), indexing="ij")
-    flat = [axis.ravel()[:_MOST_POINTS] for axis in axes]
-    for point in zip(*(axis.tolist() for axis in flat), strict=True):
-        yield {p.name: value for p, value in zip(shapes, point, strict=True)}
-
-
-def _along(p: Fitted) -> Floats:
-    if p.inverse:
-        return 1 / np.linspace(1 / p.high, 1 / p.low, _PERIOD_GRID)
-    return np.geomspace(p.low, p.high, _GRID) if p.low > 0 else np.linspace(p.low, p.high, _GRID)
+    return samples

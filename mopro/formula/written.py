@@ -19,6 +19,8 @@ from mopro.tomlfile import Value
 
 # Roles of a parameter, as a file states them.
 AMPLITUDE, SHAPE, PERIOD, THRESHOLD = ROLES = ("amplitude", "shape", "period", "threshold")
+# Where the term of an effect is added, of machines of several kinds.
+COMMAND, MEASUREMENT, FORCE, FRICTION = "command", "measurement", "force", "friction"
 
 
 @dataclass(frozen=True)

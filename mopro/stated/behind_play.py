@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from mopro.formula import parse
-from mopro.formula.written import EffectParameter, Written, WrittenEffect
+from mopro.formula.written import MEASUREMENT, EffectParameter, Written, WrittenEffect
 from mopro.stated.data import Sensor, StatedExperiment
-from mopro.stated.model import AXIS, MEASUREMENT
+from mopro.stated.model import AXIS
 
 BEFORE = "play before "
 

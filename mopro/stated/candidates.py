@@ -4,56 +4,36 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import reduce
-from operator import or_
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from mopro.engine.assumed import TOLERANCE
-from mopro.engine.candidate import RUN, Candidate, Law, Parameter, Role
+from mopro.engine.candidate import RUN, Candidate, Law, Parameter, ResidualView, Role
 from mopro.engine.series import Series, Settings
-from mopro.engine.spectrum import grid_step
-from mopro.formula import Dimension, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
+from mopro.formula.search import Sampled, Search
+from mopro.formula.shapes import MOST_PERIODS_OF_SPAN, Sized, role_of_shape, shape_of
 from mopro.formula.written import (
     AMPLITUDE,
+    COMMAND,
+    FORCE,
+    FRICTION,
+    MEASUREMENT,
     PERIOD,
-    THRESHOLD,
     EffectParameter,
     WrittenEffect,
 )
 from mopro.stated.base import DIFFERENCE
 from mopro.stated.crosstalk import stands_apart
-from mopro.stated.data import Run
-from mopro.stated.model import (
-    COMMAND,
-    FORCE,
-    FRICTION,
-    MEASUREMENT,
-    POWER,
-    Number,
-)  # fmt: skip
-from mopro.stated.names import TIME, capacity_of, inertia_of, names_of, units_of
-from mopro.stated.search import Search
+from mopro.stated.data import Reading, Run
+from mopro.stated.model import POWER, Number
+from mopro.stated.names import capacity_of, inertia_of, names_of, units_of
 from mopro.stated.simulation import BASE, Known, Model, term_of
 
 # An amplitude is looked for up to this multiple of what would make the term as large as the
 # quantity that it is added to, and simulated first at this share of it.
 _LARGEST, _PROBED = 3.0, 0.03
-# A shape without a range: shares of the span of the quantity of its unit, and where it starts.
-_SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
-# Longest and shortest period that is looked for: in the span of its variable, of which it takes
-# nearly two to be told from a bend (an axis may make just two turns), and in steps of it.
-# Samples are even in time: from two of them on, less what tells a line from its mirror image, they
-# show a line as it is.
-_MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS, _SHORTEST_INTERVALS = 0.55, 4.0, 2 * (1 + TOLERANCE)
-_PERIOD_STARTS = (0.05, 0.15, 0.4)
-# Share of the span within which two places are one: a place that is visited again is off by
-# rounding.
-_SAME_PLACE = 1e-6
-_SHAPE_DIFFERENCE = 1e-5
 # A start is looked for by a simulation at this share of the range's end, and within these shares.
 _TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-4, 0.3
 # Distance of a start from the value of the machine's file, as a share of the range.
@@ -61,41 +41,6 @@ _START_DISTANCE = 0.1
 # Tolerances within which a number is looked for.
 _WIDER = 5.0
 _NAME = re.compile(r"[A-Za-z_]\w*")
-
-
-@dataclass(frozen=True)
-class _Extent:
-    """Longest span of a signal in a run, and shortest step of it by which samples show a period."""
-
-    span: float = 0.0
-    step: float = math.inf
-
-    def __or__(self, other: _Extent) -> _Extent:
-        return _Extent(max(self.span, other.span), min(self.step, other.step))
-
-
-@dataclass(frozen=True)
-class _Sized:
-    """Sizes of the data, from which ranges of parameters follow.
-
-    `names`: those that formulas of a range may use. `along`: the extent (SI) of each signal along
-    the runs, by dimension and name; `read`: that of the samples that a sensor was read at, in
-    whatever order their places were visited.
-    """
-
-    names: Mapping[str, float]
-    along: Mapping[Dimension, Mapping[str, _Extent]]
-    read: Mapping[Dimension, Mapping[str, _Extent]]
-
-    def extent(self, effect: WrittenEffect, dimension: Dimension) -> _Extent:
-        """That of the signals of a dimension in the effect's term, or of all if it has none.
-
-        A term of the measurement acts at the samples, any other one throughout the motion.
-        """
-        read = effect.enters == MEASUREMENT and dimension != TIME
-        every = (self.read if read else self.along).get(dimension, {})
-        own = [each for name, each in every.items() if name in effect.term.formula.names]
-        return reduce(or_, own or every.values(), _Extent())
 
 
 def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list[Candidate]:
@@ -166,13 +111,13 @@ def _of_foreign(effect: WrittenEffect) -> Candidate:
             message = f"expected a range of {p.name}: the model is a program, and tells no sizes"
             raise effect.value[p.name].error(message, "missing-key")
         start = p.start if isinstance(p.start, float) else p.low + 0.55 * (p.high - p.low)
-        role = Role.AMPLITUDE if p.role == AMPLITUDE else _role_of_shape(p)
+        role = Role.AMPLITUDE if p.role == AMPLITUDE else role_of_shape(p)
         made.append(Parameter(p.name, p.unit, p.low, p.high, (start,), role))
     return Candidate(effect.name, tuple(made), effect.form, extends=effect.extends)
 
 
 def _candidate(
-    model: Model, effect: WrittenEffect, data: Sequence[Series], settings: Settings, sized: _Sized
+    model: Model, effect: WrittenEffect, data: Sequence[Series], settings: Settings, sized: Sized
 ) -> Candidate | None:
     """The candidate of an effect; None for one that does nothing, or cannot show, in these data."""
     if effect.crosses and not _crosses(model, effect, settings):
@@ -180,7 +125,7 @@ def _candidate(
     shapes = []
     for p in effect.parameters:
         if p.role != AMPLITUDE:
-            shape = _shape(effect, p, sized)
+            shape = shape_of(effect, p, sized)
             if shape is None:
                 return None
             shapes.append(shape)
@@ -201,13 +146,43 @@ def _candidate(
         parameters = tuple(_about(p, own.get(p.name, 0.0)) for p in parameters)
     find = None
     if shapes and effect.enters == MEASUREMENT:
-        find = Search(model, effect, parameters, _MOST_PERIODS_OF_SPAN)
+        find = Search(effect, parameters, MOST_PERIODS_OF_SPAN, _samples_of(model, effect))
     # A form that is searched for needs no plain one to begin from.
     extends = effect.extends if find is None else None
     return Candidate(
         effect.name, parameters, effect.form, extends=extends, can_enter_first=extends is not None,
         flexible=any(p.role == PERIOD for p in effect.parameters), find_starts=find,
     )  # fmt: skip
+
+
+def _samples_of(model: Model, effect: WrittenEffect) -> Callable[[ResidualView], list[Sampled]]:
+    """The samples of a fit as a search for the shapes of `effect` sees them."""
+
+    def samples(view: ResidualView) -> list[Sampled]:
+        runs: dict[str, Known] = {
+            run.name: {**model.values_in(run, view.settings), **model.values(view.settings)}
+            for run in model.experiment.trials
+        }
+        every = zip(model.readings, view.residuals, view.sigmas, strict=True)
+        return [
+            _sampled(model, effect, run, reading, runs[run.name], left, float(sigma))
+            for (run, reading), left, sigma in every
+        ]
+
+    return samples
+
+
+def _sampled(
+    model: Model, effect: WrittenEffect, run: Run, reading: Reading, known: Known,
+    left: Floats, sigma: float,
+) -> Sampled:  # fmt: skip
+    sensor = reading.sensor
+    names = {**known, "y": evaluate(sensor.reads.formula, known, run.time_s)}
+    shown = model.shows(effect, sensor) and effect.name not in run.without
+    factor = (sensor.sign or 1) * (sensor.scale or 1.0) / sensor.factor if shown else 0.0
+    return Sampled(
+        names, run.time_s, reading.rows, left, sigma, factor, is_aligned=sensor.zero is None
+    )
 
 
 def _crosses(model: Model, effect: WrittenEffect, settings: Settings) -> bool:
@@ -239,23 +214,12 @@ def _about(parameter: Parameter, null: float) -> Parameter:
 # -- sizes -------------------------------------------------------------------------------
 
 
-def _sizes(model: Model, settings: Settings) -> _Sized:
-    along: dict[Dimension, dict[str, _Extent]] = {}
-    read: dict[Dimension, dict[str, _Extent]] = {}
+def _sizes(model: Model, settings: Settings) -> Sized:
     names = {"step": math.inf, "length": 0.0, "x_span": 0.0, "v_max": 0.0, "a_max": 0.0}
-    known = names_of(model.experiment)
+    runs = []
     for run in model.experiment.trials:
         values = model.values_in(run, settings)
-        rows = np.unique(np.concatenate([reading.rows for reading in run.readings]))
-        for name, own in values.items():
-            dimension = known.get(name)
-            if dimension is not None and np.isfinite(own).all():
-                for extents, found in (
-                    (along, _Extent(float(np.ptp(own)), _step_along(own))),
-                    (read, _Extent(float(np.ptp(own[rows])), _step_between(own[rows]))),
-                ):
-                    of_unit = extents.setdefault(dimension, {})
-                    of_unit[name] = of_unit.get(name, _Extent()) | found
+        runs.append((values, np.unique(np.concatenate([r.rows for r in run.readings]))))
         names["step"] = min(names["step"], float(np.median(np.diff(run.time_s))))
         names["length"] = max(names["length"], float(np.ptp(run.time_s)))
         for name, of in (("x_span", "x"), ("v_max", "v"), ("a_max", "a")):
@@ -268,62 +232,12 @@ def _sizes(model: Model, settings: Settings) -> _Sized:
             for own in (values[s] for s in signals if s in values and np.isfinite(values[s]).all()):
                 names[low] = min(names.get(low, math.inf), float(np.min(own)))
                 names[high] = max(names.get(high, -math.inf), float(np.max(own)))
-    return _Sized(names, along, read)
-
-
-def _step_along(values: Floats) -> float:
-    """The median change from sample to sample (in the unit of `values`), infinite without any."""
-    moved = np.abs(np.diff(values))
-    moved = moved[moved > 0]
-    return float(np.median(moved)) if len(moved) else math.inf
-
-
-def _step_between(places: Floats) -> float:
-    """The median distance of neighbouring places (in their unit), infinite where all are one.
-
-    At least the step of a grid that they are on, where two periods look alike.
-    """
-    apart = np.diff(np.sort(places))
-    apart = apart[apart > _SAME_PLACE * np.ptp(places)]
-    return max(float(np.median(apart)), grid_step(places)) if len(apart) else math.inf
-
-
-def _role_of_shape(p: EffectParameter) -> Role:
-    """A threshold is found on a grid: where the term jumps, no slope leads to it."""
-    return Role.SEARCHED if p.role == THRESHOLD else Role.SHAPE
-
-
-def _shape(effect: WrittenEffect, p: EffectParameter, sized: _Sized) -> Parameter | None:
-    """A shape of an effect; None if its range is empty, as of a period that no data show."""
-    dimension = dimension_of_unit(p.unit)
-    extent = sized.extent(effect, dimension)
-    span, step = (extent.span or 1.0) / p.factor, extent.step / p.factor
-    low, high = _SHAPES[0] * span, _SHAPES[1] * span
-    starts = tuple(share * span for share in _SHAPE_STARTS)
-    if p.role == PERIOD:
-        steps = _SHORTEST_INTERVALS if dimension == TIME else _SHORTEST_STEPS
-        low, high = steps * step, _MOST_PERIODS_OF_SPAN * span
-        starts = tuple(share * span for share in _PERIOD_STARTS)
-    if p.low is not None and p.high is not None:
-        low, high = (p.sized(end, sized.names) for end in (p.low, p.high))
-        starts = tuple(low + share * (high - low) for share in _SHAPE_STARTS)
-    if p.role == THRESHOLD:
-        # A term that is not searched for is tried at both ends.
-        starts = (low, high)
-    begun = p.begun(sized.names)
-    if begun is not None:
-        starts = (begun,)
-    if not low < high:
-        return None
-    return Parameter(
-        p.name, p.unit, low, high, tuple(min(max(s, low), high) for s in starts),
-        _role_of_shape(p), inverse=p.role == PERIOD and low > 0, difference=_SHAPE_DIFFERENCE,
-    )  # fmt: skip
+    return Sized.of(runs, names_of(model.experiment), names)
 
 
 def _amplitude(
     model: Model, effect: WrittenEffect, p: EffectParameter, fixed: Mapping[str, float],
-    settings: Settings, sized: _Sized, scale: float,
+    settings: Settings, sized: Sized, scale: float,
 ) -> Parameter | None:  # fmt: skip
     if p.low is not None and p.high is not None:
         low, high = (p.sized(end, sized.names) for end in (p.low, p.high))

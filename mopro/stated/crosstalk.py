@@ -10,9 +10,8 @@ from mopro.engine.assumed import LEAST_SHARE, MAJORITY, ROUNDING
 from mopro.engine.residuals import difference_variance
 from mopro.formula import dimension_of_unit, factor_of, inverse, product
 from mopro.formula.evaluate import Floats
-from mopro.formula.written import EffectParameter, Written, WrittenEffect
+from mopro.formula.written import MEASUREMENT, EffectParameter, Written, WrittenEffect
 from mopro.stated.data import Reading, Sensor, StatedExperiment
-from mopro.stated.model import MEASUREMENT
 
 OF = "crosstalk of "
 # Largest share of an input of the sensor's own quantity: more of it measures the same thing.

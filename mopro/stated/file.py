@@ -21,7 +21,7 @@ from mopro.formula.entry import (
     read_unit,
 )
 from mopro.formula.language import PI
-from mopro.formula.written import Written, WrittenEffect
+from mopro.formula.written import MEASUREMENT, Written, WrittenEffect
 from mopro.instruments.quantity import AXIS_UNITS
 from mopro.machine.runs import read_runs, states_runs
 from mopro.source import Source, Span
@@ -31,12 +31,11 @@ from mopro.stated.model import (
     INPUT,
     KINDS,
     KINEMATIC,
-    MEASUREMENT,
     PYTHON,
     THERMAL,
     Number,
     StatedMachine,
-)  # fmt: skip
+)
 from mopro.tomlfile import Document, Refused, Value, read_source
 from mopro.tomlfile.schema import flag, number_in, one_of, table_in, text
 

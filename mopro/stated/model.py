@@ -7,13 +7,19 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from mopro.formula import factor_of
-from mopro.formula.written import Written, WrittenEffect
+from mopro.formula.written import (
+    COMMAND,
+    FORCE,
+    FRICTION,
+    MEASUREMENT,
+    Written,
+    WrittenEffect,
+)
 from mopro.source import Source
 
 KINEMATIC, AXIS, THERMAL, PYTHON = KINDS = ("kinematic", "axis", "thermal", "python")
 # Where the term of an effect is added; "input" may be followed by the name of one input, and
 # "measurement" by that of one sensor.
-COMMAND, MEASUREMENT, FORCE, FRICTION = "command", "measurement", "force", "friction"
 POWER, AMBIENT, INPUT = "power", "ambient", "input"
 ENTERS = {
     KINEMATIC: (COMMAND, MEASUREMENT),

@@ -11,7 +11,8 @@ import numpy as np
 from mopro.errors import Diagnostic, ModelError
 from mopro.formula import Dimension, Formula, dimension_of_unit, parse, product
 from mopro.formula.dimension import NUMBER
-from mopro.formula.written import WrittenEffect
+from mopro.formula.shapes import TIME
+from mopro.formula.written import COMMAND, MEASUREMENT, WrittenEffect
 from mopro.instruments.quantity import AXIS_UNITS
 from mopro.source import Span
 from mopro.stated.behind_play import plays_of
@@ -21,19 +22,16 @@ from mopro.stated.file import EFFORT, catalogue, unlisted_terms
 from mopro.stated.model import (
     AMBIENT,
     AXIS,
-    COMMAND,
     IN_EQUATIONS,
     INPUT,
     KINEMATIC,
-    MEASUREMENT,
     POWER,
     PYTHON,
     THERMAL,
     StatedMachine,
-)  # fmt: skip
+)
 
 Dimensions = dict[str, Dimension | None]
-TIME = dimension_of_unit("s")
 _KELVIN = dimension_of_unit("K")
 # An angle (rad) that is a whole turn but for a step.
 _TURN = 0.95 * 2 * math.pi

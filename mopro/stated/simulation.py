@@ -18,20 +18,9 @@ from mopro.formula.bytecode import Assembler, jumps
 from mopro.formula.evaluate import Floats, Functions, evaluate
 from mopro.formula.language import substituted
 from mopro.formula.signals import BEGINNINGS, ENDS, SIGNALS
-from mopro.formula.written import WrittenEffect
+from mopro.formula.written import COMMAND, FORCE, FRICTION, MEASUREMENT, WrittenEffect
 from mopro.stated.data import Reading, Run, Sensor, StatedExperiment
-from mopro.stated.model import (
-    AMBIENT,
-    AXIS,
-    COMMAND,
-    FORCE,
-    FRICTION,
-    INPUT,
-    KINEMATIC,
-    MEASUREMENT,
-    POWER,
-    THERMAL,
-)  # fmt: skip
+from mopro.stated.model import AMBIENT, AXIS, INPUT, KINEMATIC, POWER, THERMAL
 from mopro.stated.names import (
     axis_law,
     capacity_of,

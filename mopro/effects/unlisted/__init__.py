@@ -13,8 +13,8 @@ from mopro.effects.unlisted.forces import FORCES
 from mopro.effects.unlisted.heat import HEAT
 from mopro.effects.unlisted.local import LOCAL
 from mopro.effects.unlisted.term import FreeFormTerm
-from mopro.formula.written import EffectParameter, Written, WrittenEffect
-from mopro.machine.formulas import AS_FORCE, NAMES
+from mopro.formula.written import FORCE, EffectParameter, Written, WrittenEffect
+from mopro.machine.formulas import NAMES
 
 __all__ = ["unlisted_terms", "with_unlisted", "written_terms"]
 
@@ -31,11 +31,11 @@ def written_terms() -> dict[str, WrittenEffect]:
     found = {}
     for term in unlisted_terms():
         names = {p.name for p in term.parameters}
-        if term.enters == AS_FORCE and term.text and names == {"c"}:
+        if term.enters == FORCE and term.text and names == {"c"}:
             written = Written.of(f"c * {term.text}")
-            if written.formula.names <= {"c", *NAMES[AS_FORCE]}:
+            if written.formula.names <= {"c", *NAMES[FORCE]}:
                 own = EffectParameter("c", term.parameters[0].unit)
-                found[term.name] = WrittenEffect(term.name, AS_FORCE, "", written, (own,))
+                found[term.name] = WrittenEffect(term.name, FORCE, "", written, (own,))
     return found
 
 

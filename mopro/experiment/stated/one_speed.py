@@ -12,8 +12,8 @@ from mopro.engine.series import Series, Settings
 from mopro.engine.verdict import Named, Verdict, rms
 from mopro.formula.evaluate import Floats
 from mopro.formula.language import parse, substituted
-from mopro.formula.written import AMPLITUDE, PERIOD, WrittenEffect
-from mopro.stated.model import KINEMATIC, MEASUREMENT
+from mopro.formula.written import AMPLITUDE, MEASUREMENT, PERIOD, WrittenEffect
+from mopro.stated.model import KINEMATIC
 from mopro.stated.simulation import Known, Model, term_of
 
 _NOTE = (

@@ -1,18 +1,21 @@
-"""Search for the shapes of a term of the measurement: where on a grid it takes most away."""
+"""Search for the shapes of a term of the measurement: where on a grid it takes most away.
+
+For any kind of machine: a residual comes with the names that a formula has at its samples.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mopro.engine.candidate import Parameter, ResidualView, Role
 from mopro.engine.spectrum import position_spectrum
 from mopro.formula.evaluate import Floats, evaluate, over_grid
 from mopro.formula.language import without_products
 from mopro.formula.written import WrittenEffect
-from mopro.stated.data import Reading, Run
-from mopro.stated.simulation import Known, Model, term_of
 
 # Points of a grid along a shape, twice as many along one that may be 0; along a period so many for
 # each cycle in the span, and most of them where no spectrum of the residual tells the likely ones.
@@ -28,16 +31,40 @@ _AT_ONCE, _MOST_POINTS = 2_000_000, 20_000
 _DEPENDENT = 1e-9
 
 
+@dataclass(frozen=True)
+class Sampled:
+    """The samples of one series, and the names of formulas in its run.
+
+    `names`: numbers, or arrays (run's rows,) in SI, at the times `time_s`. `rows` (n,): those of
+    the samples. `residual` (n,): in standard deviations `sigma` of the noise. `factor`: what a term
+    of 1 (SI) comes to in the unit of the readings; 0 where they do not show it. `is_aligned`: the
+    mean of the readings tells nothing.
+    """
+
+    names: Mapping[str, Floats | float]
+    time_s: Floats
+    rows: NDArray[np.intp]
+    residual: Floats = field(repr=False)
+    sigma: float
+    factor: float
+    is_aligned: bool
+
+
 class Search:
     """Finds starts of a candidate in a residual, by least squares at each point of a grid.
 
-    `longest`: the span that a period is looked for in, as a multiple of the longest one.
+    `longest`: the span that a period is looked for in, as a multiple of the longest one. `samples`:
+    the series of a fit.
     """
 
     def __init__(
-        self, model: Model, effect: WrittenEffect, parameters: tuple[Parameter, ...], longest: float
+        self,
+        effect: WrittenEffect,
+        parameters: tuple[Parameter, ...],
+        longest: float,
+        samples: Callable[[ResidualView], Sequence[Sampled]],
     ) -> None:
-        self._model, self._effect, self._parameters = model, effect, parameters
+        self._effect, self._parameters, self._samples = effect, parameters, samples
         self._shapes = [p for p in parameters if p.role is not Role.AMPLITUDE]
         self._sizes = [p for p in parameters if p.role is Role.AMPLITUDE]
         self._longest = longest
@@ -49,12 +76,12 @@ class Search:
         }
 
     def __call__(self, view: ResidualView) -> Iterator[Mapping[str, float]]:
-        left = np.concatenate(list(view.residuals))
-        known = self._known(view)
-        axes = [self._along(p, known, view) for p in self._shapes]
+        every = self._samples(view)
+        left = np.concatenate([own.residual for own in every])
+        axes = [self._along(p, every) for p in self._shapes]
         best: tuple[float, dict[str, float]] = (0.0, {})
         for points in self._points(axes, len(left)):
-            gains, sizes = self._gains(points, known, view, left)
+            gains, sizes = self._gains(points, every, left)
             at = int(np.argmax(gains))
             if gains[at] > best[0]:
                 found = {name: float(own[at]) for name, own in points.items()}
@@ -78,10 +105,10 @@ class Search:
             cut = slice(begin, begin + batch)
             yield {p.name: own[cut] for p, own in zip(self._shapes, flat, strict=True)}
 
-    def _along(self, p: Parameter, known: Sequence[Known], view: ResidualView) -> Floats:
+    def _along(self, p: Parameter, every: Sequence[Sampled]) -> Floats:
         if p.inverse:
             step = self._longest / (_OVERSAMPLED * p.high)
-            seen = self._seen(p, known, view)
+            seen = self._seen(p, every)
             if seen:
                 rates = self._likely(p, step, *seen)
             else:
@@ -93,7 +120,7 @@ class Search:
         return np.linspace(p.low, p.high, 2 * GRID)
 
     def _seen(
-        self, p: Parameter, known: Sequence[Known], view: ResidualView
+        self, p: Parameter, every: Sequence[Sampled]
     ) -> tuple[list[Floats], list[Floats]] | None:
         """The signal that a term repeats in, in the unit of its period, and what is left there.
 
@@ -101,16 +128,13 @@ class Search:
         """
         signals = self._effect.term.formula.names - self._factors.keys()
         signal = min(signals, default="")
-        if len(signals) > 1 or any(np.ndim(names.get(signal, 0.0)) != 1 for names in known):
+        if len(signals) > 1 or any(np.ndim(s.names.get(signal, 0.0)) != 1 for s in every):
             return None
-        trials = zip(self._model.experiment.trials, known, strict=True)
-        every = [(run, names, reading) for run, names in trials for reading in run.readings]
-        places, left = [], []
-        for (run, names, reading), own in zip(every, view.residuals, strict=True):
-            if self._is_shown(run, reading):
-                places.append(np.asarray(names[signal])[reading.rows] / self._factors[p.name])
-                left.append(own)
-        return (places, left) if places else None
+        shown = [s for s in every if s.factor]
+        if not shown:
+            return None
+        places = [np.asarray(s.names[signal])[s.rows] / self._factors[p.name] for s in shown]
+        return places, [s.residual for s in shown]
 
     @staticmethod
     def _likely(
@@ -128,23 +152,11 @@ class Search:
         tried += [(lines[:, None] + near) / order for order in range(1, _HARMONICS + 1)]
         return np.unique(np.clip(np.concatenate([each.ravel() for each in tried]), low, high))
 
-    def _is_shown(self, run: Run, reading: Reading) -> bool:
-        shown = self._model.shows(self._effect, reading.sensor)
-        return shown and self._effect.name not in run.without
-
-    def _known(self, view: ResidualView) -> list[Known]:
-        """The names of each run at the settings of a fit."""
-        model = self._model
-        return [
-            {**model.values_in(run, view.settings), **model.values(view.settings)}
-            for run in model.experiment.trials
-        ]
-
     def _gains(
-        self, points: Mapping[str, Floats], known: Sequence[Known], view: ResidualView, left: Floats
+        self, points: Mapping[str, Floats], every: Sequence[Sampled], left: Floats
     ) -> tuple[Floats, Floats]:
         """Fall of chi-squared at each point (points,), with the sizes there (points x sizes)."""
-        columns = np.stack([self._column(p, points, known, view) for p in self._sizes], axis=2)
+        columns = np.stack([self._column(p, points, every) for p in self._sizes], axis=2)
         normal = np.einsum("gni,gnj->gij", columns, columns, optimize=True)
         product = np.einsum("gni,n->gi", columns, left, optimize=True)
         powers = np.trace(normal, axis1=1, axis2=2)[:, None, None]
@@ -154,38 +166,31 @@ class Search:
         return np.nan_to_num(gains, nan=0.0), sizes
 
     def _column(
-        self, size: Parameter, points: Mapping[str, Floats], known: Sequence[Known],
-        view: ResidualView,
-    ) -> Floats:  # fmt: skip
+        self, size: Parameter, points: Mapping[str, Floats], every: Sequence[Sampled]
+    ) -> Floats:
         """Whitened change of all readings for one unit of a size (points x samples)."""
         own = dict.fromkeys(self._factors, 0.0) | {size.name: self._factors[size.name]}
         shapes = {name: values * self._factors[name] for name, values in points.items()}
-        blocks: list[Floats] = []
-        for run, names in zip(self._model.experiment.trials, known, strict=True):
-            for reading in run.readings:
-                sigma = view.sigmas[len(blocks)]
-                blocks.append(self._block(run, reading, names, own, shapes, size.name) / sigma)
+        blocks = [self._block(s, own, shapes, size.name) / s.sigma for s in every]
         return np.nan_to_num(np.concatenate(blocks, axis=1))
 
     def _block(
-        self, run: Run, reading: Reading, names: Known, own: Mapping[str, float],
-        shapes: Mapping[str, Floats], size: str,
-    ) -> Floats:  # fmt: skip
-        sensor, effect, count = reading.sensor, self._effect, len(next(iter(shapes.values())))
-        if not self._is_shown(run, reading):
-            return np.zeros((count, len(reading.rows)))
-        read = {"y": evaluate(sensor.reads.formula, names, run.time_s)}
+        self, sampled: Sampled, own: Mapping[str, float], shapes: Mapping[str, Floats], size: str
+    ) -> Floats:
+        """Change of the readings of one series (points x samples), in their unit."""
+        effect, rows, count = self._effect, sampled.rows, len(next(iter(shapes.values())))
+        if not sampled.factor:
+            return np.zeros((count, len(rows)))
         if effect.term.formula.of_signals:
             shaped = {name: float(values[0]) for name, values in shapes.items()}
-            term = term_of(effect, {**own, **shaped}, {**names, **read}, run.time_s)
-            term = term[None, reading.rows]
+            known = {**sampled.names, **own, **shaped}
+            term = evaluate(effect.term.formula, known, sampled.time_s)[None, rows]
         else:
-            rows = {
-                name: np.asarray(v)[None, reading.rows] if np.ndim(v) else v
-                for name, v in {**names, **read}.items()
+            at_rows = {
+                name: np.asarray(v)[None, rows] if np.ndim(v) else v
+                for name, v in sampled.names.items()
             }
             grid = {name: values[:, None] for name, values in shapes.items()}
-            shape = (count, len(reading.rows))
-            term = over_grid(self._alone[size], {**rows, **own, **grid}, shape)
-        term = term * ((sensor.sign or 1) * (sensor.scale or 1.0) / sensor.factor)
-        return term - term.mean(axis=1, keepdims=True) if sensor.zero is None else term
+            term = over_grid(self._alone[size], {**at_rows, **own, **grid}, (count, len(rows)))
+        term = term * sampled.factor
+        return term - term.mean(axis=1, keepdims=True) if sampled.is_aligned else term
