@@ -38,14 +38,17 @@ _NO_LOWER = "is predicted to lower chi-squared, but no fitted set with it has a 
 
 def conclude(state: State) -> Verdict:
     """The verdict on the final state, with all that the evidence says for and against."""
-    sets, fit, held, others = state.sets, state.fit, state.held, state.alternatives
+    hypotheses, fit, held, others = state.hypotheses, state.fit, state.held, state.alternatives
     sizes = Sizes.of(state)
     believed = [(c, _named(state, c, sizes)) for c in fit.candidates]
-    calibrated = sets.evidence.calibrated
+    calibrated = hypotheses.evidence.calibrated
     effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
     dropped = frozenset(r.name for r in state.rejected)
-    unseen, rejected = _not_found(sets, state.screening, fit, dropped)
-    gap, rival = _gap(sets, fit, held), [] if state.rival is None else sorted(state.rival.names)
+    unseen, rejected = _not_found(hypotheses, state.screening, fit, dropped)
+    gap, rival = (
+        _gap(hypotheses, fit, held),
+        [] if state.rival is None else sorted(state.rival.names),
+    )
     notes = state.remainder.note, rival and f"{' + '.join(rival)} would do as well"
     return Verdict(
         verdict=_verdict_of(effects, state.remainder, [*others, *filter(None, [state.rival])]),
@@ -56,18 +59,18 @@ def conclude(state: State) -> Verdict:
         gap=gap,
         remainder=state.remainder,
         settings=sizes.settings,
-        before=tuple(sets.residuals.in_units(sets.null.residual)),
-        after=tuple(sets.residuals.in_units(fit.residual)),
-        signatures=tuple(_signature(sets, fit, name) for name in sorted(fit.names)),
+        before=tuple(hypotheses.residuals.in_units(hypotheses.null.residual)),
+        after=tuple(hypotheses.residuals.in_units(fit.residual)),
+        signatures=tuple(_signature(hypotheses, fit, name) for name in sorted(fit.names)),
         calibration=tuple(effect for c, effect in believed if calibrated(fit, c)),
-        sensors=tuple(map(_of_sensor, _corrected(sets, sizes.fit))),
-        explained=_explained(sets, fit, held),
+        sensors=tuple(map(_of_sensor, _corrected(hypotheses, sizes.fit))),
+        explained=_explained(hypotheses, fit, held),
         alternatives=tuple(tuple(sorted(other.names)) for other in others),
         base={p: e for c in fit.base for p, e in sizes.estimates(c).items()},
-        base_before=sets.null.settings,
+        base_before=hypotheses.null.settings,
         drafts=_drafts(state, sizes),
         notes=(*state.notes, *(note for note in notes if note)),
-        nuisances=tuple(_nuisances(sets, sizes.settings)),
+        nuisances=tuple(_nuisances(hypotheses, sizes.settings)),
         correlations=sizes.correlations(),
         without_drafts=None if sizes.fit.key == fit.key else fit.settings,
         odd_run=state.odd,
@@ -87,17 +90,17 @@ def _verdict_of(
 
 
 def _named(state: State, candidate: Candidate, sizes: Sizes) -> Named:
-    sets, fit, name = state.sets, sizes.fit, candidate.name
+    hypotheses, fit, name = state.hypotheses, sizes.fit, candidate.name
     rivals: dict[str, Alternative] = {}
     for other in state.alternatives:
         if name not in other.names:
             for rival in sorted(other.names - state.fit.names):
                 rivals.setdefault(rival, other)
-    without = sets.without(fit, name)
+    without = hypotheses.without(fit, name)
     rest = sizes.evidence.ebic(without)
     if not math.isfinite(rest):
         # Without it, the period of another one grew to a bend, which explains nothing.
-        rest = sizes.evidence.ebic(sets.null)
+        rest = sizes.evidence.ebic(hypotheses.null)
     return Named(
         name=name,
         form=candidate.form,
@@ -106,20 +109,20 @@ def _named(state: State, candidate: Candidate, sizes: Sizes) -> Named:
         rivals={rival: other.delta_ebic for rival, other in rivals.items()},
         alternatives={rival: other.settings for rival, other in rivals.items()},
         log10_bayes_factor=(rest - sizes.evidence.ebic(fit)) / (2 * math.log(10)),
-        sigmas=_sigmas(sets, fit, without),
+        sigmas=_sigmas(hypotheses, fit, without),
         held_out=sizes.held is not None and sizes.held.supports(name),
         run=candidate.run,
     )
 
 
-def _sigmas(sets: Hypotheses, fit: Fit, without: Fit) -> float:
+def _sigmas(hypotheses: Hypotheses, fit: Fit, without: Fit) -> float:
     """Root of the fall of chi-squared by an effect, in standard deviations of the noise."""
-    return math.sqrt(max(without.rss - fit.rss, 0.0) / sets.scale(fit))
+    return math.sqrt(max(without.rss - fit.rss, 0.0) / hypotheses.scale(fit))
 
 
 def _drafts(state: State, sizes: Sizes) -> tuple[Draft, ...]:
     """The free-form terms beside the answer or, without any, of what does as well."""
-    sets, drafted, held = state.sets, state.drafted or state.rival, state.drafted_held
+    hypotheses, drafted, held = state.hypotheses, state.drafted or state.rival, state.drafted_held
     if drafted is None:
         return ()
     if sizes.fit.key != drafted.key:
@@ -132,7 +135,7 @@ def _drafts(state: State, sizes: Sizes) -> tuple[Draft, ...]:
             law=c.law.formula(drafted.settings[c.name]),
             unit=c.law.unit,
             run=c.law.run,
-            sigmas=_sigmas(sets, drafted, sets.without(drafted, c.name)),
+            sigmas=_sigmas(hypotheses, drafted, hypotheses.without(drafted, c.name)),
             held_out=held is not None and held.supports(c.name),
             parameters=sizes.estimates(c),
         )
@@ -141,13 +144,13 @@ def _drafts(state: State, sizes: Sizes) -> tuple[Draft, ...]:
     )
 
 
-def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
+def _explained(hypotheses: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
     """Share of the excess over the noise that the listed effects take away.
 
     None where there is no excess.
     """
-    noise = sets.noise_rss(fit)
-    before = sets.null.rss - noise
+    noise = hypotheses.noise_rss(fit)
+    before = hypotheses.null.rss - noise
     if before <= 0:
         return Explained(None, None)
 
@@ -162,8 +165,8 @@ def _explained(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Explained:
     return Explained(share(fit.rss, before), held_share)
 
 
-def _corrected(sets: Hypotheses, fit: Fit) -> tuple[Corrected, ...]:
-    return sets.residuals.corrected(fit.residual, fit.jacobian)
+def _corrected(hypotheses: Hypotheses, fit: Fit) -> tuple[Corrected, ...]:
+    return hypotheses.residuals.corrected(fit.residual, fit.jacobian)
 
 
 def _of_sensor(own: Corrected) -> Named:
@@ -184,17 +187,17 @@ def _of_sensor(own: Corrected) -> Named:
     )
 
 
-def _nuisances(sets: Hypotheses, settings: Settings) -> list[Floats]:
+def _nuisances(hypotheses: Hypotheses, settings: Settings) -> list[Floats]:
     """Coefficients of the nuisances of each series, in its unit, by least squares."""
-    raw = sets.residuals.of_exact_sensors(settings)
+    raw = hypotheses.residuals.of_exact_sensors(settings)
     return [
         np.asarray(np.linalg.lstsq(s.nuisance_shapes(), own, rcond=None)[0], dtype=float)
-        for s, own in zip(sets.residuals.data, raw, strict=True)
+        for s, own in zip(hypotheses.residuals.data, raw, strict=True)
     ]
 
 
 def _not_found(
-    sets: Hypotheses, screening: Screening, fit: Fit, dropped: frozenset[str]
+    hypotheses: Hypotheses, screening: Screening, fit: Fit, dropped: frozenset[str]
 ) -> tuple[tuple[BelowResolution, ...], list[Rejected]]:
     """The candidates not in `fit`, nor `dropped` by a pass: those nobody could see, the others.
 
@@ -203,12 +206,12 @@ def _not_found(
     """
     unseen: dict[str, BelowResolution] = {}
     rejected: dict[str, Rejected] = {}
-    for score in screening.beside(fit, sets.null):
+    for score in screening.beside(fit, hypotheses.null):
         candidate = score.candidate
         if candidate.law or candidate.name in dropped:
             continue
-        expected = screening.expected_sigmas(sets.null, candidate)
-        needed = math.sqrt(sets.evidence.added_penalty(fit, [candidate]))
+        expected = screening.expected_sigmas(hypotheses.null, candidate)
+        needed = math.sqrt(hypotheses.evidence.added_penalty(fit, [candidate]))
         if expected is not None and expected < needed:
             unseen.setdefault(candidate.name, BelowResolution(candidate.name, expected, needed))
         else:
@@ -218,26 +221,26 @@ def _not_found(
     return tuple(unseen.values()), list(rejected.values())
 
 
-def _signature(sets: Hypotheses, fit: Fit, name: str) -> Signature:
+def _signature(hypotheses: Hypotheses, fit: Fit, name: str) -> Signature:
     """Change of the prediction of each series by an effect, nuisances projected out."""
-    reduced = sets.without(fit, name)
-    change = sets.switched_off(fit, frozenset({name})).residual - fit.residual
-    return Signature(name, tuple(sets.residuals.in_units(change)), reduced.rss - fit.rss)
+    reduced = hypotheses.without(fit, name)
+    change = hypotheses.switched_off(fit, frozenset({name})).residual - fit.residual
+    return Signature(name, tuple(hypotheses.residuals.in_units(change)), reduced.rss - fit.rss)
 
 
-def _counted(sets: Hypotheses, whitened: Floats) -> list[Floats]:
+def _counted(hypotheses: Hypotheses, whitened: Floats) -> list[Floats]:
     """The samples of each series that count, in its unit."""
-    parts = sets.residuals.in_units(whitened)
-    return [own[s.counted] for s, own in zip(sets.residuals.data, parts, strict=True)]
+    parts = hypotheses.residuals.in_units(whitened)
+    return [own[s.counted] for s, own in zip(hypotheses.residuals.data, parts, strict=True)]
 
 
-def _gap(sets: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
+def _gap(hypotheses: Hypotheses, fit: Fit, held: HeldOut | None) -> Gap:
     """RMS residuals of each series, and over all series in the unit of the first."""
-    data = sets.residuals.data
+    data = hypotheses.residuals.data
     counted = [s.unit == data[0].unit for s in data]
     stated = [s.sigma for s in compress(data, counted) if s.sigma is not None]
-    before, after = (_counted(sets, own.residual) for own in (sets.null, fit))
-    held_out = None if held is None else _counted(sets, held.residual)
+    before, after = (_counted(hypotheses, own.residual) for own in (hypotheses.null, fit))
+    held_out = None if held is None else _counted(hypotheses, held.residual)
     of_runs = [None] * len(data) if held_out is None else [rms(own) for own in held_out]
 
     def of(series: Sequence[Floats]) -> float:

@@ -51,7 +51,7 @@ class Series:
     `tolerances`: how exact the sensor is stated to be; what they allow is fitted with every set of
     effects, alike in all series of the sensor. `fed_back`: an input of the model was computed from
     these readings by a closed loop, so that a term in the prediction would explain the readings by
-    themselves. `wild` (samples): those that do not count. `told`: times (s) and places of the
+    themselves. `wild` (samples): those that do not count. `path`: times (s) and places of the
     motion at all rows of the run, also where there is no reading, in `position_unit`. `of_inputs`
     (samples x terms): what the noise of the model's inputs may come to, in `unit`, as terms of a
     normal prior of width 1, which all series of the run share.
@@ -70,7 +70,7 @@ class Series:
     of_place: bool = False
     fed_back: bool = False
     wild: Mask | None = None
-    told: tuple[Floats, Floats] | None = None
+    path: tuple[Floats, Floats] | None = None
     tolerances: Tolerances = EXACT
     of_inputs: Floats | None = None
 

@@ -22,17 +22,17 @@ _Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class Sizes:
-    """Values, intervals, correlations and support of the effects `told`, by a `fit`.
+    """Values, intervals, correlations and support of the effects `named`, by a `fit`.
 
     Beside drafts by the fit with the free-form terms: without, an effect makes up for a part of
     what the terms describe, or is hidden by it.
     """
 
-    told: Fit
+    named: Fit
     fit: Fit
     evidence: Evidence
     held: HeldOut | None
-    sets: Hypotheses
+    hypotheses: Hypotheses
 
     @staticmethod
     def of(state: State) -> Sizes:
@@ -43,16 +43,18 @@ class Sizes:
     @staticmethod
     def by(state: State, fit: Fit, held: HeldOut | None) -> Sizes:
         """The sizes by a `fit` that `held` tells of."""
-        sets, evidence = state.sets, state.sets.evidence
+        hypotheses, evidence = state.hypotheses, state.hypotheses.evidence
         if fit is not state.fit:
-            evidence = sets.evidence_by(fit)
+            evidence = hypotheses.evidence_by(fit)
         own = Evidence(evidence.noise, evidence.catalogue)
-        return Sizes(state.fit, with_central_jacobian(sets.residuals, fit), own, held, sets)
+        return Sizes(
+            state.fit, with_central_jacobian(hypotheses.residuals, fit), own, held, hypotheses
+        )
 
     @property
     def settings(self) -> Settings:
         """The settings of the effects, and of the model's free numbers."""
-        return self.fit.settings_without(self.fit.names - self.told.names)
+        return self.fit.settings_without(self.fit.names - self.named.names)
 
     def estimates(self, candidate: Candidate) -> dict[str, Estimate]:
         """The parameters of an effect, by name."""
@@ -68,13 +70,13 @@ class Sizes:
     @cached_property
     def _intervals(self) -> dict[_Place, _Interval]:
         """95 % intervals of all that was fitted."""
-        return _intervals(self.sets, self.fit, self.evidence)
+        return _intervals(self.hypotheses, self.fit, self.evidence)
 
     def correlations(self) -> dict[str, dict[str, float]]:
         """Correlations of the estimates, without those that are not identifiable."""
         covariance = self.evidence.covariance(self.fit)
-        told = np.array([effect in self.settings for effect, _ in self.fit.order], dtype=bool)
-        own = np.flatnonzero(told & (np.diag(covariance) > 0) & np.isfinite(np.diag(covariance)))
+        named = np.array([effect in self.settings for effect, _ in self.fit.order], dtype=bool)
+        own = np.flatnonzero(named & (np.diag(covariance) > 0) & np.isfinite(np.diag(covariance)))
         deviations = np.sqrt(np.diag(covariance)[own])
         correlation = covariance[np.ix_(own, own)] / np.outer(deviations, deviations)
         names = [f"{effect}.{p.name}" for effect, p in (self.fit.order[i] for i in own)]
@@ -84,13 +86,13 @@ class Sizes:
         }
 
 
-def _intervals(sets: Hypotheses, fit: Fit, evidence: Evidence) -> dict[_Place, _Interval]:
+def _intervals(hypotheses: Hypotheses, fit: Fit, evidence: Evidence) -> dict[_Place, _Interval]:
     """95 % intervals of a fit, which hold its values.
 
     They count in the tolerances of numbers that it does not fit. A shape at an end of its range
     may be beyond it: there the interval has no end.
     """
-    wide = with_tolerances(sets.residuals, fit, sets.catalogue)
+    wide = with_tolerances(hypotheses.residuals, fit, hypotheses.catalogue)
     # Evidence keeps what it knows of a fit by its sum of squares, which both have.
     ends = Evidence(evidence.noise, evidence.catalogue).intervals(wide)
     bounds = evidence.at_bound(fit)

@@ -34,7 +34,7 @@ class Problem:
     progress: Progress
     in_one_run: Mapping[str, Sequence[Candidate]] = field(default_factory=dict)
 
-    def sets(self) -> Hypotheses:
+    def hypotheses(self) -> Hypotheses:
         first = {c.name: {p.name: p.starts[0] for p in c.parameters} for c in self.base}
         residuals = Residuals(self.simulate, self.data, scaled_at=first, coarse=self.coarse)
         return Hypotheses(residuals, self.catalogue, self.base, self.jobs, self.progress)
@@ -53,7 +53,7 @@ class State:
     """
 
     problem: Problem
-    sets: Hypotheses
+    hypotheses: Hypotheses
     screening: Screening
     fit: Fit
     searched: bool = False
@@ -74,8 +74,8 @@ class State:
 
     @staticmethod
     def of(problem: Problem) -> State:
-        sets = problem.sets()
-        return State(problem, sets, Screening(sets), sets.null)
+        hypotheses = problem.hypotheses()
+        return State(problem, hypotheses, Screening(hypotheses), hypotheses.null)
 
     def begun(self, problem: Problem, notes: tuple[str, ...] | None = None) -> State:
         """The state at the beginning of another problem, with the notes and the trace so far."""
@@ -84,15 +84,15 @@ class State:
 
     def own(self) -> State:
         """A copy whose fitted sets may change, and these stay."""
-        sets = self.sets.copy()
-        return replace(self, sets=sets, screening=self.screening.on(sets))
+        hypotheses = self.hypotheses.copy()
+        return replace(self, hypotheses=hypotheses, screening=self.screening.on(hypotheses))
 
     def traced(self, name: str, before: State) -> State:
         """The state with an entry of the trace: the pass `name` led here from `before`."""
         reasons = [f"{r.name}: {r.reason}" for r in self.rejected if r not in before.rejected]
         reasons += [note for note in self.notes if note not in before.notes]
         if not reasons and self.fit.names != before.fit.names:
-            reasons = [f"the lowest of {len(self.sets.ranked())} fitted sets"]
+            reasons = [f"the lowest of {len(self.hypotheses.ranked())} fitted sets"]
         was, now = (tuple(sorted(state.fit.names)) for state in (before, self))
-        taken = Taken(name, was, now, self.sets.ebic(self.fit), "; ".join(reasons))
+        taken = Taken(name, was, now, self.hypotheses.ebic(self.fit), "; ".join(reasons))
         return replace(self, trace=(*self.trace, taken))

@@ -127,7 +127,7 @@ def load_stated(name_or_path: str | Path) -> StatedMachine:
     """
     if str(name_or_path) == KINEMATIC:
         kind = str(name_or_path)
-        return read_stated(Source(kind, f'kind = "{kind}"\nname = "{kind}"\n'), bare=True)
+        return read_stated(Source(kind, f'kind = "{kind}"\nname = "{kind}"\n'), kind_only=True)
     if str(name_or_path) in KINDS:
         source = Source(str(name_or_path), "")
         message = f"{name_or_path} is a kind, and has no numbers without an experiment"
@@ -136,12 +136,12 @@ def load_stated(name_or_path: str | Path) -> StatedMachine:
     return read_stated(read_source(name_or_path))
 
 
-def read_stated(source: Source, bare: bool = False) -> StatedMachine:
+def read_stated(source: Source, kind_only: bool = False) -> StatedMachine:
     """The machine that `source` describes; ModelError with all findings."""
-    return Document(source).read(lambda root: _rig(root, source, bare))
+    return Document(source).read(lambda root: _stated(root, source, kind_only))
 
 
-def _rig(root: Value, source: Source, bare: bool) -> StatedMachine:
+def _stated(root: Value, source: Source, kind_only: bool) -> StatedMachine:
     kind = root.need("kind", one_of(*KINDS), "expected a kind")
     if kind is None:
         raise Refused
@@ -152,7 +152,7 @@ def _rig(root: Value, source: Source, bare: bool) -> StatedMachine:
     numbers = _numbers(root["base"], kind) if "base" in root else {}
     if kind == AXIS and unit:
         _check_inertia(root, unit, numbers)
-    laws = _laws(root, kind, unit, numbers) if not bare else _bare_laws(kind)
+    laws = _laws(root, kind, unit, numbers) if not kind_only else _default_laws(kind)
     effects = read_effects(root, HOSTS[kind])
     python = root.need("python", _callable, _NO_PYTHON) if kind == PYTHON else None
     active = root.get("effects", _active, {})
@@ -249,10 +249,10 @@ def _laws(root: Value, kind: str, unit: str, numbers: Mapping[str, Number]) -> d
         root.report('expected the unit of the axis, such as unit = "mm"', "missing-key")
     key = "position" if kind == KINEMATIC else "acceleration"
     law = root.get(key, read_formula, None)
-    return {key: law} if law is not None else _bare_laws(kind)
+    return {key: law} if law is not None else _default_laws(kind)
 
 
-def _bare_laws(kind: str) -> dict[str, Written]:
+def _default_laws(kind: str) -> dict[str, Written]:
     return {"position": Written.of("command")} if kind == KINEMATIC else {}
 
 

@@ -57,14 +57,14 @@ class Number:
 
 @dataclass(frozen=True)
 class StatedMachine:
-    """A machine of another kind; `unit` is that of its axis ("" until a sensor tells it).
+    """A machine whose equations a file states; `unit` is that of its axis ("" until a sensor tells it).
 
     `laws`: the position of a kinematic machine, the acceleration of an axis, or the rate (the
     power) of each thermal node, by name. `active`: values of the effects that its file switches
     on, in the units of their parameters, or in those of `units` where the file states any. `runs`:
     of those that belong to certain runs alone, the names of these runs' data files, each with its
-    checksum. `python`: file and function of a foreign model. `bare`: only its kind was stated, and
-    its numbers are yet to be taken from the data.
+    checksum. `python`: file and function of a foreign model. `kind_only`: no more of it was stated,
+    and its numbers are yet to be taken from the data.
     """
 
     name: str
@@ -77,7 +77,7 @@ class StatedMachine:
     source: Source
     python: tuple[str, str] | None = None
     runs: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    bare: bool = False
+    kind_only: bool = False
     units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @cached_property

@@ -47,7 +47,7 @@ def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Float
         labels=labels,
         position_unit=_place_unit(model, sensor) if labels else "m",
         fed_back=run.feedback,
-        told=(run.time_s, motion["position"]) if motion else None,
+        path=(run.time_s, motion["position"]) if motion else None,
         tolerances=sensor.tolerances,
     )
 

@@ -136,12 +136,12 @@ def test_neither_a_part_of_the_answer_nor_a_set_that_contains_it_is_an_alternati
 
     effects, size = candidates("line", "more"), 2.0 / np.sqrt(1000)
     (values,) = simulate(of_size(line=size))
-    sets = Hypotheses(Residuals(simulate, measured(values, 1.0, 1)), effects)
-    line = sets.fitted(effects[:1], of_size(line=size))
-    wider = sets.fitted(effects, of_size(line=size, more=size))
-    assert abs(sets.ebic(sets.null) - sets.ebic(line)) < 10
-    assert abs(sets.ebic(wider) - sets.ebic(line)) < 10
-    assert alternatives(sets, Screening(sets), line) == ()
+    hypotheses = Hypotheses(Residuals(simulate, measured(values, 1.0, 1)), effects)
+    line = hypotheses.fitted(effects[:1], of_size(line=size))
+    wider = hypotheses.fitted(effects, of_size(line=size, more=size))
+    assert abs(hypotheses.ebic(hypotheses.null) - hypotheses.ebic(line)) < 10
+    assert abs(hypotheses.ebic(wider) - hypotheses.ebic(line)) < 10
+    assert alternatives(hypotheses, Screening(hypotheses), line) == ()
 
 
 def of_pairs(apart):
@@ -242,9 +242,9 @@ def test_an_alternative_has_the_form_of_the_effect_that_it_replaces():
         Candidate("drag", (more,)),
     ]
     truth = {"falling": {"size": 1.0, "more": 0.8, "late": 0.4}}
-    sets = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.1, 1)), effects)
-    best = sets.fitted([falling], truth)
-    (other,) = alternatives(sets, Screening(sets), best)
+    hypotheses = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.1, 1)), effects)
+    best = hypotheses.fitted([falling], truth)
+    (other,) = alternatives(hypotheses, Screening(hypotheses), best)
     assert other.names == {"dry", "drag"}
     assert other.settings["dry"]["late"] == pytest.approx(0.4, abs=0.02)
 
@@ -253,12 +253,12 @@ def test_an_alternative_has_the_form_of_the_effect_that_it_replaces():
 def test_an_effect_without_which_a_set_is_an_alternative_is_not_needed(above, needed):
     """Alternatives beside noise with a memory are credited with what the answer leaves more."""
     fit, less, best = (SimpleNamespace(ebic=ebic) for ebic in (130.0, 120.0, 100.0))
-    sets = SimpleNamespace(
+    hypotheses = SimpleNamespace(
         without=lambda fit, name: less,
         ebic=lambda fit: fit.ebic,
         evidence=SimpleNamespace(above=lambda fit, best: above),
     )
-    assert _is_needed(sets, fit, "effect", best) is needed
+    assert _is_needed(hypotheses, fit, "effect", best) is needed
 
 
 def test_what_may_be_there_in_place_of_a_calibration_makes_no_effect_ambiguous():

@@ -172,9 +172,9 @@ def test_unknown_noise_is_taken_from_what_the_fitted_numbers_leave():
     start = {"base": {"k": 1.0}}
     residuals = Residuals(lambda s: [s["base"]["k"] * reference], [series], scaled_at=start)
     assert residuals.sigmas == pytest.approx([3.0], rel=0.1)
-    sets = Hypotheses(residuals, (), (Candidate("base", BASE[:1]),))
-    assert sets.residuals.sigmas == pytest.approx([SIGMA], rel=0.1)
-    assert sets.null.settings["base"]["k"] == pytest.approx(4.0, abs=0.03)
+    hypotheses = Hypotheses(residuals, (), (Candidate("base", BASE[:1]),))
+    assert hypotheses.residuals.sigmas == pytest.approx([SIGMA], rel=0.1)
+    assert hypotheses.null.settings["base"]["k"] == pytest.approx(4.0, abs=0.03)
 
 
 def test_base_is_no_name_of_an_effect():
@@ -231,6 +231,6 @@ def test_a_run_of_unknown_noise_is_predicted_by_a_model_that_asks_for_its_number
 def test_the_model_alone_is_where_its_last_fit_ended():
     data = run(of_size(line=0.5))
     residuals = Residuals(decaying, data, scaled_at=TRUTH)
-    sets = Hypotheses(residuals, [], [Candidate("base", BASE)])
-    settled = sets.settled(sets.null)
-    assert sets.null is settled is sets.best()
+    hypotheses = Hypotheses(residuals, [], [Candidate("base", BASE)])
+    settled = hypotheses.settled(hypotheses.null)
+    assert hypotheses.null is settled is hypotheses.best()

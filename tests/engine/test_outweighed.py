@@ -74,7 +74,7 @@ def test_it_is_asked_again_by_the_noise_that_the_listed_effects_leave():
     simulate = WithLaws(model, data, ())
     problem = Problem(simulate, None, None, tuple(listed), (), (), tuple(data), 1, lambda _: None)
     state = State.of(problem)
-    fit = state.sets.fitted(listed, of_size(listed=0.5))
+    fit = state.hypotheses.fitted(listed, of_size(listed=0.5))
     apart = in_turn((set_laws_apart, drop_outweighed), replace(state, fit=fit))
     assert (fit.names, apart.fit.names) == ({"listed"}, set())
     (rejected,) = apart.rejected
@@ -100,13 +100,13 @@ def test_an_effect_whose_place_a_term_would_fill_explains_what_the_term_does_not
     simulate = WithLaws(ripple, data, [line])
     problem = Problem(simulate, None, None, tuple(listed), (), (), data, 1, lambda _: None)
     state = State.of(problem)
-    sets = state.sets
-    sets.join([line], simulate, None)
+    hypotheses = state.hypotheses
+    hypotheses.join([line], simulate, None)
     # As a search does that begins without effects.
-    instead = sets.fitted([line], {line.name: {"p": 0.5, "s": 1.0, "c": 0.0}})
+    instead = hypotheses.fitted([line], {line.name: {"p": 0.5, "s": 1.0, "c": 0.0}})
     beside = {line.name: {"p": 0.19, "s": 0.2, "c": 0.0}, **of_size(ripple=1.0)}
-    fit = sets.fitted([*listed, line], beside)
-    assert sets.without(fit, "ripple") is instead
+    fit = hypotheses.fitted([*listed, line], beside)
+    assert hypotheses.without(fit, "ripple") is instead
     assert instead.rss - fit.rss < fit.rss - fit.count
     kept = drop_outweighed(replace(state, fit=fit))
     assert (kept.fit.names, kept.rejected) == ({"ripple", line.name}, ())

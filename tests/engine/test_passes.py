@@ -36,8 +36,8 @@ def flat(passes):
 
 def told(one):
     """Fits, catalogue, answer and remarks of a state."""
-    fits = {fit.key: (fit.rss, fit.settings) for fit in one.sets.ranked()}
-    catalogue = [c.key for c in one.sets.catalogue]
+    fits = {fit.key: (fit.rss, fit.settings) for fit in one.hypotheses.ranked()}
+    catalogue = [c.key for c in one.hypotheses.catalogue]
     return fits, one.fit.key, catalogue, one.rejected, one.notes
 
 
@@ -67,7 +67,7 @@ def test_the_caller_may_state_other_passes_and_write_one():
     @a_pass
     def forget(state):
         """No effect, whatever was found."""
-        return replace(state, fit=state.sets.null)
+        return replace(state, fit=state.hypotheses.null)
 
     data = measured(model(of_size(up=1.0))[0], 0.1, 1)
     found = reconcile(model, candidates("up", "down"), data, passes=(search_catalogue,))
@@ -82,7 +82,7 @@ def test_a_loop_takes_its_passes_until_the_effects_of_the_answer_stay():
 
     def once(state):
         said.append(state.fit.names)
-        return replace(state, fit=state.sets.null)
+        return replace(state, fit=state.hypotheses.null)
 
     at = search_catalogue(state())
     assert until_stable(once)(at).fit.names == set()

@@ -31,18 +31,18 @@ def state():
     effects = tuple(candidates(*NAMES))
     problem = Problem(simulate, None, None, effects, (), (), data, 1, lambda _: None)
     state = State.of(problem)
-    fits = {c.name: state.sets.fitted([c], of_size(**{c.name: 0.5})) for c in effects}
-    assert state.sets.ebic(fits["true"]) < state.sets.ebic(fits["similar"])
+    fits = {c.name: state.hypotheses.fitted([c], of_size(**{c.name: 0.5})) for c in effects}
+    assert state.hypotheses.ebic(fits["true"]) < state.hypotheses.ebic(fits["similar"])
     return replace(state, fit=fits["similar"])
 
 
 def test_of_effects_that_held_out_parts_deny_the_one_that_is_missed_least_goes(monkeypatch, state):
     """Beside `third` the held-out parts deny `true` more, and without it support that."""
-    both = [c for c in state.sets.catalogue if c.name in ("true", "third")]
-    fit = state.sets.fitted(both, of_size(true=1.0, third=0.1))
+    both = [c for c in state.hypotheses.catalogue if c.name in ("true", "third")]
+    fit = state.hypotheses.fitted(both, of_size(true=1.0, third=0.1))
     gains = {frozenset({"true", "third"}): {"true": -100.0, "third": -1.0}}
 
-    def held_out(sets, fit):
+    def held_out(hypotheses, fit):
         own = gains.get(fit.names, dict.fromkeys(fit.names, 1.0))
         return HeldOut(2.0, 1.0, own, fit.residual)
 
@@ -54,10 +54,10 @@ def test_of_effects_that_held_out_parts_deny_the_one_that_is_missed_least_goes(m
 
 def test_once_held_out_parts_deny_an_effect_the_others_are_chosen_anew(monkeypatch, state):
     """Beside `third` the worse of two single effects was the better one."""
-    both = [c for c in state.sets.catalogue if c.name in ("similar", "third")]
-    fit = state.sets.fitted(both, of_size(similar=1.0, third=0.1))
+    both = [c for c in state.hypotheses.catalogue if c.name in ("similar", "third")]
+    fit = state.hypotheses.fitted(both, of_size(similar=1.0, third=0.1))
 
-    def held_out(sets, fit):
+    def held_out(hypotheses, fit):
         gains = {name: -1.0 if name == "third" else 1.0 for name in fit.names}
         return HeldOut(2.0, 1.0, gains, fit.residual)
 
@@ -88,7 +88,7 @@ def test_nothing_changes_where_nothing_was_dropped(state):
 def readmitted(state, *dropped):
     """The answer where effects were dropped one after the other, each with its reason."""
     rejected = tuple(Rejected(name, 1.0, reason) for name, reason in dropped)
-    return readmit(DROP)(replace(state, fit=state.sets.null, rejected=rejected))
+    return readmit(DROP)(replace(state, fit=state.hypotheses.null, rejected=rejected))
 
 
 def test_what_held_out_parts_denied_beside_others_comes_back_without_them(state):
@@ -115,8 +115,8 @@ def test_what_was_dropped_otherwise_stays_away(state, dropped):
 
 def test_an_effect_that_raises_chi_squared_goes_and_is_told_with_the_dropped(state):
     """A fit of two that ended above that of one of them."""
-    both = [c for c in state.sets.catalogue if c.name in ("true", "third")]
-    fit = state.sets.fitted(both, of_size(true=1.0, third=0.1))
+    both = [c for c in state.hypotheses.catalogue if c.name in ("true", "third")]
+    fit = state.hypotheses.fitted(both, of_size(true=1.0, third=0.1))
     apart = set_laws_apart(replace(state, fit=replace(fit, residual=1.1 * fit.residual)))
     assert apart.fit.names == {"true"}
     assert [r.name for r in apart.rejected] == ["third"]
@@ -129,5 +129,5 @@ def test_why_an_effect_is_not_in_the_answer_is_what_its_signature_says(state):
     def reasons(fit):
         return {r.name: r.reason for r in conclude(replace(state, fit=fit)).rejected}
 
-    assert reasons(state.sets.null)["true"].startswith("is predicted to lower chi-squared")
-    assert reasons(state.sets.best())["third"].startswith("lowers chi-squared by less than")
+    assert reasons(state.hypotheses.null)["true"].startswith("is predicted to lower chi-squared")
+    assert reasons(state.hypotheses.best())["third"].startswith("lowers chi-squared by less than")

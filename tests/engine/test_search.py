@@ -192,11 +192,11 @@ def test_subsets_of_known_noise_are_those_of_an_exhaustive_search():
         return [sum((settings[n]["size"] * shapes[n] for n in settings), 0 * t)]
 
     (values,) = simulate(of_size(e3=0.3, e8=-0.2))
-    sets = Hypotheses(Residuals(simulate, measured(values, 1.0, 3)), candidates(*shapes))
-    scores = Screening(sets).of(sets.null, sets.catalogue)
-    found = LinearSubsets(sets.null, scores, sets.white).best(2)
+    hypotheses = Hypotheses(Residuals(simulate, measured(values, 1.0, 3)), candidates(*shapes))
+    scores = Screening(hypotheses).of(hypotheses.null, hypotheses.catalogue)
+    found = LinearSubsets(hypotheses.null, scores, hypotheses.white).best(2)
     pairs = [s for s in found if len(s.members) == 2]
-    (series,) = sets.residuals.data
+    (series,) = hypotheses.residuals.data
     expected = []
     for one, other in combinations(shapes, 2):
         columns = np.column_stack([shapes[one], shapes[other], np.ones(len(t))])
@@ -205,7 +205,7 @@ def test_subsets_of_known_noise_are_those_of_an_exhaustive_search():
     expected.sort(key=lambda pair: pair[0])
     assert [s.names for s in pairs] == [names for _, names in expected[: len(pairs)]]
     assert len(pairs) == 30
-    assert [sets.null.rss - s.reduction for s in pairs] == pytest.approx(
+    assert [hypotheses.null.rss - s.reduction for s in pairs] == pytest.approx(
         [rss for rss, _ in expected[:30]]
     )
 
@@ -226,16 +226,16 @@ def test_two_effects_are_swapped_at_once_where_neither_swap_alone_lowers_the_ebi
 
     (values,) = simulate(of_size(one=1.0, other=1.0))
     effects = candidates(*shapes, size=Parameter("size", "V", -10.0, 10.0, (0.5,)))
-    sets = Hypotheses(Residuals(simulate, measured(values, 1.0, 3)), effects)
+    hypotheses = Hypotheses(Residuals(simulate, measured(values, 1.0, 3)), effects)
     one, other, like_one, like_other = effects
     whole = {name: {"size": 1.0} for name in shapes}
-    wrong = sets.fitted([like_one, like_other], whole)
+    wrong = hypotheses.fitted([like_one, like_other], whole)
     for swapped in ([one, like_other], [like_one, other]):
-        assert sets.ebic(sets.fitted(swapped, whole)) > sets.ebic(wrong)
-    nearest = neighbourhood(sets, Screening(sets), wrong).subsets[0]
+        assert hypotheses.ebic(hypotheses.fitted(swapped, whole)) > hypotheses.ebic(wrong)
+    nearest = neighbourhood(hypotheses, Screening(hypotheses), wrong).subsets[0]
     assert nearest.names == {"one", "other"}
-    search(sets, Screening(sets), [wrong])
-    assert sets.best().names == {"one", "other"}
+    search(hypotheses, Screening(hypotheses), [wrong])
+    assert hypotheses.best().names == {"one", "other"}
 
 
 def test_an_effect_that_must_be_searched_for_replaces_one_that_absorbed_it():
@@ -266,13 +266,13 @@ def test_an_effect_that_must_be_searched_for_replaces_one_that_absorbed_it():
     (values,) = simulate({"clock": {"e": 100.0}, "tick": {"T": 100.0}})
     values = values + np.random.default_rng(5).standard_normal(len(t))
     data = [Series("run", "probe", "V", values, 1.0, t, np.arange(2000) // 400)]
-    sets = Hypotheses(Residuals(simulate, data), effects)
-    wrong = sets.fitted(effects[:2], {"clock": {"e": 100.0}, "delay": {"d": 100.0}})
+    hypotheses = Hypotheses(Residuals(simulate, data), effects)
+    wrong = hypotheses.fitted(effects[:2], {"clock": {"e": 100.0}, "delay": {"d": 100.0}})
     assert wrong.rss > 1.5 * wrong.count
-    near = neighbourhood(sets, Screening(sets), wrong).subsets
+    near = neighbourhood(hypotheses, Screening(hypotheses), wrong).subsets
     beside_clock = [s for s in near if s.base.names == {"clock"}]
     swapped = [(s.candidates, s.starts) for s in beside_clock if s.names == {"clock", "tick"}]
-    assert min(fit.rss for fit in sets.fit_all(swapped)) < 1.1 * wrong.count
+    assert min(fit.rss for fit in hypotheses.fit_all(swapped)) < 1.1 * wrong.count
 
 
 @pytest.mark.parametrize(("saved", "expected"), [(-1.0, set()), (5.4, set()), (6.6, {"line"})])
@@ -306,9 +306,9 @@ def test_a_second_start_keeps_what_a_search_found(monkeypatch):
 
     size, move = Parameter("size", "V", -9.0, 9.0), Parameter("move", "1", 0, 9, role=Role.SEARCHED)
     step = Candidate("step", (size, move), find_starts=lambda _: [{"size": 1.0, "move": 3.0}])
-    sets = Hypotheses(Residuals(simulate, measured(2.0 * (t > 2.0), 0.1, 1)), [step])
-    monkeypatch.setattr("mopro.engine.search.hypotheses._lower_subset", lambda *_: sets.null)
-    fit = sets.fitted([step], {"step": {"size": 1.0, "move": 3.0}})
+    hypotheses = Hypotheses(Residuals(simulate, measured(2.0 * (t > 2.0), 0.1, 1)), [step])
+    monkeypatch.setattr("mopro.engine.search.hypotheses._lower_subset", lambda *_: hypotheses.null)
+    fit = hypotheses.fitted([step], {"step": {"size": 1.0, "move": 3.0}})
     assert fit.settings["step"]["size"] == pytest.approx(2.0, abs=0.05)
 
 
@@ -329,8 +329,8 @@ def test_neither_the_order_of_proposals_nor_the_number_of_jobs_matters(jobs):
     ]
     left = {}
     for order in (1, -1):
-        sets = Hypotheses(Residuals(simulate, data), [straight, stuck], jobs=jobs)
-        left[order] = {fit.names: fit.rss for fit in sets.fit_all(proposals[::order])}
+        hypotheses = Hypotheses(Residuals(simulate, data), [straight, stuck], jobs=jobs)
+        left[order] = {fit.names: fit.rss for fit in hypotheses.fit_all(proposals[::order])}
     assert left[1] == left[-1]
     assert left[1][frozenset({"straight"})] < 400
 
@@ -351,12 +351,12 @@ def test_the_strongest_effect_is_replaced_by_one_that_does_as_well_by_itself(amp
 
     series = measured(simulate(of_size(tick=0.4, spring=1.0))[0], 1e-3, 1)
     catalogue = {c.name: c for c in candidates("delay", "tick", "spring")}
-    sets = Hypotheses(Residuals(simulate, series), list(catalogue.values()))
+    hypotheses = Hypotheses(Residuals(simulate, series), list(catalogue.values()))
     for name in catalogue:
-        sets.fitted([catalogue[name]], of_size(**{name: 0.3}))
+        hypotheses.fitted([catalogue[name]], of_size(**{name: 0.3}))
     pair = [catalogue["delay"], catalogue["spring"]]
-    fit = sets.fitted(pair, of_size(delay=0.4, spring=0.9))
-    proposals = with_rivals(sets, fit)
+    fit = hypotheses.fitted(pair, of_size(delay=0.4, spring=0.9))
+    proposals = with_rivals(hypotheses, fit)
     assert [{c.name for c in own} for own, _ in proposals] == replaced
     for own, (start,) in proposals:
         assert start["tick"]["size"] == pytest.approx(0.4, abs=0.01)
@@ -374,9 +374,9 @@ def test_a_superset_is_predicted_from_the_nearest_base_alone():
 
     effects = candidates("one", "two", "three")
     truth = of_size(one=1.0, two=1.0)
-    sets = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.1, 1)), effects)
-    fit = sets.fitted(effects[:2], truth)
-    near = neighbourhood(sets, Screening(sets), fit).subsets
+    hypotheses = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.1, 1)), effects)
+    fit = hypotheses.fitted(effects[:2], truth)
+    near = neighbourhood(hypotheses, Screening(hypotheses), fit).subsets
     bases = {}
     for subset in near:
         bases.setdefault(subset.names, []).append(subset.base.names)
@@ -428,13 +428,13 @@ def test_the_noise_is_what_the_set_in_another_form_leaves():
     wide = Candidate("late", (size, share), form="share fitted", extends="")
     truth = {"late": {"size": 3.0, "share": 0.4}}
     data = measured(simulate(truth)[0] + 0.8 * np.sin(17 * t), 0.1, 1)
-    sets = Hypotheses(Residuals(simulate, data), [plain, wide])
-    search(sets, Screening(sets), rounds=0)
-    fullest = sets.fullest()
+    hypotheses = Hypotheses(Residuals(simulate, data), [plain, wide])
+    search(hypotheses, Screening(hypotheses), rounds=0)
+    fullest = hypotheses.fullest()
     assert fullest.candidates == (wide,)
-    judged = sets.ebic(fullest)
-    sets.judge_by(fullest)
-    assert sets.ebic(fullest) == judged
+    judged = hypotheses.ebic(fullest)
+    hypotheses.judge_by(fullest)
+    assert hypotheses.ebic(fullest) == judged
 
 
 def test_a_size_beyond_which_an_effect_saturates_is_left_again():
@@ -462,12 +462,12 @@ def test_what_may_join_a_set_is_simulated_once():
 
     effects = [Candidate("bent", (Parameter("size", "V", -9.0, 9.0, (0.1,)),))]
     series = measured(simulate(of_size(bent=2.0))[0], 0.7, 1)
-    sets = Hypotheses(Residuals(simulate, series), effects)
-    screening = Screening(sets)
-    (first,) = screening.beside(sets.null, sets.null)
+    hypotheses = Hypotheses(Residuals(simulate, series), effects)
+    screening = Screening(hypotheses)
+    (first,) = screening.beside(hypotheses.null, hypotheses.null)
     assert first.group[0].values["size"] > 1.0
     asked.clear()
-    assert screening.beside(sets.null, sets.null) == [first]
+    assert screening.beside(hypotheses.null, hypotheses.null) == [first]
     assert not asked
 
 
@@ -483,9 +483,9 @@ def test_what_may_join_a_set_as_good_as_the_best_is_looked_for_beside_the_best()
 
     data = measured(simulate(of_size(first=1.0))[0], 0.1, seed=1)
     effects = candidates("first", "second", *absent)
-    sets = Hypotheses(Residuals(simulate, data), effects, progress=said.append)
-    search(sets, Screening(sets))
-    assert sets.best().names == {"first"}
+    hypotheses = Hypotheses(Residuals(simulate, data), effects, progress=said.append)
+    search(hypotheses, Screening(hypotheses))
+    assert hypotheses.best().names == {"first"}
     assert "fitting second" in said
     assert not [line for line in said if line.startswith("fitting") and "absent" in line]
 
@@ -501,9 +501,9 @@ def test_what_shows_only_beside_another_effect_is_seen_there():
 
     data = measured(simulate(of_size(grip=1.0, slip=0.3))[0], 0.2, 1)
     effects = candidates("grip", "slip", *absent)
-    sets = Hypotheses(Residuals(simulate, data), effects)
-    grip = sets.fitted(effects[:1], of_size(grip=1.0))
-    scores = {s.candidate.name: s for s in Screening(sets).beside(grip, grip)}
+    hypotheses = Hypotheses(Residuals(simulate, data), effects)
+    grip = hypotheses.fitted(effects[:1], of_size(grip=1.0))
+    scores = {s.candidate.name: s for s in Screening(hypotheses).beside(grip, grip)}
     expected = 4000 / 2 * (0.3 * np.tanh(1.0) / 0.2) ** 2
     assert scores["slip"].predicted_reduction == pytest.approx(expected, rel=0.1)
 
@@ -527,9 +527,9 @@ def test_what_made_up_for_another_effect_goes_when_that_is_replaced():
     shape = Parameter("shape", "1", -5.0, 5.0, (0.0,), Role.SHAPE)
     effects = [*candidates("straight", "rest", *absent), Candidate("bent", (size, shape))]
     truth = {"bent": {"size": 1.0, "shape": 1.5}}
-    sets = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.3, 1)), effects)
-    search(sets, Screening(sets))
-    assert sets.best().names == {"bent"}
+    hypotheses = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.3, 1)), effects)
+    search(hypotheses, Screening(hypotheses))
+    assert hypotheses.best().names == {"bent"}
 
 
 @pytest.mark.parametrize(
@@ -554,9 +554,9 @@ def test_a_search_goes_on_while_its_best_set_leaves_less_than_half(b, c, known, 
 
     (series,) = measured(simulate(of_size(a=3.0, b=b, c=c))[0], 0.05, 1)
     data = [series if known else replace(series, sigma=None)]
-    sets = Hypotheses(Residuals(simulate, data), candidates("a", "b", "c"))
-    search(sets, Screening(sets), rounds=1)
-    assert sets.best().names == found
+    hypotheses = Hypotheses(Residuals(simulate, data), candidates("a", "b", "c"))
+    search(hypotheses, Screening(hypotheses), rounds=1)
+    assert hypotheses.best().names == found
 
 
 @pytest.mark.parametrize("kept", [1, 100_000])
@@ -588,13 +588,13 @@ def test_what_replaces_an_effect_is_predicted_beside_the_others_as_they_are():
         return [bent + (late + slow) * np.sin(7 * t + 0.3) + 0.02 * slow * np.sin(13 * t)]
 
     data = measured(simulate(of_size(play=1.0, late=1.5))[0], 0.01, 1)
-    sets = Hypotheses(Residuals(simulate, data), candidates("play", "late", "slow"))
-    play, _, slow = sets.catalogue
-    fit = sets.fitted([play, slow], of_size(play=1.0, slow=1.5))
-    assert sets.without(fit, "slow").settings["play"]["size"] == pytest.approx(1.77, abs=0.01)
-    near = neighbourhood(sets, Screening(sets), fit).subsets
+    hypotheses = Hypotheses(Residuals(simulate, data), candidates("play", "late", "slow"))
+    play, _, slow = hypotheses.catalogue
+    fit = hypotheses.fitted([play, slow], of_size(play=1.0, slow=1.5))
+    assert hypotheses.without(fit, "slow").settings["play"]["size"] == pytest.approx(1.77, abs=0.01)
+    near = neighbourhood(hypotheses, Screening(hypotheses), fit).subsets
     (swapped,) = [s for s in near if s.names == {"play", "late"}]
-    found = sets.fitted(swapped.candidates, swapped.start)
+    found = hypotheses.fitted(swapped.candidates, swapped.start)
     assert swapped.base.rss - swapped.reduction == pytest.approx(found.rss, rel=1e-3)
     assert found.rss < 1.1 * found.count
 
@@ -634,10 +634,12 @@ def test_sets_are_given_up_where_one_before_them_leaves_noise():
         return [total]
 
     data = measured(simulate({**of_size(main=9.0), **of_size(next=0.5)})[0], 0.01, 1)
-    sets = Hypotheses(Residuals(simulate, data), candidates("main", "next", *mimics))
-    search(sets, Screening(sets))
-    assert sets.best().names == {"main", "next"}
-    finished = [f.names for f in sets.ranked() if f.names > {"main"} and "next" not in f.names]
+    hypotheses = Hypotheses(Residuals(simulate, data), candidates("main", "next", *mimics))
+    search(hypotheses, Screening(hypotheses))
+    assert hypotheses.best().names == {"main", "next"}
+    finished = [
+        f.names for f in hypotheses.ranked() if f.names > {"main"} and "next" not in f.names
+    ]
     assert len(finished) <= 1
 
 
@@ -651,11 +653,11 @@ def test_an_effect_that_ends_at_zero_is_left_out_before_the_next_round():
 
     data = measured(simulate(of_size(main=1.0, rest=-0.02))[0], 0.3, 1)
     size = Parameter("size", "V", 0.0, 9.0, (1.0,))
-    sets = Hypotheses(Residuals(simulate, data), candidates("main", "rest", size=size))
-    fit = sets.fitted(sets.catalogue, of_size(main=1.0, rest=0.5))
+    hypotheses = Hypotheses(Residuals(simulate, data), candidates("main", "rest", size=size))
+    fit = hypotheses.fitted(hypotheses.catalogue, of_size(main=1.0, rest=0.5))
     assert fit.settings["rest"]["size"] == 0.0
-    _fit_parts(sets, fit)
-    assert sets.best().names == {"main"}
+    _fit_parts(hypotheses, fit)
+    assert hypotheses.best().names == {"main"}
 
 
 def test_of_sets_that_leave_the_same_noise_one_is_expanded():
@@ -668,11 +670,11 @@ def test_of_sets_that_leave_the_same_noise_one_is_expanded():
         return [(first + second) * np.sin(7 * t) + second * slightly + other * np.sin(11 * t)]
 
     data = measured(simulate(of_size(first=1.0))[0], 0.1, seed=1)
-    sets = Hypotheses(Residuals(simulate, data), candidates("second", "first", "other"))
-    screening = Screening(sets)
-    _, first, _ = sets.catalogue
-    known = sets.fitted([first], of_size(first=1.0))
-    sets.judge_by(known)
+    hypotheses = Hypotheses(Residuals(simulate, data), candidates("second", "first", "other"))
+    screening = Screening(hypotheses)
+    _, first, _ = hypotheses.catalogue
+    known = hypotheses.fitted([first], of_size(first=1.0))
+    hypotheses.judge_by(known)
     before = screening.subsets
 
     def subsets(base, at, most):
@@ -680,8 +682,8 @@ def test_of_sets_that_leave_the_same_noise_one_is_expanded():
         return before(base, at, most)
 
     screening.subsets = subsets
-    search(sets, screening, [known])
-    assert sets.best().names == {"second"}
+    search(hypotheses, screening, [known])
+    assert hypotheses.best().names == {"second"}
     assert set(expanded) == {frozenset(), frozenset({"first"})}
 
 

@@ -77,7 +77,7 @@ def test_an_equal_set_takes_the_answer_s_place_unless_it_was_dropped(dropped, na
     data = tuple(measured(simulate(of_size(stretched=1.0))[0], 0.2, 1))
     model, effects = WithLaws(simulate, data, ()), tuple(candidates(*TWINS))
     state = State.of(Problem(model, None, None, effects, (), (), data, 1, lambda _: None))
-    fit = state.sets.fitted([effects[1]], of_size(amplified=0.5))
+    fit = state.hypotheses.fitted([effects[1]], of_size(amplified=0.5))
     rejected = tuple(Rejected(name, 1.0, "a reason") for name in dropped)
     found = find_alternatives(replace(state, fit=fit, rejected=rejected))
     assert found.fit.names == {named}
@@ -117,8 +117,8 @@ def test_a_set_with_strong_evidence_over_the_answer_is_where_the_passes_begin_ag
     model, effects = WithLaws(simulate, data, ()), tuple(candidates("similar", "true"))
     state = State.of(Problem(model, None, None, effects, (), (), data, 1, lambda _: None))
     found = find_alternatives(
-        replace(state, fit=state.sets.fitted([effects[0]], of_size(similar=1.0)))
+        replace(state, fit=state.hypotheses.fitted([effects[0]], of_size(similar=1.0)))
     )
     better = better_alternative(found)
     assert (found.fit.names, better.names) == ({"similar"}, {"true"})
-    assert state.sets.ebic(better) < state.sets.ebic(found.fit) - 3.0
+    assert state.hypotheses.ebic(better) < state.hypotheses.ebic(found.fit) - 3.0

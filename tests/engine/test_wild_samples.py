@@ -37,7 +37,7 @@ def test_the_search_is_repeated_where_wild_samples_are_much_of_what_is_left(unli
     assert state.notes == ("probe in run has one wild sample, at 1.751 s: left out",)
     assert state.fit.names == {"up"}
     assert state.fit.settings["up"]["size"] == pytest.approx(2.0, abs=0.1)
-    (left_out,) = state.sets.residuals.data
+    (left_out,) = state.hypotheses.residuals.data
     assert np.flatnonzero(left_out.wild).tolist() == [700]
 
 

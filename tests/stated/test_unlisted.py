@@ -10,7 +10,7 @@ import pytest
 from helpers.commands import run_here
 from helpers.stated import DRIVE, drive_folder, write
 from mopro.experiment.opened import experiment_file
-from mopro.experiment.stated.bare import completed
+from mopro.experiment.stated.from_kind import completed
 from mopro.experiment.stated.read import read_stated_experiment
 from mopro.stated.file import EFFORT, catalogue, unlisted_terms
 from mopro.stated.names import check, unlisted_of

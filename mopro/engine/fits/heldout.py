@@ -61,13 +61,13 @@ def held_out(
         return None
     masks = list(_divided(residuals, masks, fit))
     after = _predicted(residuals, fit, masks)
-    told = _as_told(fit, masks, after)
+    own = _scaled(fit, masks, after)
     return HeldOut(
         before=_mean_square(_predicted(residuals, null, masks)),
         after=_mean_square(after),
         gains={
             name: _gain(
-                noise, masks, _as_told(other, masks, _predicted(residuals, other, masks)), told
+                noise, masks, _scaled(other, masks, _predicted(residuals, other, masks)), own
             )
             for name, other in without.items()
         },
@@ -76,17 +76,17 @@ def held_out(
 
 
 @dataclass(frozen=True)
-class _Told:
+class _Scaled:
     """Residual (samples) of held-out parts, each scaled to what its prediction is known to.
 
-    `doubt`: the logarithms of the determinants of the scales, which the deviance has more.
+    `log_scales`: the logarithms of the determinants of the scales, which the deviance has more.
     """
 
     residual: Floats
-    doubt: float
+    log_scales: float
 
 
-def _as_told(fit: Fit, masks: Sequence[Mask], residual: Floats) -> _Told:
+def _scaled(fit: Fit, masks: Sequence[Mask], residual: Floats) -> _Scaled:
     """The residual of parts that were predicted by a fit of the others.
 
     A prediction is off by its noise and by what the others leave open of the parameters: of the
@@ -96,10 +96,10 @@ def _as_told(fit: Fit, masks: Sequence[Mask], residual: Floats) -> _Told:
     """
     spans = np.array([p.high - p.low for _, p in fit.order])
     if not len(spans):
-        return _Told(residual, 0.0)
+        return _Scaled(residual, 0.0)
     scaled = fit.jacobian * spans
     inner = [scaled[mask].T @ scaled[mask] for mask in masks]
-    told, doubt = residual.copy(), 0.0
+    left, log_scales = residual.copy(), 0.0
     for number, mask in enumerate(masks):
         others = sum(inner[:number] + inner[number + 1 :], np.eye(len(spans)))
         root = _inverse_root(others)
@@ -107,9 +107,9 @@ def _as_told(fit: Fit, masks: Sequence[Mask], residual: Floats) -> _Told:
         open_ = power > ROUNDING
         power = power[open_]
         along = scaled[mask] @ (root @ ways[:, open_]) / np.sqrt(power)
-        told[mask] += along @ ((1 / np.sqrt(1 + power) - 1) * (along.T @ told[mask]))
-        doubt += float(np.log1p(power).sum())
-    return _Told(told, doubt)
+        left[mask] += along @ ((1 / np.sqrt(1 + power) - 1) * (along.T @ left[mask]))
+        log_scales += float(np.log1p(power).sum())
+    return _Scaled(left, log_scales)
 
 
 def _inverse_root(matrix: Floats) -> Floats:
@@ -120,7 +120,7 @@ def _inverse_root(matrix: Floats) -> Floats:
     return root
 
 
-def _gain(noise: Noise, masks: Sequence[Mask], without: _Told, after: _Told) -> float:
+def _gain(noise: Noise, masks: Sequence[Mask], without: _Scaled, after: _Scaled) -> float:
     """Fall of the deviance of held-out parts by an effect; negative where it predicts worse.
 
     It must lower the deviance and the mean square; the part that is predicted worst with and
@@ -132,7 +132,7 @@ def _gain(noise: Noise, masks: Sequence[Mask], without: _Told, after: _Told) -> 
         worst = max(range(len(parts)), key=lambda i: min(parts[i][:2]) / parts[i][2].sum())
         del parts[worst]
     gain = _deviance(noise, masks, without.residual) - _deviance(noise, masks, after.residual)
-    gain += without.doubt - after.doubt
+    gain += without.log_scales - after.log_scales
     fall = sum(before - left for before, left, _ in parts)
     return gain if fall > 0 else min(gain, fall)
 

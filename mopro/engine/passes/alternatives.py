@@ -23,17 +23,17 @@ def find_alternatives(state: State) -> State:
     """
     if not state.fit.candidates:
         return state
-    every = alternatives(state.sets, state.screening, state.fit)
+    every = alternatives(state.hypotheses, state.screening, state.fit)
     if (first := _listed_first(state, every)) is not state:
         state = first
-        every = alternatives(state.sets, state.screening, state.fit)
+        every = alternatives(state.hypotheses, state.screening, state.fit)
     listed = tuple(other for other in every if not other.laws)
     names = next((other.names for other in every if other.laws), None)
-    rival = next((fit for fit in state.sets.ranked() if fit.names == names), None)
+    rival = next((fit for fit in state.hypotheses.ranked() if fit.names == names), None)
     state = replace(state, alternatives=listed, rival=rival)
     if rival is None or state.drafted is not None:
         return state
-    return replace(state, drafted_held=held_of(state.sets, rival))
+    return replace(state, drafted_held=held_of(state.hypotheses, rival))
 
 
 def _listed_first(state: State, every: Sequence[Alternative]) -> State:
@@ -43,14 +43,16 @@ def _listed_first(state: State, every: Sequence[Alternative]) -> State:
     answer is none of them: the passes are taken again from there (`better_alternative`). With
     drafts beside it the answer stays, and what was dropped from it stays away.
     """
-    sets, dropped = state.sets, {r.name for r in state.rejected}
+    hypotheses, dropped = state.hypotheses, {r.name for r in state.rejected}
     names = {other.names for other in every if not other.laws and not dropped & other.names}
-    least = sets.ebic(state.fit) - STRONG
-    equal = [fit for fit in sets.ranked() if fit.names in names and sets.ebic(fit) >= least]
-    first = sets.evidence.lowest([state.fit, *equal])
+    least = hypotheses.ebic(state.fit) - STRONG
+    equal = [
+        fit for fit in hypotheses.ranked() if fit.names in names and hypotheses.ebic(fit) >= least
+    ]
+    first = hypotheses.evidence.lowest([state.fit, *equal])
     if state.drafted is not None or first is state.fit:
         return state
-    held = held_of(sets, first)
+    held = held_of(hypotheses, first)
     if held is None or not all(map(held.supports, first.names)):
         return state
     return replace(state, fit=first, held=held)
@@ -66,14 +68,17 @@ def better_alternative(state: State) -> Fit | None:
     dropped = {r.name for r in state.rejected}
     if (rival := state.rival) is not None and not dropped & rival.names:
         of_model = not any(c.law and c.law.of_data for c in rival.candidates)
-        if of_model and state.sets.ebic(rival) < state.sets.ebic(state.fit) - VERY_STRONG:
+        if (
+            of_model
+            and state.hypotheses.ebic(rival) < state.hypotheses.ebic(state.fit) - VERY_STRONG
+        ):
             return rival
     better = {
         other.names
         for other in state.alternatives
         if other.delta_ebic < -STRONG and not dropped & other.names
     }
-    return next((fit for fit in state.sets.ranked() if fit.names in better), None)
+    return next((fit for fit in state.hypotheses.ranked() if fit.names in better), None)
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ class _FromAlternatives(Loop):
             known.add(better.key)
             # What the passes found out about the data, such as wild samples, holds.
             begun = state.begun(state.problem)
-            fit = begun.sets.fitted(better.candidates, better.settings)
+            fit = begun.hypotheses.fitted(better.candidates, better.settings)
             state = replace(begun, fit=fit).traced("from_alternatives", state)
             state = in_turn(self.passes, state)
         return state

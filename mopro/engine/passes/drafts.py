@@ -22,23 +22,23 @@ def set_laws_apart(state: State) -> State:
     A term fitted together with an effect may take a part of it. From here on the noise is what
     the effects leave, and each must be supported beside it, unless both leave white noise.
     """
-    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
+    hypotheses, fit, rejected = state.hypotheses, state.fit, list(state.rejected)
     for name in sorted(fit.laws):
-        fit = sets.without(fit, name)
+        fit = hypotheses.without(fit, name)
     # One that only made up for a term takes a place where it raises chi-squared.
     while reduced := [
-        (n, r) for n in sorted(fit.names) if (r := sets.without(fit, n)).rss <= fit.rss
+        (n, r) for n in sorted(fit.names) if (r := hypotheses.without(fit, n)).rss <= fit.rss
     ]:
         name, less = reduced[0]
         rejected.append(Rejected(name, less.rss - fit.rss, NO_GAIN))
         fit = less
-    sets.judge_by(fit)
+    hypotheses.judge_by(fit)
     held = state.held if fit is state.fit else None
     state, beside = replace(state, fit=fit, held=held, rejected=tuple(rejected)), state
     if not beside.fit.laws:
         return state
     # Beside the terms an effect may have had another form.
-    fit = sets.evidence.lowest([fit, *sets.fit_all(in_other_forms(sets, fit))])
+    fit = hypotheses.evidence.lowest([fit, *hypotheses.fit_all(in_other_forms(hypotheses, fit))])
     return replace(state, fit=fit, held=None, drafted=beside.fit, drafted_held=beside.held)
 
 
@@ -47,43 +47,43 @@ def something_is_left(state: State) -> bool:
 
     What they leave nothing for, an effect cannot stand for: those beside the drafts are there.
     """
-    return not state.sets.is_noise(state.drafted or state.fit)
+    return not state.hypotheses.is_noise(state.drafted or state.fit)
 
 
 @a_pass
 def examine_remainder(state: State) -> State:
     """The tests of what is left: noise, of whatever size and memory, or something unexplained."""
-    sets, fit = state.sets, state.fit
+    hypotheses, fit = state.hypotheses, state.fit
     if state.drafted is not None:
-        return replace(state, remainder=_described_by_drafts(sets, fit, state.drafted))
-    remainder = examine(sets.residuals, fit.residual, len(fit.order))
+        return replace(state, remainder=_described_by_drafts(hypotheses, fit, state.drafted))
+    remainder = examine(hypotheses.residuals, fit.residual, len(fit.order))
     if not remainder.significant:
-        wild = sum(int(s.wild.sum()) for s in sets.residuals.data if s.wild is not None)
+        wild = sum(int(s.wild.sum()) for s in hypotheses.residuals.data if s.wild is not None)
         if wild:
             remainder = replace(remainder, description=f"wild samples: {wild}", variable="sensor")
         return replace(state, remainder=remainder)
-    note = as_noise(sets.residuals, sets.evidence.noise, fit.residual, remainder)
+    note = as_noise(hypotheses.residuals, hypotheses.evidence.noise, fit.residual, remainder)
     if note is None:
         return replace(state, remainder=remainder)
     return replace(state, remainder=replace(remainder, significant=False, note=note))
 
 
-def _described_by_drafts(sets: Hypotheses, fit: Fit, drafted: Fit) -> Remainder:
+def _described_by_drafts(hypotheses: Hypotheses, fit: Fit, drafted: Fit) -> Remainder:
     """Remainder of `fit`, described as a function of the main draft's variable, and of the drafts.
 
     A shape of another variable is no description: the draft explains what looks like that as well.
     """
-    variable = _main_law(sets, drafted).of
-    remainder = examine(sets.residuals, fit.residual, len(fit.order), variable)
+    variable = _main_law(hypotheses, drafted).of
+    remainder = examine(hypotheses.residuals, fit.residual, len(fit.order), variable)
     described = remainder.description if remainder.variable == variable else f"a law of {variable}"
-    in_turn = examine(sets.residuals, drafted.residual, len(drafted.order))
+    in_turn = examine(hypotheses.residuals, drafted.residual, len(drafted.order))
     return replace(
         remainder, significant=True, description=described, variable=variable, only_size=False,
-        beside_drafts=None if sets.leaves_noise(drafted) else in_turn.description,
+        beside_drafts=None if hypotheses.leaves_noise(drafted) else in_turn.description,
     )  # fmt: skip
 
 
-def _main_law(sets: Hypotheses, drafted: Fit) -> Law:
+def _main_law(hypotheses: Hypotheses, drafted: Fit) -> Law:
     """The free-form term that explains most."""
     laws = {c.name: c.law for c in drafted.candidates if c.law}
-    return laws[max(laws, key=lambda name: (sets.without(drafted, name).rss, name))]
+    return laws[max(laws, key=lambda name: (hypotheses.without(drafted, name).rss, name))]

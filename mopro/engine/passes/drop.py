@@ -21,9 +21,9 @@ def eliminate(state: State) -> State:
     """The answer without effects that save less than strong evidence, a Bayes factor of 20."""
     fit, rejected = state.fit, list(state.rejected)
     while fit.candidates:
-        reduced = [(state.sets.without(fit, name), name) for name in sorted(fit.names)]
-        best, name = min(reduced, key=lambda pair: state.sets.ebic(pair[0]))
-        if state.sets.ebic(best) > state.sets.ebic(fit) + STRONG:
+        reduced = [(state.hypotheses.without(fit, name), name) for name in sorted(fit.names)]
+        best, name = min(reduced, key=lambda pair: state.hypotheses.ebic(pair[0]))
+        if state.hypotheses.ebic(best) > state.hypotheses.ebic(fit) + STRONG:
             break
         rejected.append(Rejected(name, best.rss - fit.rss, NO_GAIN))
         fit = best
@@ -37,24 +37,24 @@ def hold_out(state: State) -> State:
     Of several the one is dropped first that the data miss least: one whose absence leaves
     much may fail for what another one does beside it.
     """
-    sets, fit, rejected = state.sets, state.fit, list(state.rejected)
-    while (held := held_of(sets, fit)) is not None:
+    hypotheses, fit, rejected = state.hypotheses, state.fit, list(state.rejected)
+    while (held := held_of(hypotheses, fit)) is not None:
         failing = [name for name in sorted(fit.names) if not held.supports(name)]
         if not failing:
             break
-        without = {name: sets.without(fit, name) for name in failing}
-        worst = min(failing, key=lambda name: sets.ebic(without[name]))
+        without = {name: hypotheses.without(fit, name) for name in failing}
+        worst = min(failing, key=lambda name: hypotheses.ebic(without[name]))
         rejected.append(Rejected(worst, without[worst].rss - fit.rss, FAILS_HELD_OUT))
         fit = without[worst]
     return replace(state, fit=fit, held=held, rejected=tuple(rejected))
 
 
-def held_of(sets: Hypotheses, fit: Fit) -> HeldOut | None:
+def held_of(hypotheses: Hypotheses, fit: Fit) -> HeldOut | None:
     """Prediction of held-out parts with and without each effect of `fit`; None without any."""
     if not fit.candidates:
         return None
-    without = {name: sets.without(fit, name) for name in sorted(fit.names)}
-    return held_out(sets.residuals, sets.evidence.noise, sets.null, fit, without)
+    without = {name: hypotheses.without(fit, name) for name in sorted(fit.names)}
+    return held_out(hypotheses.residuals, hypotheses.evidence.noise, hypotheses.null, fit, without)
 
 
 @a_pass
@@ -65,25 +65,28 @@ def drop_outweighed(state: State) -> State:
     as well, in every part of the data. What free-form terms describe, also as drafts, does not
     stay unexplained. Calibrations, which name nothing, stay.
     """
-    sets = state.sets
-    while not sets.leaves_noise(described := state.drafted or state.fit):
-        left = described.rss - sets.noise_rss(described)
+    hypotheses = state.hypotheses
+    while not hypotheses.leaves_noise(described := state.drafted or state.fit):
+        left = described.rss - hypotheses.noise_rss(described)
         fit = state.fit
         listed = sorted(
-            c.name for c in fit.candidates if not c.law and not sets.evidence.calibrated(fit, c)
+            c.name
+            for c in fit.candidates
+            if not c.law and not hypotheses.evidence.calibrated(fit, c)
         )
-        gains = {name: sets.without(fit, name).rss - fit.rss for name in listed}
+        gains = {name: hypotheses.without(fit, name).rss - fit.rss for name in listed}
         weak = (n for n in sorted(listed, key=gains.__getitem__) if gains[n] < left)
         # An effect whose place a term would fill explains more than its absence costs.
         name = next(
-            (n for n in weak if not fit.laws or explained_by(sets.residuals, fit, n) < left), None
+            (n for n in weak if not fit.laws or explained_by(hypotheses.residuals, fit, n) < left),
+            None,
         )
         if name is None:
             break
         dropped = Rejected(name, gains[name], _OUTWEIGHED)
-        drafted = state.drafted and sets.without(state.drafted, name)
+        drafted = state.drafted and hypotheses.without(state.drafted, name)
         rejected = (*state.rejected, dropped)
-        fit = sets.without(fit, name)
+        fit = hypotheses.without(fit, name)
         state = replace(state, fit=fit, drafted=drafted, drafted_held=None, rejected=rejected)
     return state
 
@@ -95,21 +98,21 @@ def prefer_lower(state: State) -> State:
     An effect that goes may have led to a choice among others that is worse without it. In place of
     a stand-in nothing is preferred: another one would be.
     """
-    sets, fit = state.sets, state.fit
+    hypotheses, fit = state.hypotheses, state.fit
     dropped = {r.name for r in state.rejected}
     if state.stand_ins:
         return state
     others = [
         other
-        for other in sets.ranked()
+        for other in hypotheses.ranked()
         if len(other.candidates) <= len(fit.candidates)
         and not dropped & other.names
         and other.laws <= fit.names
     ]
-    lower = sets.evidence.lowest([fit, *others])
+    lower = hypotheses.evidence.lowest([fit, *others])
     if not dropped or lower.key == fit.key:
         return state
-    return replace(state, fit=sets.settled(lower))
+    return replace(state, fit=hypotheses.settled(lower))
 
 
 @a_pass
@@ -117,9 +120,9 @@ def hold_out_again(state: State) -> State:
     """Held-out parts with and without each effect, and each draft, where that is not known."""
     held, drafted_held = state.held, state.drafted_held
     if state.drafted is not None and drafted_held is None:
-        drafted_held = held_of(state.sets, state.drafted)
+        drafted_held = held_of(state.hypotheses, state.drafted)
     if held is None:
-        held = held_of(state.sets, state.fit)
+        held = held_of(state.hypotheses, state.fit)
     return replace(state, held=held, drafted_held=drafted_held)
 
 
@@ -145,18 +148,18 @@ def readmit(*passes: Pass) -> Loop:
 
 def _with(state: State, name: str) -> State | None:
     """The state with an effect taken in again that was dropped; None if it is not called for."""
-    candidate = next((c for c in state.sets.catalogue if c.name == name), None)
+    candidate = next((c for c in state.hypotheses.catalogue if c.name == name), None)
     if candidate is None or candidate.law:
         return None
-    joined = _joined(state.sets, state.fit, name)
-    if state.sets.ebic(joined) > state.sets.ebic(state.fit) - STRONG:
+    joined = _joined(state.hypotheses, state.fit, name)
+    if state.hypotheses.ebic(joined) > state.hypotheses.ebic(state.fit) - STRONG:
         return None
     others = tuple(r for r in state.rejected if r.name != name)
     return replace(state, fit=joined, rejected=others)
 
 
-def _joined(sets: Hypotheses, fit: Fit, name: str) -> Fit:
+def _joined(hypotheses: Hypotheses, fit: Fit, name: str) -> Fit:
     """`fit` with the effect `name`, as it is in the best set that has it."""
-    best = next(other for other in sets.ranked() if name in other.names)
+    best = next(other for other in hypotheses.ranked() if name in other.names)
     (own,) = (c for c in best.candidates if c.name == name)
-    return sets.fitted((*fit.candidates, own), {**fit.settings, name: best.settings[name]})
+    return hypotheses.fitted((*fit.candidates, own), {**fit.settings, name: best.settings[name]})

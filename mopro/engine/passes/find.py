@@ -23,10 +23,10 @@ def search_catalogue(state: State) -> State:
     """
     if state.searched:
         return state
-    sets, known = state.sets, [state.fit] if state.fit.candidates else []
-    search(sets, state.screening, known, rounds=FIRST_ROUNDS)
-    join_singly(sets, state.screening)
-    return replace(state, fit=sets.best(), searched=True)
+    hypotheses, known = state.hypotheses, [state.fit] if state.fit.candidates else []
+    search(hypotheses, state.screening, known, rounds=FIRST_ROUNDS)
+    join_singly(hypotheses, state.screening)
+    return replace(state, fit=hypotheses.best(), searched=True)
 
 
 @a_pass
@@ -38,35 +38,35 @@ def add_laws(state: State) -> State:
     predicted to do as well, or beside which it is predicted to do better. Done once for the same
     model and data.
     """
-    noise = state.sets.is_noise(state.fit)
+    noise = state.hypotheses.is_noise(state.fit)
     if state.widened or (noise and not state.fit.candidates):
         return state
     state = replace(state, widened=True)
     problem = state.problem
     laws = measurement_laws(problem.data, complete=noise)
-    sets, terms = state.sets, (*laws, *problem.unlisted)
+    hypotheses, terms = state.hypotheses, (*laws, *problem.unlisted)
     coarse = problem.coarse and WithLaws(problem.coarse, problem.data, laws)
-    sets.join(terms, WithLaws(problem.simulate, problem.data, laws), coarse)
+    hypotheses.join(terms, WithLaws(problem.simulate, problem.data, laws), coarse)
     own = state.fit.candidates
     doubtful = len(own) > 1 or any(c.flexible or c.run is not None for c in own)
     if noise and not doubtful and not _rivalled(state, laws):
-        sets.leave_out({term.name for term in terms})
+        hypotheses.leave_out({term.name for term in terms})
         return state
     repeated = [(term, state.screening.listed_like(term)) for term in terms]
-    sets.leave_out({term.name for term, listed in repeated if listed})
+    hypotheses.leave_out({term.name for term, listed in repeated if listed})
     state = replace(state, terms={key: term for term, listed in repeated for key in listed})
     # Several effects may make up for one that nobody listed beside a single one. Where they leave
     # noise, what may stand beside one of them is found from their own neighbourhood.
-    single = next((fit for fit in sets.ranked() if len(fit.candidates) == 1), state.fit)
+    single = next((fit for fit in hypotheses.ranked() if len(fit.candidates) == 1), state.fit)
     part = single.key <= state.fit.key
     fronts = [state.fit, *([] if part and noise else [single])]
-    search(sets, state.screening, fronts, only_laws=noise)
-    if not sets.best().laws and (law := _law_alone(state)) is not None:
-        search(sets, state.screening, [law], only_laws=True)
-    best, listed = sets.best(), sets.best_listed()
+    search(hypotheses, state.screening, fronts, only_laws=noise)
+    if not hypotheses.best().laws and (law := _law_alone(state)) is not None:
+        search(hypotheses, state.screening, [law], only_laws=True)
+    best, listed = hypotheses.best(), hypotheses.best_listed()
     # What somebody has listed has the benefit of the doubt, if it is no more.
     doubt = 0.0 if len(best.candidates) < len(listed.candidates) else VERY_STRONG
-    stays = sets.ebic(listed) - sets.ebic(best) < doubt
+    stays = hypotheses.ebic(listed) - hypotheses.ebic(best) < doubt
     return replace(state, fit=listed if stays else best)
 
 
@@ -76,26 +76,28 @@ def _law_alone(state: State) -> Fit | None:
     A strong one is predicted badly beside anything: only a fit shows what it explains, and what may
     join it.
     """
-    sets, listed = state.sets, state.sets.best_listed()
-    laws = [c for c in sets.catalogue if c.law and not c.law.of_data]
+    hypotheses, listed = state.hypotheses, state.hypotheses.best_listed()
+    laws = [c for c in hypotheses.catalogue if c.law and not c.law.of_data]
     if len(listed.candidates) < 2 or not laws:
         return None
-    scores = [s for s in state.screening.of(sets.null, laws) if s.starts]
-    fits = sets.fit_all([((s.candidate,), [{**sets.null.settings, **s.starts[0]}]) for s in scores])
-    best = min(fits, key=lambda fit: fit.rss, default=sets.null)
-    most = MAJORITY * (sets.null.rss - listed.rss)
-    return best if sets.null.rss - best.rss > most else None
+    scores = [s for s in state.screening.of(hypotheses.null, laws) if s.starts]
+    fits = hypotheses.fit_all(
+        [((s.candidate,), [{**hypotheses.null.settings, **s.starts[0]}]) for s in scores]
+    )
+    best = min(fits, key=lambda fit: fit.rss, default=hypotheses.null)
+    most = MAJORITY * (hypotheses.null.rss - listed.rss)
+    return best if hypotheses.null.rss - best.rss > most else None
 
 
 def _rivalled(state: State, laws: Sequence[Candidate]) -> bool:
     """True if one of `laws` is predicted to do as well as the answer, or very well beside it."""
-    sets, screening, fit = state.sets, state.screening, state.fit
-    limit = sets.white.ebic(fit)
+    hypotheses, screening, fit = state.hypotheses, state.screening, state.fit
+    limit = hypotheses.white.ebic(fit)
     return any(
         screening.predicted_ebic(base, score) < limit + margin
         and not screening.listed_like(score.candidate)
-        for base, margin in ((sets.null, VERY_STRONG), (fit, -VERY_STRONG))
-        for score in screening.of(base, laws, at=sets.null)
+        for base, margin in ((hypotheses.null, VERY_STRONG), (fit, -VERY_STRONG))
+        for score in screening.of(base, laws, at=hypotheses.null)
     )
 
 
@@ -105,8 +107,8 @@ def settle(state: State) -> State:
 
     There fits end in narrow valleys.
     """
-    sets, fit = state.sets, state.fit
-    if not sets.is_noise(fit):
+    hypotheses, fit = state.hypotheses, state.fit
+    if not hypotheses.is_noise(fit):
         for name in sorted(fit.names):
-            sets.settled(sets.without(fit, name))
-    return replace(state, fit=sets.settled(fit))
+            hypotheses.settled(hypotheses.without(fit, name))
+    return replace(state, fit=hypotheses.settled(fit))

@@ -28,11 +28,19 @@ def find_odd_run(state: State) -> State:
     another run.
     """
     names = list(dict.fromkeys(series.run for series in state.problem.data))
-    if len(names) < 2 or not state.remainder.significant or not state.sets.residuals.known_noise:
+    if (
+        len(names) < 2
+        or not state.remainder.significant
+        or not state.hypotheses.residuals.known_noise
+    ):
         return state
     for with_effects in (False, True):
-        sets = [_best_of_others(state, n) if with_effects else state.sets.null for n in names]
-        tried = [(_odd(state, own, n, len(names)), own) for own, n in zip(sets, names, strict=True)]
+        hypotheses = [
+            _best_of_others(state, n) if with_effects else state.hypotheses.null for n in names
+        ]
+        tried = [
+            (_odd(state, own, n, len(names)), own) for own, n in zip(hypotheses, names, strict=True)
+        ]
         found = [(run, own) for run, own in tried if run is not None]
         if len(found) == 1:
             ((odd, agreed),) = found
@@ -58,12 +66,12 @@ def in_one_run(*passes: Pass) -> Loop:
 
 def _best_of_others(state: State, run: str) -> Fit:
     """The fitted set of listed effects that has the lowest EBIC without the samples of a run."""
-    others, evidence = _samples_of_others(state, run), state.sets.white
+    others, evidence = _samples_of_others(state, run), state.hypotheses.white
 
     def ebic(fit: Fit) -> float:
         return float(np.sum(fit.residual[others] ** 2)) + evidence.penalty(fit)
 
-    return min((fit for fit in state.sets.ranked() if not fit.laws), key=ebic)
+    return min((fit for fit in state.hypotheses.ranked() if not fit.laws), key=ebic)
 
 
 def _samples_of_others(state: State, run: str) -> Mask:
@@ -83,7 +91,7 @@ def keep_what_others_bear(state: State) -> State:
 
     def contradicted(other: Fit) -> bool:
         more = float(np.sum(other.residual[others] ** 2) - np.sum(fit.residual[others] ** 2))
-        return more > VERY_STRONG * state.sets.scale(fit)
+        return more > VERY_STRONG * state.hypotheses.scale(fit)
 
     remainder = replace(state.remainder, description=odd.description, variable=odd.variable)
     if state.drafted is not None and not contradicted(state.drafted):
@@ -93,7 +101,9 @@ def keep_what_others_bear(state: State) -> State:
         remainder = replace(remainder, beside_drafts=None)
     if not fit.candidates and contradicted(state.fit):
         gone = tuple(
-            Rejected(name, state.sets.without(state.fit, name).rss - state.fit.rss, _OTHERS_WITHOUT)
+            Rejected(
+                name, state.hypotheses.without(state.fit, name).rss - state.fit.rss, _OTHERS_WITHOUT
+            )
             for name in sorted(state.fit.names)
         )
         state = replace(
@@ -108,13 +118,13 @@ def _explains(state: State, before: State) -> bool:
 
     Beside drafts as well, but for such as did so without that effect, or nearly.
     """
-    sets, described = state.sets, state.drafted or state.fit
-    if not any(c.run for c in state.fit.candidates) or not sets.leaves_noise(described):
+    hypotheses, described = state.hypotheses, state.drafted or state.fit
+    if not any(c.run for c in state.fit.candidates) or not hypotheses.leaves_noise(described):
         return False
     drafted = before.drafted
-    if drafted is None or not sets.leaves_noise(drafted):
+    if drafted is None or not hypotheses.leaves_noise(drafted):
         return True
-    return sets.ebic(described) < sets.ebic(drafted) - STRONG
+    return hypotheses.ebic(described) < hypotheses.ebic(drafted) - STRONG
 
 
 def _odd(state: State, fit: Fit, name: str, runs: int) -> OddRun | None:
@@ -125,7 +135,7 @@ def _odd(state: State, fit: Fit, name: str, runs: int) -> OddRun | None:
     if remainder is None or remainder.p_value > FALSE_ALARMS / runs:
         return None
     others = _of_runs(state, [s.run for s in state.problem.data if s.run != name])
-    again = least_squares_fit(others, fit.candidates, [fit.settings], base=state.sets.base)
+    again = least_squares_fit(others, fit.candidates, [fit.settings], base=state.hypotheses.base)
     if _beyond_noise(others, again.residual, len(again.order)) is not None:
         return None
     assert remainder.description is not None, "what is more than noise is described"
@@ -144,12 +154,12 @@ def _beyond_noise(residuals: Residuals, residual: Floats, parameters: int) -> Re
 
 def _of_runs(state: State, names: Collection[str]) -> Residuals:
     """The problem of these runs alone."""
-    problem, sets = state.problem, state.sets
+    problem, hypotheses = state.problem, state.hypotheses
     rows = [i for i, series in enumerate(problem.data) if series.run in names]
 
     def simulate(settings: Settings) -> list[Floats]:
         predicted = problem.simulate(settings)
         return [predicted[i] for i in rows]
 
-    data, sigmas = [problem.data[i] for i in rows], [sets.residuals.sigmas[i] for i in rows]
-    return Residuals(simulate, data, sigmas=sigmas).calibrated_at(sets.null.settings)
+    data, sigmas = [problem.data[i] for i in rows], [hypotheses.residuals.sigmas[i] for i in rows]
+    return Residuals(simulate, data, sigmas=sigmas).calibrated_at(hypotheses.null.settings)

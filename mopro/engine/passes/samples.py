@@ -29,7 +29,7 @@ def set_ends_aside(state: State) -> State:
 
     Before the search, as an effect may take the shape of such a jump.
     """
-    return _left_out(state, state.sets.null, without_rough_ends)
+    return _left_out(state, state.hypotheses.null, without_rough_ends)
 
 
 @a_pass
@@ -44,15 +44,15 @@ def set_wild_aside(state: State) -> State:
         return state
     out = np.concatenate([~series.counted for series in again.problem.data])
     decided = float(np.sum(state.fit.residual[out] ** 2))
-    if decided > LINEARITY_ERROR * (state.fit.rss - state.sets.noise_rss(state.fit)):
+    if decided > LINEARITY_ERROR * (state.fit.rss - state.hypotheses.noise_rss(state.fit)):
         return again
-    again.sets.fit_again(state.sets)
-    return replace(again, fit=again.sets.best(), searched=True)
+    again.hypotheses.fit_again(state.hypotheses)
+    return replace(again, fit=again.hypotheses.best(), searched=True)
 
 
 def _left_out(state: State, fit: Fit, without: LeaveOut) -> State:
     """`state` without the samples that `without` leaves out by what `fit` leaves of a series."""
-    left = state.sets.residuals.in_units(fit.residual)
+    left = state.hypotheses.residuals.in_units(fit.residual)
     parts = [without(series, own) for series, own in zip(state.problem.data, left, strict=True)]
     notes = tuple(note for _, own in parts for note in own)
     if not notes:
@@ -65,7 +65,7 @@ def _left_out(state: State, fit: Fit, without: LeaveOut) -> State:
 def refine_steps(state: State) -> State:
     """A finer simulation, where the steps of this one may be what remains; search again."""
     finer = state.problem.finer
-    if finer is None or state.sets.is_noise(state.fit) or not _steps_matter(state, finer):
+    if finer is None or state.hypotheses.is_noise(state.fit) or not _steps_matter(state, finer):
         return state
     state.problem.progress("refitting with a finer simulation")
     finer = WithLaws(finer, state.problem.data, ())
@@ -75,7 +75,7 @@ def refine_steps(state: State) -> State:
 
 def _steps_matter(state: State, finer: Simulate) -> bool:
     """True if a residual beyond noise may come from the steps of the coarse simulation."""
-    fit, residuals = state.fit, state.sets.residuals
+    fit, residuals = state.fit, state.hypotheses.residuals
     fine = residuals.of_model(finer, None).at(fit.settings)
     # Sensor noise that wanders is not white, hides no effect, and looks like one.
     most = 1.0 if residuals.known_noise else np.inf
@@ -83,16 +83,18 @@ def _steps_matter(state: State, finer: Simulate) -> bool:
     white = sum(len(own) * min(difference_variance(own), most) for own in parts)
     # A change of δ takes at most 2 δ √excess away.
     share = (LEAST_SHARE / 2) ** 2
-    least = max(SAME * state.sets.scale(fit), share * (fit.rss - white))
+    least = max(SAME * state.hypotheses.scale(fit), share * (fit.rss - white))
     return float(np.sum((fine - fit.residual) ** 2)) > least
 
 
 @a_pass
 def restate_quiet_noise(state: State) -> State:
     """The noise that the data show, where they are quieter than stated; search again."""
-    sets = state.sets
-    mean = sets.evidence.noise.sums(state.fit.residual) / np.array(sets.evidence.noise.counts)
-    samples = Noise.as_stated(sets.residuals).like(state.fit.residual).samples
+    hypotheses = state.hypotheses
+    mean = hypotheses.evidence.noise.sums(state.fit.residual) / np.array(
+        hypotheses.evidence.noise.counts
+    )
+    samples = Noise.as_stated(hypotheses.residuals).like(state.fit.residual).samples
     below = mean * (1 + _STANDARD_ERRORS * np.sqrt(2 / samples)) < (1 + TOLERANCE) ** -2
     data, notes, restated = [], list(state.notes), False
     for series, is_below, m in zip(state.problem.data, below, mean, strict=True):

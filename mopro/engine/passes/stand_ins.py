@@ -36,11 +36,11 @@ def expose_stand_ins(state: State) -> State:
     Also without those whose size the data would push out of its range. Either resembles something
     that nobody listed. The free-form term that describes most of what is left takes its place.
     """
-    sets = state.sets
-    parts = folds(sets.residuals, _MOST_PARTS)
-    while not sets.is_noise(state.fit):
-        reasons = _of_several_sizes(sets, parts, state.fit)
-        for name in _at_their_ends(sets, state.fit) - reasons.keys():
+    hypotheses = state.hypotheses
+    parts = folds(hypotheses.residuals, _MOST_PARTS)
+    while not hypotheses.is_noise(state.fit):
+        reasons = _of_several_sizes(hypotheses, parts, state.fit)
+        for name in _at_their_ends(hypotheses, state.fit) - reasons.keys():
             reasons[name] = 0.0, _AT_ITS_END
         if not reasons:
             break
@@ -52,39 +52,39 @@ def expose_stand_ins(state: State) -> State:
 
 def _exposed(state: State, name: str, reason: str) -> State:
     """The state with an effect of its answer known for a stand-in, the answer as it was."""
-    gain = state.sets.without(state.fit, name).rss - state.fit.rss
+    gain = state.hypotheses.without(state.fit, name).rss - state.fit.rss
     rejected = (*state.rejected, Rejected(name, gain, reason))
     return replace(state, rejected=rejected, stand_ins=state.stand_ins | {name})
 
 
 def _of_several_sizes(
-    sets: Hypotheses, parts: Sequence[Mask], fit: Fit
+    hypotheses: Hypotheses, parts: Sequence[Mask], fit: Fit
 ) -> dict[str, tuple[float, str]]:
     """Listed effects of `fit` whose size differs among the parts, by how much, and the reason."""
     answer = {}
-    unexplained = 0.0 if sets.leaves_noise(fit) else _beyond_noise(sets, fit)
+    unexplained = 0.0 if hypotheses.leaves_noise(fit) else _beyond_noise(hypotheses, fit)
     for candidate in fit.candidates:
-        if candidate.law or sets.evidence.calibrated(fit, candidate):
+        if candidate.law or hypotheses.evidence.calibrated(fit, candidate):
             continue
         name = candidate.name
-        own = spread(sets.residuals, sets.evidence.noise, parts, fit, name, unexplained)
+        own = spread(hypotheses.residuals, hypotheses.evidence.noise, parts, fit, name, unexplained)
         if own is not None and own.of_a_stand_in:
             answer[name] = own.share, _SPREAD.format(own.share)
     return answer
 
 
-def _beyond_noise(sets: Hypotheses, fit: Fit) -> float:
+def _beyond_noise(hypotheses: Hypotheses, fit: Fit) -> float:
     """Sum of squares that `fit` leaves beyond the noise; the whole of it if that is no more."""
-    beyond = fit.rss - sets.noise_rss(fit)
+    beyond = fit.rss - hypotheses.noise_rss(fit)
     return beyond if beyond > 0 else fit.rss
 
 
-def _at_their_ends(sets: Hypotheses, fit: Fit) -> set[str]:
+def _at_their_ends(hypotheses: Hypotheses, fit: Fit) -> set[str]:
     """Listed effects whose size the data would push beyond the largest that it may be.
 
     Also flexible ones whose shape is the one at which their range ends.
     """
-    bounds = set(sets.evidence.at_bound(fit))
+    bounds = set(hypotheses.evidence.at_bound(fit))
 
     def tells(c: Candidate, p: Parameter) -> bool:
         if p.role is not Role.AMPLITUDE:
@@ -106,12 +106,12 @@ def expose_beside_drafts(state: State) -> State:
     An effect that is present has the same size whether or not the rest is fitted beside it, and
     its law has the form that somebody listed. Calibrations, which name nothing, stay.
     """
-    sets = state.sets
+    hypotheses = state.hypotheses
     while state.drafted is not None:
         listed = [
-            c.name for c in state.fit.candidates if not sets.evidence.calibrated(state.fit, c)
+            c.name for c in state.fit.candidates if not hypotheses.evidence.calibrated(state.fit, c)
         ]
-        reasons = _moved(sets, state.fit, state.drafted, listed) or _reshaped(
+        reasons = _moved(hypotheses, state.fit, state.drafted, listed) or _reshaped(
             state, state.drafted, listed
         )
         if not reasons:
@@ -119,7 +119,7 @@ def expose_beside_drafts(state: State) -> State:
         worst = max(sorted(reasons), key=lambda name: reasons[name][0])
         state = replace(
             _exposed(state, worst, reasons[worst][1]),
-            fit=sets.settled(sets.without(state.fit, worst)),
+            fit=hypotheses.settled(hypotheses.without(state.fit, worst)),
             drafted=_taken_over(state, state.drafted, worst),
             drafted_held=None,
         )
@@ -127,18 +127,20 @@ def expose_beside_drafts(state: State) -> State:
 
 
 def _moved(
-    sets: Hypotheses, fit: Fit, drafted: Fit, listed: Sequence[str]
+    hypotheses: Hypotheses, fit: Fit, drafted: Fit, listed: Sequence[str]
 ) -> dict[str, tuple[float, str]]:
     """Effects whose part of the prediction is mostly another in `drafted`, and by how much.
 
     Where nothing is left, mostly lost: what describes the rest may only have uncovered more of it.
     """
     answer = {}
-    whole = sets.is_noise(drafted)
+    whole = hypotheses.is_noise(drafted)
     for name in sorted(drafted.names.intersection(listed)):
         # Changes of the whitened residual (samples): by switching it off, and by its other size.
-        part = sets.switched_off(fit, frozenset({name})).residual - fit.residual
-        moved = sets.residuals.at({**fit.settings, name: drafted.settings[name]}) - fit.residual
+        part = hypotheses.switched_off(fit, frozenset({name})).residual - fit.residual
+        moved = (
+            hypotheses.residuals.at({**fit.settings, name: drafted.settings[name]}) - fit.residual
+        )
         size = float(np.linalg.norm(part)) or np.inf
         change = float(np.linalg.norm(moved)) / size
         if (float(moved @ part) / size**2 if whole else change) > MAJORITY:
@@ -165,7 +167,7 @@ def _reshaped(state: State, drafted: Fit, listed: Sequence[str]) -> dict[str, tu
 
 def _terms(state: State, enters: str, of: str) -> list[Candidate]:
     """The free-form terms of one place and variable, those that repeat listed effects included."""
-    known = {c.name: c for c in (*state.sets.catalogue, *state.terms.values()) if c.law}
+    known = {c.name: c for c in (*state.hypotheses.catalogue, *state.terms.values()) if c.law}
     return [
         term
         for term in known.values()
@@ -181,7 +183,7 @@ def _freed(state: State, drafted: Fit, name: str, terms: Sequence[Candidate]) ->
 
     Its response to first order: a friction that goes altogether lets a motor ring.
     """
-    noise = state.sets.evidence.noise
+    noise = state.hypotheses.evidence.noise
     freed = _in_place_of(state, drafted, name, terms)
     if noise.deviance(freed.residual) - noise.deviance(drafted.residual) > VERY_STRONG:
         return False
@@ -199,16 +201,16 @@ def _in_place_of(state: State, drafted: Fit, name: str, terms: Sequence[Candidat
 
     The others begin as they are: without the effect they would go far to make up for it.
     """
-    fit = state.sets.switched_off(drafted, frozenset({name}))
+    fit = state.hypotheses.switched_off(drafted, frozenset({name}))
     missing = [term for term in terms if term.name not in fit.names]
     while missing:
         score = state.screening.of(fit, missing)[0]
         if not score.starts:
             break
         start = {**fit.settings, **score.starts[0]}
-        fit = state.sets.fitted((*fit.candidates, score.candidate), start)
+        fit = state.hypotheses.fitted((*fit.candidates, score.candidate), start)
         missing.remove(score.candidate)
-    return state.sets.settled(fit)
+    return state.hypotheses.settled(fit)
 
 
 def _taken_over(state: State, fit: Fit, name: str) -> Fit:
@@ -217,17 +219,19 @@ def _taken_over(state: State, fit: Fit, name: str) -> Fit:
     No term is added unless one takes away most of what is left beyond noise. Where a term does
     what the effect does, it also begins beside the others as they are.
     """
-    sets = state.sets
-    without = sets.settled(sets.without(fit, name))
-    terms = [c for c in sets.catalogue if c.law and c.name not in without.names]
+    hypotheses = state.hypotheses
+    without = hypotheses.settled(hypotheses.without(fit, name))
+    terms = [c for c in hypotheses.catalogue if c.law and c.name not in without.names]
     same = [state.terms[c.key] for c in fit.candidates if c.name == name and c.key in state.terms]
-    switched = sets.switched_off(fit, frozenset({name}))
+    switched = hypotheses.switched_off(fit, frozenset({name}))
     fits = [without]
     for base, candidates in ((without, [*terms, *same]), (switched, same)):
         best = next((s for s in state.screening.of(base, candidates) if s.starts), None)
         if best is not None:
             start = {**base.settings, **best.starts[0]}
-            fits.append(sets.settled(sets.fitted((*base.candidates, best.candidate), start)))
+            fits.append(
+                hypotheses.settled(hypotheses.fitted((*base.candidates, best.candidate), start))
+            )
     described = min(fits, key=lambda f: f.rss)
-    most = MAJORITY * _beyond_noise(sets, without)
+    most = MAJORITY * _beyond_noise(hypotheses, without)
     return described if without.rss - described.rss > most else without

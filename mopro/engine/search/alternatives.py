@@ -53,7 +53,9 @@ class Alternative:
         return Alternative(names, delta_ebic, listed, laws)
 
 
-def alternatives(sets: Hypotheses, screening: Screening, best: Fit) -> tuple[Alternative, ...]:
+def alternatives(
+    hypotheses: Hypotheses, screening: Screening, best: Fit
+) -> tuple[Alternative, ...]:
     """The sets within 10 of the EBIC of `best`, the lowest first, one for each set of names.
 
     Each of their effects is needed, and no value gives very strong evidence against its plausible
@@ -61,17 +63,19 @@ def alternatives(sets: Hypotheses, screening: Screening, best: Fit) -> tuple[Alt
     alternative.
     """
     weak: list[Alternative] = []
-    subsets = [s for s in neighbourhood(sets, screening, best).subsets if _differs(s.names, best)]
+    subsets = [
+        s for s in neighbourhood(hypotheses, screening, best).subsets if _differs(s.names, best)
+    ]
     subsets.sort(key=lambda s: (sorted(s.base.key), s.ebic))
     for base, group in groupby(subsets, key=lambda s: s.base):
         own = list(group)
-        _fit_likely(sets, screening, best, base, own)
+        _fit_likely(hypotheses, screening, best, base, own)
         if base.rss - best.rss < _WEAK:
-            weak += _weak(sets, best, own)
+            weak += _weak(hypotheses, best, own)
     fitted = [
-        Alternative.of(fit.candidates, sets.evidence.above(fit, best), fit.settings)
-        for fit in _each_fitted(sets)
-        if _is_alternative(sets, fit, best)
+        Alternative.of(fit.candidates, hypotheses.evidence.above(fit, best), fit.settings)
+        for fit in _each_fitted(hypotheses)
+        if _is_alternative(hypotheses, fit, best)
     ]
     lowest: dict[frozenset[str], Alternative] = {}
     for other in sorted([*fitted, *weak], key=lambda a: (a.delta_ebic, sorted(a.names))):
@@ -79,10 +83,10 @@ def alternatives(sets: Hypotheses, screening: Screening, best: Fit) -> tuple[Alt
     return tuple(lowest.values())
 
 
-def _each_fitted(sets: Hypotheses) -> Iterator[Fit]:
+def _each_fitted(hypotheses: Hypotheses) -> Iterator[Fit]:
     """All fitted sets, also those that are fitted while the others are looked at."""
     known = set[Identity]()
-    while new := [fit for fit in sets.ranked() if fit.identity not in known]:
+    while new := [fit for fit in hypotheses.ranked() if fit.identity not in known]:
         known |= {fit.identity for fit in new}
         yield from new
 
@@ -93,7 +97,7 @@ def _differs(names: frozenset[str], best: Fit) -> bool:
 
 
 def _fit_likely(
-    sets: Hypotheses,
+    hypotheses: Hypotheses,
     screening: Screening,
     best: Fit,
     base: Fit,
@@ -103,7 +107,7 @@ def _fit_likely(
     reduction = base.rss - best.rss
     if reduction <= 0:
         return
-    needed, known = _needed(sets, screening, best, base), sets.as_good(best)
+    needed, known = _needed(hypotheses, screening, best, base), hypotheses.as_good(best)
     close = []
     for subset in subsets:
         if any(part < subset.key for part in known):
@@ -119,26 +123,28 @@ def _fit_likely(
     # Those of more members are predicted to reach more.
     by_size = groupby((subset for _, subset in close), key=lambda s: len(s.members))
     likely = [subset for _, group in by_size for subset in of_each_kind(group, FITTED)]
-    limit = sets.limit(best)
+    limit = hypotheses.limit(best)
     proposals: list[Proposal] = [(s.candidates, s.starts) for s in likely]
-    proposals += [wider for s in likely if (wider := _in_forms_of(sets, best, s))]
-    for fit in sets.fit_all(_affordable(sets, best, proposals), limit):
+    proposals += [wider for s in likely if (wider := _in_forms_of(hypotheses, best, s))]
+    for fit in hypotheses.fit_all(_affordable(hypotheses, best, proposals), limit):
         if not fit.abandoned:
-            sets.fit_all(_affordable(sets, best, in_other_forms(sets, fit)), limit)
+            hypotheses.fit_all(
+                _affordable(hypotheses, best, in_other_forms(hypotheses, fit)), limit
+            )
 
 
-def _affordable(sets: Hypotheses, best: Fit, proposals: Sequence[Proposal]) -> list[Proposal]:
+def _affordable(hypotheses: Hypotheses, best: Fit, proposals: Sequence[Proposal]) -> list[Proposal]:
     """Those of the proposals that may come within the margin, by the penalty of their parameters.
 
     Beside an answer that leaves noise none explains strongly more, or the search had found it.
     """
-    if not sets.is_noise(best):
+    if not hypotheses.is_noise(best):
         return list(proposals)
-    most = sets.evidence.of_joining(best.candidates, best.count, 0) + VERY_STRONG + STRONG
-    return [p for p in proposals if sets.evidence.of_joining(p[0], best.count, 0) <= most]
+    most = hypotheses.evidence.of_joining(best.candidates, best.count, 0) + VERY_STRONG + STRONG
+    return [p for p in proposals if hypotheses.evidence.of_joining(p[0], best.count, 0) <= most]
 
 
-def _in_forms_of(sets: Hypotheses, best: Fit, subset: LinearSubset) -> Proposal | None:
+def _in_forms_of(hypotheses: Hypotheses, best: Fit, subset: LinearSubset) -> Proposal | None:
     """The subset with its plain members in the forms of the effects of `best` that they replace.
 
     Its other numbers begin as they are in `best`: what such a form has fitted, and a plain one
@@ -147,7 +153,7 @@ def _in_forms_of(sets: Hypotheses, best: Fit, subset: LinearSubset) -> Proposal 
     plain = {c.name: c for c in subset.candidates if not c.form}
     replaced = [c for c in best.candidates if c.form and c.key not in subset.key]
     wider, start = dict[str, Candidate](), dict(subset.start)
-    for form in sets.catalogue:
+    for form in hypotheses.catalogue:
         same = next((c for c in replaced if c.form == form.form), None)
         if same is None or form.name not in plain:
             continue
@@ -158,7 +164,7 @@ def _in_forms_of(sets: Hypotheses, best: Fit, subset: LinearSubset) -> Proposal 
     return ([wider.get(c.name, c) for c in subset.candidates], [start]) if wider else None
 
 
-def _needed(sets: Hypotheses, screening: Screening, best: Fit, base: Fit) -> float:
+def _needed(hypotheses: Hypotheses, screening: Screening, best: Fit, base: Fit) -> float:
     """Predicted reduction from which on a set beside `base` may do as well as `best`.
 
     Far from linear, signatures predict less for the effects themselves than they bring.
@@ -172,38 +178,38 @@ def _needed(sets: Hypotheses, screening: Screening, best: Fit, base: Fit) -> flo
     if reduction < _WEAK:
         return min(reduction, predicted) - VERY_STRONG
     error = min(LEAST_SHARE, LINEARITY_ERROR + 2 * abs(predicted / reduction - 1))
-    margin = 4 * VERY_STRONG * _density(sets, best, base)
+    margin = 4 * VERY_STRONG * _density(hypotheses, best, base)
     return min(reduction, predicted) - margin - error * reduction
 
 
-def _density(sets: Hypotheses, best: Fit, base: Fit) -> float:
+def _density(hypotheses: Hypotheses, best: Fit, base: Fit) -> float:
     """Mean power of the noise where the effects that `base` lacks have theirs."""
-    noise, change = sets.evidence.noise, base.residual - best.residual
+    noise, change = hypotheses.evidence.noise, base.residual - best.residual
     size = float(change @ change)
     if noise.exact or not size:
         return 1.0
     return float(np.sum(noise.transformed(change[:, None]) ** 2)) / size
 
 
-def _weak(sets: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[Alternative]:
+def _weak(hypotheses: Hypotheses, best: Fit, subsets: Iterable[LinearSubset]) -> list[Alternative]:
     """Single effects that do as well at the size that their signature asks for.
 
     A weak effect has many alternatives, nearly all of them linear: they are simulated once, and
     fitted only if they do not do as well there. What nobody listed is fitted, to tell how it is.
     """
-    limit, evidence, answer = sets.limit(best), sets.evidence, list[Alternative]()
+    limit, evidence, answer = hypotheses.limit(best), hypotheses.evidence, list[Alternative]()
     for subset in subsets:
-        close = subset.ebic < sets.white.ebic(best) + VERY_STRONG
+        close = subset.ebic < hypotheses.white.ebic(best) + VERY_STRONG
         if not close or len(subset.members) != 1 or not _plausible(subset.members[0]):
             continue
         joined = subset.members[0].candidate
-        deviance = evidence.noise.deviance(sets.residuals.at(subset.start))
+        deviance = evidence.noise.deviance(hypotheses.residuals.at(subset.start))
         penalty = evidence.penalty(subset.base) + evidence.added_penalty(subset.base, [joined])
-        delta = deviance + penalty - sets.ebic(best)
+        delta = deviance + penalty - hypotheses.ebic(best)
         if delta < VERY_STRONG and not joined.law:
             answer.append(Alternative.of(subset.candidates, delta, subset.start))
         else:
-            sets.fitted(subset.candidates, subset.start, limit)
+            hypotheses.fitted(subset.candidates, subset.start, limit)
     return answer
 
 
@@ -216,34 +222,34 @@ def _plausible(score: ScoreTest) -> bool:
     )
 
 
-def _is_alternative(sets: Hypotheses, fit: Fit, best: Fit) -> bool:
+def _is_alternative(hypotheses: Hypotheses, fit: Fit, best: Fit) -> bool:
     return (
-        sets.evidence.above(fit, best) < VERY_STRONG
+        hypotheses.evidence.above(fit, best) < VERY_STRONG
         and _differs(fit.names, best)
-        and sets.evidence.implausible(fit) <= sets.evidence.implausible(best)
-        and not _nests_prediction(sets, fit, best)
-        and not _in_other_words(sets, fit)
-        and all(_is_needed(sets, fit, name, best) for name in fit.names)
+        and hypotheses.evidence.implausible(fit) <= hypotheses.evidence.implausible(best)
+        and not _nests_prediction(hypotheses, fit, best)
+        and not _in_other_words(hypotheses, fit)
+        and all(_is_needed(hypotheses, fit, name, best) for name in fit.names)
     )
 
 
-def _is_needed(sets: Hypotheses, fit: Fit, name: str, best: Fit) -> bool:
+def _is_needed(hypotheses: Hypotheses, fit: Fit, name: str, best: Fit) -> bool:
     """True if there is strong evidence for an effect of `fit`, or no alternative without it."""
-    without = sets.without(fit, name)
-    strongly = sets.ebic(without) > sets.ebic(fit) + STRONG
-    return strongly or sets.evidence.above(without, best) >= VERY_STRONG
+    without = hypotheses.without(fit, name)
+    strongly = hypotheses.ebic(without) > hypotheses.ebic(fit) + STRONG
+    return strongly or hypotheses.evidence.above(without, best) >= VERY_STRONG
 
 
-def _in_other_words(sets: Hypotheses, fit: Fit) -> bool:
+def _in_other_words(hypotheses: Hypotheses, fit: Fit) -> bool:
     """True if `fit` has a free-form term and predicts what listed effects, no more of them, do."""
     return bool(fit.laws) and any(
-        len(other.candidates) <= len(fit.candidates) and _nests_prediction(sets, fit, other)
-        for other in sets.ranked()
+        len(other.candidates) <= len(fit.candidates) and _nests_prediction(hypotheses, fit, other)
+        for other in hypotheses.ranked()
         if not other.laws
     )
 
 
-def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
+def _nests_prediction(hypotheses: Hypotheses, wider: Fit, fit: Fit) -> bool:
     """True if `wider` has more parameters and predicts the same, as far as noise tells.
 
     It is then the same explanation with parameters to spare, and no alternative. A form of its own
@@ -259,5 +265,5 @@ def _nests_prediction(sets: Hypotheses, wider: Fit, fit: Fit) -> bool:
     if extra <= 0 or any(c.extends and not c.can_enter_first for c in own):
         return False
     difference = wider.residual - fit.residual
-    chi2 = float(np.sum(difference**2 / sets.evidence.noise.variances(fit.residual)))
+    chi2 = float(np.sum(difference**2 / hypotheses.evidence.noise.variances(fit.residual)))
     return chi2 < float(special.chdtri(extra, FALSE_ALARMS))

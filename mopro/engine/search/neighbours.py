@@ -36,14 +36,14 @@ class Neighbourhood:
         return Neighbourhood(self.fit, tuple(drafted))
 
 
-def neighbourhood(sets: Hypotheses, screening: Screening, fit: Fit) -> Neighbourhood:
+def neighbourhood(hypotheses: Hypotheses, screening: Screening, fit: Fit) -> Neighbourhood:
     """Sets near `fit` in the linear approximation, which needs few simulations.
 
     None, one, or all of its effects are dropped, of sets of two or three also two. As many are
     added as were dropped (two at most) and `_more`.
     """
     subsets: list[LinearSubset] = []
-    bases = list(_reduced(sets, fit))
+    bases = list(_reduced(hypotheses, fit))
     for reduced, dropped in bases:
         room = min(min(dropped, 2) + _more(reduced, fit), MOST_EFFECTS - len(reduced.candidates))
         closer = [base.key for base, _ in bases if reduced.key < base.key]
@@ -65,7 +65,7 @@ def _more(reduced: Fit, fit: Fit) -> int:
     return SECOND_GUESSES if fit.candidates else SECOND_GUESSES + 1
 
 
-def _reduced(sets: Hypotheses, fit: Fit) -> Iterator[tuple[Fit, int]]:
+def _reduced(hypotheses: Hypotheses, fit: Fit) -> Iterator[tuple[Fit, int]]:
     """`fit` without none, one, two or all of its effects, and how many were dropped.
 
     The others are fitted again. If they leave a tenth less then, they have absorbed what was
@@ -81,15 +81,15 @@ def _reduced(sets: Hypotheses, fit: Fit) -> Iterator[tuple[Fit, int]]:
         for names in combinations(sorted(fit.names), number):
             reduced = fit
             for name in names:
-                reduced = sets.without(reduced, name)
+                reduced = hypotheses.without(reduced, name)
             if reduced.candidates:
-                switched = sets.switched_off(fit, frozenset(names))
+                switched = hypotheses.switched_off(fit, frozenset(names))
                 if reduced.rss < (1 - LEAST_SHARE) * switched.rss:
                     reduced = replace(switched, residual=switched.adapted)
             yield reduced, number
 
 
-def in_other_forms(sets: Hypotheses, fit: Fit) -> list[Proposal]:
+def in_other_forms(hypotheses: Hypotheses, fit: Fit) -> list[Proposal]:
     """`fit` with one of its effects in a form of more or fewer free parameters.
 
     Also with the special case of an effect, or a number of the model, in place of it.
@@ -97,12 +97,12 @@ def in_other_forms(sets: Hypotheses, fit: Fit) -> list[Proposal]:
     return [
         _in_another_form(fit, candidate, form)
         for candidate in fit.candidates
-        for form in _neighbouring_forms(candidate, sets.catalogue)
+        for form in _neighbouring_forms(candidate, hypotheses.catalogue)
         if form.name not in fit.names - {candidate.name}
     ]
 
 
-def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
+def in_wider_forms(hypotheses: Hypotheses, near: Neighbourhood) -> list[Proposal]:
     """Single substitutes for one effect of `near.fit`, in the forms that extend them.
 
     Those that by themselves bring at least half of what the effect brings: a number that the
@@ -120,21 +120,21 @@ def in_wider_forms(sets: Hypotheses, near: Neighbourhood) -> list[Proposal]:
                 (*base.candidates, form),
                 [{**subset.start, **in_form(form, subset.start[form.name])}],
             )
-            for form in _neighbouring_forms(member.candidate, sets.catalogue)
+            for form in _neighbouring_forms(member.candidate, hypotheses.catalogue)
             if form.name == member.candidate.name and form.name not in near.fit.names
         ]
     return proposals[:FITTED]
 
 
-def with_rivals(sets: Hypotheses, fit: Fit) -> list[Proposal]:
+def with_rivals(hypotheses: Hypotheses, fit: Fit) -> list[Proposal]:
     """`fit` with the effect that explains most of it replaced by others that do so as well.
 
     Each at the size at which it was fitted by itself: the signature of a strong effect does not
     predict what it brings there.
     """
-    null = sets.null
+    null = hypotheses.null
     alone: dict[str, Fit] = {}
-    for other in sets.ranked():
+    for other in hypotheses.ranked():
         if len(other.candidates) == 1:
             alone.setdefault(other.candidates[0].name, other)
     strongest = min(fit.names & alone.keys(), key=lambda n: (alone[n].rss, n), default=None)

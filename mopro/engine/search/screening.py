@@ -55,8 +55,8 @@ _KEPT_BASES = 16
 class Screening:
     """Score tests of the catalogue of `sets`; each signature is simulated once for each fit."""
 
-    def __init__(self, sets: Hypotheses) -> None:
-        self._sets = sets
+    def __init__(self, hypotheses: Hypotheses) -> None:
+        self._sets = hypotheses
         # Asked by several threads at once.
         self._lock = Lock()
         self._tests: LRUCache[Hashable, ScoreTest] = LRUCache(_KEPT_BYTES, _bytes_of)
@@ -64,9 +64,9 @@ class Screening:
         self._groups: LRUCache[Hashable, list[Group]] = LRUCache(_KEPT_BYTES, _bytes_of_groups)
         self._searched: LRUCache[Hashable, list[Group]] = LRUCache(_KEPT_BYTES, _bytes_of_groups)
 
-    def on(self, sets: Hypotheses) -> Screening:
+    def on(self, hypotheses: Hypotheses) -> Screening:
         """Screening of a copy of these sets, with the signatures that are known here."""
-        own = Screening(sets)
+        own = Screening(hypotheses)
         own._lock, own._tests, own._subsets = self._lock, self._tests, self._subsets
         own._groups, own._searched = self._groups, self._searched
         return own
@@ -111,13 +111,13 @@ class Screening:
 
         Beside the null model, and beside a set that is expanded again, they are known.
         """
-        sets = self._sets
+        hypotheses = self._sets
         there = at.identity if base.key == at.key else self._substitutes(base, at)
-        known = tuple(c.key for c in sets.catalogue), sets.white.noise.stated
-        key = (sets.null.identity, base.identity, there, most, known)
+        known = tuple(c.key for c in hypotheses.catalogue), hypotheses.white.noise.stated
+        key = (hypotheses.null.identity, base.identity, there, most, known)
         if key not in self._subsets:
             scores = self.beside(base, at)
-            self._subsets[key] = LinearSubsets(base, scores, sets.white).best(most)
+            self._subsets[key] = LinearSubsets(base, scores, hypotheses.white).best(most)
         return self._subsets[key]
 
     def _substitutes(self, base: Fit, at: Fit) -> bool:

@@ -20,13 +20,13 @@ Floats = NDArray[np.float64]
 class Allowed:
     """`off`: what to take from each residual, in its unit; None where all its sensors are exact.
 
-    `chance`: by sensor, that of terms as large as fitted, by their widths. `told`: the tolerances
-    that the data call for.
+    `chance`: by sensor, that of terms as large as fitted, by their widths. `corrected`: the
+    tolerances that the data call for.
     """
 
     off: tuple[Floats | None, ...]
     chance: dict[str, float]
-    told: tuple[Corrected, ...]
+    corrected: tuple[Corrected, ...]
 
 
 def allowed(data: Sequence[Series], residuals: Sequence[Floats]) -> Allowed:
@@ -48,8 +48,8 @@ def allowed(data: Sequence[Series], residuals: Sequence[Floats]) -> Allowed:
         part * series.sigma if series.sigma and not series.exact else None
         for series, part in zip(data, parts, strict=True)
     )
-    told = tuple(corrected(calibration, mean, covariance))
-    return Allowed(off, dict(_chances(calibration, mean)), told)
+    called_for = tuple(corrected(calibration, mean, covariance))
+    return Allowed(off, dict(_chances(calibration, mean)), called_for)
 
 
 def _without_offsets(data: Sequence[Series], column: Floats) -> Floats:

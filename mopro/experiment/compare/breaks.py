@@ -48,7 +48,7 @@ def _between(series: Series, own: Floats) -> Iterator[Floats]:
     if len(own) < 2 or np.any(np.diff(own) <= 0):
         return
     spacing = spacing_of(own)
-    rows = None if series.told is None else series.told[0]
+    rows = None if series.path is None else series.path[0]
     if rows is not None and spacing.regular:
         yield rows[(rows < own[0]) | (rows > own[-1])]
     for before in spacing.gaps:
@@ -64,8 +64,8 @@ def _command(series: Series, time_s: Floats, places: NDArray[np.intp]) -> Floats
     labelled = _labelled(series)
     if labelled is None:
         return None
-    if series.told is not None:
-        rows, values = series.told
+    if series.path is not None:
+        rows, values = series.path
         inside = (time_s >= rows[0]) & (time_s <= rows[-1])
         return np.where(inside, np.interp(time_s, rows, values), np.nan)
     command = np.full(len(time_s), np.nan)

@@ -207,7 +207,7 @@ def compare(system: System, seed: int = 0) -> Comparison:
             _series(s, r, own, level, within.chance.get(s.sensor, 1.0)) for s, r, own, _ in judged
         ]
         where = [_place(s, r, own, spot, level) for s, r, own, here in judged for spot in here]
-        return Comparison.of(where, series, compared, within.told, notes)
+        return Comparison.of(where, series, compared, within.corrected, notes)
 
     return in_larger_noise(data, z, judge)
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from mopro.experiment.read.entries import file_beside, sections_of
 from mopro.experiment.read.rows import kept_rows
-from mopro.experiment.stated.bare import skeleton
+from mopro.experiment.stated.from_kind import skeleton
 from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, parse
 from mopro.formula.entry import check_name, read_effects, read_formula
 from mopro.formula.written import Written

@@ -15,15 +15,15 @@ from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import Verdict
 from mopro.errors import DataError
 from mopro.experiment.conclude.wording import advice
-from mopro.experiment.stated.bare import completed
-from mopro.experiment.stated.doubts import check_scales, unstated_steps
 from mopro.experiment.stated.entries import StatedEntries
+from mopro.experiment.stated.from_kind import completed
 from mopro.experiment.stated.noisy_inputs import beside_noise
 from mopro.experiment.stated.one_speed import at_one_speed
 from mopro.experiment.stated.program import foreign_model
 from mopro.experiment.stated.read import read_stated_experiment
 from mopro.experiment.stated.repaired import effects_of_runs, kept_to_their_runs, machine_text
 from mopro.experiment.stated.rerun import rerun
+from mopro.experiment.stated.scales import check_scales, unstated_steps
 from mopro.experiment.system import Predicted, Proposal, Question, Repaired, Spot, System
 from mopro.formula.entry import read_effects
 from mopro.formula.signals import side

@@ -370,15 +370,15 @@ def test_the_answer_has_the_jacobian_of_its_own_place():
 
     effects = candidates("one", "two")
     truth = of_size(one=1.0, two=1.5)
-    sets = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.1, 1)), effects)
-    fit = sets.fitted(effects, truth)
-    settled = sets.settled(replace(fit, jacobian=(1 + LINEARITY_ERROR) * fit.jacobian))
+    hypotheses = Hypotheses(Residuals(simulate, measured(simulate(truth)[0], 0.1, 1)), effects)
+    fit = hypotheses.fitted(effects, truth)
+    settled = hypotheses.settled(replace(fit, jacobian=(1 + LINEARITY_ERROR) * fit.jacobian))
     two = settled.settings["two"]["size"]
     exact = -(1 + 0.02 * two) * np.sin(3.2 * t) / 0.1
     exact -= exact.mean()  # the offset of the series is free
     assert settled.rss <= fit.rss
     assert settled.jacobian[:, 1] == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())
-    assert sets.fitted(effects, truth) is settled
+    assert hypotheses.fitted(effects, truth) is settled
 
 
 def test_numbers_of_different_runs_share_a_finite_difference():

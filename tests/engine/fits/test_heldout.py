@@ -39,9 +39,11 @@ def test_an_effect_in_a_single_move_is_predicted_from_the_rest_of_that_move(alik
     series = Series("run", "probe", "V", values, 0.01, folds=np.minimum(t.astype(int), 2))
     residuals = Residuals(model, [series])
     growth = Candidate("growth", (Parameter("v", "V/s", -5.0, 5.0, (0.5,)),))
-    sets = Hypotheses(residuals, [growth])
-    fit = sets.fitted([growth], {"growth": {"v": 0.5}})
-    held = held_out(residuals, sets.evidence.noise, sets.null, fit, {"growth": sets.null})
+    hypotheses = Hypotheses(residuals, [growth])
+    fit = hypotheses.fitted([growth], {"growth": {"v": 0.5}})
+    held = held_out(
+        residuals, hypotheses.evidence.noise, hypotheses.null, fit, {"growth": hypotheses.null}
+    )
     assert held.supports("growth") is alike
     assert (held.after < 1.1) is alike
 
@@ -62,9 +64,11 @@ def test_parts_are_predicted_within_the_ranges_of_the_parameters():
     residuals = Residuals(model, [series])
     slope, zero = Parameter("slope", "V/K", 0.0, 1.0), Parameter("zero", "K", 17.0, 19.0)
     bend = Candidate("bend", (slope, dataclasses.replace(zero, role=Role.SHAPE)))
-    sets = Hypotheses(residuals, [bend])
-    fit = sets.fitted([bend], {"bend": {"slope": 0.01, "zero": 18.5}})
-    held = held_out(residuals, sets.evidence.noise, sets.null, fit, {"bend": sets.null})
+    hypotheses = Hypotheses(residuals, [bend])
+    fit = hypotheses.fitted([bend], {"bend": {"slope": 0.01, "zero": 18.5}})
+    held = held_out(
+        residuals, hypotheses.evidence.noise, hypotheses.null, fit, {"bend": hypotheses.null}
+    )
     # A step that leaves the ranges predicts the last move worse than no effect does.
     assert held.after < held.before
     assert held.supports("bend")
@@ -92,9 +96,11 @@ def supported(share, sigmas, seed, freedom=1):
     residuals = Residuals(model, [Series("run", "probe", "V", values, 1.0, folds=parts)])
     numbers = tuple(Parameter(f"a{n}", "V", -60.0, 60.0, (5.0,)) for n in range(freedom))
     bend = Candidate("bend", numbers)
-    sets = Hypotheses(residuals, [bend])
-    fit = sets.fitted([bend], {"bend": {p.name: 5.0 for p in numbers}})
-    held = held_out(residuals, sets.evidence.noise, sets.null, fit, {"bend": sets.null})
+    hypotheses = Hypotheses(residuals, [bend])
+    fit = hypotheses.fitted([bend], {"bend": {p.name: 5.0 for p in numbers}})
+    held = held_out(
+        residuals, hypotheses.evidence.noise, hypotheses.null, fit, {"bend": hypotheses.null}
+    )
     return held.supports("bend")
 
 

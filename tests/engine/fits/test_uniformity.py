@@ -33,10 +33,10 @@ def spread_of(truth, seed=0, sigma=0.05, beside=0.0):
     (values,) = model(truth)
     residuals = Residuals(model, measured(values + beside, sigma, seed))
     (wave,) = candidates("wave")
-    sets = Hypotheses(residuals, [wave])
-    fit = sets.fitted([wave], of_size(wave=1.0))
+    hypotheses = Hypotheses(residuals, [wave])
+    fit = hypotheses.fitted([wave], of_size(wave=1.0))
     return spread(
-        residuals, sets.evidence.noise, folds(residuals), fit, "wave", fit.rss - fit.count
+        residuals, hypotheses.evidence.noise, folds(residuals), fit, "wave", fit.rss - fit.count
     )
 
 
@@ -78,9 +78,9 @@ def test_the_spread_is_the_same_without_nuisances():
     data = [replace(s, nuisances=np.zeros((len(s), 0))) for s in measured(values, 0.05, 0)]
     residuals = Residuals(model, data)
     (wave,) = candidates("wave")
-    sets = Hypotheses(residuals, [wave])
-    fit = sets.fitted([wave], of_size(wave=1.0))
-    found = spread(residuals, sets.evidence.noise, folds(residuals), fit, "wave", 1.0)
+    hypotheses = Hypotheses(residuals, [wave])
+    fit = hypotheses.fitted([wave], of_size(wave=1.0))
+    found = spread(residuals, hypotheses.evidence.noise, folds(residuals), fit, "wave", 1.0)
     assert found.share == pytest.approx(spread_of(of_size(varying=1.0)).share, rel=0.01)
 
 
@@ -95,10 +95,10 @@ def test_what_is_slow_is_taken_for_an_offset_and_not_for_another_size():
     values = T + 0.5 * (1 - np.exp(-T / 1.5))
     residuals = Residuals(slope, measured(values, 0.05, 0))
     (candidate,) = candidates("slope")
-    sets = Hypotheses(residuals, [candidate])
-    fit = sets.fitted([candidate], of_size(slope=1.0))
+    hypotheses = Hypotheses(residuals, [candidate])
+    fit = hypotheses.fitted([candidate], of_size(slope=1.0))
     found = spread(
-        residuals, sets.evidence.noise, folds(residuals), fit, "slope", fit.rss - fit.count
+        residuals, hypotheses.evidence.noise, folds(residuals), fit, "slope", fit.rss - fit.count
     )
     assert found.of_remainder < 0.3
     assert not found.of_a_stand_in
@@ -108,9 +108,9 @@ def test_two_parts_do_not_tell():
     (values,) = model(of_size(wave=1.0))
     residuals = Residuals(model, measured(values, 0.05, 0))
     (wave,) = candidates("wave")
-    sets = Hypotheses(residuals, [wave])
-    fit = sets.fitted([wave], of_size(wave=1.0))
-    noise = sets.evidence.noise
+    hypotheses = Hypotheses(residuals, [wave])
+    fit = hypotheses.fitted([wave], of_size(wave=1.0))
+    noise = hypotheses.evidence.noise
     assert spread(residuals, noise, [MOVE < 2, MOVE >= 2], fit, "wave", fit.rss) is None
 
 

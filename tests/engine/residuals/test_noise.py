@@ -187,10 +187,12 @@ def test_intervals_cover_the_truth_beside_slow_noise(sigma):
     effects = [candidate for candidate in CATALOGUE if candidate.name in TRUTH]
     for seed in range(60):
         residuals = Residuals(servo.predict, with_slow_noise(servo, TRUTH, seed, sigma))
-        sets = Hypotheses(residuals, effects)
-        fit = sets.fitted(effects, TRUTH)
-        sets.judge_by(fit)
-        for (effect, p), (low, high) in zip(fit.order, sets.evidence.intervals(fit), strict=True):
+        hypotheses = Hypotheses(residuals, effects)
+        fit = hypotheses.fitted(effects, TRUTH)
+        hypotheses.judge_by(fit)
+        for (effect, p), (low, high) in zip(
+            fit.order, hypotheses.evidence.intervals(fit), strict=True
+        ):
             hits.append(low <= TRUTH[effect][p.name] <= high)
             widths.append((high - low) / TRUTH[effect][p.name])
     assert 0.89 <= np.mean(hits) <= 0.99

@@ -18,7 +18,7 @@ from mopro.stated.rough import Sampled, axis_lines, thermal_lines, unit_of_speed
 def skeleton(kind: str, sensors: Sequence[str]) -> StatedMachine:
     """A machine of a kind before its data are read; `sensors` are those of temperatures."""
     laws = {name: Written.of("0") for name in sensors} if kind == THERMAL else {}
-    return StatedMachine(kind, kind, "", {}, laws, (), {}, Source(kind, ""), bare=True)
+    return StatedMachine(kind, kind, "", {}, laws, (), {}, Source(kind, ""), kind_only=True)
 
 
 def completed(experiment: StatedExperiment) -> StatedExperiment:
@@ -27,7 +27,7 @@ def completed(experiment: StatedExperiment) -> StatedExperiment:
     Raises ModelError where the experiment has no input that could drive it.
     """
     machine = experiment.machine
-    if not machine.bare:
+    if not machine.kind_only:
         return experiment
     body = {AXIS: _axis, THERMAL: _thermal}[machine.kind]
     text = (
