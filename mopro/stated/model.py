@@ -57,7 +57,7 @@ class Number:
 
 @dataclass(frozen=True)
 class StatedMachine:
-    """A machine whose equations a file states; `unit` is that of its axis ("" until a sensor tells it).
+    """A machine whose equations a file states; `unit`: of its axis, "" until a sensor tells it.
 
     `laws`: the position of a kinematic machine, the acceleration of an axis, or the rate (the
     power) of each thermal node, by name. `active`: values of the effects that its file switches
