@@ -18,7 +18,7 @@ from mopro.blind.reference.readings import ProgramRun, ReferencePlant
 from mopro.blind.scoring.judge import judge
 from mopro.blind.scoring.run import VerdictSource, with_named_set, without_of
 from mopro.blind.scoring.score import Score
-from mopro.cli.experiments.blind import make as make_command
+from mopro.cli.blind import make as make_command
 
 MOVE = "UU012500/1\nVEL1 {}\nACC1 0.2\nMRI1 3.0\nWX1\nWT200\nMRI1 -2.0\nWX1\nWT200\n"
 VARIABLES = {"v", "sgn v", "x", "x mod", "a", "t", "T", "command", "sensor"}

@@ -14,7 +14,7 @@ from helpers.paths import ROOT
 from mopro.blind.making.make import make
 from mopro.blind.making.manifest import MADE, Manifest
 from mopro.blind.scoring.run import CaseFolder, VerdictSource
-from mopro.cli.experiments.blind import command
+from mopro.cli.blind import command
 from mopro.errors import DataError
 
 

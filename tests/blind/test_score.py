@@ -11,7 +11,7 @@ from mopro.blind.scoring.follow import add_proposed_run
 from mopro.blind.scoring.judge import judge
 from mopro.blind.scoring.page import page
 from mopro.blind.scoring.score import FollowUp, Score, pair_key
-from mopro.cli.experiments.blind import command
+from mopro.cli.blind import command
 
 HIDDEN = {"name": "viscous_drag", "parameters": {"b": 5.0}, "total_sigma": 50.0}
 OTHER = {"name": "detent_force", "parameters": {"Fd": 4.0, "phi": 3.1}, "total_sigma": 30.0}

@@ -6,7 +6,7 @@ import sys
 
 def test_a_diagnosis_does_not_load_what_takes_a_third_of_a_second():
     script = (
-        "import sys, mopro.cli.experiments.reconcile, mopro.experiment.opened; "
+        "import sys, mopro.cli.reconcile, mopro.experiment.opened; "
         "print(*({'scipy.stats', 'scipy.signal'} & sys.modules.keys()))"
     )
     done = subprocess.run(

@@ -6,7 +6,7 @@ import json
 
 import click
 
-from mopro.cli.language.programs import compiled_program
+from mopro.cli.programs import compiled_program
 from mopro.cli.terminal.options import grammar_option, program_argument
 from mopro.cli.terminal.say import say
 

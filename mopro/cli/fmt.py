@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import click
 
-from mopro.cli.language.texts import read_text, show_difference, write_text
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.terminal.options import grammar_option
 from mopro.cli.terminal.say import say
+from mopro.cli.texts import read_text, show_difference, write_text
 from mopro.errors import MoproError
 
 

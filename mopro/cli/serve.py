@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.motion.link import baud_option, dialect_option, token
-from mopro.cli.motion.live import controller_panel
+from mopro.cli.link import baud_option, dialect_option, token
+from mopro.cli.live import controller_panel
 from mopro.cli.terminal.of_runs import tell_of_runs
 from mopro.cli.terminal.options import Quantity, grammar_option, machine_option, payload_type
 from mopro.cli.terminal.outputs import keep_inputs, machine_file

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.language.programs import compiled_program, refuse_unrunnable
+from mopro.cli.link import baud_option, dialect_option, opened_session, trace_option
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.motion.link import baud_option, dialect_option, opened_session, trace_option
+from mopro.cli.programs import compiled_program, refuse_unrunnable
 from mopro.cli.terminal.options import Quantity, grammar_option, machine_option, program_argument
 from mopro.cli.terminal.outputs import keep_inputs, machine_file
 from mopro.cli.terminal.progress import counted

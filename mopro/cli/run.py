@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.language.programs import compiled_program, refuse_unrunnable
+from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
+from mopro.cli.live import live_run
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.motion.link import baud_option, connected_session, dialect_option, trace_option
-from mopro.cli.motion.live import live_run
-from mopro.cli.motion.recordings import recording_sink, replaces_recording
-from mopro.cli.motion.summary import Written, tell, tell_trouble
+from mopro.cli.programs import compiled_program, refuse_unrunnable
+from mopro.cli.recordings import recording_sink, replaces_recording
+from mopro.cli.summary import Written, tell, tell_trouble
 from mopro.cli.terminal.of_runs import tell_of_runs
 from mopro.cli.terminal.options import (
     STANDARD,
@@ -39,7 +39,7 @@ from mopro.cli.terminal.progress import in_motion, length_unit, simulated
 from mopro.cli.terminal.say import say, say_if_taken
 
 if TYPE_CHECKING:
-    from mopro.cli.motion.live import Live
+    from mopro.cli.live import Live
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
     from mopro.machine import Machine

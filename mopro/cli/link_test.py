@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
+from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.motion.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.terminal.options import Quantity
 from mopro.cli.terminal.outputs import keep_inputs
 from mopro.cli.terminal.say import say

@@ -12,13 +12,13 @@ from typing import Any
 
 import click
 
-from mopro.cli.language.texts import read_text, show_difference, write_text
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.terminal.complete import machine_names, rule_names
 from mopro.cli.terminal.of_runs import tell_of_runs
 from mopro.cli.terminal.options import payload_type
 from mopro.cli.terminal.progress import counted
 from mopro.cli.terminal.say import is_terminal, say, say_findings
+from mopro.cli.texts import read_text, show_difference, write_text
 from mopro.errors import ModelError, MoproError, Severity
 from mopro.language.parse import GRAMMARS
 from mopro.lint.config import check_rule_names, find_settings, lengths

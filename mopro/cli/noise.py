@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mopro.cli.experiments.logs import asked_of, log_options
+from mopro.cli.logs import asked_of, log_options
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.terminal.say import say
 

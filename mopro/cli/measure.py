@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.language.programs import compiled_program
+from mopro.cli.programs import compiled_program
 from mopro.cli.terminal.complete import instrument_names
 from mopro.cli.terminal.of_runs import tell_of_runs
 from mopro.cli.terminal.options import (

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mopro.cli.language.texts import read_text
 from mopro.cli.terminal.say import say_findings
+from mopro.cli.texts import read_text
 from mopro.errors import render_all
 from mopro.language import parse
 from mopro.program import Program, lower

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from mopro.cli.experiments.logs import asked_of, log_options
+from mopro.cli.logs import asked_of, log_options
 from mopro.cli.terminal.say import say
 
 _KINDS = ("kinematic", "axis", "thermal", "sawyer")

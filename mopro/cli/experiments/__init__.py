@@ -1,1 +1,0 @@
-"""Commands on measured data: compare, reconcile, measure, noise, import, blind."""

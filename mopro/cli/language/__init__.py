@@ -1,1 +1,0 @@
-"""Commands on program files: compile, fmt, lint, lsp."""

@@ -1,1 +1,0 @@
-"""Commands on machine files and the source's tables: machine, limits, thesis."""

@@ -1,1 +1,0 @@
-"""Commands that run programs on a machine, emulated or real: run, serve, flash and ports."""
