@@ -61,9 +61,9 @@ def main() -> None:
     files = sorted(options.folder.glob(f"*_joint{options.joint}.csv"))
     motions = [file.name.removesuffix(f"_joint{options.joint}.csv") for file in files]
     where = dict(zip(motions, files, strict=True))
-    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(options.jobs) as pool:
+    with ProcessPoolExecutor(options.jobs) as pool:
         alone = dict(zip(motions, pool.map(_fitted, [((m,), where) for m in motions]), strict=True))
-        tasks = [(m, alone[m].text, where, Path(folder)) for m in motions]
+        tasks = [(m, alone[m].text, where) for m in motions]
         own = dict(zip(motions, pool.map(_predicted, tasks), strict=True))
         for count in options.fit:
             sets = list(combinations(motions, count))
@@ -73,9 +73,9 @@ def main() -> None:
                 pool.map(_fitted, [(s, where) for s in chosen])
             )  # fmt: skip
             pairs = [(fit, m) for fit in fits for m in motions if m not in fit.motions]
-            after = pool.map(_predicted, [(m, f.text, where, Path(folder)) for f, m in pairs])
-            _print(count, fits, [(f, m, *sizes) for (f, m), sizes in zip(pairs, after, strict=True)],
-                   own)  # fmt: skip
+            sizes = pool.map(_predicted, [(m, fit.text, where) for fit, m in pairs])
+            rows = [(*pair, *size) for pair, size in zip(pairs, sizes, strict=True)]
+            _print(count, fits, rows, own)
 
 
 def _fitted(task: tuple[tuple[str, ...], dict[str, Path]]) -> Fitted:
@@ -87,9 +87,9 @@ def _fitted(task: tuple[tuple[str, ...], dict[str, Path]]) -> Fitted:
     return Fitted(motions, conclusion.verdict.verdict, names, conclusion.machine_text)
 
 
-def _predicted(task: tuple[str, str, dict[str, Path], Path]) -> tuple[float, float]:
+def _predicted(task: tuple[str, str, dict[str, Path]]) -> tuple[float, float]:
     """RMS residual of a motion without a repair, and by a machine file."""
-    motion, text, where, _ = task
+    motion, text, where = task
     with tempfile.TemporaryDirectory() as folder:
         path = _written(Path(folder), (motion,), where)
         applied = Path(folder) / "applied.toml"

@@ -121,18 +121,18 @@ def answer(change: Change, experiment: Path, folder: Path) -> Answer:
     if name:
         sys.modules[MODULE] = changed_module(name, factor)
     from mopro.engine import reconcile as plain
-    from mopro.experiment import load_experiment
-    from mopro.experiment.sawyer import diagnosis
+    from mopro.experiment import conclusion
+    from mopro.experiment.opened import open_experiment
 
-    def reconcile(model: Any, *args: Any, finer: Any, coarse: Any, **how: Any) -> Any:
-        about = f"resolved {model.resolved}"
-        kept = Remembered(model, about, folder)
+    def reconcile(simulate: Any, *, finer: Any, coarse: Any, **how: Any) -> Any:
+        about = f"resolved {simulate.resolved}"
+        kept = Remembered(simulate, about, folder)
         fine = Remembered(finer, f"{about}, finer", folder)
         rough = Remembered(coarse, f"{about}, coarse", folder)
-        return plain(kept, *args, finer=fine, coarse=rough, **how)
+        return plain(kept, finer=fine, coarse=rough, **how)
 
-    vars(diagnosis)["reconcile"] = reconcile
-    verdict = diagnosis.diagnose(load_experiment(experiment)).verdict
+    vars(conclusion)["reconcile"] = reconcile
+    _, verdict = conclusion.diagnose(open_experiment(experiment).system)
     named = tuple(sorted(effect.name for effect in verdict.effects))
     return Answer(verdict.verdict, named, frozenset(verdict.alternatives))
 

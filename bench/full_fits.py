@@ -29,10 +29,10 @@ from typing import Any
 import numpy as np
 
 import mopro.engine
-from mopro.blind.grids.machines import MachineSpec
-from mopro.blind.hidden.effects import HIDDEN_EFFECTS, POSITION
-from mopro.blind.hidden.of_machines import LISTED
-from mopro.blind.hidden.spec import ENCODER, LASER, THERMOCOUPLE, CaseSpec
+from mopro.blind.cases.effects import HIDDEN_EFFECTS, POSITION
+from mopro.blind.cases.grid_machines import MachineSpec
+from mopro.blind.cases.of_machines import LISTED
+from mopro.blind.cases.spec import ENCODER, LASER, THERMOCOUPLE, CaseSpec
 from mopro.blind.making.case import draw_case
 from mopro.blind.making.machine_case import machine_case
 from mopro.blind.making.make import experiment
@@ -42,9 +42,8 @@ from mopro.engine.diagnosis import BASE
 from mopro.engine.fits import NO_LIMIT, growing_fit, least_squares_fit
 from mopro.engine.residuals import Residuals
 from mopro.engine.verdict import Verdict
+from mopro.experiment import conclusion
 from mopro.experiment.opened import open_experiment
-from mopro.experiment.sawyer import diagnosis as of_the_motor
-from mopro.experiment.stated import conclude as of_a_rig
 from mopro.formula.dimension import factor_of
 
 EXPLAINED = 0.9
@@ -126,13 +125,12 @@ def concluded(path: Path) -> list[Asked]:
     """The calls of the diagnosis about an experiment: the last one is answered by the verdict."""
     calls: list[Asked] = []
 
-    def asked(simulate: Any, effects: Any, data: Any, **how: Any) -> Verdict:
+    def asked(*, simulate: Any, effects: Any, data: Any, **how: Any) -> Verdict:
         verdict = mopro.engine.reconcile(simulate, effects, data, **how)
         calls.append(Asked(simulate, tuple(effects), tuple(data), how, verdict))
         return verdict
 
-    for module in (of_the_motor, of_a_rig):
-        module.reconcile = asked  # type: ignore[attr-defined]
+    conclusion.reconcile = asked  # type: ignore[assignment]
     open_experiment(path).conclude()
     return calls
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import mopro
-from mopro.experiment.compare.comparison import Comparison
+from mopro.experiment.comparison import Comparison
 from mopro.plot.comparison import plot_comparison
 from mopro.recording import Recording
 from mopro.recording.envelope import Band

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mopro.emulator import emulate
     from mopro.engine import reconcile
     from mopro.engine.verdict import Verdict
-    from mopro.experiment.compare.comparison import Comparison
+    from mopro.experiment.comparison import Comparison
     from mopro.experiment.opened import open_experiment
     from mopro.machine import Machine, load_machine
     from mopro.program import Program
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # Each name comes with what it needs when it is first used: a text tool loads no numpy.
 _HOMES = {
-    "Comparison": "mopro.experiment.compare.comparison",
+    "Comparison": "mopro.experiment.comparison",
     "Machine": "mopro.machine",
     "Program": "mopro.program",
     "Recording": "mopro.recording",

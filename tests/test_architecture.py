@@ -15,8 +15,8 @@ ALLOWED = {
     "mopro.engine": {"numpy", "scipy", "cachetools", "threadpoolctl", "numba"},
     "mopro.blind.reference": {"numpy", "scipy", "numba"},
     # What an effect assumes is drawn over the ranges that its catalogue entry has.
-    "mopro.blind.hidden.constants": {
-        "mopro.blind.hidden.effects", "mopro.engine.candidate", "mopro.effects",
+    "mopro.blind.cases.constants": {
+        "mopro.blind.cases.effects", "mopro.engine.candidate", "mopro.effects",
     },
     "mopro.blind": {
         "numpy", "scipy", "numba", "mopro.engine.threads", "mopro.errors", "mopro.files",
@@ -25,8 +25,8 @@ ALLOWED = {
     },
 }  # fmt: skip
 # The formulas of a user's file are hidden by mopro's own plant: the reference plant knows none.
-EMULATED = "mopro.blind.hidden.stated"
-RANGES = "mopro.blind.hidden.constants"
+EMULATED = "mopro.blind.cases.stated"
+RANGES = "mopro.blind.cases.constants"
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import pytest
 import mopro
 from helpers.paths import PROGRAMS
 from mopro.engine import Candidate, Parameter, Series
-from mopro.experiment.compare.comparison import Comparison
+from mopro.experiment.comparison import Comparison
 
 ODD = "<script>alert('1')</script>&\x1b\u202e"
 TEXT = "UU012500/1\nVEL1 40.0\nACC1 0.25\nMRI1 1.0\nWX1\n"

@@ -9,7 +9,7 @@ from helpers.paths import ROOT
 from mopro.controller import device, station, store
 from mopro.controller.tcp import IDLE_S
 from mopro.emulator.backend import MOST_SAMPLES
-from mopro.experiment.read import data
+from mopro.experiment import data_file as data
 from mopro.formula import entry as entries
 from mopro.formula import language as formulas
 from mopro.formula.dimension import LARGEST_EXPONENT, MOST_FACTORS

@@ -70,7 +70,7 @@ def make(
 
     Example: mopro blind make --seed 1 --grid small --out cases
     """
-    from mopro.blind.grids.named import TOLERANCES, case_specs
+    from mopro.blind.cases.grids import TOLERANCES, case_specs
     from mopro.blind.making.machine import read_machine
     from mopro.blind.making.make import make as write_cases
     from mopro.blind.making.manifest import ANSWERS

@@ -16,7 +16,7 @@ from mopro.cli.terminal.say import say
 from mopro.units import residual_unit
 
 if TYPE_CHECKING:
-    from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
+    from mopro.experiment.comparison import Comparison, Place, SeriesTest
     from mopro.experiment.opened import Opened
 
 _MOST_ROWS = 40
@@ -77,7 +77,7 @@ def command(
 
     Example: mopro compare unseen.toml --apply repaired.toml
     """
-    from mopro.experiment.compare.comparison import DISAGREEMENT
+    from mopro.experiment.comparison import DISAGREEMENT
     from mopro.experiment.opened import experiment_file
 
     inputs: list[Named] = [("EXPERIMENT", experiment)]

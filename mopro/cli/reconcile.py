@@ -23,7 +23,7 @@ from mopro.units import residual_unit
 
 if TYPE_CHECKING:
     from mopro.engine.verdict import Named, Verdict
-    from mopro.experiment.conclude.conclusion import Conclusion
+    from mopro.experiment.conclusion import Conclusion
 
 _MOST_ROWS = 40
 _PASSES = ("pass", "effects", "EBIC", "why")
@@ -157,7 +157,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
 def _tell(conclusion: Conclusion) -> None:
     from mopro.cli.terminal.table import print_table
-    from mopro.experiment.conclude.wording import (
+    from mopro.experiment.wording import (
         calibration_words,
         draft_words,
         faint_words,
@@ -201,7 +201,7 @@ def _tell(conclusion: Conclusion) -> None:
 
 def _explain(verdict: Verdict) -> None:
     from mopro.cli.terminal.table import print_table
-    from mopro.experiment.conclude.wording import trace_rows
+    from mopro.experiment.wording import trace_rows
 
     say("\nHow the answer came about, by the passes that decided something:")
     print_table(_PASSES, list(trace_rows(verdict)), _MOST_ROWS)
@@ -209,7 +209,7 @@ def _explain(verdict: Verdict) -> None:
 
 def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:
     """A row for each parameter; the form is below the name, as terminals are narrow."""
-    from mopro.experiment.conclude.wording import (
+    from mopro.experiment.wording import (
         form_words,
         held_out_words,
         interval_words,

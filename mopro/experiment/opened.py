@@ -8,9 +8,9 @@ from functools import cached_property
 from pathlib import Path
 
 from mopro.errors import Diagnostic, ModelError
-from mopro.experiment.compare.comparison import Comparison, compare
-from mopro.experiment.conclude.conclusion import Conclusion, conclude
-from mopro.experiment.read.rows import KeptRows, kept_rows
+from mopro.experiment.comparison import Comparison, compare
+from mopro.experiment.conclusion import Conclusion, conclude
+from mopro.experiment.kept_rows import KeptRows, kept_rows
 from mopro.experiment.sawyer.file import SawyerEntries, read_sawyer
 from mopro.experiment.sawyer.system import Sawyer, loaded
 from mopro.experiment.stated.entries import StatedEntries, read_stated_entries

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from mopro.experiment.compare.comparison import Place
-from mopro.experiment.conclude.wording import place_words
+from mopro.experiment.comparison import Place
 from mopro.experiment.sawyer.model import Experiment, Trial
 from mopro.experiment.sawyer.nominal import planned
 from mopro.experiment.sawyer.system import Sawyer
 from mopro.experiment.system import System
+from mopro.experiment.wording import place_words
 from mopro.viewer.model import Mark
 from mopro.viewer.platen import platen_json
 from mopro.viewer.series import Beside, track_name

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from mopro.experiment.compare.comparison import Comparison, Place, SeriesTest
-from mopro.experiment.conclude.wording import place_words
+from mopro.experiment.comparison import Comparison, Place, SeriesTest
 from mopro.experiment.opened import Opened
+from mopro.experiment.wording import place_words
 from mopro.markup import listing, paragraph, section, table
 from mopro.units import residual_unit
 from mopro.viewer.beside import beside_of

@@ -9,8 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from mopro.engine.verdict import Verdict
-from mopro.experiment.conclude.conclusion import Conclusion
-from mopro.experiment.conclude.wording import (
+from mopro.experiment.conclusion import Conclusion
+from mopro.experiment.wording import (
     calibration_words,
     draft_words,
     effect_words,

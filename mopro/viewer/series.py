@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mopro.engine.series import Series
-from mopro.experiment.compare.breaks import drawn
+from mopro.experiment.breaks import drawn
 from mopro.recording.envelope import Floats
 from mopro.text import visible
 from mopro.units import residual_unit

@@ -6,10 +6,10 @@ from subprocess import CompletedProcess
 import numpy as np
 import pytest
 
-from mopro.blind.grids.named import GRIDS, case_specs, spread
-from mopro.blind.hidden.effects import HIDDEN_EFFECTS
-from mopro.blind.hidden.spec import ENCODER
-from mopro.blind.hidden.variables import EFFECT_VARIABLES, said
+from mopro.blind.cases.effects import HIDDEN_EFFECTS
+from mopro.blind.cases.grids import GRIDS, case_specs, spread
+from mopro.blind.cases.spec import ENCODER
+from mopro.blind.cases.variables import EFFECT_VARIABLES, said
 from mopro.blind.making.case import case_instruments
 from mopro.blind.making.equivalent import MARGIN, equivalents, least_left, left_by_set
 from mopro.blind.making.make import make

@@ -7,16 +7,16 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from mopro.blind.grids.named import case_specs
-from mopro.blind.hidden.foreign_kinds import FOREIGN_KINDS, of_size
-from mopro.blind.hidden.spec import ENCODER, LASER
-from mopro.blind.hidden.variables import EFFECT_VARIABLES
+from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS, of_size
+from mopro.blind.cases.grids import case_specs
+from mopro.blind.cases.spec import ENCODER, LASER
+from mopro.blind.cases.variables import EFFECT_VARIABLES
 from mopro.blind.making.case import case_instruments
 from mopro.blind.making.make import make
 from mopro.blind.reference import motion, plant
 from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.foreign.instrument import clock, noise, signal, stored_badly
-from mopro.blind.reference.foreign.mechanics import with_lost_microsteps
+from mopro.blind.reference.foreign_instrument import clock, noise, signal, stored_badly
+from mopro.blind.reference.foreign_mechanics import with_lost_microsteps
 from mopro.blind.reference.listing import timeline
 from mopro.blind.reference.nominal import THESIS
 from mopro.blind.reference.readings import ProgramRun, ReferencePlant

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from mopro.blind.grids.machines import MachineSpec, machines
+from mopro.blind.cases.grid_machines import MachineSpec, machines
 from mopro.blind.making.machine_case import machine_case
 from mopro.blind.making.machine_drawn import columns, drawn
 from mopro.blind.making.machine_size import left_by, visible

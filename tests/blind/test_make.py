@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mopro.blind.grids.named import case_specs
-from mopro.blind.hidden import effects as hidden
-from mopro.blind.hidden.spec import LASER, CaseSpec
+from mopro.blind.cases import effects as hidden
+from mopro.blind.cases.grids import case_specs
+from mopro.blind.cases.spec import LASER, CaseSpec
 from mopro.blind.making.case import case_instruments, draw_case
 from mopro.blind.making.make import make, write
 from mopro.blind.making.sizes import NoiselessRuns, class_of

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.blind.hidden import effects as hidden
-from mopro.blind.hidden.spec import LASER, THERMOCOUPLE, CaseSpec
+from mopro.blind.cases import effects as hidden
+from mopro.blind.cases.spec import LASER, THERMOCOUPLE, CaseSpec
 from mopro.blind.making.case import draw_case
 from mopro.blind.making.machine import read_machine
 from mopro.blind.making.make import BenchmarkMachine, write

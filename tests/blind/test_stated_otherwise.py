@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from helpers.one_run import LASER, of
-from mopro.blind.grids.named import TOLERANCES, case_specs
-from mopro.blind.hidden.constants import constants, with_constants
-from mopro.blind.hidden.effects import HIDDEN_EFFECTS, THERMAL
-from mopro.blind.hidden.spec import COARSE, ENCODER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.blind.cases.constants import constants, with_constants
+from mopro.blind.cases.effects import HIDDEN_EFFECTS, THERMAL
+from mopro.blind.cases.grids import TOLERANCES, case_specs
+from mopro.blind.cases.spec import COARSE, ENCODER, LVDT, THERMOCOUPLE, CaseSpec
 from mopro.blind.making.case import draw_case
 from mopro.blind.making.machine import read_machine
 from mopro.blind.making.make import make, write

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.blind.hidden import effects as hidden
-from mopro.blind.hidden.spec import THERMOCOUPLE
+from mopro.blind.cases import effects as hidden
+from mopro.blind.cases.spec import THERMOCOUPLE
 from mopro.blind.making.case import case_instruments
 from mopro.blind.making.programs import ProgramWriter
 from mopro.blind.reference.nominal import THESIS

@@ -9,7 +9,7 @@ import mopro
 from helpers.servo import CATALOGUE, Servo
 from helpers.signals import names
 from mopro.engine.candidate import RUN
-from mopro.experiment.conclude.wording import odd_run_words, sentence
+from mopro.experiment.wording import odd_run_words, sentence
 
 SIGMA = 0.1
 SERVO = Servo(runs=4)

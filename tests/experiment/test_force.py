@@ -9,7 +9,7 @@ from helpers.diagnosis import diagnose
 from mopro.effects import Active, Domain, catalogue
 from mopro.errors import ModelError
 from mopro.experiment import load_experiment
-from mopro.experiment.compare.comparison import DISAGREEMENT, NO_DISAGREEMENT, compare
+from mopro.experiment.comparison import DISAGREEMENT, NO_DISAGREEMENT, compare
 from mopro.experiment.sawyer.candidates import candidates
 from mopro.experiment.sawyer.feasible import too_long
 from mopro.experiment.sawyer.forward_model import ForwardModel

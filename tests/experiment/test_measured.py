@@ -6,7 +6,7 @@ import pytest
 
 from helpers.commands import run_here
 from helpers.measured import Measured
-from mopro.experiment.conclude.wording import calibration_words, sentence
+from mopro.experiment.wording import calibration_words, sentence
 
 BENT = {"c3": 0.0125, "mid": 0.1905}
 

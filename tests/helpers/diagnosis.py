@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from mopro.engine.verdict import Verdict
-from mopro.experiment.conclude import conclusion
+from mopro.experiment import conclusion
 from mopro.experiment.sawyer.model import Experiment
 from mopro.experiment.sawyer.system import Sawyer
 

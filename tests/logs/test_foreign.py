@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mopro.errors import DataError
-from mopro.experiment.read.data import read_data
+from mopro.experiment.data_file import read_data
 from mopro.logs import read_log
 
 TEXT = b"time_s,x_mm\n" + b"".join(b"%d,%d\n" % (n, n % 7) for n in range(200))

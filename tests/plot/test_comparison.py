@@ -7,7 +7,7 @@ import pytest
 
 from helpers.paths import PROGRAMS
 from mopro.engine import Series
-from mopro.experiment.compare.comparison import Compared, Comparison, SeriesTest
+from mopro.experiment.comparison import Compared, Comparison, SeriesTest
 from mopro.experiment.opened import open_experiment
 from mopro.plot.comparison import plot_comparison
 

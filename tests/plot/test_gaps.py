@@ -10,7 +10,7 @@ import pytest
 
 from helpers.commands import run_here
 from mopro.engine.series import Series
-from mopro.experiment.compare.breaks import drawn
+from mopro.experiment.breaks import drawn
 from mopro.experiment.opened import open_experiment
 from mopro.plot.comparison import plot_comparison
 

@@ -9,7 +9,7 @@ from helpers.commands import run_here
 from helpers.stated import DRIVE, drive_folder
 from mopro.engine.residuals import NOTHING_LEFT
 from mopro.engine.verdict import Draft, Estimate, Gap, Verdict
-from mopro.experiment.conclude.drafts import with_drafts
+from mopro.experiment.conclusion import drafted_in
 from mopro.formula.written import EffectParameter, Written, WrittenEffect
 
 NAME = "friction of |x|, unconfirmed"
@@ -27,7 +27,7 @@ def test_a_draft_that_would_do_in_place_of_the_answer_is_in_no_file(beside):
         "force of x", "force", "", Written.of("c * x"), (EffectParameter("c", "N/m"),)
     )
     system = SimpleNamespace(terms={"force of x": term}, beside=lambda source: source.text)
-    found = with_drafts(system, verdict)
+    found = drafted_in(system, verdict)
     assert (found is not None) is beside
     if found is not None:
         assert "c * x" in found[0]

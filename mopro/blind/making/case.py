@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from mopro.blind.grids.base import DEVIATION
-from mopro.blind.hidden.constants import with_constants
-from mopro.blind.hidden.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
-from mopro.blind.hidden.foreign_kinds import FOREIGN_KINDS, of_size
-from mopro.blind.hidden.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
-from mopro.blind.hidden.stated import StatedEffects
-from mopro.blind.hidden.variables import EFFECT_VARIABLES
+from mopro.blind.cases.constants import with_constants
+from mopro.blind.cases.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
+from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS, of_size
+from mopro.blind.cases.grid_base import DEVIATION
+from mopro.blind.cases.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
+from mopro.blind.cases.stated import StatedEffects
+from mopro.blind.cases.variables import EFFECT_VARIABLES
 from mopro.blind.making.equivalent import equivalents
 from mopro.blind.making.programs import PositionRange, ProgramWriter
 from mopro.blind.making.sizes import SIZE_CLASSES, NoiselessRuns, Plant, class_of, strength_for

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from mopro.blind.hidden.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
+from mopro.blind.cases.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
 from mopro.blind.making.sizes import NoiselessRuns, Plant
 from mopro.blind.reference.motion import Floats
 

@@ -11,7 +11,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import mopro.machine
-from mopro.blind.hidden.stated import StatedEffects
+from mopro.blind.cases.stated import StatedEffects
 from mopro.blind.making.make import BenchmarkMachine
 from mopro.blind.reference.nominal import Nominal
 from mopro.errors import DataError

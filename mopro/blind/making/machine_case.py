@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from mopro.blind.grids.machines import MachineSpec
-from mopro.blind.hidden.of_machines import LISTED, OF_A_RUN, UNLISTED, Parameters, Span
+from mopro.blind.cases.grid_machines import MachineSpec
+from mopro.blind.cases.of_machines import LISTED, OF_A_RUN, UNLISTED, Parameters, Span
 from mopro.blind.making.machine_drawn import Machine, columns, drawn, span
 from mopro.blind.making.machine_size import seen, visible
 from mopro.blind.making.machine_texts import (

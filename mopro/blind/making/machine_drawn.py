@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mopro.blind.hidden.of_machines import Span
+from mopro.blind.cases.of_machines import Span
 from mopro.blind.reference.machines import PLANTS, Columns, Floats
 
 Generator = np.random.Generator

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from mopro.blind.grids.machines import MachineSpec
-from mopro.blind.grids.named import Spec, case_specs, spread
-from mopro.blind.hidden.stated import StatedEffects
+from mopro.blind.cases.grid_machines import MachineSpec
+from mopro.blind.cases.grids import Spec, case_specs, spread
+from mopro.blind.cases.stated import StatedEffects
 from mopro.blind.making.case import Case, Generator, draw_case, program_name
 from mopro.blind.making.machine_case import machine_case
 from mopro.blind.making.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest

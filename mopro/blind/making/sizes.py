@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mopro.blind.hidden.effects import Drawn
+from mopro.blind.cases.effects import Drawn
 from mopro.blind.reference.motion import Floats
 from mopro.blind.reference.nominal import THESIS, Nominal
 from mopro.blind.reference.readings import ProgramRun, ReferencePlant

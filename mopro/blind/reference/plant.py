@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from mopro.blind.reference import motion as m
 from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.foreign.mechanics import mechanics
+from mopro.blind.reference.foreign_mechanics import mechanics
 from mopro.blind.reference.listing import Controller, Stroke, Timeline
 from mopro.blind.reference.motion import Floats
 from mopro.blind.reference.nominal import LOOP_S, THESIS, Nominal

@@ -11,8 +11,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from mopro.blind.reference import disturbances, heat, plant, sensors
 from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.foreign.instrument import clock, signal
-from mopro.blind.reference.foreign.mechanics import with_lost_microsteps
+from mopro.blind.reference.foreign_instrument import clock, signal
+from mopro.blind.reference.foreign_mechanics import with_lost_microsteps
 from mopro.blind.reference.listing import Timeline, timeline
 from mopro.blind.reference.motion import Floats
 from mopro.blind.reference.nominal import THESIS, Nominal

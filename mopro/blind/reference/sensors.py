@@ -11,7 +11,7 @@ from numba import njit
 from scipy.interpolate import CubicSpline
 
 from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.foreign.instrument import noise, stored_badly
+from mopro.blind.reference.foreign_instrument import noise, stored_badly
 from mopro.blind.reference.motion import Floats
 
 Hidden = Mapping[str, Mapping[str, float]]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mopro.blind.hidden.stated import StatedEffects
+from mopro.blind.cases.stated import StatedEffects
 from mopro.blind.making.make import data_file, data_name, measured, run_text
 from mopro.blind.making.manifest import EXPERIMENT, Manifest
 from mopro.blind.making.sizes import Plant

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mopro.blind.hidden.variables import said
+from mopro.blind.cases.variables import said
 from mopro.blind.making.sizes import RESOLUTION_SIGMA
 
 RIGHT, FAMILY, PARTLY, WRONG = "right", "family", "partly", "wrong"

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mopro.blind.grids.named import spread
+from mopro.blind.cases.grids import spread
 from mopro.blind.making.equivalent import MARGIN, left_by_set
 from mopro.blind.making.machine_case import UNSEEN
 from mopro.blind.making.make import hashes

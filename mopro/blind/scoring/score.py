@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
-from mopro.blind.hidden.spec import LASER
+from mopro.blind.cases.spec import LASER
 from mopro.blind.making.sizes import RESOLUTION_SIGMA
 from mopro.blind.scoring.judge import Judgement
 from mopro.blind.scoring.outcome import (

@@ -13,10 +13,10 @@ from itertools import combinations
 import numpy as np
 
 from mopro.errors import Diagnostic, ModelError
-from mopro.experiment.read.steps import step_note
 from mopro.experiment.sawyer.feasible import Suspect, check_motion, too_long, too_short
 from mopro.experiment.sawyer.model import Experiment, Floats, Reading
 from mopro.experiment.sawyer.nominal import compiling_pays, planned
+from mopro.experiment.steps import step_note
 from mopro.instruments.sensor import Sensor
 from mopro.instruments.slips import FOLD_SLIPS
 from mopro.machine import Machine

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from mopro.errors import DataError
-from mopro.experiment.read.entries import file_beside, sections_of
-from mopro.experiment.read.rows import kept_rows
+from mopro.experiment.kept_rows import kept_rows
 from mopro.experiment.sawyer.raw import KINDS
+from mopro.experiment.sections import file_beside, sections_of
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor
 from mopro.instruments.stated import TOLERANCES

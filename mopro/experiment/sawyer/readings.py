@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.experiment.read.data import TIME, DataFile
+from mopro.experiment.data_file import TIME, DataFile
 from mopro.experiment.sawyer.model import Floats, Reading
 from mopro.instruments.sensor import Sensor
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mopro.errors import render_all
-from mopro.experiment.read.data import TIME, DataFile, other_unit, read_data, refused
+from mopro.experiment.data_file import TIME, DataFile, other_unit, read_data, refused
 from mopro.experiment.sawyer.file import RunEntry, SawyerEntries, SensorEntry
 from mopro.experiment.sawyer.model import (
     Experiment,

@@ -16,9 +16,8 @@ from mopro.engine.assumed import LEAST_SHARE
 from mopro.engine.residuals import Residuals, without_wild
 from mopro.engine.series import Floats, Series, Settings
 from mopro.engine.verdict import Verdict, rms
-from mopro.experiment.compare.comparison import STEADY
-from mopro.experiment.compare.noise_tests import quantile_residual
-from mopro.experiment.conclude.wording import advice
+from mopro.experiment.comparison import STEADY
+from mopro.experiment.noise_tests import quantile_residual
 from mopro.experiment.sawyer.candidates import candidates, in_one_run, unlisted
 from mopro.experiment.sawyer.consistency import check
 from mopro.experiment.sawyer.design import propose
@@ -33,6 +32,7 @@ from mopro.experiment.sawyer.repaired import machine_text, machine_with, of_runs
 from mopro.experiment.sawyer.runs import read_runs
 from mopro.experiment.sawyer.steady import rises, series_of_table
 from mopro.experiment.system import Predicted, Proposal, Question, Repaired, Spot, System
+from mopro.experiment.wording import advice
 from mopro.formula.written import WrittenEffect
 from mopro.machine import Machine
 from mopro.machine.formulas import read_formulas

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
-from mopro.experiment.read.entries import file_beside, sections_of
-from mopro.experiment.read.rows import kept_rows
+from mopro.experiment.kept_rows import kept_rows
+from mopro.experiment.sections import file_beside, sections_of
 from mopro.experiment.stated.from_kind import skeleton
 from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, parse
 from mopro.formula.entry import check_name, read_effects, read_formula

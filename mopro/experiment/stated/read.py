@@ -10,7 +10,7 @@ import numpy as np
 
 from mopro.effects import catalogue_of
 from mopro.effects.resolve import active_effects
-from mopro.experiment.read.data import read_data
+from mopro.experiment.data_file import read_data
 from mopro.experiment.stated.entries import RunEntry, StatedEntries
 from mopro.formula import Formula, FormulaError, factor_of
 from mopro.formula.evaluate import Floats, evaluate

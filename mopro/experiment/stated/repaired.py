@@ -13,8 +13,8 @@ from pathlib import Path
 from mopro.engine.candidate import RUN
 from mopro.engine.series import Settings
 from mopro.engine.verdict import Estimate, Named, Verdict
-from mopro.experiment.conclude.machine_file import rounded, runs_lines, with_effects
-from mopro.experiment.conclude.wording import interval_words, value_words
+from mopro.experiment.machine_file import rounded, runs_lines, with_effects
+from mopro.experiment.wording import interval_words, value_words
 from mopro.formula.written import WrittenEffect
 from mopro.machine.runs import files_of, known_off, left_out, others
 from mopro.source import Source

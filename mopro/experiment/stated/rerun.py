@@ -11,7 +11,7 @@ import numpy as np
 from mopro.engine.series import Series, Settings
 from mopro.engine.verdict import Verdict
 from mopro.errors import DataError, ModelError
-from mopro.experiment.compare.comparison import compare
+from mopro.experiment.comparison import compare
 from mopro.experiment.stated.repaired import as_written, corrects, kept_to_their_runs, machine_of
 from mopro.experiment.system import System
 from mopro.formula.evaluate import Floats

@@ -10,7 +10,7 @@ import numpy as np
 
 from mopro.engine.candidate import Parameter
 from mopro.engine.series import Series
-from mopro.experiment.read.steps import step_note
+from mopro.experiment.steps import step_note
 from mopro.formula.evaluate import Floats
 from mopro.instruments.slips import FOLD_SLIPS, UNIT_SLIPS
 from mopro.stated.base import BaseFit, base_of, fitted_base, slope_of

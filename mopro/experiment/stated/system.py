@@ -14,7 +14,6 @@ from mopro.engine.residuals import Residuals
 from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import Verdict
 from mopro.errors import DataError
-from mopro.experiment.conclude.wording import advice
 from mopro.experiment.stated.entries import StatedEntries
 from mopro.experiment.stated.from_kind import completed
 from mopro.experiment.stated.noisy_inputs import beside_noise
@@ -25,6 +24,7 @@ from mopro.experiment.stated.repaired import effects_of_runs, kept_to_their_runs
 from mopro.experiment.stated.rerun import rerun
 from mopro.experiment.stated.scales import check_scales, unstated_steps
 from mopro.experiment.system import Predicted, Proposal, Question, Repaired, Spot, System
+from mopro.experiment.wording import advice
 from mopro.formula.entry import read_effects
 from mopro.formula.signals import side
 from mopro.formula.written import WrittenEffect

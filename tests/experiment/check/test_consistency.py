@@ -5,7 +5,7 @@ import pytest
 
 from helpers.laboratory import LASER
 from mopro.errors import ModelError, MotionError
-from mopro.experiment.read.steps import step_note
+from mopro.experiment.steps import step_note
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 

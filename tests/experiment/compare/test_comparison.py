@@ -15,8 +15,8 @@ from helpers.paths import PROGRAMS
 from mopro.engine.residuals.noise_tests import whiteness_p
 from mopro.errors import DataError
 from mopro.experiment import load_experiment
-from mopro.experiment.compare.comparison import compare
-from mopro.experiment.compare.noise_tests import quantile_residual
+from mopro.experiment.comparison import compare
+from mopro.experiment.noise_tests import quantile_residual
 from mopro.experiment.sawyer import system
 from mopro.experiment.sawyer.nominal import predict
 from mopro.experiment.sawyer.system import Sawyer

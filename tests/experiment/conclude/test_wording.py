@@ -8,8 +8,8 @@ import pytest
 from mopro.engine import Estimate, Named, Verdict
 from mopro.engine.residuals.remainder import Remainder
 from mopro.engine.verdict import BelowResolution, Draft, Gap
-from mopro.experiment.compare.comparison import Place
-from mopro.experiment.conclude.wording import (
+from mopro.experiment.comparison import Place
+from mopro.experiment.wording import (
     advice,
     calibration_words,
     draft_words,

@@ -9,11 +9,11 @@ from scipy.signal import lfilter
 
 import mopro
 from helpers.diagnosis import diagnose
-from mopro.experiment.conclude.wording import sentence
 from mopro.experiment.sawyer import forward_model as motor
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.model import Experiment, LoggedCommand, Reading, Trial
 from mopro.experiment.sawyer.repaired import machine_with
+from mopro.experiment.wording import sentence
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mopro.errors import DataError, MoproError
 from mopro.experiment import load_experiment
-from mopro.experiment.read.data import read_data
+from mopro.experiment.data_file import read_data
 from mopro.experiment.sawyer.readings import reading
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor

@@ -3,7 +3,7 @@
 import pytest
 
 from mopro.errors import DataFileError
-from mopro.experiment.read.data import read_data
+from mopro.experiment.data_file import read_data
 
 HEAD = "time_s,position_1_in\n0.0,1.5\n"
 

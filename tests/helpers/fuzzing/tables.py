@@ -322,7 +322,7 @@ _LOGGED = [
 
 
 def _data(folder: Path) -> Take:
-    from mopro.experiment.read.data import read_data
+    from mopro.experiment.data_file import read_data
 
     wanted = {"time_s", "position_1_mm", "temperature_C"}
 
@@ -449,7 +449,7 @@ TABLES = (
     Parser("log, imported", ("mopro.importing",), _imported, lambda: _LOGGED, _CSV, 1, 512),
     Parser(
         "data of an experiment",
-        ("mopro.experiment.read.data",),
+        ("mopro.experiment.data_file",),
         _data,
         lambda: [
             b"time_s,position_1_mm,temperature_C\n0,1,20\n0.1,,21\n",

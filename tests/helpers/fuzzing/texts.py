@@ -279,7 +279,7 @@ def _settings(folder: Path) -> Take:
 
 
 def _effects(folder: Path) -> Take:
-    from mopro.blind.hidden.stated import StatedEffects
+    from mopro.blind.cases.stated import StatedEffects
 
     def read(path: Path) -> None:
         stated = StatedEffects.read(str(path), "chow1992")

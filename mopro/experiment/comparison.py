@@ -11,9 +11,14 @@ import numpy as np
 from mopro.engine.residuals import Corrected, whiteness_p
 from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import rms
-from mopro.experiment.compare.allowed import Allowed, allowed
-from mopro.experiment.compare.noise import larger_noise, noise_notes, without_wild_samples
-from mopro.experiment.compare.noise_tests import chi2_p, mean_p
+from mopro.experiment.allowed import Allowed, allowed
+from mopro.experiment.noise_tests import (
+    chi2_p,
+    larger_noise,
+    mean_p,
+    noise_notes,
+    without_wild_samples,
+)
 from mopro.experiment.system import Predicted, Spot, System
 from mopro.units import residual_unit
 

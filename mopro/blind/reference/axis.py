@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.blind.reference.machines.held import State, pieces, stepped
+from mopro.blind.reference.held import State, pieces, stepped
 
 Floats = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from mopro.effects.base import Domain, Surroundings, View
-from mopro.effects.unlisted.term import FreeFormTerm, size
+from mopro.effects.free_form import FreeFormTerm, size
 from mopro.engine.candidate import Candidate
 
 # The power (W) of the largest term at a rise over the air (K), a speed (m/s), a time (s) and a

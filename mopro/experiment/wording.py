@@ -10,7 +10,7 @@ from mopro.engine.candidate import RUN
 from mopro.engine.series import Series
 from mopro.engine.tolerances import CLOCK, GAIN, LINEARITY
 from mopro.engine.verdict import Estimate, Named, Verdict
-from mopro.experiment.compare.comparison import STEADY, Place
+from mopro.experiment.comparison import STEADY, Place
 from mopro.units import residual_unit
 
 NO_PROPOSAL = (

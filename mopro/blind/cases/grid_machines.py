@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.blind.hidden.of_machines import LISTED, UNLISTED
+from mopro.blind.cases.of_machines import LISTED, UNLISTED
 
 _CASES = 300
 _SHARES = {"axis": 0.34, "kinematic": 0.16, "thermal": 0.24, "effort": 0.18, "python": 0.08}

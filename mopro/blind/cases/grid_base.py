@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.blind.hidden.effects import POSITION, THERMAL
-from mopro.blind.hidden.spec import ENCODER, LASER, CaseSpec, single
+from mopro.blind.cases.effects import POSITION, THERMAL
+from mopro.blind.cases.spec import ENCODER, LASER, CaseSpec, single
 
 # The share by which each number with a tolerance is off, and the tolerance that is stated.
 DEVIATION, TOLERANCE = 0.10, 0.15

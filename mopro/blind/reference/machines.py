@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.blind.reference.machines import axis, effort, kinematic, thermal
+from mopro.blind.reference import axis, effort, kinematic, thermal
 
 Floats = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]

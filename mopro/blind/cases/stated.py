@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mopro.blind.hidden.effects import Drawn, Generator, HiddenEffect, Parameters
-from mopro.blind.hidden.spec import ENCODER, LASER, CaseSpec
+from mopro.blind.cases.effects import Drawn, Generator, HiddenEffect, Parameters
+from mopro.blind.cases.spec import ENCODER, LASER, CaseSpec
 from mopro.blind.reference.motion import Floats
 from mopro.blind.reference.nominal import Nominal
 from mopro.blind.reference.readings import ProgramRun

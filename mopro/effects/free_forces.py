@@ -17,8 +17,8 @@ from mopro.effects.forces import (
     DahlFriction,
     with_presliding,
 )
+from mopro.effects.free_form import FreeFormTerm, size
 from mopro.effects.search import FEWEST_PERIODS, Values, force_N, strongest_lines
-from mopro.effects.unlisted.term import FreeFormTerm, size
 from mopro.engine.assumed import LEAST_SHARE
 from mopro.engine.candidate import Candidate, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted

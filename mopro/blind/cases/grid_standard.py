@@ -7,8 +7,8 @@ from itertools import cycle
 
 import numpy as np
 
-from mopro.blind.hidden.effects import HIDDEN_EFFECTS, POSITION, THERMAL
-from mopro.blind.hidden.spec import (
+from mopro.blind.cases.effects import HIDDEN_EFFECTS, POSITION, THERMAL
+from mopro.blind.cases.spec import (
     COARSE,
     ENCODER,
     LASER,

@@ -8,11 +8,13 @@ from itertools import cycle
 
 import numpy as np
 
-from mopro.blind.grids import base, machines, standard
-from mopro.blind.grids.machines import MachineSpec
-from mopro.blind.hidden.effects import HIDDEN_EFFECTS, POSITION, THERMAL
-from mopro.blind.hidden.foreign_kinds import FOREIGN_KINDS
-from mopro.blind.hidden.spec import (
+from mopro.blind.cases import grid_base as base
+from mopro.blind.cases import grid_machines as machines
+from mopro.blind.cases import grid_standard as standard
+from mopro.blind.cases.effects import HIDDEN_EFFECTS, POSITION, THERMAL
+from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS
+from mopro.blind.cases.grid_machines import MachineSpec
+from mopro.blind.cases.spec import (
     COARSE,
     ENCODER,
     LASER,
@@ -22,7 +24,7 @@ from mopro.blind.hidden.spec import (
     single,
     warm,
 )
-from mopro.blind.hidden.stated import StatedEffects
+from mopro.blind.cases.stated import StatedEffects
 
 _SIZES = ("faint", "clear", "strong")
 # Of each sensor: cases with an effect, and cases with none.

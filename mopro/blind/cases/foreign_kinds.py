@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mopro.blind.hidden.effects import Drawn, Generator, Parameters
+from mopro.blind.cases.effects import Drawn, Generator, Parameters
 
 _DRY = ("coulomb_friction", "stribeck_friction", "load_dependent_friction")
 _MOST_RATE = 2.0  # microsteps lost per second, at most

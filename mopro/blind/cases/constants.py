@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mopro.blind.hidden.effects import Drawn, Generator
+from mopro.blind.cases.effects import Drawn, Generator
 from mopro.effects import Parameter, catalogue
 from mopro.engine.candidate import Role
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.blind.reference.machines.held import State, pieces, stepped
-from mopro.blind.reference.machines.kinematic import behind
+from mopro.blind.reference.held import State, pieces, stepped
+from mopro.blind.reference.kinematic import behind
 
 Floats = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from functools import cache
 
+from mopro.effects.free_forces import FORCES
+from mopro.effects.free_form import FreeFormTerm
+from mopro.effects.free_heat import HEAT
+from mopro.effects.local_forces import LOCAL
 from mopro.effects.registry import Catalogue
-from mopro.effects.unlisted.forces import FORCES
-from mopro.effects.unlisted.heat import HEAT
-from mopro.effects.unlisted.local import LOCAL
-from mopro.effects.unlisted.term import FreeFormTerm
 from mopro.formula.written import FORCE, EffectParameter, Written, WrittenEffect
 from mopro.machine.formulas import NAMES
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mopro.blind.hidden.effects import HIDDEN_EFFECTS
+from mopro.blind.cases.effects import HIDDEN_EFFECTS
 
 LASER, ENCODER, LVDT, THERMOCOUPLE = "laser", "encoder", "lvdt", "thermocouple"
 

@@ -1,1 +1,0 @@
-"""The grids, one file for each."""

@@ -1,1 +1,0 @@
-"""Comparison of measured data with the simulation, place by place."""

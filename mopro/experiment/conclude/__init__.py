@@ -1,1 +1,0 @@
-"""The consequences of a verdict: machine file, gap, places and wording."""

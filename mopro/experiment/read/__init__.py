@@ -1,1 +1,0 @@
-"""An experiment from its files: the file itself, its runs, their data and raw formats."""
