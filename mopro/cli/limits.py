@@ -17,7 +17,7 @@ from mopro.cli.terminal.outputs import claimed, drawn, keep_inputs, machine_file
 from mopro.cli.terminal.say import say
 
 if TYPE_CHECKING:
-    from mopro.limits import Limit
+    from mopro.emulator.limits import Limit
 
 _COLUMNS = ("peak velocity (in/s)", "profile", "acceleration (in/s²)", "force (N)", "move (s)")
 
@@ -82,7 +82,7 @@ def command(
 
     Example: mopro limits --payload 5lb --plot limits.png
     """
-    from mopro.limits import PROFILES, find_limits, with_full_drive
+    from mopro.emulator.limits import PROFILES, find_limits, with_full_drive
     from mopro.machine import load_machine
 
     keep_inputs([("--plot", plot)], [("--machine", machine_file(machine))])

@@ -27,9 +27,8 @@ from mopro.cli.terminal.say import (
     say,
     say_findings,
 )
-from mopro.elsewhere import load_elsewhere
 from mopro.errors import Interrupted, LinkError, MoproError, PortError, RunError
-from mopro.memory import make_sure_on_import
+from mopro.process.loading import load_elsewhere, make_sure_on_import
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.jobs import run_module
+from mopro.process.jobs import run_module
 
 if sys.platform != "win32":
     import resource

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mopro.limits import PROFILES, Limit
+from mopro.emulator.limits import PROFILES, Limit
 from mopro.recording.style import library_style
 from mopro.text import plain
 

@@ -345,8 +345,8 @@ def _raw(folder: Path) -> Take:
 
 
 def _cache(folder: Path) -> Take:
-    from mopro.cachefolder import read_kept, with_digest
     from mopro.plant.kernel.cache import KernelCache
+    from mopro.process.cachefolder import read_kept, with_digest
 
     path = folder / "fuzz.cache"
     kernels = KernelCache(path, "key")
@@ -463,7 +463,13 @@ TABLES = (
         "raw file of an instrument", ("mopro.instruments.daq",), _raw, lambda: _RAW, _CSV, 6, 512
     ),
     Parser(
-        "caches", ("mopro.cachefolder",), _cache, lambda: [b"\x01content", bytes(80)], (), 6, 256
+        "caches",
+        ("mopro.process.cachefolder",),
+        _cache,
+        lambda: [b"\x01content", bytes(80)],
+        (),
+        6,
+        256,
     ),
     Parser(
         "manifest",

@@ -9,12 +9,12 @@ import pytest
 from helpers.commands import LIMIT_S
 from mopro.engine.threads import in_threads
 from mopro.errors import DataError
-from mopro.jobs import in_processes
-from mopro.memory import make_sure
+from mopro.process.jobs import in_processes
+from mopro.process.loading import make_sure
 
 LIMITED = """
 import resource
-from mopro.memory import make_sure_on_import
+from mopro.process.loading import make_sure_on_import
 
 def limited(work):
     size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
@@ -28,7 +28,7 @@ def limited(work):
 make_sure_on_import()
 limited(lambda: __import__("numpy"))
 from mopro.engine.threads import in_threads
-from mopro.jit import njit
+from mopro.process.jit import njit
 added = njit(lambda x: x + 1)
 limited(lambda: added(1))
 limited(lambda: list(in_threads(abs, [-1, -2], 2)))

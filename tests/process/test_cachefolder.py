@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from helpers.commands import LIMIT_S
-from mopro import cachefolder
-from mopro.cachefolder import cache_folder, read_kept, with_digest
+from mopro.process import cachefolder
+from mopro.process.cachefolder import cache_folder, read_kept, with_digest
 
 COMPILE = "import mopro; print(mopro.compile('MRI1 1.0').ops[0])"
 

@@ -22,9 +22,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
-from mopro.elsewhere import load_elsewhere
 from mopro.errors import DataError
-from mopro.memory import make_sure
+from mopro.process.loading import load_elsewhere, make_sure
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -59,7 +58,7 @@ def run_module(
     It imports what this process would, except from the current folder. Raises
     subprocess.TimeoutExpired, and ends the process, after `patience_s`.
     """
-    folder = Path(__file__).parent
+    folder = Path(__file__).parents[1]
     entries = [entry for entry in sys.path if os.path.isabs(entry)]
     begin = _BEGIN.format(
         path=entries,

@@ -13,7 +13,7 @@ import numba
 from numba.core import event
 from numba.core.compiler_lock import global_compiler_lock
 
-from mopro.memory import make_sure
+from mopro.process.loading import make_sure
 
 # Bytes of address space: twice what LLVM takes for the kernel of a machine without effects. Halved,
 # LLVM may abort; doubled, more compilations that had enough are refused.

@@ -14,7 +14,7 @@ from helpers.commands import LIMIT_S
 WORK = """
 import os, signal, sys
 from mopro.cli.main import _heed_signals
-from mopro.jobs import in_processes
+from mopro.process.jobs import in_processes
 
 def forever(item):
     os.write(1, f"{os.getpid()}\\n".encode())

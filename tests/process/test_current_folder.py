@@ -146,8 +146,8 @@ STARTS = """
 import sys
 library = [number for number, entry in enumerate(sys.path) if entry.endswith("lib-dynload")]
 sys.path.insert(library[0] + 1, sys.argv[1])
-import mopro.jobs
-done = mopro.jobs.run_module("mopro.tells", ["-x", "y z"], 60.0)
+import mopro.process.jobs
+done = mopro.process.jobs.run_module("mopro.tells", ["-x", "y z"], 60.0)
 print(done.stdout.decode(), done.returncode)
 """
 
@@ -167,7 +167,7 @@ def test_a_child_runs_the_very_mopro_of_its_parent(tmp_path):
 # Begun as a script, so that its options ask for nothing, with all loaded that it needs.
 POOLS = """
 import multiprocessing, os, sys
-import mopro.jobs, multiprocessing.forkserver, multiprocessing.popen_spawn_posix
+import mopro.process.jobs, multiprocessing.forkserver, multiprocessing.popen_spawn_posix
 import multiprocessing.popen_fork, multiprocessing.popen_forkserver, multiprocessing.queues
 import multiprocessing.synchronize, multiprocessing.connection, concurrent.futures.process
 
@@ -177,7 +177,7 @@ if __name__ == "__main__":
     os.environ.update(PYTHONPATH=path[0] if path else os.environ["PYTHONPATH"])
     before = dict(os.environ)
     multiprocessing.set_start_method(method)
-    print(list(mopro.jobs.in_processes(abs, [-1, 2, -3], 2)), os.environ == before)
+    print(list(mopro.process.jobs.in_processes(abs, [-1, 2, -3], 2)), os.environ == before)
 """
 
 
