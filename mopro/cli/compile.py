@@ -21,10 +21,10 @@ def command(file: str, grammar: str, as_json: bool, canonical: bool) -> None:
 
     Example: mopro compile programs/TEMP2.CMD
     """
-    from mopro.program import text
+    from mopro.program import statements
 
     program = compiled_program(file, grammar)
     if as_json:
-        say(json.dumps(text.as_json(program), indent=1))
+        say(json.dumps(statements.as_json(program), indent=1))
     else:
-        say(text.canonical(program) if canonical else text.listing(program), nl=False)
+        say(statements.canonical(program) if canonical else statements.listing(program), nl=False)

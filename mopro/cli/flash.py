@@ -113,7 +113,7 @@ def _verified(session: Session, program: Program, name: str, as_json: bool) -> i
 
 def _listed(session: Session, program: Program, name: str, grammar: str, as_json: bool) -> int:
     from mopro.link.flash import differences, stored_program
-    from mopro.program.text import canonical
+    from mopro.program.statements import canonical
 
     stored = stored_program(session, name, grammar)
     found = differences(program, canonical(stored).splitlines())
@@ -135,6 +135,6 @@ def program_hash(program: Program) -> str:
     """The digest of what the program means: its canonical statements."""
     import hashlib
 
-    from mopro.program.text import canonical
+    from mopro.program.statements import canonical
 
     return hashlib.sha256(canonical(program).encode("ascii")).hexdigest()

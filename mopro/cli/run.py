@@ -317,7 +317,7 @@ def _from_line(program: Program, line: int | None, yes: bool) -> Program:
     """The program from `line` on, after its settings are shown and confirmed; all of it if None."""
     if line is None:
         return program
-    from mopro.program.resume import resume
+    from mopro.program.statements import resume
 
     resumed = resume(program, line)
     say(f"Begin at line {resumed.line}; in force there, without any motion:", err=True)

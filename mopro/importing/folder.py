@@ -20,7 +20,7 @@ from mopro.importing.stuck import stuck_in
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
 from mopro.importing.wraps import unwrapped
 from mopro.logs import Asked, Column, Decision, Log, Rows, read_log
-from mopro.logs.spacing import spacing_of
+from mopro.logs.timed import spacing_of
 
 Floats = NDArray[np.float64]
 

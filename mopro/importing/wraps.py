@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mopro.importing.roles import Signal
 from mopro.logs import Decision
-from mopro.logs.spacing import spacing_of
+from mopro.logs.timed import spacing_of
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]

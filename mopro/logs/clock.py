@@ -1,23 +1,21 @@
-"""Clocks of a log: which columns are times, of which unit, and what is wrong with them."""
+"""Clocks of a log, and its rows on them, recording by recording.
+
+A clock: which columns are times, of which unit, and what is wrong with them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.logs.log import Decision
-from mopro.logs.order import Habits, order_of
-from mopro.logs.stamps import (
-    PER_S,
-    UNSURE,
-    epoch_unit,
-    seconds_of_numbers,
-    seconds_of_words,
-)
-from mopro.logs.table import Table
+from mopro.logs.log import Decision, Table
+from mopro.logs.order import Habits, TooCoarse, order_of, spread
+from mopro.logs.stamps import PER_S, UNSURE, epoch_unit, seconds_of_numbers, seconds_of_words
 from mopro.logs.timed import Stamp, TimeColumns
 
 Floats = NDArray[np.float64]
@@ -137,3 +135,215 @@ def _unit(
         return epoch, f"{float(known[0]):.10g} is a date of this century in {epoch}", False
     step = float(np.median(np.abs(np.diff(known)))) if len(known) > 1 else 0.0
     return "s", f"no unit is stated; then {step:.6g} s lie between rows", True
+
+
+# -- recordings -------------------------------------------------------------------------------
+# The rows of a log on a clock, recording by recording, and those that have no place there.
+
+Ints = NDArray[np.intp]
+# For rows and those after them: True where a column has two readings that differ.
+Conflict = Callable[[Ints, Ints], NDArray[np.bool_]]
+
+NO_TIME = "without a time"
+STRAY = "whose time is out of place"
+SHORT = "in a recording of a single time"
+DOUBLE = "whose time is that of the next row"
+# Share of rows of one time with different readings beyond which the stamps are coarse.
+_DIFFER = 0.1
+# Usual intervals between two recordings on the clock that goes over all of them.
+_BETWEEN = 100.0
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Rows of the file that a clock keeps, in order: `rows` (n), at `time_s` (n) from the start.
+
+    The times go on from one recording to the next, which begin at the rows `starts` and had the
+    first stamps `origins` (s). `first` (n, or None for none) is where the rows of the same time
+    begin whose readings each row has, too. `left_out` are rows of the file by reason.
+    """
+
+    clock: Clock
+    rows: Ints
+    time_s: Floats
+    starts: tuple[int, ...]
+    origins: tuple[float, ...]
+    merged: tuple[Ints, Ints, Ints] | None
+    left_out: dict[str, Ints]
+    decisions: tuple[Decision, ...]
+
+    def values(self, column: NDArray[np.generic]) -> Floats:
+        """The readings of a column in the rows that are kept."""
+        if self.merged is None:
+            kept: Floats = np.asarray(column[self.rows], float)
+            return kept
+        every, first, last = self.merged
+        values = np.asarray(column[every], float)
+        latest = np.maximum.accumulate(np.where(np.isnan(values), -1, np.arange(len(values))))
+        found: Floats = np.where(latest[last] >= first, values[latest[last]], np.nan)
+        return found
+
+
+def boundaries(clocks: Sequence[Clock]) -> list[int]:
+    """Rows of the file with which recordings begin, after the first, by any clock."""
+    return sorted({start for clock in clocks for start in clock.starts})
+
+
+def placed(clock: Clock, begins: Sequence[int], conflict: Conflict) -> Placed:
+    """The rows on `clock`, in recordings that begin at the rows `begins` of the file, and row 0.
+
+    Raises order.TooCoarse.
+    """
+    return _Placing(clock, conflict).all([0, *begins, len(clock.time_s)])
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """One recording: rows of the file and their stamps in s, in order of time."""
+
+    rows: Ints
+    time_s: Floats
+
+
+class _Placing:
+    def __init__(self, clock: Clock, conflict: Conflict) -> None:
+        self._clock, self._conflict = clock, conflict
+        self._decisions: list[Decision] = []
+        self._left_out: dict[str, Ints] = {}
+        self._subject = f"column {clock.name}"
+
+    def all(self, edges: Sequence[int]) -> Placed:
+        clock = self._clock
+        if len(edges) == 2 and len(clock.time_s) > 1 and (np.diff(clock.time_s) > 0).all():
+            every = np.arange(len(clock.time_s))  # nothing is out of order, as in most logs
+            return self._placed([_Piece(every, clock.time_s)], None)
+        absent = np.flatnonzero(np.isnan(clock.time_s))
+        self._leave_out(STRAY, np.array(clock.strays, int))
+        self._leave_out(NO_TIME, np.setdiff1d(absent, clock.strays))
+        pieces = [self._piece(a, b) for a, b in pairwise(edges)]
+        long = [piece for piece in pieces if len(piece.rows) and np.ptp(piece.time_s) > 0]
+        for piece in pieces:
+            if len(piece.rows) and np.ptp(piece.time_s) == 0:
+                self._leave_out(SHORT, piece.rows)
+        if not long:
+            raise TooCoarse("it has fewer than two times")
+        self._tell(long)
+        merged = self._merged(long)
+        if merged is None:
+            return self._placed(long, None)
+        pieces, every, first, last = merged
+        return self._placed(pieces, (every, first, last))
+
+    def _placed(
+        self, pieces: Sequence[_Piece], merged: tuple[Ints, Ints, Ints] | None
+    ) -> Placed:  # fmt: skip
+        lengths = [len(piece.rows) for piece in pieces]
+        rows = [piece.rows for piece in pieces]
+        return Placed(
+            self._clock,
+            rows[0] if len(rows) == 1 else np.concatenate(rows),
+            _going_on([piece.time_s for piece in pieces]),
+            tuple(int(n) for n in np.concatenate(([0], np.cumsum(lengths)[:-1]))),
+            tuple(self._clock.origin + float(piece.time_s[0]) for piece in pieces),
+            merged,
+            self._left_out,
+            tuple(self._decisions),
+        )
+
+    def _leave_out(self, why: str, rows: Ints) -> None:
+        if len(rows):
+            before = self._left_out.get(why, np.empty(0, int))
+            self._left_out[why] = np.concatenate((before, rows))
+            where = f"first at row {int(rows.min()) + 1} of the data"
+            taken = f"{len(rows)} rows left out {why}"
+            self._decisions.append(Decision(self._subject, taken, where))
+
+    def _piece(self, begin: int, end: int) -> _Piece:
+        """The recording in these rows of the file, sorted within the reach of jitter."""
+        times = self._clock.time_s[begin:end]
+        rows = np.flatnonzero(~np.isnan(times))
+        times = times[rows]
+        back = int(np.count_nonzero(np.diff(times) < 0))
+        if back:
+            where = f"first at row {begin + int(np.flatnonzero(np.diff(times) < 0)[0]) + 2}"
+            taken = f"rows sorted by time: the clock runs backwards {back} times by a few intervals"
+            self._decisions.append(Decision(self._subject, taken, f"{where} of the data"))
+            order = np.argsort(times, kind="stable")
+            rows, times = rows[order], times[order]
+        return _Piece(rows + begin, times)
+
+    def _tell(self, pieces: Sequence[_Piece]) -> None:
+        if len(pieces) < 2:
+            return
+        lengths = ", ".join(str(len(piece.rows)) for piece in pieces[:8])
+        more = ", ..." if len(pieces) > 8 else ""
+        taken = f"{len(pieces)} recordings of {lengths}{more} rows, in the file's order"
+        rows = ", ".join(str(int(piece.rows.min()) + 1) for piece in pieces[1:9])
+        reason = f"the clock jumps back at row {rows}{more} of the data"
+        self._decisions.append(Decision(self._subject, taken, reason, True, True))
+
+    # -- rows of one time ------------------------------------------------------------------
+
+    def _merged(
+        self, pieces: list[_Piece]
+    ) -> tuple[list[_Piece], Ints, Ints, Ints] | None:  # fmt: skip
+        """Spreads coarse stamps in place; else makes one row of those of one time."""
+        same = [np.flatnonzero(np.diff(piece.time_s) == 0) for piece in pieces]
+        if not any(map(len, same)):
+            return None
+        pairs = [(p.rows[at], p.rows[at + 1]) for p, at in zip(pieces, same, strict=True)]
+        differ = [self._conflict(a, b) for a, b in pairs]
+        if sum(map(np.count_nonzero, differ)) > _DIFFER * sum(map(len, differ)):
+            pieces[:] = [self._spread(piece) for piece in pieces]
+            same = [np.flatnonzero(np.diff(piece.time_s) == 0) for piece in pieces]
+            if not any(map(len, same)):
+                return None
+            pairs = [(p.rows[at], p.rows[at + 1]) for p, at in zip(pieces, same, strict=True)]
+            differ = [self._conflict(a, b) for a, b in pairs]
+        lost = np.concatenate([a[d] for (a, _), d in zip(pairs, differ, strict=True)])
+        self._leave_out(DOUBLE, lost)
+        count = sum(map(len, same))
+        if joined := count - len(lost):
+            reason = "no column has two readings of one time"
+            taken = f"{joined} rows are one with the next row of the same time"
+            self._decisions.append(Decision(self._subject, taken, reason))
+        every = np.concatenate([piece.rows for piece in pieces])
+        begins = np.concatenate(
+            [np.concatenate(([True], np.diff(piece.time_s) != 0)) for piece in pieces]
+        )
+        first = np.flatnonzero(begins)
+        last = np.append(first[1:], len(every)) - 1
+        kept = [_Piece(p.rows[k], p.time_s[k]) for p in pieces for k in [_lasts(p.time_s)]]
+        return kept, every, first, last
+
+    def _spread(self, piece: _Piece) -> _Piece:
+        found = spread(piece.time_s)
+        if found is None:
+            return piece
+        taken = (
+            f"{found.rows:g} rows at a time have one stamp: spread evenly over {found.tick_s:g} s"
+        )
+        reason = "the stamps are coarser than the sampling; --rate HZ states it"
+        decision = Decision(self._subject, taken, reason, True, True)
+        if decision not in self._decisions:
+            self._decisions.append(decision)
+        return _Piece(piece.rows, found.time_s)
+
+
+def _lasts(time_s: Floats) -> Ints:
+    """The last row of each time."""
+    return np.flatnonzero(np.concatenate((np.diff(time_s) != 0, [True])))
+
+
+def _going_on(pieces: Sequence[Floats]) -> Floats:
+    """Times from the first stamp that go on from one recording to the next, with a gap between."""
+    if len(pieces) == 1:
+        alone: Floats = pieces[0] - pieces[0][0]
+        return alone
+    times, end = [], 0.0
+    for piece in pieces:
+        own = piece - piece[0] + end
+        times.append(own)
+        end = float(own[-1]) + _BETWEEN * float(np.median(np.diff(piece)))
+    found: Floats = np.concatenate(times)
+    return found

@@ -62,7 +62,7 @@ def _copy(path: str, folder: Path) -> None:
     """Write what `path` holds as arrays that numpy reads, up to the bounds of a log."""
     import h5py
 
-    from mopro.logs.table import MOST_ROWS
+    from mopro.logs.log import MOST_ROWS
 
     names: list[str] = []
     rows: list[int] = []

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.logs.layout import Layout
-from mopro.logs.log import Decision
-from mopro.logs.place import cells_of
+from mopro.logs.log import Decision, cells_of
 from mopro.logs.written import MISSING, holds_data, is_word
 
 NOTE = "notes between the rows, no rows of the table"

@@ -10,9 +10,8 @@ from fractions import Fraction
 
 from mopro.motion.planner import Planner, execute
 from mopro.motion.profile import State, plan_profile
-from mopro.motion.registers import AxisRegisters
 from mopro.motion.schedule import Stroke
-from mopro.motion.track import brake, change_velocity
+from mopro.motion.track import AxisRegisters, brake, change_velocity
 from mopro.program import ir
 from mopro.source import Span
 

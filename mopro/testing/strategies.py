@@ -13,7 +13,7 @@ from mopro.language import ast
 from mopro.language.parse import statement_kinds
 from mopro.motion import Profile, plan_profile
 from mopro.program import Program
-from mopro.program.text import decimal
+from mopro.program.statements import decimal
 
 _AXES = st.sampled_from("012O")
 _LABELS = ("B1", "LOOP", "x_2")

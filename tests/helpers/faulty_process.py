@@ -43,7 +43,7 @@ from mopro.program.compile import compile_file
 
 LIMIT_S = 60
 # What a command needs that takes long to load: loaded once, before the first fork.
-_DRAWING = ["mopro.recording.shown", "matplotlib.backends.backend_agg"]
+_DRAWING = ["mopro.recording.shown_figure", "matplotlib.backends.backend_agg"]
 NEEDED = {
     "import": ["mopro.importing"],
     "compare": ["mopro.experiment.opened", "mopro.viewer.comparison", *_DRAWING],

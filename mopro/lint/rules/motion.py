@@ -114,7 +114,7 @@ def _with_value(subject: Subject, index: int, value: Fraction) -> str | None:
     """The statement with another value, or None if no decimal is that value."""
     statement = subject.tree.statements[index]
     assert isinstance(statement, ast.Move | ast.Target), "the rule asks for no other"
-    from mopro.program.text import decimal
+    from mopro.program.statements import decimal
 
     try:
         number = decimal(value)

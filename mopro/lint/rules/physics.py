@@ -9,7 +9,7 @@ from mopro.errors import Severity
 from mopro.lint.rule import Finding, Rule, Stage
 from mopro.lint.subject import Subject
 from mopro.motion import PlannedMove
-from mopro.motion.slips import per_millisecond
+from mopro.motion.profile import per_millisecond
 from mopro.source import Span
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"

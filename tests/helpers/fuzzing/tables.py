@@ -78,7 +78,7 @@ _JSON = (
     '"files"',
     '"cases"',
 )
-_RECORDINGS = ("mopro.recording.reading", "mopro.recording.story")
+_RECORDINGS = ("mopro.recording.reading", "mopro.recording.run")
 _LOGS = ("mopro.logs",)
 
 
@@ -460,7 +460,13 @@ TABLES = (
         512,
     ),
     Parser(
-        "raw file of an instrument", ("mopro.instruments.daq",), _raw, lambda: _RAW, _CSV, 6, 512
+        "raw file of an instrument",
+        ("mopro.instruments.laboratory",),
+        _raw,
+        lambda: _RAW,
+        _CSV,
+        6,
+        512,
     ),
     Parser(
         "caches",

@@ -143,8 +143,7 @@ def _program(grammar: str) -> Take:
     from mopro.language import parse, source_from_bytes
     from mopro.language.format import format_source
     from mopro.program import lower
-    from mopro.program.resume import resume
-    from mopro.program.text import canonical
+    from mopro.program.statements import canonical, resume
 
     def take(data: bytes) -> None:
         source = source_from_bytes(data, "fuzz.CMD")

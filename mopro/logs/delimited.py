@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from mopro.errors import DataFileError, Diagnostic
 from mopro.logs.layout import Layout, layout_of
-from mopro.logs.log import Decision
-from mopro.logs.place import MOST_CHARACTERS, LogSource, cell_span
-from mopro.logs.table import MOST_ROWS, Table
+from mopro.logs.log import MOST_CHARACTERS, MOST_ROWS, Decision, LogSource, Table, cell_span
 from mopro.logs.tidy import DOS_END, Tidied, tidied
 from mopro.logs.written import SPELLINGS, as_number, is_grouped, is_number
 from mopro.source import Span
