@@ -7,7 +7,7 @@ import pytest
 from helpers.attacks import ATTACKS, files_of
 from helpers.paths import ROOT
 from mopro.controller import device, station, store
-from mopro.controller.tcp import IDLE_S
+from mopro.controller.serve import IDLE_S
 from mopro.emulator.backend import MOST_SAMPLES
 from mopro.experiment.read import data
 from mopro.formula import entry as entries
@@ -30,7 +30,7 @@ from mopro.recording import reading
 from mopro.stated import file as rigs
 from mopro.tomlfile import MOST_BYTES as MOST_TOML_BYTES
 from mopro.tomlfile.scan import MOST_LEVELS
-from mopro.web import server
+from mopro.viewer import server
 
 MIB = 1 << 20
 BOUNDS = [

@@ -23,7 +23,7 @@ from mopro.errors import ModelError, MoproError, Severity
 from mopro.language.parse import GRAMMARS
 from mopro.lint.config import check_rule_names, find_settings, lengths
 from mopro.lint.output import FORMATS, Report, summary
-from mopro.lint.settings import Settings
+from mopro.lint.subject import Settings
 
 _EXPLAIN_ALL = "all"
 
@@ -137,7 +137,7 @@ def _lint_file(
     settings = settings_in(Path.cwd() if file == "-" else Path(file).resolve().parent)
     changed = False
     if fix or diff:
-        from mopro.lint.fix import fixed
+        from mopro.lint.check import fixed
 
         better = fixed(source, settings)
         changed = diff and better != source
@@ -192,7 +192,7 @@ def _starts(places: tuple[str, ...]) -> dict[int, float]:
 
 
 def _explain(name: str) -> int:
-    from mopro.lint.explain import explain, page
+    from mopro.lint.output import explain, page
     from mopro.lint.rules import RULES
 
     if name == _EXPLAIN_ALL:

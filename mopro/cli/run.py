@@ -347,7 +347,7 @@ class _Pictures:
 
     def show(self, page: Live) -> None:
         """Show the samples on `page` too, in real time."""
-        from mopro.web import Paced
+        from mopro.viewer.live import Paced
 
         self._live = Paced(page)
 

@@ -14,11 +14,10 @@ from mopro.errors import DataError
 from mopro.files import make_folder, output, write
 from mopro.importing.agreement import agreement
 from mopro.importing.propose import Proposal, Wishes, propose
+from mopro.importing.ranges import stuck_in, unwrapped
 from mopro.importing.roles import Chosen, Signal, signals_of, stated_unit
 from mopro.importing.runs import file_of, ledger_of, recordings_of, run_of, told
-from mopro.importing.stuck import stuck_in
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
-from mopro.importing.wraps import unwrapped
 from mopro.logs import Asked, Column, Decision, Log, Rows, read_log
 from mopro.logs.timed import spacing_of
 

@@ -2,6 +2,6 @@
 
 from mopro.lint.check import lint
 from mopro.lint.rule import Finding, Rule
-from mopro.lint.settings import Settings
+from mopro.lint.subject import Settings
 
 __all__ = ["Finding", "Rule", "Settings", "lint"]

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from mopro.errors import Diagnostic, Severity
-from mopro.lint.settings import Settings
-from mopro.lint.subject import Subject
+from mopro.lint.subject import Settings, Subject
 from mopro.source import Span
 
 

@@ -1,21 +1,49 @@
-"""Subject of the rules: a program and its derived properties, each computed once."""
+"""Subject of the rules: a program, the settings, and its derived properties, each computed once."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from mopro.lint.settings import Settings
+from mopro.motion import PlannedMove
 from mopro.program import ir
 
 if TYPE_CHECKING:
     from mopro.language import ast
     from mopro.lint.stall_margins import StallMargins
     from mopro.machine import Machine
-    from mopro.motion import PlannedMove, Survey
+    from mopro.motion import Survey
 
+
+# Share of the pull-out force below which a margin is reported.
+LOW_MARGIN = 0.20
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The machine and payload of the program, and the rules to run.
+
+    `select` are the rules to run, or None for the default ones; those in `ignore` are left
+    out. `start_m` is the start of an axis from the middle of its travel, if known; `travel_m`
+    the length of its travel where an instrument's range, for example, is shorter than the
+    platen. A field's `key` is its name in a file, if different.
+    """
+
+    machine: str = "chow1992"
+    payload_kg: float = field(default=0.0, metadata={"key": "payload"})
+    grammar: str = "attested"
+    select: frozenset[str] | None = None
+    ignore: frozenset[str] = frozenset()
+    low_margin: float = field(default=LOW_MARGIN, metadata={"key": "low-margin"})
+    start_m: Mapping[int, float] = field(default_factory=dict, metadata={"key": "start"})
+    travel_m: Mapping[int, float] = field(default_factory=dict, metadata={"key": "travel"})
+
+
+# -- the subject ------------------------------------------------------------------------------
+# Subject of the rules: a program and its derived properties, each computed once.
 
 # Statements above which a loop is surveyed for two rounds, the fewest that show a drift.
 _TWO_ROUNDS_FROM = 20_000
@@ -81,3 +109,87 @@ class Subject:
     def length(self, microsteps: float, microsteps_per_uu: Fraction) -> str:
         """A length in the program's user unit."""
         return f"{microsteps / float(microsteps_per_uu):.5g} {self.unit(microsteps_per_uu)}"
+
+
+# -- travel -----------------------------------------------------------------------------------
+# Travel of each axis, and the extent of a program's moves.
+
+
+class Travel(NamedTuple):
+    """Ends of the travel of one axis, in microsteps from its start."""
+
+    low_u: float
+    high_u: float
+
+    @property
+    def length_u(self) -> float:
+        return self.high_u - self.low_u
+
+
+def travel_of(subject: Subject, axis: int) -> Travel:
+    """The machine's travel of `axis`, or the configured one, relative to the configured start."""
+    settings, microstep_m = subject.settings, subject.machine.microstep_m
+    low_u, high_u = subject.machine.travel_u()[axis]
+    if axis in settings.travel_m:
+        high_u = settings.travel_m[axis] / 2 / microstep_m
+        low_u = -high_u
+    start_u = settings.start_m.get(axis, 0.0) / microstep_m
+    return Travel(low_u - start_u, high_u - start_u)
+
+
+def extent_u(moves: tuple[PlannedMove, ...], axis: int) -> tuple[int, int]:
+    """Lowest and highest position of `axis` in `moves`, in microsteps."""
+    ends = [
+        end
+        for move in moves
+        for stroke in move.strokes
+        if stroke.axis == axis
+        for end in (stroke.start_u, stroke.end_u)
+    ]
+    return min(ends, default=0), max(ends, default=0)
+
+
+# -- two subjects compared --------------------------------------------------------------------
+# Checks of a fixed program against the one before, one for each kind of fix.
+
+
+def same_program(before: Subject, after: Subject) -> bool:
+    """True if both have the same operations."""
+    return before.program == after.program
+
+
+def same_but_labels(before: Subject, after: Subject) -> bool:
+    """True if they differ only in labels that no jump goes to."""
+    return _without_idle_labels(before) == _without_idle_labels(after)
+
+
+def _without_idle_labels(subject: Subject) -> list[ir.Op]:
+    used = {op.name for op in subject.program.ops if isinstance(op, ir.Jump)}
+    ops = subject.program.ops
+    return [op for op in ops if not isinstance(op, ir.Label) or op.name in used]
+
+
+def same_but_waits(before: Subject, after: Subject) -> bool:
+    """True if they differ only in waits for an axis."""
+    return _without_waits(before) == _without_waits(after)
+
+
+def same_motion(before: Subject, after: Subject) -> bool:
+    """True if every axis has the same moves at the same times."""
+    return _moves(before) == _moves(after)
+
+
+def same_motion_but_waits(before: Subject, after: Subject) -> bool:
+    return same_but_waits(before, after) and same_motion(before, after)
+
+
+def _without_waits(subject: Subject) -> list[ir.Op]:
+    return [op for op in subject.program.ops if not isinstance(op, ir.WaitAxis)]
+
+
+def _moves(subject: Subject) -> list[tuple[object, ...]]:
+    return [_place_and_time(move) for move in subject.survey.schedule.moves]
+
+
+def _place_and_time(move: PlannedMove) -> tuple[object, ...]:
+    return move.strokes, move.profile, move.start_s

@@ -19,9 +19,8 @@ from mopro.language.format import format_source
 from mopro.language.parse import statement_kinds
 from mopro.lint.config import find_settings
 from mopro.lint.rule import Finding
-from mopro.lint.settings import Settings
-from mopro.lsp.document import Document
-from mopro.lsp.meaning import hover
+from mopro.lint.subject import Settings
+from mopro.lsp.document import Document, hover
 from mopro.source import Source, Span
 from mopro.text import visible
 

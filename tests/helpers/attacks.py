@@ -34,10 +34,10 @@ ATTACKS: dict[str, tuple[str, ...]] = {
     "pipes, folders, sockets, devices, dangling links instead of input files, named by "
     "commands and by files": ("cli/test_no_files.py", "blind/test_no_files.py"),
     "the token of a live page in the arguments of a browser": (
-        "web/test_server.py::test_the_token",
-        "web/test_server.py::test_a_file_with_the_token",
-        "web/test_server.py::test_without_a_place",
-        "web/test_live.py::test_the_file_that_the_browser_is_given",
+        "viewer/test_server.py::test_the_token",
+        "viewer/test_server.py::test_a_file_with_the_token",
+        "viewer/test_server.py::test_without_a_place",
+        "viewer/test_live.py::test_the_file_that_the_browser_is_given",
     ),
     "every signal that can be caught, those of a background job; another client's lines during an "
     "orphaned run": (
@@ -50,7 +50,7 @@ ATTACKS: dict[str, tuple[str, ...]] = {
         "link/test_latency.py",
         "link/test_flash.py::test_a_controller_that_answers_late",
         "link/test_flash.py::test_answers_that_become_late",
-        "web/test_server.py::test_a_body_that_breaks_off",
+        "viewer/test_server.py::test_a_body_that_breaks_off",
         "cli/test_days.py",
         "language/test_parse.py::test_files_that_are_no_programs",
     ),

@@ -16,8 +16,7 @@ from helpers.stated import DRIVE, FRICTION_OF_PLACE, drive_folder
 from mopro.markup import table
 from mopro.recording.moves import MoveReport
 from mopro.viewer.document import FOLDER, PLOTTER, SCRIPTS, data_block, document
-from mopro.viewer.model import Lines, Scale
-from mopro.viewer.pack import Pack
+from mopro.viewer.model import Lines, Pack, Scale
 from mopro.viewer.run import moves_json
 
 WRITES_MARKUP = re.compile(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(")

@@ -1,28 +1,132 @@
-"""The server of a live page: a thread beside the run, on loopback."""
+"""Guard of a page's server: it answers its own page alone, at its own address, with its token."""
 
 from __future__ import annotations
 
 import asyncio
+import hmac
+import html
+import os
 import secrets
 import socket
 import threading
+import webbrowser
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+from urllib.parse import parse_qs
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.datastructures import Headers
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, Response, StreamingResponse
+from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from mopro.errors import MoproError
 from mopro.viewer.document import document
-from mopro.web.feed import Feed, Message
-from mopro.web.guard import Guard
+from mopro.viewer.live import Feed, Numbered
+
+_SAFE = ("GET", "HEAD")
+_HEADERS = (
+    (b"cache-control", b"no-store"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+)
+
+
+class Guard:
+    """Refuses requests of other hosts' names, of other sites, and without the token.
+
+    `port` gives the port that the server listens at. The name of the host is checked because a
+    foreign site may have its own name point to this computer; the site, because a foreign page
+    can send requests here. To the page itself it may lead with its token, as the file does that the
+    browser is started with.
+    """
+
+    def __init__(self, app: ASGIApp, token: str, port: Callable[[], int]) -> None:
+        self._app = app
+        self._token = token.encode()
+        self._port = port
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        refusal = self.refusal(scope)
+        app = self._app if refusal is None else PlainTextResponse(f"{refusal}\n", 403)
+        await app(scope, receive, _with_headers(send))
+
+    def refusal(self, scope: Scope) -> str | None:
+        """Why a request is refused; None for one that is answered."""
+        headers = Headers(scope=scope)
+        hosts = [f"{name}:{self._port()}" for name in ("127.0.0.1", "localhost")]
+        if headers.get("host") not in hosts:
+            return "this server answers under its own address only"
+        origin = headers.get("origin")
+        if origin is None and scope["method"] not in _SAFE:
+            return "a request without an origin"
+        if origin is not None and origin not in [f"http://{host}" for host in hosts]:
+            return "a request of another site"
+        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin") and not (
+            scope["path"] == "/" and headers.get("sec-fetch-dest") == "document"
+        ):
+            return "a request of another site"
+        stated = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        if not hmac.compare_digest(stated.encode(), self._token):
+            return "the token is missing or wrong: use the address as it was printed"
+        return None
+
+
+def _with_headers(send: Send) -> Send:
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message["headers"] = [*message["headers"], *_HEADERS]
+        await send(message)
+
+    return sending
+
+
+# -- the way of a browser ---------------------------------------------------------------------
+# Start of a browser, whose arguments every user of the computer can read.
+
+_PAGE = """<!doctype html>
+<meta charset="utf-8"><meta name="referrer" content="no-referrer">
+<meta http-equiv="refresh" content="0; url={address}">
+<title>mopro</title><p><a href="{address}">The page of the run</a></p>
+"""
+
+
+@contextmanager
+def in_browser(address: str) -> Iterator[None]:
+    """Open `address`, which holds a token, in a browser; the block goes on without waiting.
+
+    The browser gets the name of a file that only this user can read, and that leads there. The
+    file is there during the block. Without a place for it no browser is opened.
+    """
+    try:
+        private = TemporaryDirectory(prefix="mopro-", ignore_cleanup_errors=True)
+    except OSError:
+        yield
+        return
+    with private as folder:
+        file = Path(folder) / "page.html"
+        with open(file, "x", encoding="utf-8", opener=_for_me) as page:
+            page.write(_PAGE.format(address=html.escape(address)))
+        webbrowser.open(file.as_uri())
+        yield
+
+
+def _for_me(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
+
+
+# -- the server -------------------------------------------------------------------------------
+# The server of a live page: a thread beside the run, on loopback.
 
 _HOST = "127.0.0.1"
 # How often a page is told what is new, and how long the last message may take to reach it.
@@ -171,6 +275,6 @@ async def _events(feed: Feed) -> AsyncIterator[str]:
         await asyncio.sleep(_TOLD_S)
 
 
-def _event(message: Message) -> str:
+def _event(message: Numbered) -> str:
     number, event, data = message
     return f"id: {number}\nevent: {event}\ndata: {data}\n\n"

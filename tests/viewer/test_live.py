@@ -16,9 +16,8 @@ from mopro.controller.serve import open_end, serve
 from mopro.emulator import Emulator
 from mopro.link import load_dialect
 from mopro.machine import load_machine
-from mopro.web import ControllerPanel, Page, serving
-from mopro.web.panel import FAULTS
-from mopro.web.redirect import in_browser
+from mopro.viewer.live import FAULTS, ControllerPanel
+from mopro.viewer.server import Page, in_browser, serving
 
 pytestmark = pytest.mark.browser
 
