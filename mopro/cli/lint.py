@@ -13,12 +13,10 @@ from typing import Any
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
-from mopro.cli.terminal.complete import machine_names, rule_names
-from mopro.cli.terminal.of_runs import tell_of_runs
-from mopro.cli.terminal.options import payload_type
-from mopro.cli.terminal.progress import counted
-from mopro.cli.terminal.say import is_terminal, say, say_findings
-from mopro.cli.texts import read_text, show_difference, write_text
+from mopro.cli.options import machine_names, payload_type, rule_names, tell_of_runs
+from mopro.cli.program_files import read_text, show_difference, write_text
+from mopro.cli.progress import counted
+from mopro.cli.say import is_terminal, say, say_findings
 from mopro.errors import ModelError, MoproError, Severity
 from mopro.language.parse import GRAMMARS
 from mopro.lint.config import check_rule_names, find_settings, lengths
@@ -81,7 +79,7 @@ def command(
     if not files:
         raise click.UsageError("name a file, or - for standard input")
     if fix:
-        from mopro.cli.terminal.outputs import keep_inputs, machine_file
+        from mopro.cli.outputs import keep_inputs, machine_file
 
         machine = machine_file(chosen["machine"])
         keep_inputs([("--fix", file) for file in files], [("--machine", machine)])

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.terminal.outputs import DrawingSink
-from mopro.cli.terminal.say import say
+from mopro.cli.outputs import DrawingSink
+from mopro.cli.say import say
 from mopro.errors import DataError
 
 if TYPE_CHECKING:

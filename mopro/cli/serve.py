@@ -9,10 +9,9 @@ import click
 
 from mopro.cli.link import baud_option, dialect_option, token
 from mopro.cli.live import controller_panel
-from mopro.cli.terminal.of_runs import tell_of_runs
-from mopro.cli.terminal.options import Quantity, grammar_option, machine_option, payload_type
-from mopro.cli.terminal.outputs import keep_inputs, machine_file
-from mopro.cli.terminal.say import say
+from mopro.cli.options import Quantity, grammar_option, machine_option, payload_type, tell_of_runs
+from mopro.cli.outputs import keep_inputs, machine_file
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.controller import FolderStore, MemoryStore

@@ -17,8 +17,8 @@ import pytest
 from helpers.bench_of_link import SHORT, bench
 from helpers.commands import LIMIT_S
 from helpers.paths import PROGRAMS
-from mopro.cli.terminal import progress, say
-from mopro.cli.terminal.table import print_markdown, print_table
+from mopro.cli import progress, say
+from mopro.cli.say import print_markdown, print_table
 from mopro.emulator import Emulator
 from mopro.link import SerialBackend
 from mopro.machine import load_machine
@@ -134,7 +134,7 @@ def test_markdown_is_laid_out_on_a_terminal_only(monkeypatch, capsys):
     text = "# Score\n\n| a | b |\n|---|---|\n| 1 | 2 |\n"
     print_markdown(text)
     assert capsys.readouterr().out == text
-    monkeypatch.setattr("mopro.cli.terminal.table.is_terminal", lambda stream: True)
+    monkeypatch.setattr("mopro.cli.say.is_terminal", lambda stream: True)
     print_markdown(text)
     assert "|---|" not in capsys.readouterr().out
 

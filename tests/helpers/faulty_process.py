@@ -256,7 +256,7 @@ def reconciled(experiment, patience_s, without):
 
 
 def serve():
-    COMMANDS["flash-to-store"] = "__main__"
+    COMMANDS["flash-to-store"] = "__main__:command"
     mopro.link.SerialPort = loopback
     mopro.link.Session = partial(Session, random=Random(1))
     mopro.blind.scoring.run._reconcile = reconciled

@@ -1,23 +1,26 @@
-"""`mopro machine`."""
+"""Commands on machines: `mopro machine`, `mopro limits`, `mopro thesis`."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
-from mopro.cli.terminal.complete import machine_names
-from mopro.cli.terminal.options import OutputFile
-from mopro.cli.terminal.say import say
+from mopro.cli.options import OutputFile, machine_names, machine_option, payload_type, tell_of_runs
+from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
+from mopro.cli.say import say
 from mopro.errors import ModelError
 
 if TYPE_CHECKING:
+    from mopro.emulator.limits import Limit
     from mopro.machine import Machine
     from mopro.stated.model import StatedMachine
+
 
 _MOST_ROWS = 200
 _EXTENDING = """# A machine that differs from BASE; all that is not stated here is that of BASE.
@@ -40,14 +43,14 @@ _UNREADABLE = ("unknown-machine", "too-large")
 
 
 @click.group()
-def command() -> None:
+def machine() -> None:
     """Show and check machine files.
 
     Example: mopro machine show chow1992
     """
 
 
-@command.command()
+@machine.command()
 @click.argument("machine", default="chow1992", shell_complete=machine_names)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def show(machine: str, as_json: bool) -> None:
@@ -55,7 +58,7 @@ def show(machine: str, as_json: bool) -> None:
 
     Example: mopro machine show chow1992
     """
-    from mopro.cli.terminal.table import print_table
+    from mopro.cli.say import print_table
     from mopro.machine import load_machine
     from mopro.stated.file import kind_of, load_stated
 
@@ -76,7 +79,7 @@ def show(machine: str, as_json: bool) -> None:
     print_table(("quantity", "value", "unit", "origin", "place"), cells, _MOST_ROWS)
 
 
-@command.command()
+@machine.command()
 @click.argument("machines", nargs=-1, required=True, shell_complete=machine_names)
 def check(machines: tuple[str, ...]) -> int:
     """Check machine files: keys, units, bounds, effects, a trial move; exits with 1 for findings.
@@ -96,7 +99,7 @@ def check(machines: tuple[str, ...]) -> int:
     return code
 
 
-@command.command()
+@machine.command()
 @click.argument("file", type=OutputFile(".toml"))
 @click.option(
     "--from",
@@ -131,7 +134,7 @@ def toml_text(name: str) -> str:
     return "".join(c if c.isprintable() and c not in '\\"' else "_" for c in name)
 
 
-@command.command()
+@machine.command()
 def effects() -> None:
     """Print all effects that a machine file may switch on, as Markdown.
 
@@ -193,3 +196,153 @@ def _effects(machine: Machine) -> list[dict[str, Any]]:
             row = {"key": f"effects.{active.name}.runs", "value": ", ".join(runs), "unit": ""}
             rows.append({**row, "origin": "stated", "place": "off in all other runs"})
     return rows
+
+
+# -- mopro limits -----------------------------------------------------------------------------
+
+_OF_LIMITS = ("peak velocity (in/s)", "profile", "acceleration (in/s²)", "force (N)", "move (s)")
+
+
+class Velocities(click.ParamType[list[float]]):
+    """Numbers with commas between."""
+
+    name = "numbers"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> list[float]:
+        try:
+            numbers = [float(word) for word in value.split(",")]
+        except ValueError:
+            self.fail(f"'{value}' is no list of numbers such as 10,20,40", param, ctx)
+        if not all(0 < number <= 200 for number in numbers):
+            self.fail("velocities must be above 0 and at most 200 in/s", param, ctx)
+        return numbers
+
+
+@click.command()
+@machine_option()
+@click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
+@click.option(
+    "--velocities",
+    type=Velocities(),
+    default="10,20,30,40,50,60",
+    show_default=True,
+    help="Peak velocities in in/s.",
+)
+@click.option(
+    "--distance",
+    type=click.FloatRange(0.01, 50),
+    default=15.0,
+    show_default=True,
+    help="The move that is timed, in inches.",
+)
+@click.option(
+    "--drive",
+    type=click.Choice(["full", "machine"]),
+    default="full",
+    show_default=True,
+    help="`full`: with the limited supply; `machine`: as the machine file says.",
+)
+@click.option("--plot", type=OutputFile(".png", ".svg", ".pdf"), help="A picture of the table.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def limits(
+    machine: str,
+    payload: float,
+    velocities: list[float],
+    distance: float,
+    drive: str,
+    plot: Path | None,
+    as_json: bool,
+) -> int:
+    """Find the largest acceleration that the motor follows, against peak velocity.
+
+    Searched by emulating moves, for the trapezoid and for parabolic ramps. Parabolic
+    ramps start with more acceleration; where the supply limits the force at speed they
+    also finish the same move sooner.
+
+    Example: mopro limits --payload 5lb --plot limits.png
+    """
+    from mopro.emulator.limits import PROFILES, find_limits, with_full_drive
+    from mopro.machine import load_machine
+
+    keep_inputs([("--plot", plot)], [("--machine", machine_file(machine))])
+    loaded = load_machine(machine)
+    tell_of_runs(loaded)
+    if drive == "full":
+        loaded = with_full_drive(loaded)
+    with claimed(plot):
+        limits = find_limits(loaded, payload, velocities, distance)
+    figure = _figure(limits, f"{loaded.name}, payload {payload:g} kg")
+    code = 0 if drawn(plot, figure) else EXIT_FAILED
+    if as_json:
+        say(json.dumps([asdict(limit) for limit in limits], indent=1))
+        return code
+    from mopro.cli.say import print_table
+
+    print_table(_OF_LIMITS, map(_of_limit, limits), 1000)
+    say(f"{loaded.name}, payload {payload:g} kg; the timed move is {distance:g} in.")
+    for profile in PROFILES:
+        moves = [
+            (e.duration_s, e.velocity) for e in limits if e.profile == profile and e.duration_s
+        ]
+        if moves:
+            say(f"Soonest with {profile}: {min(moves)[0]:.4f} s at {min(moves)[1]:g} in/s.")
+    return code
+
+
+def _of_limit(limit: Limit) -> list[str]:
+    numbers = [(limit.acceleration, ".0f"), (limit.peak_force_N, ".1f"), (limit.duration_s, ".4f")]
+    cells = ["stalls" if n is None else format(n, form) for n, form in numbers]
+    return [f"{limit.velocity:g}", limit.profile, *cells]
+
+
+def _figure(limits: list[Limit], title: str) -> Callable[[str], bytes]:
+    def figure(form: str) -> bytes:
+        from mopro.plot import figure_bytes
+        from mopro.plot.limits import plot_limits
+
+        return figure_bytes(plot_limits(limits, title), form)
+
+    return figure
+
+
+# -- mopro thesis -----------------------------------------------------------------------------
+
+_NAMES = ["3.2", "3.3", "4.1", "4.2", "4.3", "4.4", "4.5"]
+_OF_TABLES = ("row", "quantity", "printed", "computed", "deviation", "note")
+
+
+@click.command()
+@click.argument("name", metavar="[TABLE]", type=click.Choice(_NAMES), required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def thesis(name: str | None, as_json: bool) -> None:
+    """Print the source's tables beside what mopro computes.
+
+    Tables 3.2, 3.3, 4.1 to 4.5; all of them without a name. Misprinted formulas are
+    evaluated as printed, and marked.
+
+    Example: mopro thesis 3.2
+    """
+    from mopro.cli.say import print_table
+    from mopro.thesis import table
+
+    tables = {key: table(key) for key in ([name] if name else _NAMES)}
+    if as_json:
+        say(json.dumps([asdict(row) for rows in tables.values() for row in rows], indent=1))
+        return
+    for key, rows in tables.items():
+        say(f"Table {key}")
+        cells = [
+            [r.row, r.quantity, _cell(r.printed), _cell(r.computed), _share(r.deviation), r.note]
+            for r in rows
+        ]
+        print_table(_OF_TABLES, cells, _MOST_ROWS)
+
+
+def _cell(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.6g}"
+
+
+def _share(deviation: float | None) -> str:
+    return "" if deviation is None else f"{deviation:+.3%}"

@@ -1,18 +1,82 @@
-"""Arguments that several commands share."""
+"""Arguments that several commands share, and their completion in a shell."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from mopro.cli.terminal.complete import machine_names
-from mopro.cli.terminal.say import say
+from mopro.cli.say import say
 from mopro.language.parse import GRAMMARS
 from mopro.units import is_bare_number, parse_quantity, units_of
+
+if TYPE_CHECKING:
+    from mopro.machine import Machine
+
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+    Items = list[CompletionItem]
+
+
+def machine_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
+    from mopro.machine import builtin_machines
+
+    return _or_file(builtin_machines(), incomplete)
+
+
+def dialect_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
+    from mopro.link import builtin_dialects
+
+    return _or_file(builtin_dialects(), incomplete)
+
+
+def instrument_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
+    from mopro.experiment.sawyer.raw import KINDS
+
+    return _or_file(KINDS, incomplete)
+
+
+def effect_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
+    """The effects of the catalogue, with what they are."""
+    from mopro.effects import catalogue
+
+    return _items({name: effect.equation() for name, effect in catalogue().items()}, "", incomplete)
+
+
+def rule_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
+    """The rules of lint, after the last comma."""
+    from mopro.lint.rules import RULES
+
+    before, comma, last = incomplete.rpartition(",")
+    return _items({name: rule.what for name, rule in RULES.items()}, before + comma, last)
+
+
+def _items(words: Mapping[str, str], before: str, incomplete: str) -> Items:
+    """The words that begin so, with the first line of what they mean."""
+    from click.shell_completion import CompletionItem
+
+    return [
+        CompletionItem(before + word, help=text.partition("\n")[0])
+        for word, text in words.items()
+        if word.startswith(incomplete)
+    ]
+
+
+def _or_file(names: Iterable[str], incomplete: str) -> Items:
+    """The `names` that begin so, or else files."""
+    from click.shell_completion import CompletionItem
+
+    found = [CompletionItem(name) for name in names if name.startswith(incomplete)]
+    return [*found, CompletionItem(incomplete, type="file")]
+
+
+# -- options ----------------------------------------------------------------------------------
+# Arguments that several commands share.
 
 _HEAVIEST_KG = 1e6
 
@@ -125,3 +189,15 @@ def grammar_option() -> Callable[[Any], Any]:
         show_default=True,
         help="Which statements exist; `extended` adds assumed ones (absolute move, seek, ...).",
     )
+
+
+# -- effects that are off ---------------------------------------------------------------------
+# The note on effects of a machine file that are off in a simulation.
+
+
+def tell_of_runs(machine: Machine) -> None:
+    """Tell on standard error which effects are off in a simulation, which is a run of its own."""
+    from mopro.machine.runs import left_out
+
+    for line in left_out(machine.name, machine.runs):
+        say(line, err=True)

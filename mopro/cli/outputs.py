@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.terminal.options import STANDARD
-from mopro.cli.terminal.say import say
+from mopro.cli.options import STANDARD
+from mopro.cli.say import say
 from mopro.errors import MoproError
 
 if TYPE_CHECKING:

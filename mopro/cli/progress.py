@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from mopro.cli.terminal.say import end_status, is_terminal, say_status
+from mopro.cli.say import end_status, is_terminal, say_status
 from mopro.units import UNITS, length_unit_name
 
 if TYPE_CHECKING:
