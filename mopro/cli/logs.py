@@ -179,7 +179,7 @@ def noise(
     Example: mopro noise standstill.csv --column position_1_in
     """
     from mopro.logs import read_log
-    from mopro.logs.names import is_command
+    from mopro.logs.column_names import is_command
     from mopro.noise import TooShort
 
     log = read_log(data, asked_of(time, time_unit, rate, missing))

@@ -136,7 +136,7 @@ def _programs(folder: Path | None) -> FolderStore | MemoryStore:
 
 def _warm(emulator: Emulator) -> None:
     """Load the compiled kernel by a first use, so that no client waits for it."""
-    from mopro.controller.motion import Motion
+    from mopro.controller.running import Motion
     from mopro.program.compile import compile as compile_text
 
     program = compile_text("UU012500/1\nVEL0 1.0\nACC0 1.0\nMRI1 0.001\nWX1\n")

@@ -12,7 +12,7 @@ from mopro.formula import dimension_of_unit
 from mopro.importing.agreement import Agreement, agreement
 from mopro.importing.roles import Floats, Signal
 from mopro.logs import Decision
-from mopro.logs.names import is_command
+from mopro.logs.column_names import is_command
 from mopro.noise import NoiseReport, TooShort, level_between, report, step_of, stuck_of
 
 KINDS = ("kinematic", "axis", "thermal", "sawyer")

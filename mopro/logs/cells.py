@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataError
+from mopro.logs.cell_kinds import as_number, is_list
+from mopro.logs.column_names import heading
 from mopro.logs.layout import MOST_COLUMNS
 from mopro.logs.log import Decision, Table
-from mopro.logs.names import heading
-from mopro.logs.written import as_number, is_list
 
 Floats = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataFileError, Diagnostic
+from mopro.logs.cell_kinds import SPELLINGS, as_number, is_grouped, is_number
 from mopro.logs.layout import Layout, layout_of
 from mopro.logs.log import MOST_CHARACTERS, MOST_ROWS, Decision, LogSource, Table, cell_span
 from mopro.logs.tidy import DOS_END, Tidied, tidied
-from mopro.logs.written import SPELLINGS, as_number, is_grouped, is_number
 from mopro.source import Span
 
 _MOST_FAULTS = 50

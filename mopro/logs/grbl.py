@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from mopro.errors import DataError
+from mopro.logs.cell_kinds import as_number
 from mopro.logs.log import MOST_CHARACTERS, MOST_ROWS, Decision, LogSource, Table
-from mopro.logs.written import as_number
 
 OTHER = "other lines than status reports"
 _REPORT = re.compile(r"^([^<]{0,80})<([A-Za-z]+(?::\d)?)\|([^<>]*)>")

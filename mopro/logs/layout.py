@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mopro.errors import DataFileError, Diagnostic
-from mopro.logs.log import MOST_CHARACTERS, Decision, LogSource, cell_span, cells_of
-from mopro.logs.names import heading, is_time, unit_of
-from mopro.logs.written import (
+from mopro.logs.cell_kinds import (
     MISSING,
     has_comma,
     has_point,
@@ -24,6 +22,8 @@ from mopro.logs.written import (
     is_stamp,
     is_word,
 )
+from mopro.logs.column_names import heading, is_time, unit_of
+from mopro.logs.log import MOST_CHARACTERS, Decision, LogSource, cell_span, cells_of
 from mopro.source import Span
 from mopro.text import wide_encoding
 

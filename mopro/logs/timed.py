@@ -12,8 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.logs.column_names import (
+    Heading,
+    heading,
+    is_command,
+    is_time,
+    quantity_of,
+    unit_of,
+    words_of,
+)
 from mopro.logs.log import Table
-from mopro.logs.names import Heading, heading, is_command, is_time, quantity_of, unit_of, words_of
 from mopro.logs.stamps import PER_S, epoch_unit, form_of_words
 
 Floats = NDArray[np.float64]

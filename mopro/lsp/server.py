@@ -20,7 +20,7 @@ from mopro.language.parse import statement_kinds
 from mopro.lint.config import find_settings
 from mopro.lint.rule import Finding
 from mopro.lint.subject import Settings
-from mopro.lsp.document import Document, hover
+from mopro.lsp.open_text import Document, hover
 from mopro.source import Source, Span
 from mopro.text import visible
 

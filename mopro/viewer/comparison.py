@@ -10,7 +10,7 @@ from mopro.experiment.conclude.wording import place_words
 from mopro.experiment.opened import Opened
 from mopro.markup import listing, paragraph, section, table
 from mopro.units import residual_unit
-from mopro.viewer.document import document
+from mopro.viewer.page import document
 from mopro.viewer.series import Residuals, beside_of, own_units, series_views
 
 _SERIES = ("run", "sensor", "samples", "RMS", "noise", "σ", "χ² p", "whiteness p", "only noise")

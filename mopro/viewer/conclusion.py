@@ -28,7 +28,7 @@ from mopro.experiment.conclude.wording import (
 )
 from mopro.markup import heading, listing, paragraph, section, table
 from mopro.units import residual_unit
-from mopro.viewer.document import document
+from mopro.viewer.page import document
 from mopro.viewer.series import Residuals, beside_of, own_units, series_views, source_lines
 
 _EFFECTS = (

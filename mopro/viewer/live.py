@@ -22,7 +22,6 @@ from mopro.program import AXES, Program
 from mopro.recording import Sink
 from mopro.recording.envelope import Buckets, Envelope, Envelopes, Floats, channels_of
 from mopro.recording.record import Columns
-from mopro.viewer.model import Lines, Pack, View
 from mopro.viewer.run import (
     TRACK,
     phases_of,
@@ -32,6 +31,7 @@ from mopro.viewer.run import (
     run_panels,
     run_track,
 )
+from mopro.viewer.view import Lines, Pack, View
 
 # Messages that wait for a page; one that is further behind gets a snapshot instead.
 _MOST_WAITING = 2000

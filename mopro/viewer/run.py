@@ -21,8 +21,8 @@ from mopro.recording.moves import MoveReport, Stall
 from mopro.recording.run import outcome
 from mopro.source import Span
 from mopro.units import UNITS
-from mopro.viewer.document import document
-from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
+from mopro.viewer.page import document
+from mopro.viewer.view import Lines, Mark, Panel, Scale, Trace, Track, View
 
 
 def platen_json(

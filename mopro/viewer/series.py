@@ -20,8 +20,8 @@ from mopro.experiment.system import System
 from mopro.recording.envelope import Floats
 from mopro.text import visible
 from mopro.units import residual_unit
-from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
 from mopro.viewer.run import platen_json
+from mopro.viewer.view import Lines, Mark, Panel, Scale, Trace, Track, View
 
 # Values in all tracks of a page together, and in one of them, at most.
 _MOST_VALUES = 2_400_000

@@ -29,8 +29,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from mopro.errors import MoproError
-from mopro.viewer.document import document
 from mopro.viewer.live import Feed, Numbered
+from mopro.viewer.page import document
 
 _SAFE = ("GET", "HEAD")
 _HEADERS = (

@@ -8,7 +8,7 @@ from mopro.language import ast, parse
 from mopro.language.format import format_source
 from mopro.language.parse import GRAMMARS, grammar_path, statement_kinds
 from mopro.lint import Settings
-from mopro.lsp.document import Document, hover
+from mopro.lsp.open_text import Document, hover
 from mopro.motion import plan
 from mopro.program import statements
 from mopro.source import Source

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mopro.engine.series import Floats
 from mopro.errors import DataFileError, Diagnostic
-from mopro.logs.foreign import kind_of
+from mopro.logs.file_kinds import kind_of
 from mopro.logs.log import cell_span
 from mopro.source import Source, Span
 from mopro.text import wide_encoding

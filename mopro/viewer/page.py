@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mopro.markup import escaped
-from mopro.viewer.model import Pack, View
+from mopro.viewer.view import Pack, View
 
 FOLDER = Path(__file__).parent / "static"
 PLOTTER = FOLDER / "uplot"
