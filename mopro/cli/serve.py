@@ -129,9 +129,9 @@ def _programs(folder: Path | None) -> FolderStore | MemoryStore:
 
     try:
         return FolderStore(folder) if folder else MemoryStore()
-    except OSError as error:
-        message = f"{folder}: cannot keep programs: {error.strerror}"
-        raise DataError(message, "unwritable-output") from error
+    except DataError as error:
+        error.add_note("the controller cannot keep programs there: choose another --store")
+        raise
 
 
 def _warm(emulator: Emulator) -> None:

@@ -112,11 +112,7 @@ def start(folder: Path) -> list[Path]:
     if there:
         message = f"{', '.join(there)} exists, and nothing is overwritten: choose another folder"
         raise DataError(message, "exists")
-    try:
-        make_folder(folder)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise DataError(f"{folder}: cannot be made: {reason}", "unwritable-output") from error
+    make_folder(folder)
     for file, text in files.items():
         write(file, text.encode())
     return list(files)

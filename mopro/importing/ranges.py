@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.importing.agreement import agreement, followed
+from mopro.importing.agreement import Floats, agreement, followed
 from mopro.importing.propose import Proposal, noise_of
 from mopro.importing.roles import Signal
 from mopro.logs import Decision
 from mopro.logs.timed import spacing_of
 from mopro.noise import End, ends_of
 
-Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _TURN = 2 * math.pi

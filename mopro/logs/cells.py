@@ -8,15 +8,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mopro.errors import DataError
 from mopro.logs.cell_kinds import as_number, is_list
 from mopro.logs.column_names import heading
 from mopro.logs.layout import MOST_COLUMNS
-from mopro.logs.log import Decision, Table
-
-Floats = NDArray[np.float64]
+from mopro.logs.log import Decision, Floats, Table
 
 # Instruments that speak SCPI write 9.9E37 for an overload, 9.91E37 for no number.
 OVERLOAD = 9e37

@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.logs.log import Decision, Table
+from mopro.logs.log import Decision, Floats, Table
 from mopro.logs.order import Habits, TooCoarse, order_of, spread
 from mopro.logs.stamps import PER_S, UNSURE, epoch_unit, seconds_of_numbers, seconds_of_words
 from mopro.logs.timed import Stamp, TimeColumns
-
-Floats = NDArray[np.float64]
 
 # Rows beside a jump of the clock whose changes are usual ones, and how much more is a jump.
 _BESIDE = 50
@@ -288,21 +286,15 @@ class _Placing:
         self, pieces: list[_Piece]
     ) -> tuple[list[_Piece], Ints, Ints, Ints] | None:  # fmt: skip
         """Spreads coarse stamps in place; else makes one row of those of one time."""
-        same = [np.flatnonzero(np.diff(piece.time_s) == 0) for piece in pieces]
-        if not any(map(len, same)):
-            return None
-        pairs = [(p.rows[at], p.rows[at + 1]) for p, at in zip(pieces, same, strict=True)]
-        differ = [self._conflict(a, b) for a, b in pairs]
+        pairs, differ = self._of_one_time(pieces)
         if sum(map(np.count_nonzero, differ)) > _DIFFER * sum(map(len, differ)):
             pieces[:] = [self._spread(piece) for piece in pieces]
-            same = [np.flatnonzero(np.diff(piece.time_s) == 0) for piece in pieces]
-            if not any(map(len, same)):
-                return None
-            pairs = [(p.rows[at], p.rows[at + 1]) for p, at in zip(pieces, same, strict=True)]
-            differ = [self._conflict(a, b) for a, b in pairs]
+            pairs, differ = self._of_one_time(pieces)
+        if not any(map(len, differ)):
+            return None
         lost = np.concatenate([a[d] for (a, _), d in zip(pairs, differ, strict=True)])
         self._leave_out(DOUBLE, lost)
-        count = sum(map(len, same))
+        count = sum(map(len, differ))
         if joined := count - len(lost):
             reason = "no column has two readings of one time"
             taken = f"{joined} rows are one with the next row of the same time"
@@ -315,6 +307,14 @@ class _Placing:
         last = np.append(first[1:], len(every)) - 1
         kept = [_Piece(p.rows[k], p.time_s[k]) for p in pieces for k in [_lasts(p.time_s)]]
         return kept, every, first, last
+
+    def _of_one_time(
+        self, pieces: Sequence[_Piece]
+    ) -> tuple[list[tuple[Ints, Ints]], list[NDArray[np.bool_]]]:
+        """In each piece: rows and those after them at the same time, and which of them differ."""
+        same = [np.flatnonzero(np.diff(piece.time_s) == 0) for piece in pieces]
+        pairs = [(p.rows[at], p.rows[at + 1]) for p, at in zip(pieces, same, strict=True)]
+        return pairs, [self._conflict(a, b) for a, b in pairs]
 
     def _spread(self, piece: _Piece) -> _Piece:
         found = spread(piece.time_s)

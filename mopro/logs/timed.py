@@ -21,10 +21,8 @@ from mopro.logs.column_names import (
     unit_of,
     words_of,
 )
-from mopro.logs.log import Table
+from mopro.logs.log import Floats, Table
 from mopro.logs.stamps import PER_S, epoch_unit, form_of_words
-
-Floats = NDArray[np.float64]
 
 # An interval of this many usual ones is a gap, a last one of this share too short to be a row.
 GAP = 5.0

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, optimize, signal
 
-Floats = NDArray[np.float64]
+from mopro.noise.values import Floats
 
 # Chance that noise alone shows a line somewhere in the spectrum. Doubled, one record in 500 does.
 _FALSE_ALARM = 1e-3

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
-Floats = NDArray[np.float64]
+from mopro.noise.values import Floats
+
 Model = Callable[[Floats, Floats], Floats]
 
 # Bins that a spectrum is joined to, narrower than any bend of the models. Doubled, a fit takes

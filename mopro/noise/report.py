@@ -10,9 +10,8 @@ from scipy import stats
 
 from mopro.noise.lines import Line, lines_of, without_lines
 from mopro.noise.memory import Memory, memory_of
-from mopro.noise.values import held_of, outliers_of, rms_before_rounding, step_of, stuck_of
+from mopro.noise.values import Floats, held_of, outliers_of, rms_before_rounding, step_of, stuck_of
 
-Floats = NDArray[np.float64]
 Stretch = tuple[int, int]
 
 # Readings of one window, a share of all within limits; a stretch has at least two windows. Halved,
