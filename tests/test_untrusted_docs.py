@@ -21,7 +21,7 @@ from mopro.link.template import MOST_DIGITS
 from mopro.lint.stall_margins import MOST_EMULATED_S
 from mopro.logs import containers, layout, log
 from mopro.logs.hdf5 import LEAST_S, S_PER_MB
-from mopro.lsp.messages import MOST_BYTES as MOST_MESSAGE_BYTES
+from mopro.lsp.server import MOST_BYTES as MOST_MESSAGE_BYTES
 from mopro.lsp.server import MOST_CHARACTERS
 from mopro.machine.model import FASTEST_1_S
 from mopro.motion.planner import LONGEST_RUN_S, MOST_STATEMENTS

@@ -21,7 +21,7 @@ from mopro.errors import ModelError, MoproError, Severity
 from mopro.language.parse import GRAMMARS
 from mopro.lint.config import check_rule_names, find_settings, lengths
 from mopro.lint.output import FORMATS, Report, summary
-from mopro.lint.subject import Settings
+from mopro.lint.rule import Settings
 
 _EXPLAIN_ALL = "all"
 

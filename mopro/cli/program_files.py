@@ -152,14 +152,12 @@ def lsp() -> int:
     Example: mopro lsp
     """
     try:
-        from mopro.lsp.server import server
+        from mopro.lsp.server import Messages, Told, server
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
         raise click.UsageError("this needs more: pip install 'mopro[lsp]'") from error
     import logging
-
-    from mopro.lsp.messages import Messages, Told
 
     logging.getLogger().addHandler(Told(partial(say, err=True)))
     messages = Messages(sys.stdin.buffer)

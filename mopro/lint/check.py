@@ -12,9 +12,8 @@ from mopro.errors import Diagnostic, MotionError, Severity, SourceError
 from mopro.language import ast, parse
 from mopro.language.ast import Tree
 from mopro.language.parse import parse_what_can_be
-from mopro.lint.rule import Finding, Rule, Stage
+from mopro.lint.rule import Finding, Rule, Settings, Stage, Subject
 from mopro.lint.rules import RULES
-from mopro.lint.subject import Settings, Subject
 from mopro.program import Program, examine
 from mopro.source import Source, Span
 

@@ -11,7 +11,7 @@ from mopro.language import ast
 from mopro.language.parse import parse_what_can_be
 from mopro.lint import Finding, Settings, lint
 from mopro.lint.check import subject_of
-from mopro.lint.subject import Subject
+from mopro.lint.rule import Subject
 from mopro.motion import PlannedMove
 from mopro.program import ir
 from mopro.source import Source, Span

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from mopro.noise.lines import Line, lines_of, without_lines
-from mopro.noise.memory import Memory, memory_of
+from mopro.noise.spectral import Line, Memory, lines_of, memory_of, without_lines
 from mopro.noise.values import Floats, held_of, outliers_of, rms_before_rounding, step_of, stuck_of
 
 Stretch = tuple[int, int]

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 from mopro.errors import Severity
 from mopro.language import ast
-from mopro.lint.rule import Finding, Rule, Stage
-from mopro.lint.subject import Subject
+from mopro.lint.rule import Finding, Rule, Stage, Subject
 from mopro.program import ir
 from mopro.units import UNITS
 

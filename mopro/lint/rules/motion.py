@@ -8,8 +8,16 @@ from typing import Any
 
 from mopro.errors import Diagnostic, Severity
 from mopro.language import ast
-from mopro.lint.rule import Finding, Rule, Stage
-from mopro.lint.subject import Settings, Subject, same_but_waits, same_motion, same_motion_but_waits
+from mopro.lint.rule import (
+    Finding,
+    Rule,
+    Settings,
+    Stage,
+    Subject,
+    same_but_waits,
+    same_motion,
+    same_motion_but_waits,
+)
 from mopro.motion import PlannedMove, Shape
 from mopro.program import AXES, ir
 from mopro.source import Span
@@ -123,7 +131,7 @@ def _with_value(subject: Subject, index: int, value: Fraction) -> str | None:
 
 
 def _drift_per_loop(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    from mopro.lint.subject import extent_u, travel_of
+    from mopro.lint.rule import extent_u, travel_of
 
     laps = subject.survey.laps
     if len(laps) < 2:

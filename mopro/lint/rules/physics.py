@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mopro.errors import Severity
-from mopro.lint.rule import Finding, Rule, Stage
-from mopro.lint.subject import Subject
+from mopro.lint.rule import Finding, Rule, Stage, Subject
 from mopro.motion import PlannedMove, Survey
 from mopro.motion.profile import per_millisecond
 from mopro.program import AXES

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from mopro.errors import Severity
-from mopro.lint.rule import Finding, Rule, Stage
-from mopro.lint.subject import Settings, Subject, extent_u, travel_of
+from mopro.lint.rule import Finding, Rule, Settings, Stage, Subject, extent_u, travel_of
 from mopro.motion import PlannedMove
 from mopro.program import AXES
 

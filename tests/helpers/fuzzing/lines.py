@@ -270,7 +270,7 @@ def _told() -> list[bytes]:
 
 
 def _framing(_: Path) -> Take:
-    from mopro.lsp.messages import Messages
+    from mopro.lsp.server import Messages
 
     def take(data: bytes) -> None:
         messages = Messages(io.BytesIO(data))
@@ -525,7 +525,7 @@ LINES = (
     Parser("token", ("mopro.link.token",), _token, lambda: [b"correct-horse-battery"], (), 80, 150),
     Parser(
         "editor, framing",
-        ("mopro.lsp.messages",),
+        ("mopro.lsp.server",),
         _framing,
         lambda: [b"Content-Length: 2\r\n\r\n{}", b"content-length:3\r\nA: b\r\n\r\n[1]"],
         ("Content-Length: ", "\r\n\r\n", "99999999999", "-1"),
