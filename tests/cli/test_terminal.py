@@ -303,6 +303,16 @@ def test_completion_is_printed_and_installed(mopro, monkeypatch, tmp_path, shell
     assert mopro("completion", shell, "--install", "--force").returncode == 0
 
 
+def test_a_folder_for_the_completion_that_cannot_be_made_is_told(mopro, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "file"))
+    done = mopro("completion", "zsh", "--install")
+    assert done.returncode == 2
+    folder = tmp_path / "file" / "zsh" / "site-functions"
+    assert done.stderr.startswith(f"{folder}: cannot be made: ")
+    assert "[unwritable-output]" in done.stderr
+
+
 # -- recordings ----------------------------------------------------------------------
 
 RUN = ("run", "P.CMD", "--emulate", "--settle", "0")
