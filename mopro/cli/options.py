@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     Items = list[CompletionItem]
 
 
+# -- completion -------------------------------------------------------------------------------
+# Completion of arguments in a shell: names that are built in, and files.
+
+
 def machine_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
     from mopro.machine import builtin_machines
 

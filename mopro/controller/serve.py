@@ -1,10 +1,4 @@
-"""A TCP port for one client at a time, within bounds.
-
-A second client is told that it is in the way, and takes the place of one that has been
-silent for too long, or has sent more than the line carries for as long. With a token, a client
-must state it before anything reaches the controller. Little is buffered: whoever sends faster
-than the line carries has to wait.
-"""
+"""Serves the virtual controller to other processes: pseudo-terminal, or TCP within bounds."""
 
 from __future__ import annotations
 
@@ -22,6 +16,15 @@ from typing import Protocol
 from mopro.controller.station import Station
 from mopro.errors import PortError
 from mopro.link.token import LONGEST, NOTICE, STATEMENT, VARIABLE
+
+# -- a TCP port -------------------------------------------------------------------------------
+# A TCP port for one client at a time, within bounds.
+#
+# A second client is told that it is in the way, and takes the place of one that has been
+# silent for too long, or has sent more than the line carries for as long. With a token, a client
+# must state it before anything reaches the controller. Little is buffered: whoever sends faster
+# than the line carries has to wait.
+
 
 IDLE_S = 60.0
 _CHUNK = 4096

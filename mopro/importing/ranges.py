@@ -16,6 +16,10 @@ from mopro.logs import Decision
 from mopro.logs.timed import spacing_of
 from mopro.noise import End, ends_of
 
+# -- wraps ------------------------------------------------------------------------------------
+# Angles and counters that begin again at the end of their range: recognised, and unwrapped.
+
+
 Indices = NDArray[np.intp]
 
 _TURN = 2 * math.pi

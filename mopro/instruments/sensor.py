@@ -14,6 +14,9 @@ from mopro.tomlfile import Value
 from mopro.tomlfile.schema import number, number_in
 from mopro.units import UNITS
 
+# -- the sensor -------------------------------------------------------------------------------
+# One sensor of an experiment: its quantity, column, unit, rate and noise.
+
 
 @dataclass(frozen=True)
 class Sensor:

@@ -1,4 +1,4 @@
-"""Lines with fields, such as `RN {name}`: written by one end, read by the other."""
+"""Lines of a controller: templates with fields, and numbered lines with a checksum."""
 
 from __future__ import annotations
 
@@ -12,8 +12,12 @@ from operator import xor
 from typing import Any
 
 from mopro.tomlfile import Value, shown
-from mopro.tomlfile.schema import Reader, one_of, stated, text, whole
+from mopro.tomlfile.schema import Reader, one_of, stated, whole
 from mopro.tomlfile.schema import text as text_reader
+
+# -- fields -----------------------------------------------------------------------------------
+# Lines with fields, such as `RN {name}`: written by one end, read by the other.
+
 
 _FIELD = re.compile(r"\{([a-z_0-9]+)\}")
 # Numbers with more digits than these come from no controller; and int() and float() have
@@ -147,8 +151,8 @@ class Check:
     form: Template = stated(template({"number", "body", "check"}, ends="{check}"))
     checksum: str = stated(one_of(*CHECKSUMS))
     numbers: int = stated(whole(100, 1_000_000))
-    resend: str = stated(text(ascii_only=True))
-    hello: str = stated(text(ascii_only=True))
+    resend: str = stated(text_reader(ascii_only=True))
+    hello: str = stated(text_reader(ascii_only=True))
 
     @property
     def overhead(self) -> int:

@@ -17,6 +17,10 @@ from mopro.lint.rules import RULES
 from mopro.program import Program, examine
 from mopro.source import Source, Span
 
+# -- findings ---------------------------------------------------------------------------------
+# Runs the rules on a program text.
+
+
 _ALLOW = re.compile(r";\s*mopro:\s*allow\b[\s:]*([A-Za-z0-9_\-, \t]*)", re.IGNORECASE)
 _NAME = re.compile(r"[A-Za-z0-9_\-]+")
 

@@ -13,6 +13,10 @@ from mopro.lint.rules import RULES
 from mopro.source import Source
 from mopro.text import visible
 
+# -- explanations -----------------------------------------------------------------------------
+# Explanations of the rules, one by one and as the page docs/lint.md.
+
+
 _STAGES = {
     Stage.LANGUAGE: "The language: a program with one of these errors does not compile",
     Stage.TEXT: "The text",

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from mopro.motion import Survey
 
 
+# -- settings ---------------------------------------------------------------------------------
+# Settings of the linter.
+
+
 # Share of the pull-out force below which a margin is reported.
 LOW_MARGIN = 0.20
 

@@ -15,6 +15,10 @@ from mopro.logs.column_names import heading
 from mopro.logs.layout import MOST_COLUMNS
 from mopro.logs.log import Decision, Floats, Table
 
+# -- numbers that are none --------------------------------------------------------------------
+# Numbers in cells that are no readings: overload, values stated as missing, absurd ones.
+
+
 # Instruments that speak SCPI write 9.9E37 for an overload, 9.91E37 for no number.
 OVERLOAD = 9e37
 # A few readings of one value this many ranges of the others away are absurd.

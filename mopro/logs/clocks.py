@@ -18,6 +18,10 @@ from mopro.logs.order import Habits, TooCoarse, order_of, spread
 from mopro.logs.stamps import PER_S, UNSURE, epoch_unit, seconds_of_numbers, seconds_of_words
 from mopro.logs.timed import Stamp, TimeColumns
 
+# -- clocks -----------------------------------------------------------------------------------
+# Clocks of a log: which columns are times, of which unit, and what is wrong with them.
+
+
 # Rows beside a jump of the clock whose changes are usual ones, and how much more is a jump.
 _BESIDE = 50
 _LEAP = 3.0

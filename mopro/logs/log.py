@@ -15,6 +15,10 @@ from numpy.typing import NDArray
 from mopro.errors import DataFileError, Diagnostic
 from mopro.source import Source, Span
 
+# -- places -----------------------------------------------------------------------------------
+# Places of cells in a file that is not held in memory.
+
+
 MOST_CHARACTERS = 10_000
 _COMMENTS = ("#", "%", "//")
 

@@ -1,8 +1,4 @@
-"""The messages of an editor, cut out of its bytes within bounds.
-
-A message is a header with its length, and so many bytes. After a header that states none, or
-an absurd one, nothing says where the next message begins: the input ends there, with a reason.
-"""
+"""The language server, and the messages of an editor within bounds."""
 
 from __future__ import annotations
 
@@ -31,6 +27,13 @@ from mopro.lint.rule import Finding, Settings
 from mopro.lsp.open_text import Document, hover
 from mopro.source import Source, Span
 from mopro.text import visible
+
+# -- messages ---------------------------------------------------------------------------------
+# The messages of an editor, cut out of its bytes within bounds.
+#
+# A message is a header with its length, and so many bytes. After a header that states none, or
+# an absurd one, nothing says where the next message begins: the input ends there, with a reason.
+
 
 MOST_BYTES = 32 << 20
 _MOST_LINES = 32

@@ -1,4 +1,4 @@
-"""Stretches of a record in which the signal stands still."""
+"""Report on the noise of one column, where its signal stands still."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ from scipy import stats
 
 from mopro.noise.spectral import Line, Memory, lines_of, memory_of, without_lines
 from mopro.noise.values import Floats, held_of, outliers_of, rms_before_rounding, step_of, stuck_of
+
+# -- standstill -------------------------------------------------------------------------------
+# Stretches of a record in which the signal stands still.
+
 
 Stretch = tuple[int, int]
 

@@ -1,4 +1,4 @@
-"""Spectral lines (hum) in stretches of noise: frequency, amplitude, interval."""
+"""The spectrum of noise: lines (hum), and a memory between neighbours."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ import numpy as np
 from scipy import ndimage, optimize, signal
 
 from mopro.noise.values import Floats
+
+# -- lines ------------------------------------------------------------------------------------
+# Spectral lines (hum) in stretches of noise: frequency, amplitude, interval.
+
 
 # Chance that noise alone shows a line somewhere in the spectrum. Doubled, one record in 500 does.
 _FALSE_ALARM = 1e-3

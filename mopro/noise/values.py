@@ -1,4 +1,4 @@
-"""Step of a converter (quantisation), found from the set of distinct readings."""
+"""What single readings tell of a sensor: its step, odd readings, the ends of its range."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special, stats
+
+# -- the step of a converter ------------------------------------------------------------------
+# Step of a converter (quantisation), found from the set of distinct readings.
+
 
 Floats = NDArray[np.float64]
 

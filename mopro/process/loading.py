@@ -13,6 +13,10 @@ from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
 
+# -- memory -----------------------------------------------------------------------------------
+# Memory made sure of before work that ends or halts the process where it lacks any.
+
+
 # Bytes of address space that libraries map while they load. Where those are not to be had, LLVM
 # aborts, and OpenBLAS tries again without end. It has a stack and a buffer for each processor.
 # Halved, some limits end a command by a signal; doubled, more commands that had enough are refused.

@@ -1,4 +1,4 @@
-"""IR to text: the canonical statements for the wire, the listing and the JSON to read."""
+"""Operations as statements: IR to text, and the settings that lead to a later line."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ from mopro.program import Program, ir
 from mopro.source import Span
 from mopro.text import snake_case
 from mopro.units import MS_PER_S
+
+# -- IR to text -------------------------------------------------------------------------------
+# IR to text: the canonical statements for the wire, the listing and the JSON to read.
+
 
 # A number of the language has at most 30 characters, and milliseconds take three more.
 _MOST_DECIMALS = 40

@@ -12,6 +12,9 @@ from mopro.program import Program
 from mopro.recording.moves import MoveReport, Stall, stall_message
 from mopro.source import Span
 
+# -- the result -------------------------------------------------------------------------------
+# Result of a run, and its summary in words.
+
 
 @dataclass(frozen=True)
 class Run:

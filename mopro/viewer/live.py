@@ -33,6 +33,10 @@ from mopro.viewer.run import (
 )
 from mopro.viewer.view import Lines, Pack, View
 
+# -- messages ---------------------------------------------------------------------------------
+# Messages of a run to the pages that look at it; written in one thread, read in another.
+
+
 # Messages that wait for a page; one that is further behind gets a snapshot instead.
 _MOST_WAITING = 2000
 

@@ -1,4 +1,4 @@
-"""The platen from above, with its limit switches, as the scripts read it."""
+"""The view of a run, from the envelopes of its recording, and the platen beside it."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ from mopro.source import Span
 from mopro.units import UNITS
 from mopro.viewer.page import document
 from mopro.viewer.view import Lines, Mark, Panel, Scale, Trace, Track, View
+
+# -- the platen -------------------------------------------------------------------------------
+# The platen from above, with its limit switches, as the scripts read it.
 
 
 def platen_json(

@@ -1,4 +1,4 @@
-"""Guard of a page's server: it answers its own page alone, at its own address, with its token."""
+"""The server of a live page, its guard, and the way of a browser to it."""
 
 from __future__ import annotations
 
@@ -31,6 +31,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from mopro.errors import MoproError
 from mopro.viewer.live import Feed, Numbered
 from mopro.viewer.page import document
+
+# -- the guard --------------------------------------------------------------------------------
+# Guard of a page's server: it answers its own page alone, at its own address, with its token.
+
 
 _SAFE = ("GET", "HEAD")
 _HEADERS = (

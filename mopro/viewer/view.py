@@ -1,4 +1,4 @@
-"""Content of a view: traces in panels, program, marks, the platen, and arrays as one block."""
+"""Content of a view: traces in panels, the program beside them, marks, the platen; as one block."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ from numpy.typing import NDArray
 from mopro.recording.envelope import Buckets, Envelope, Floats
 from mopro.text import visible
 from mopro.units import UNITS
+
+# -- packed arrays ----------------------------------------------------------------------------
+# Arrays of numbers in a page: one block of bytes, deflated, as base64.
+
 
 # Offsets are multiples of the longest number's size, as typed arrays of a browser demand.
 _ALIGNED = 8

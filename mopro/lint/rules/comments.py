@@ -1,4 +1,4 @@
-"""Quantities stated in comments, and the statements that they belong to."""
+"""The rule on comments, and the quantities that they state beside statements."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from mopro.language import ast
 from mopro.lint.rule import Finding, Rule, Stage, Subject
 from mopro.program import ir
 from mopro.units import UNITS
+
+# -- comments ---------------------------------------------------------------------------------
+# Quantities stated in comments, and the statements that they belong to.
+
 
 _NUMBER = r"(?<![\w.])([+-]?(?:\d+\.?\d*|\.\d+))"
 _LENGTH = r"(in|inch|inches|mm|cm|m|um)"
