@@ -100,10 +100,18 @@ def _closed(file: TextIO) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """The folder and those above it, made durably where they are not; raises OSError."""
+    """The folder and those above it, made durably where they are not; DataError if it cannot be."""
+    try:
+        _make_folder(folder)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DataError(f"{folder}: cannot be made: {reason}", "unwritable-output") from error
+
+
+def _make_folder(folder: Path) -> None:
     if folder.is_dir():
         return
-    make_folder(folder.parent)
+    _make_folder(folder.parent)
     folder.mkdir(exist_ok=True)
     _flush_folder(folder.parent)
 

@@ -20,8 +20,8 @@ ALLOWED = {
     },
     "mopro.blind": {
         "numpy", "scipy", "numba", "mopro.engine.threads", "mopro.errors", "mopro.files",
-        "mopro.formula.dimension", "mopro.inputs", "mopro.jit", "mopro.jobs", "mopro.machine",
-        "mopro.units",
+        "mopro.formula.dimension", "mopro.inputs", "mopro.machine", "mopro.process.jit",
+        "mopro.process.jobs", "mopro.units",
     },
 }  # fmt: skip
 # The formulas of a user's file are hidden by mopro's own plant: the reference plant knows none.

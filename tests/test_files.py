@@ -286,6 +286,16 @@ def test_new_folders_reach_the_disk(tmp_path, order):
     assert order == [("flush", tmp_path.name), ("flush", "a")]
 
 
+@pytest.mark.parametrize("inside", ["", "a", "a/b"])
+def test_a_folder_in_whose_place_a_file_stands_is_told_by_the_name_asked_for(tmp_path, inside):
+    (tmp_path / "file").write_text("")
+    wanted = tmp_path / "file" / inside
+    with pytest.raises(DataError, match="cannot be made") as told:
+        make_folder(wanted)
+    assert str(told.value).startswith(f"{wanted}: ")
+    assert told.value.rule == "unwritable-output"
+
+
 def test_a_disk_that_fails_to_flush_costs_the_new_file_not_the_old(tmp_path, monkeypatch):
     def fails(handle):
         raise OSError(5, "Input/output error")

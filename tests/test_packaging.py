@@ -49,7 +49,7 @@ def test_the_wheel_works_away_from_the_checkout(wheel, tmp_path):
 @pytest.mark.parametrize("heavy", ["numpy", "numba", "pyarrow", "matplotlib", "rich", "serial"])
 def test_compiling_loads_nothing_heavy(heavy):
     code = (
-        f"import sys, mopro; mopro.compile('GO'); import mopro.cli.compile; "
+        f"import sys, mopro; mopro.compile('GO'); import mopro.cli.program_files; "
         f"print({heavy!r} in sys.modules)"
     )
     assert run(sys.executable, "-c", code).strip() == "False"

@@ -8,7 +8,7 @@ from mopro.errors import Diagnostic, MoproError
 from mopro.markup import listing, table
 from mopro.source import Source, Span
 from mopro.text import plain, visible
-from mopro.viewer.document import document
+from mopro.viewer.page import document
 
 
 @pytest.mark.parametrize(

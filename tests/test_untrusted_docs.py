@@ -7,21 +7,21 @@ import pytest
 from helpers.attacks import ATTACKS, files_of
 from helpers.paths import ROOT
 from mopro.controller import device, station, store
-from mopro.controller.tcp import IDLE_S
+from mopro.controller.serve import IDLE_S
 from mopro.emulator.backend import MOST_SAMPLES
 from mopro.experiment import data_file as data
 from mopro.formula import entry as entries
 from mopro.formula import language as formulas
 from mopro.formula.dimension import LARGEST_EXPONENT, MOST_FACTORS
-from mopro.instruments import daq
+from mopro.instruments import laboratory
 from mopro.language.load import MOST_BYTES as MOST_PROGRAM_BYTES
 from mopro.language.load import MOST_COLUMNS, MOST_LINES
 from mopro.language.parse import MOST_DIGITS as MOST_DIGITS_OF_PROGRAM
 from mopro.link.template import MOST_DIGITS
 from mopro.lint.stall_margins import MOST_EMULATED_S
-from mopro.logs import containers, layout, place, table
+from mopro.logs import containers, layout, log
 from mopro.logs.hdf5 import LEAST_S, S_PER_MB
-from mopro.lsp.messages import MOST_BYTES as MOST_MESSAGE_BYTES
+from mopro.lsp.server import MOST_BYTES as MOST_MESSAGE_BYTES
 from mopro.lsp.server import MOST_CHARACTERS
 from mopro.machine.model import FASTEST_1_S
 from mopro.motion.planner import LONGEST_RUN_S, MOST_STATEMENTS
@@ -30,7 +30,7 @@ from mopro.recording import reading
 from mopro.stated import file as rigs
 from mopro.tomlfile import MOST_BYTES as MOST_TOML_BYTES
 from mopro.tomlfile.scan import MOST_LEVELS
-from mopro.web import server
+from mopro.viewer import server
 
 MIB = 1 << 20
 BOUNDS = [
@@ -63,13 +63,13 @@ BOUNDS = [
     ("TOML", [f"{MOST_TOML_BYTES // MIB} MiB", f"{MOST_LEVELS} levels"]),
     ("a machine's motion", [f"{FASTEST_1_S:g} /s"]),
     ("CSV data", [f"{data.MOST_ROWS} rows", f"{data.MOST_CHARACTERS - 1} characters"]),
-    ("a log (text)", [f"{table.MOST_ROWS} rows", f"{layout.MOST_COLUMNS} columns"]),
-    ("a log (text)", [f"{place.MOST_CHARACTERS} characters"]),
+    ("a log (text)", [f"{log.MOST_ROWS} rows", f"{layout.MOST_COLUMNS} columns"]),
+    ("a log (text)", [f"{log.MOST_CHARACTERS} characters"]),
     (
         "a log (Parquet, NPZ, HDF5, MCAP)",
         [f"{containers.MOST_COLUMNS} columns", f"{containers.MOST_MESSAGE_BYTES} bytes"],
     ),
-    ("`.DAT`", [f"{daq.MOST_LINES} lines"]),
+    ("`.DAT`", [f"{laboratory.MOST_LINES} lines"]),
     ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_ROWS} rows"]),
     ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_COLUMNS} columns"]),
     ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_VALUES} values"]),

@@ -9,16 +9,15 @@ from pathlib import Path
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.terminal.options import (
+from mopro.cli.options import (
     OutputFile,
     Quantity,
     allow_python_option,
     machine_option,
 )
-from mopro.cli.terminal.outputs import claimed, drawn, keep_inputs, page_bytes
-from mopro.cli.terminal.progress import each_counted
-from mopro.cli.terminal.say import say
-from mopro.cli.terminal.table import print_markdown
+from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
+from mopro.cli.progress import each_counted
+from mopro.cli.say import print_markdown, say
 from mopro.errors import DataError
 
 _GRIDS = (

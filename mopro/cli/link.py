@@ -1,19 +1,34 @@
-"""Options and openings that the commands for a controller share."""
+"""Commands for a controller: `mopro flash`, `mopro link-test`, `mopro ports`, and their options."""
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from mopro.cli.terminal.complete import dialect_names
+from mopro.cli.main import EXIT_FAILED
+from mopro.cli.options import (
+    Quantity,
+    dialect_names,
+    grammar_option,
+    machine_option,
+    program_argument,
+)
+from mopro.cli.outputs import keep_inputs, machine_file
+from mopro.cli.program_files import compiled_program, refuse_unrunnable
+from mopro.cli.progress import counted
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.link import Session
+    from mopro.program import Program
+
 
 Decorator = Callable[[Any], Any]
 
@@ -83,3 +98,188 @@ def connected_session(
             open_things.pop_all()
             open_things.callback(line.close)
         yield Session(line, language, baud=baud)
+
+
+# -- mopro link-test --------------------------------------------------------------------------
+
+
+@click.command()
+@click.option("--port", required=True, metavar="URL", help="Where the controller is.")
+@dialect_option()
+@baud_option()
+@click.option(
+    "--deadline",
+    type=Quantity("time", "s", positive=True),
+    default=60.0,
+    show_default=True,
+    help="Give up after this.",
+)
+@trace_option()
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def link_test(
+    port: str, dialect: str, baud: int | None, deadline: float, trace: Path | None, as_json: bool
+) -> int:
+    """Walk through a dialect on a live controller and say what matches. Moves nothing.
+
+    Overwrites the controller's scratch program. Exits with 1 if anything does not match.
+
+    Example: mopro link-test --port /dev/ttyUSB0 --dialect mine.toml --trace link.log
+    """
+    from mopro.link.probe import probe
+
+    keep_inputs([("--trace", trace)], [("--dialect", dialect)])
+    steps = []
+    with connected_session(port, dialect, baud, trace) as session:
+        session.give(deadline)
+        for step in probe(session):
+            steps.append(step)
+            if not as_json:
+                say(f"{'matched' if step.matched else 'NOT AS SAID':<12} {step.name}: {step.said}")
+    if as_json:
+        say(json.dumps([asdict(step) for step in steps], indent=1))
+    return 0 if all(step.matched for step in steps) else EXIT_FAILED
+
+
+# -- mopro ports ------------------------------------------------------------------------------
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def ports(as_json: bool) -> None:
+    """List the serial ports of this machine.
+
+    Example: mopro ports --json
+    """
+    from mopro.link.transport import available_ports
+
+    ports = available_ports()
+    if as_json:
+        rows = [{"device": device, "description": text} for device, text in ports]
+        say(json.dumps(rows, indent=1))
+        return
+    for device, text in ports:
+        say(f"{device}  {text}")
+    if not ports:
+        say("no serial ports; a virtual controller: mopro serve", err=True)
+
+
+# -- mopro flash ------------------------------------------------------------------------------
+
+
+@click.command()
+@program_argument()
+@click.option("--port", required=True, metavar="URL", help="Where the controller is.")
+@dialect_option()
+@baud_option()
+@click.option("--name", help="Where to store it; the dialect's main program unless given.")
+@click.option("--verify-only", is_flag=True, help="Change nothing: compare what is stored.")
+@click.option(
+    "--list", "as_list", is_flag=True, help="Change nothing: print what is stored, compared."
+)
+@click.option("--deadline", type=Quantity("time", "s", positive=True), help="Give up after this.")
+@trace_option()
+@machine_option()
+@grammar_option()
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def flash(
+    file: str,
+    port: str,
+    dialect: str,
+    baud: int | None,
+    name: str | None,
+    verify_only: bool,
+    as_list: bool,
+    deadline: float | None,
+    trace: Path | None,
+    machine: str,
+    grammar: str,
+    as_json: bool,
+) -> int:
+    """Store a program on a controller: send, read back, compare, only then make it the one.
+
+    Exits with 1 if the controller does not have the program in the end. An interrupted
+    flash leaves the old program as it was; do it again.
+
+    Example: mopro flash programs/LVDT3.CMD --port /dev/ttyUSB0
+    """
+    from mopro.link.flash import allowed_s, check_size
+
+    inputs = [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)]
+    keep_inputs([("--trace", trace)], inputs)
+    program = compiled_program(file, grammar)
+    refuse_unrunnable(program, machine)
+    with opened_session(port, dialect, baud, trace) as session:
+        check_size(session, program)
+        name = name or session.dialect.names.main
+        session.give(deadline or allowed_s(session, program))
+        if as_list:
+            return _listed(session, program, name, grammar, as_json)
+        if verify_only:
+            return _verified(session, program, name, as_json)
+        return _flashed(session, program, name, as_json)
+
+
+def _flashed(session: Session, program: Program, name: str, as_json: bool) -> int:
+    from mopro.link.flash import flash
+
+    with counted("storing", 0, "statements") as tell:
+        done = flash(session, program, name, tell)
+    report = {
+        "program": program.name,
+        "stored_as": done.name,
+        "statements": done.statements,
+        "sha256": program_hash(program),
+        "seconds": done.seconds,
+        "retried": done.retried,
+    }
+    if as_json:
+        say(json.dumps(report, indent=1))
+    else:
+        say(
+            f"{program.name}: {done.statements} statements stored as {done.name} and read back "
+            f"equal in {done.seconds:.2f} s; {done.retried} lines said again; "
+            f"hash {program_hash(program)[:12]}"
+        )
+    return 0
+
+
+def _verified(session: Session, program: Program, name: str, as_json: bool) -> int:
+    from mopro.link.flash import verify
+
+    verify(session, program, name)
+    digest = program_hash(program)
+    if as_json:
+        report = {"program": program.name, "stored_as": name, "equal": True, "sha256": digest}
+        say(json.dumps(report, indent=1))
+    else:
+        say(f"{name} on the controller is {program.name}; hash {digest[:12]}")
+    return 0
+
+
+def _listed(session: Session, program: Program, name: str, grammar: str, as_json: bool) -> int:
+    from mopro.link.flash import differences, stored_program
+    from mopro.program.statements import canonical
+
+    stored = stored_program(session, name, grammar)
+    found = differences(program, canonical(stored).splitlines())
+    if as_json:
+        rows = [{"statement": at, "file": ours, "stored": theirs} for at, ours, theirs in found]
+        listing = canonical(stored).splitlines()
+        report = {"stored_as": name, "sha256": program_hash(stored), "listing": listing}
+        say(json.dumps({**report, "differences": rows}, indent=1))
+        return EXIT_FAILED if found else 0
+    say(canonical(stored), nl=False)
+    for at, ours, theirs in found:
+        say(f"statement {at}: {program.name} has `{ours}`, {name} has `{theirs}`", err=True)
+    if not found:
+        say(f"{name} means the same as {program.name}", err=True)
+    return EXIT_FAILED if found else 0
+
+
+def program_hash(program: Program) -> str:
+    """The digest of what the program means: its canonical statements."""
+    import hashlib
+
+    from mopro.program.statements import canonical
+
+    return hashlib.sha256(canonical(program).encode("ascii")).hexdigest()

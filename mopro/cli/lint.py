@@ -13,17 +13,15 @@ from typing import Any
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
-from mopro.cli.terminal.complete import machine_names, rule_names
-from mopro.cli.terminal.of_runs import tell_of_runs
-from mopro.cli.terminal.options import payload_type
-from mopro.cli.terminal.progress import counted
-from mopro.cli.terminal.say import is_terminal, say, say_findings
-from mopro.cli.texts import read_text, show_difference, write_text
+from mopro.cli.options import machine_names, payload_type, rule_names, tell_of_runs
+from mopro.cli.program_files import read_text, show_difference, write_text
+from mopro.cli.progress import counted
+from mopro.cli.say import is_terminal, say, say_findings
 from mopro.errors import ModelError, MoproError, Severity
 from mopro.language.parse import GRAMMARS
 from mopro.lint.config import check_rule_names, find_settings, lengths
 from mopro.lint.output import FORMATS, Report, summary
-from mopro.lint.settings import Settings
+from mopro.lint.rule import Settings
 
 _EXPLAIN_ALL = "all"
 
@@ -81,7 +79,7 @@ def command(
     if not files:
         raise click.UsageError("name a file, or - for standard input")
     if fix:
-        from mopro.cli.terminal.outputs import keep_inputs, machine_file
+        from mopro.cli.outputs import keep_inputs, machine_file
 
         machine = machine_file(chosen["machine"])
         keep_inputs([("--fix", file) for file in files], [("--machine", machine)])
@@ -137,7 +135,7 @@ def _lint_file(
     settings = settings_in(Path.cwd() if file == "-" else Path(file).resolve().parent)
     changed = False
     if fix or diff:
-        from mopro.lint.fix import fixed
+        from mopro.lint.check import fixed
 
         better = fixed(source, settings)
         changed = diff and better != source
@@ -192,7 +190,7 @@ def _starts(places: tuple[str, ...]) -> dict[int, float]:
 
 
 def _explain(name: str) -> int:
-    from mopro.lint.explain import explain, page
+    from mopro.lint.output import explain, page
     from mopro.lint.rules import RULES
 
     if name == _EXPLAIN_ALL:

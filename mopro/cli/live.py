@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.terminal.outputs import DrawingSink
-from mopro.cli.terminal.say import say
+from mopro.cli.outputs import DrawingSink
+from mopro.cli.say import say
 from mopro.errors import DataError
 
 if TYPE_CHECKING:
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from mopro.program import Program
     from mopro.recording import Run
     from mopro.recording.record import Columns
-    from mopro.web import ControllerPanel, LiveRun, Page
+    from mopro.viewer.live import ControllerPanel, LiveRun
+    from mopro.viewer.server import Page
 
 # A run waits so long for its page to be looked at.
 _LOOKED_AT_S = 10.0
@@ -74,8 +75,9 @@ def live_run(program: Program, machine: Machine, for_s: float | None) -> Iterato
     """
     _need_the_extra()
     from mopro.link import Signals
+    from mopro.viewer.live import LiveRun
     from mopro.viewer.run import schedule_of
-    from mopro.web import LiveRun, Page
+    from mopro.viewer.server import Page
 
     run, signals = LiveRun(program, machine, schedule_of(machine, program, for_s)), Signals()
     stop = {"stop": lambda body: _ask(signals)}
@@ -97,8 +99,8 @@ def _ask(signals: Signals) -> None:
 def controller_panel(station: Station, machine: Machine) -> Iterator[ControllerPanel]:
     """The page of a virtual controller during the block."""
     _need_the_extra()
-    from mopro.web import ControllerPanel, Page
-    from mopro.web.panel import FAULTS
+    from mopro.viewer.live import FAULTS, ControllerPanel
+    from mopro.viewer.server import Page
 
     panel = ControllerPanel(station, machine)
     acts = {"stop": panel.stop, "fault": panel.fault}
@@ -110,8 +112,7 @@ def controller_panel(station: Station, machine: Machine) -> Iterator[ControllerP
 @contextmanager
 def _served(page: Page) -> Iterator[None]:
     """Serve `page`, tell its address, and open it where a person sits at a terminal."""
-    from mopro.web import serving
-    from mopro.web.redirect import in_browser
+    from mopro.viewer.server import in_browser, serving
 
     with serving(page) as address:
         say(f"Page: {address}", err=True)
@@ -121,7 +122,7 @@ def _served(page: Page) -> Iterator[None]:
 
 def _need_the_extra() -> None:
     try:
-        import mopro.web  # noqa: F401
+        import mopro.viewer.server  # noqa: F401
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in _OF_THE_EXTRA:
             raise

@@ -20,16 +20,15 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from mopro.cli.terminal.say import (
+from mopro.cli.say import (
     discard_output,
     give_up_errors,
     prepare_streams,
     say,
     say_findings,
 )
-from mopro.elsewhere import load_elsewhere
 from mopro.errors import Interrupted, LinkError, MoproError, PortError, RunError
-from mopro.memory import make_sure_on_import
+from mopro.process.loading import load_elsewhere, make_sure_on_import
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
@@ -51,28 +50,28 @@ _NO_MEMORY = re.compile(
     re.IGNORECASE,
 )
 
-# command -> the module that defines it as `command`; loaded when the command is used.
+# command -> the module that has it, and its name there; loaded when the command is used.
 COMMANDS = {
-    "blind": "mopro.cli.blind",
-    "compare": "mopro.cli.compare",
-    "completion": "mopro.cli.completion",
-    "compile": "mopro.cli.compile",
-    "flash": "mopro.cli.flash",
-    "import": "mopro.cli.import_log",
-    "init": "mopro.cli.init",
-    "fmt": "mopro.cli.fmt",
-    "limits": "mopro.cli.limits",
-    "link-test": "mopro.cli.link_test",
-    "lint": "mopro.cli.lint",
-    "lsp": "mopro.cli.lsp",
-    "machine": "mopro.cli.machine",
-    "measure": "mopro.cli.measure",
-    "noise": "mopro.cli.noise",
-    "ports": "mopro.cli.ports",
-    "reconcile": "mopro.cli.reconcile",
-    "run": "mopro.cli.run",
-    "serve": "mopro.cli.serve",
-    "thesis": "mopro.cli.thesis",
+    "blind": "mopro.cli.blind:command",
+    "compare": "mopro.cli.compare:command",
+    "completion": "mopro.cli.starting:completion",
+    "compile": "mopro.cli.program_files:compile_file",
+    "flash": "mopro.cli.link:flash",
+    "import": "mopro.cli.logs:import_logs",
+    "init": "mopro.cli.starting:init",
+    "fmt": "mopro.cli.program_files:fmt",
+    "limits": "mopro.cli.machine_files:limits",
+    "link-test": "mopro.cli.link:link_test",
+    "lint": "mopro.cli.lint:command",
+    "lsp": "mopro.cli.program_files:lsp",
+    "machine": "mopro.cli.machine_files:machine",
+    "measure": "mopro.cli.measure:command",
+    "noise": "mopro.cli.logs:noise",
+    "ports": "mopro.cli.link:ports",
+    "reconcile": "mopro.cli.reconcile:command",
+    "run": "mopro.cli.run:command",
+    "serve": "mopro.cli.serve:command",
+    "thesis": "mopro.cli.machine_files:thesis",
 }
 
 
@@ -85,7 +84,8 @@ class _Lazy(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = importlib.import_module(COMMANDS[cmd_name]).command
+        module, _, name = COMMANDS[cmd_name].partition(":")
+        command: click.Command = getattr(importlib.import_module(module), name)
         return command
 
     def resolve_command(

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mopro.cli.programs import compiled_program
-from mopro.cli.terminal.complete import instrument_names
-from mopro.cli.terminal.of_runs import tell_of_runs
-from mopro.cli.terminal.options import (
+from mopro.cli.options import (
     OutputFile,
     duration_type,
     grammar_option,
+    instrument_names,
     machine_option,
     payload_type,
     program_argument,
+    tell_of_runs,
 )
-from mopro.cli.terminal.outputs import claimed, keep_inputs, machine_file
-from mopro.cli.terminal.progress import simulated
-from mopro.cli.terminal.say import say
+from mopro.cli.outputs import claimed, keep_inputs, machine_file
+from mopro.cli.program_files import compiled_program
+from mopro.cli.progress import simulated
+from mopro.cli.say import say
 from mopro.units import INCH_M
 
 if TYPE_CHECKING:

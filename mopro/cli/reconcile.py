@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
-from mopro.cli.terminal.complete import effect_names
-from mopro.cli.terminal.options import OutputFile, allow_python_option
-from mopro.cli.terminal.outputs import claimed, drawn, keep_inputs, page_bytes
-from mopro.cli.terminal.say import say
+from mopro.cli.options import OutputFile, allow_python_option, effect_names
+from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
+from mopro.cli.say import say
 from mopro.errors import DataError
 from mopro.files import write
 from mopro.units import residual_unit
@@ -156,7 +155,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
 
 def _tell(conclusion: Conclusion) -> None:
-    from mopro.cli.terminal.table import print_table
+    from mopro.cli.say import print_table
     from mopro.experiment.wording import (
         calibration_words,
         draft_words,
@@ -200,7 +199,7 @@ def _tell(conclusion: Conclusion) -> None:
 
 
 def _explain(verdict: Verdict) -> None:
-    from mopro.cli.terminal.table import print_table
+    from mopro.cli.say import print_table
     from mopro.experiment.wording import trace_rows
 
     say("\nHow the answer came about, by the passes that decided something:")

@@ -13,11 +13,7 @@ import click
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
 from mopro.cli.live import live_run
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.programs import compiled_program, refuse_unrunnable
-from mopro.cli.recordings import recording_sink, replaces_recording
-from mopro.cli.summary import Written, tell, tell_trouble
-from mopro.cli.terminal.of_runs import tell_of_runs
-from mopro.cli.terminal.options import (
+from mopro.cli.options import (
     STANDARD,
     OutputFile,
     Quantity,
@@ -26,8 +22,9 @@ from mopro.cli.terminal.options import (
     machine_option,
     payload_type,
     program_argument,
+    tell_of_runs,
 )
-from mopro.cli.terminal.outputs import (
+from mopro.cli.outputs import (
     DrawingSink,
     claimed,
     drawn,
@@ -35,8 +32,10 @@ from mopro.cli.terminal.outputs import (
     machine_file,
     page_bytes,
 )
-from mopro.cli.terminal.progress import in_motion, length_unit, simulated
-from mopro.cli.terminal.say import say, say_if_taken
+from mopro.cli.program_files import compiled_program, refuse_unrunnable
+from mopro.cli.progress import in_motion, length_unit, simulated
+from mopro.cli.recordings import Written, recording_sink, replaces_recording, tell, tell_trouble
+from mopro.cli.say import say, say_if_taken
 
 if TYPE_CHECKING:
     from mopro.cli.live import Live
@@ -317,7 +316,7 @@ def _from_line(program: Program, line: int | None, yes: bool) -> Program:
     """The program from `line` on, after its settings are shown and confirmed; all of it if None."""
     if line is None:
         return program
-    from mopro.program.resume import resume
+    from mopro.program.statements import resume
 
     resumed = resume(program, line)
     say(f"Begin at line {resumed.line}; in force there, without any motion:", err=True)
@@ -347,7 +346,7 @@ class _Pictures:
 
     def show(self, page: Live) -> None:
         """Show the samples on `page` too, in real time."""
-        from mopro.web import Paced
+        from mopro.viewer.live import Paced
 
         self._live = Paced(page)
 

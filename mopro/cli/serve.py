@@ -9,10 +9,9 @@ import click
 
 from mopro.cli.link import baud_option, dialect_option, token
 from mopro.cli.live import controller_panel
-from mopro.cli.terminal.of_runs import tell_of_runs
-from mopro.cli.terminal.options import Quantity, grammar_option, machine_option, payload_type
-from mopro.cli.terminal.outputs import keep_inputs, machine_file
-from mopro.cli.terminal.say import say
+from mopro.cli.options import Quantity, grammar_option, machine_option, payload_type, tell_of_runs
+from mopro.cli.outputs import keep_inputs, machine_file
+from mopro.cli.say import say
 
 if TYPE_CHECKING:
     from mopro.controller import FolderStore, MemoryStore
@@ -130,14 +129,14 @@ def _programs(folder: Path | None) -> FolderStore | MemoryStore:
 
     try:
         return FolderStore(folder) if folder else MemoryStore()
-    except OSError as error:
-        message = f"{folder}: cannot keep programs: {error.strerror}"
-        raise DataError(message, "unwritable-output") from error
+    except DataError as error:
+        error.add_note("the controller cannot keep programs there: choose another --store")
+        raise
 
 
 def _warm(emulator: Emulator) -> None:
     """Load the compiled kernel by a first use, so that no client waits for it."""
-    from mopro.controller.motion import Motion
+    from mopro.controller.running import Motion
     from mopro.program.compile import compile as compile_text
 
     program = compile_text("UU012500/1\nVEL0 1.0\nACC0 1.0\nMRI1 0.001\nWX1\n")

@@ -5,8 +5,7 @@ Time is an argument throughout; only `serve` reads a clock.
 
 from mopro.controller.device import Device
 from mopro.controller.faults import Scenario, load_scenario
-from mopro.controller.loopback import LoopbackPort
-from mopro.controller.station import Station
+from mopro.controller.station import LoopbackPort, Station
 from mopro.controller.store import FolderStore, MemoryStore
 
 __all__ = [

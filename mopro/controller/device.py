@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from mopro.controller.faults import PlantFault
-from mopro.controller.motion import Motion
+from mopro.controller.running import Motion
 from mopro.controller.store import MOST_PROGRAMS, Store, is_name
 from mopro.emulator import Emulator
 from mopro.errors import DataError, LocatedError

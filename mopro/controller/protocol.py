@@ -6,7 +6,7 @@ from typing import Any
 
 from mopro.controller.device import Device, Refusal
 from mopro.link.dialect import Dialect
-from mopro.link.frame import BadFrame
+from mopro.link.template import BadFrame
 
 _REMEMBERED = 256
 _UNKNOWN, _NOT_GREETED, _TOO_LONG = 1, 9, 7

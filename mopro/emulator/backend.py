@@ -10,7 +10,6 @@ from functools import cached_property
 from importlib.metadata import version
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mopro.effects import Active, catalogue_of
 from mopro.effects.resolve import active_effects
@@ -29,13 +28,13 @@ from mopro.plant import (
 )
 from mopro.program import AXES, Program
 from mopro.recording import Header, MemorySink, MoveReport, Recording, Run, Sink
+from mopro.recording.envelope import Floats
 from mopro.recording.record import Columns
 
 DEFAULT_RATE_HZ = 2000.0
 MOST_SAMPLES = 200_000_000
 _CHUNK = 65536
 
-Floats = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]
 
 

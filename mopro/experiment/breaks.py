@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.engine.series import Floats, Series
-from mopro.logs.spacing import spacing_of
+from mopro.logs.timed import spacing_of
 
 
 @dataclass(frozen=True)

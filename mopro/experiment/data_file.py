@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from mopro.engine.series import Floats
 from mopro.errors import DataFileError, Diagnostic
-from mopro.logs.foreign import kind_of
-from mopro.logs.place import cell_span
+from mopro.logs.file_kinds import kind_of
+from mopro.logs.log import cell_span
 from mopro.source import Source, Span
 from mopro.text import wide_encoding
 

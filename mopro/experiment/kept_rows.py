@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mopro.logs.ledger import Rows
+from mopro.logs.log import Rows
 from mopro.text import visible
 from mopro.tomlfile import Value
 from mopro.tomlfile.schema import table_in

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.formula.language import PI, ZERO_C_IN_K, Formula
-from mopro.jit import njit
+from mopro.process.jit import njit
 
 Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]

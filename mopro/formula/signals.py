@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mopro.engine.lag import lag
 from mopro.engine.play import follow
 from mopro.engine.swing import swing
-from mopro.jit import njit
+from mopro.process.jit import njit
 
 Floats = NDArray[np.float64]
 # Compiled code is kept where numba keeps it.

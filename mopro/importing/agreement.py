@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, signal
 
-from mopro.instruments.slips import FOLD_SLIPS, UNIT_SLIPS
+from mopro.instruments.sensor import FOLD_SLIPS, UNIT_SLIPS
 
 Floats = NDArray[np.float64]
 

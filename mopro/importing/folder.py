@@ -8,21 +8,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mopro.errors import DataError
 from mopro.files import make_folder, output, write
-from mopro.importing.agreement import agreement
+from mopro.importing.agreement import Floats, agreement
 from mopro.importing.propose import Proposal, Wishes, propose
+from mopro.importing.ranges import stuck_in, unwrapped
 from mopro.importing.roles import Chosen, Signal, signals_of, stated_unit
 from mopro.importing.runs import file_of, ledger_of, recordings_of, run_of, told
-from mopro.importing.stuck import stuck_in
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
-from mopro.importing.wraps import unwrapped
 from mopro.logs import Asked, Column, Decision, Log, Rows, read_log
-from mopro.logs.spacing import spacing_of
-
-Floats = NDArray[np.float64]
+from mopro.logs.timed import spacing_of
 
 # Seconds since 1970: an earlier first stamp is a time of the log's own.
 _FIRST_DATE_S = 1e8
@@ -255,11 +251,7 @@ def _write(
     rows: Rows,
 ) -> None:
     source, proposal = ", ".join(sources), runs[longest]
-    try:
-        make_folder(folder)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise DataError(f"{folder}: cannot be made: {reason}", "unwritable-output") from error
+    make_folder(folder)
     for nth, run in enumerate(runs):
         times, columns = _table(run)
         if run.kind == "sawyer":

@@ -10,9 +10,10 @@ import numpy as np
 from mopro.errors import DataError
 from mopro.formula import dimension_of_unit
 from mopro.importing.agreement import Agreement, agreement
-from mopro.importing.roles import Floats, Signal
+from mopro.importing.roles import Signal
 from mopro.logs import Decision
-from mopro.logs.names import is_command
+from mopro.logs.column_names import is_command
+from mopro.logs.log import Floats
 from mopro.noise import NoiseReport, TooShort, level_between, report, step_of, stuck_of
 
 KINDS = ("kinematic", "axis", "thermal", "sawyer")

@@ -12,9 +12,8 @@ from mopro.errors import DataError
 from mopro.formula import Dimension, dimension_of_unit, factor_of
 from mopro.instruments.quantity import MEASURABLES, unit_of_column
 from mopro.logs import Column, Decision, Log
-from mopro.logs.names import is_command, known_units, quantity_of, unit_of, words_of
-
-Floats = NDArray[np.float64]
+from mopro.logs.column_names import is_command, known_units, quantity_of, unit_of, words_of
+from mopro.logs.log import Floats
 
 # Unit of a log -> suffix that is written instead, factor, offset: an experiment's temperatures are
 # in °C, and a motor's constant is one of A or V.

@@ -20,10 +20,10 @@ from pathlib import Path
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 from lark import __version__ as lark_version
 
-from mopro.cachefolder import cache_folder, read_kept, with_digest
 from mopro.errors import DataError, Diagnostic, SourceError
 from mopro.language import ast
 from mopro.language.load import until_end_of_file
+from mopro.process.cachefolder import cache_folder, read_kept, with_digest
 from mopro.source import Source, Span
 
 GRAMMARS = {"attested": "mopro.lark", "extended": "mopro_extended.lark"}

@@ -15,7 +15,7 @@ from mopro.errors import DataError, LinkError
 from mopro.link.course import CAUSES, UNDER_WAY, Awaited, Contradiction, Course, Step
 from mopro.link.flash import allowed_s, upload
 from mopro.link.halt import Signals, StopOnError, TimeBudget
-from mopro.link.samples import Sample, Samples
+from mopro.link.sampling import Sample, Samples
 from mopro.link.session import Refused, Session
 from mopro.link.watch import Watch
 from mopro.machine import DEFAULT_LOOP_S, Machine

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 
-from mopro.link.frame import Check
-from mopro.link.template import Template, template
+from mopro.link.template import Check, Template, template
 from mopro.source import Source
 from mopro.tomlfile import Document, Value, read_named
 from mopro.tomlfile.schema import (

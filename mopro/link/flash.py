@@ -15,7 +15,7 @@ from mopro.errors import SourceError, VerifyError
 from mopro.language import parse
 from mopro.link.session import Damaged, Refused, Session
 from mopro.program import Program, lower
-from mopro.program.text import statement
+from mopro.program.statements import statement
 from mopro.source import Source
 
 # Passes over the wire: up, back, and back again after the copy.

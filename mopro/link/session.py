@@ -15,8 +15,7 @@ from typing import Any
 
 from mopro.errors import LinkError
 from mopro.link.dialect import Dialect
-from mopro.link.frame import BadFrame
-from mopro.link.template import MOST_DIGITS, Template
+from mopro.link.template import MOST_DIGITS, BadFrame, Template
 from mopro.link.transport import Port
 
 _DEFAULT_ALLOWED_S = 120.0

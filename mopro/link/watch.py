@@ -11,7 +11,7 @@ from typing import Any
 from mopro.errors import DataError, LinkError, MoproError
 from mopro.link.course import UNDER_WAY, Contradiction, Course, Entry, Step
 from mopro.link.flash import statements_of
-from mopro.link.samples import Sample, Samples
+from mopro.link.sampling import Sample, Samples
 from mopro.link.session import Session
 from mopro.program import AXES, Program
 

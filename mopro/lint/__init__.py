@@ -1,7 +1,6 @@
 """Lint: findings about a program before it runs, from its text to the motor's margins."""
 
 from mopro.lint.check import lint
-from mopro.lint.rule import Finding, Rule
-from mopro.lint.settings import Settings
+from mopro.lint.rule import Finding, Rule, Settings
 
 __all__ = ["Finding", "Rule", "Settings", "lint"]

@@ -1,22 +1,25 @@
-"""Runs the rules on a program text."""
+"""Runs the rules on a program text, and applies their fixes."""
 
 from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
-from mopro.errors import Diagnostic, Severity, SourceError
+from mopro.errors import Diagnostic, MotionError, Severity, SourceError
 from mopro.language import ast, parse
 from mopro.language.ast import Tree
 from mopro.language.parse import parse_what_can_be
-from mopro.lint.rule import Finding, Rule, Stage
+from mopro.lint.rule import Finding, Rule, Settings, Stage, Subject
 from mopro.lint.rules import RULES
-from mopro.lint.settings import Settings
-from mopro.lint.subject import Subject
 from mopro.program import Program, examine
 from mopro.source import Source, Span
+
+# -- findings ---------------------------------------------------------------------------------
+# Runs the rules on a program text.
+
 
 _ALLOW = re.compile(r";\s*mopro:\s*allow\b[\s:]*([A-Za-z0-9_\-, \t]*)", re.IGNORECASE)
 _NAME = re.compile(r"[A-Za-z0-9_\-]+")
@@ -144,3 +147,59 @@ def _allowed(findings: list[Finding], tree: Tree, asked: dict[str, Rule]) -> lis
         elif rule and (allow.rule in asked or allow.rule not in RULES):
             unused.append(rule.at(allow.span, *why_unused(allow, RULES)))
     return [f for f in findings if (f.rule, f.span.line) not in allowed] + unused
+
+
+# -- fixes ------------------------------------------------------------------------------------
+# Applies fixes, each only if the changed program passes the rule's check.
+
+# A fix may uncover the next finding; more passes than this would mean an endless cycle.
+_MOST_PASSES = 10
+
+
+def fixed(source: Source, settings: Settings) -> Source:
+    """`source` with every fix that passes its check."""
+    for _ in range(_MOST_PASSES):
+        better = source
+        for name in dict.fromkeys(f.rule for f in _fixable(source, settings)):
+            better = _fix_rule(better, RULES[name], settings)
+        if better == source:
+            return source
+        source = better
+    return source
+
+
+def applied(source: Source, findings: Sequence[Finding]) -> Source:
+    """`source` with the fixes of `findings` applied, unchecked."""
+    lines = source.lines_with_ends
+    end = source.line_end
+    for finding in sorted(findings, key=lambda f: f.span, reverse=True):
+        span = finding.span
+        line = lines[span.line - 1]
+        text = (finding.fix or "").replace("\n", end)
+        lines[span.line - 1] = line[: span.column - 1] + text + line[span.end_column - 1 :]
+    return replace(source, text="".join(lines))
+
+
+def _fixable(source: Source, settings: Settings) -> list[Finding]:
+    return [f for f in lint(source, settings) if f.fix is not None and RULES[f.rule].fix_check]
+
+
+def _fix_rule(source: Source, rule: Rule, settings: Settings) -> Source:
+    """All fixes of one rule together if they pass its check, else each that passes alone."""
+    findings = [f for f in _fixable(source, settings) if f.rule == rule.name]
+    together = applied(source, findings)
+    if _passes_check(rule, source, together, settings):
+        return together
+    for finding in reversed(findings):
+        alone = applied(source, [finding])
+        if _passes_check(rule, source, alone, settings):
+            source = alone
+    return source
+
+
+def _passes_check(rule: Rule, before: Source, after: Source, settings: Settings) -> bool:
+    assert rule.fix_check is not None, "only rules with a check are fixed"
+    try:
+        return rule.fix_check(subject_of(before, settings), subject_of(after, settings))
+    except (SourceError, MotionError):
+        return False

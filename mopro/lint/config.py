@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mopro.errors import Diagnostic, ModelError
-from mopro.lint.settings import Settings
+from mopro.lint.rule import Settings
 from mopro.source import Source, Span
 from mopro.tomlfile import Document, Unreadable, Value, read_text, shown
 from mopro.tomlfile.schema import (

@@ -1,4 +1,4 @@
-"""Formats findings as text, JSON, SARIF or GitHub annotations."""
+"""What lint says: explanations of its rules, and findings as text, JSON, SARIF or annotations."""
 
 from __future__ import annotations
 
@@ -8,9 +8,54 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from mopro.errors import Severity, render_all
-from mopro.lint.rule import Finding
+from mopro.lint.rule import Finding, Rule, Stage
+from mopro.lint.rules import RULES
 from mopro.source import Source
 from mopro.text import visible
+
+# -- explanations -----------------------------------------------------------------------------
+# Explanations of the rules, one by one and as the page docs/lint.md.
+
+
+_STAGES = {
+    Stage.LANGUAGE: "The language: a program with one of these errors does not compile",
+    Stage.TEXT: "The text",
+    Stage.MOTION: "The motion",
+    Stage.PHYSICS: "The machine and its payload",
+}
+_HEAD = """\
+# Rules of `mopro lint`
+
+This page is what `mopro lint --explain all` prints; the tests run its examples. To
+suppress a finding that is known and intended, write `; mopro: allow RULE` on its line or on
+a line of its own above.
+"""
+
+
+def explain(rule: Rule) -> str:
+    """One rule as Markdown."""
+    traits = [str(rule.severity)]
+    if rule.fix_check:
+        traits.append("fixed by `--fix`")
+    if not rule.default:
+        traits.append("only if selected by name")
+    return (
+        f"### {rule.name}\n\n{rule.what} ({', '.join(traits)})\n\n{rule.why}\n\n"
+        f"Found in\n\n```\n{visible(rule.bad)}```\n\nand not in\n\n```\n{rule.good}```\n"
+    )
+
+
+def page() -> str:
+    """All rules as Markdown."""
+    parts = [_HEAD]
+    for stage, title in _STAGES.items():
+        parts.append(f"## {title}\n")
+        parts += [explain(rule) for rule in RULES.values() if rule.stage is stage]
+    return "\n".join(parts)
+
+
+# -- findings ---------------------------------------------------------------------------------
+# Formats findings as text, JSON, SARIF or GitHub annotations.
 
 SARIF_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 _GITHUB = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
@@ -106,7 +151,6 @@ def as_sarif(reports: Iterable[Report]) -> str:
 
 
 def _sarif_rule(name: str) -> dict[str, Any]:
-    from mopro.lint.explain import explain
     from mopro.lint.rules import RULES
 
     rule = RULES[name]

@@ -4,8 +4,7 @@
 numbers with names, units and one clock each. Nothing that stands in a file is executed.
 """
 
-from mopro.logs.ledger import Rows
-from mopro.logs.log import Column, Decision, Log
+from mopro.logs.log import Column, Decision, Log, Rows
 from mopro.logs.open import Asked, read_log
 
 __all__ = ["Asked", "Column", "Decision", "Log", "Rows", "read_log"]

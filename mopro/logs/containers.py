@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.errors import DataError
-from mopro.logs.log import Decision
-from mopro.logs.place import LogSource
-from mopro.logs.table import MOST_ROWS, Table
+from mopro.logs.log import MOST_ROWS, Decision, LogSource, Table
 
 MOST_COLUMNS = 500
 MOST_MESSAGE_BYTES = 1 << 20

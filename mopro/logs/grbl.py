@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from mopro.errors import DataError
-from mopro.logs.log import Decision
-from mopro.logs.place import MOST_CHARACTERS, LogSource
-from mopro.logs.table import MOST_ROWS, Table
-from mopro.logs.written import as_number
+from mopro.logs.cell_kinds import as_number
+from mopro.logs.log import MOST_CHARACTERS, MOST_ROWS, Decision, LogSource, Table
 
 OTHER = "other lines than status reports"
 _REPORT = re.compile(r"^([^<]{0,80})<([A-Za-z]+(?::\d)?)\|([^<>]*)>")

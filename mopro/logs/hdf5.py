@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.jobs import run_module
+from mopro.process.jobs import run_module
 
 if sys.platform != "win32":
     import resource
@@ -62,7 +62,7 @@ def _copy(path: str, folder: Path) -> None:
     """Write what `path` holds as arrays that numpy reads, up to the bounds of a log."""
     import h5py
 
-    from mopro.logs.table import MOST_ROWS
+    from mopro.logs.log import MOST_ROWS
 
     names: list[str] = []
     rows: list[int] = []

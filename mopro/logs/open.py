@@ -12,22 +12,18 @@ from numpy.typing import NDArray
 
 from mopro.errors import DataError, DataFileError
 from mopro.inputs import open_to_read
-from mopro.logs.cells import without_missing, without_overload
-from mopro.logs.clock import Clock, clock_of, words_of_stamp
+from mopro.logs.cell_kinds import as_number
+from mopro.logs.cells import with_lists, without_missing, without_overload
+from mopro.logs.clocks import Clock, Ints, Placed, boundaries, clock_of, placed, words_of_stamp
+from mopro.logs.column_names import heading
 from mopro.logs.containers import READERS
-from mopro.logs.foreign import refuse_foreign, suffix_of
+from mopro.logs.delimited import read_text
+from mopro.logs.file_kinds import refuse_foreign, suffix_of
 from mopro.logs.grbl import is_grbl, read_grbl
-from mopro.logs.ledger import Rows
-from mopro.logs.lists import with_lists
-from mopro.logs.log import Column, Decision, Floats, Log, listed
-from mopro.logs.names import heading
+from mopro.logs.log import Column, Decision, Floats, Log, Rows, Table, listed
 from mopro.logs.order import NoClock, TooCoarse
-from mopro.logs.recordings import Ints, Placed, boundaries, placed
 from mopro.logs.stamps import NoStamp, seconds_of_words
-from mopro.logs.table import Table
-from mopro.logs.text import read_text
 from mopro.logs.timed import Stamp, stamps_in
-from mopro.logs.written import as_number
 
 # Rows of which the direction is taken, and the share of steps back that makes it.
 _SAMPLE = 1000

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.logs.log import Decision
+from mopro.logs.log import Decision, Floats
 
-Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 # True if the readings go on from one row of the file to another one as they do beside them.
 GoesOn = Callable[[int, int], bool]

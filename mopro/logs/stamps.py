@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.logs.dates import MONTHS, Form, common_form
+from mopro.logs.cell_kinds import MONTHS, Form, common_form
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

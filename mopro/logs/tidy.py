@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mopro.logs.cell_kinds import MISSING, holds_data, is_word
 from mopro.logs.layout import Layout
-from mopro.logs.log import Decision
-from mopro.logs.place import cells_of
-from mopro.logs.written import MISSING, holds_data, is_word
+from mopro.logs.log import Decision, cells_of
 
 NOTE = "notes between the rows, no rows of the table"
 HEADING = "headings again"

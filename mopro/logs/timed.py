@@ -1,4 +1,7 @@
-"""Which columns of a log are times: the cells decide, and of several columns the headings."""
+"""Times of a log: the sampling of a clock, and which columns are times.
+
+Sampling: its usual interval, whether it is regular, and its gaps.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,50 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.logs.names import Heading, heading, is_command, is_time, quantity_of, unit_of, words_of
-from mopro.logs.spacing import spacing_of
+from mopro.logs.column_names import (
+    Heading,
+    heading,
+    is_command,
+    is_time,
+    quantity_of,
+    unit_of,
+    words_of,
+)
+from mopro.logs.log import Floats, Table
 from mopro.logs.stamps import PER_S, epoch_unit, form_of_words
-from mopro.logs.table import Table
+
+# An interval of this many usual ones is a gap, a last one of this share too short to be a row.
+GAP = 5.0
+# A clock is regular if so many of its intervals but gaps are within this share of the usual one.
+_REGULAR, _MOST = 0.02, 0.9
+
+
+@dataclass(frozen=True)
+class Spacing:
+    """Sampling of a clock: usual interval, gaps (row before each), true if it is regular."""
+
+    interval_s: float
+    regular: bool
+    gaps: tuple[int, ...]
+
+    @property
+    def rate_hz(self) -> float:
+        return 1 / self.interval_s
+
+
+def spacing_of(time_s: Floats) -> Spacing:
+    """The sampling of ascending times (n >= 2)."""
+    steps = np.diff(time_s)
+    usual = float(np.median(steps))
+    wide = steps >= GAP * usual
+    even = np.count_nonzero(np.abs(steps - usual) < _REGULAR * usual)
+    regular = bool(even >= _MOST * (len(steps) - np.count_nonzero(wide)))
+    gaps = np.flatnonzero(wide) if regular else np.empty(0, int)
+    return Spacing(usual, regular, tuple(int(i) for i in gaps))
+
+
+# -- columns of times -------------------------------------------------------------------------
+# Which columns of a log are times: the cells decide, and of several columns the headings.
 
 # Share of stamps that may go backwards: beyond it the column is no clock.
 _MOST_BACKWARD = 0.05

@@ -9,8 +9,8 @@ from functools import singledispatch
 
 from mopro.errors import Diagnostic, MotionError
 from mopro.motion.profile import Profile, Shape, plan_profile
-from mopro.motion.registers import AxisRegisters
 from mopro.motion.schedule import PlannedMove, Schedule, Stroke
+from mopro.motion.track import AxisRegisters
 from mopro.program import ir
 from mopro.source import Span
 

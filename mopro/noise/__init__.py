@@ -3,10 +3,8 @@
 Knows numpy and scipy alone. `report` takes times and readings and gives a `NoiseReport`.
 """
 
-from mopro.noise.ends import End, ends_of
-from mopro.noise.odd import level_between, stuck_of
 from mopro.noise.report import Estimate, NoiseReport, TooShort, report
-from mopro.noise.step import step_of
+from mopro.noise.values import End, ends_of, level_between, step_of, stuck_of
 
 __all__ = [
     "End", "Estimate", "NoiseReport", "TooShort", "ends_of", "level_between", "report", "step_of",

@@ -1,5 +1,5 @@
 """Figures as files."""
 
-from mopro.plot.figure import figure_bytes
+from mopro.recording.shown_figure import figure_bytes
 
 __all__ = ["figure_bytes"]

@@ -10,14 +10,21 @@ from mopro.engine.series import Series
 from mopro.experiment.breaks import drawn
 from mopro.experiment.comparison import Compared, Comparison, SeriesTest
 from mopro.recording.envelope import Band, Floats
-from mopro.recording.figure import BLACK, BLUE, VERMILLION, add_legend, draw_band, mark_lines
+from mopro.recording.figure import (
+    BLACK,
+    BLUE,
+    VERMILLION,
+    add_legend,
+    draw_band,
+    mark_lines,
+)
 from mopro.recording.style import library_style
 from mopro.text import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from mopro.recording.shown import ShownFigure
+    from mopro.recording.shown_figure import ShownFigure
 
 # Series of a figure, those whose residual is largest in σ.
 _MOST_SERIES = 6
@@ -38,7 +45,7 @@ def plot_comparison(
     `before` is the comparison with another machine, whose simulation and residual are drawn
     beside. Of many series those with the largest residuals are drawn; the title tells how many.
     """
-    from mopro.recording.shown import ShownFigure
+    from mopro.recording.shown_figure import ShownFigure
 
     chosen = _chosen(comparison)
     figure = ShownFigure(figsize=(10, 0.8 + 4.0 * len(chosen)), layout="constrained")

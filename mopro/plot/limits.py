@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mopro.limits import PROFILES, Limit
+from mopro.emulator.limits import PROFILES, Limit
 from mopro.recording.style import library_style
 from mopro.text import plain
 
 if TYPE_CHECKING:
-    from mopro.recording.shown import ShownFigure
+    from mopro.recording.shown_figure import ShownFigure
 
 
 @library_style()
 def plot_limits(limits: list[Limit], title: str) -> ShownFigure:
     """Largest acceleration, and the duration of the timed move, against peak velocity."""
-    from mopro.recording.shown import ShownFigure
+    from mopro.recording.shown_figure import ShownFigure
 
     figure = ShownFigure(figsize=(8, 7), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)

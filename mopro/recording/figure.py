@@ -19,7 +19,7 @@ from mopro.units import UNITS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from mopro.recording.shown import ShownFigure
+    from mopro.recording.shown_figure import ShownFigure
 
 
 ACCELERATE, CRUISE, DECELERATE = "accelerate", "cruise", "decelerate"
@@ -99,7 +99,7 @@ def draw(
     their lines. Raises ValueError for a `unit` that is no length, and where nothing is to be
     drawn.
     """
-    from mopro.recording.shown import ShownFigure
+    from mopro.recording.shown_figure import ShownFigure
 
     unit = unit or _unit_of(run)
     if unit not in UNITS or UNITS[unit][0] != "length":

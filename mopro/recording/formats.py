@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from mopro.errors import DataError
 from mopro.files import output
 from mopro.recording.record import CSV_MARK, KEY, Columns, FileSink, Header
-from mopro.recording.run import Run
-from mopro.recording.story import story_of
+from mopro.recording.run import Run, story_of
 
 
 def open_sink(path: Path, header: Header) -> AbstractContextManager[FileSink]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from mopro.errors import DataError
 from mopro.recording import npz
 from mopro.recording.record import CSV_MARK, INTEGER_COLUMNS, KEY, Columns, Header, Recording
-from mopro.recording.story import run_of
+from mopro.recording.run import run_of
 
 MOST_ROWS = 20_000_000
 MOST_COLUMNS = 200

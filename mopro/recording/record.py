@@ -15,7 +15,7 @@ from mopro.recording.run import Run
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mopro.recording.shown import ShownFigure
+    from mopro.recording.shown_figure import ShownFigure
 
 Columns = dict[str, NDArray[Any]]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mopro.engine.assumed import TINY
 from mopro.formula.bytecode import MOST_STACKED, value_of
-from mopro.jit import njit
+from mopro.process.jit import njit
 
 Floats = NDArray[np.float64]
 _compiled: Callable[..., Any] = njit(cache=True, nogil=True, error_model="numpy")

@@ -1,1 +1,1 @@
-"""Self-contained pages: plots, program, platen and moves of a run or a comparison."""
+"""Self-contained pages: plots, program, platen and moves of a run or a comparison; live pages."""

@@ -1,4 +1,4 @@
-"""A run as a view, from the envelopes of its recording."""
+"""The view of a run, from the envelopes of its recording, and the platen beside it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mopro.errors import DataError
 from mopro.machine import DEFAULT_LOOP_S, Machine
 from mopro.markup import listing, paragraph, section, table
 from mopro.motion import Schedule
-from mopro.plant import plan_with_effects
+from mopro.plant import plan_with_effects, switches_u
 from mopro.program import AXES, Program
 from mopro.recording import Header, Run
 from mopro.recording.envelope import LAG, Envelopes
@@ -21,9 +21,47 @@ from mopro.recording.moves import MoveReport, Stall
 from mopro.recording.run import outcome
 from mopro.source import Span
 from mopro.units import UNITS
-from mopro.viewer.document import document
-from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
-from mopro.viewer.platen import platen_json
+from mopro.viewer.page import document
+from mopro.viewer.view import Lines, Mark, Panel, Scale, Trace, Track, View
+
+# -- the platen -------------------------------------------------------------------------------
+# The platen from above, with its limit switches, as the scripts read it.
+
+
+def platen_json(
+    machine: Machine, schedule: Schedule, places: Mapping[int, tuple[str, str]]
+) -> dict[str, Any]:
+    """Platen, forcer and switches in metres from the place where the program begins.
+
+    `places`: the track and channel that tell the position (m) of each axis.
+    """
+    return platen_of(machine, switches_u(schedule, machine.travel_u()), places)
+
+
+def platen_of(
+    machine: Machine,
+    travel_u: Mapping[int, tuple[float, float]],
+    places: Mapping[int, tuple[str, str]],
+) -> dict[str, Any]:
+    """As `platen_json`, for limit switches at `travel_u` (microsteps)."""
+    travel = {
+        str(axis): [low * machine.microstep_m, high * machine.microstep_m]
+        for axis, (low, high) in travel_u.items()
+    }
+    return {
+        "length": machine.platen.length_m,
+        "width": machine.platen.width_m,
+        "side": machine.heat.forcer_side_m,
+        "travel": travel,
+        "position": {
+            str(axis): {"track": track, "channel": channel}
+            for axis, (track, channel) in places.items()
+        },
+    }
+
+
+# -- views ------------------------------------------------------------------------------------
+# A run as a view, from the envelopes of its recording.
 
 MOST_MOVES = 20_000
 MOST_MARKS = 500

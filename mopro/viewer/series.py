@@ -11,10 +11,17 @@ import numpy as np
 
 from mopro.engine.series import Series
 from mopro.experiment.breaks import drawn
+from mopro.experiment.comparison import Place
+from mopro.experiment.sawyer.model import Experiment, Trial
+from mopro.experiment.sawyer.nominal import planned
+from mopro.experiment.sawyer.system import Sawyer
+from mopro.experiment.system import System
+from mopro.experiment.wording import place_words
 from mopro.recording.envelope import Floats
 from mopro.text import visible
 from mopro.units import residual_unit
-from mopro.viewer.model import Lines, Mark, Panel, Scale, Trace, Track, View
+from mopro.viewer.run import platen_json
+from mopro.viewer.view import Lines, Mark, Panel, Scale, Trace, Track, View
 
 # Values in all tracks of a page together, and in one of them, at most.
 _MOST_VALUES = 2_400_000
@@ -163,3 +170,37 @@ def _lines(found: Sequence[Residuals]) -> Lines | None:
     series = max(told, key=len)
     assert series.time_s is not None, "chosen for its times"
     return Lines.of(series.time_s, np.asarray(series.labels["line"]))
+
+
+# -- beside the plots -------------------------------------------------------------------------
+# Surroundings of an experiment's plots: programs, marks of disagreements, the platen.
+
+
+def beside_of(system: System, places: Sequence[Place]) -> dict[str, Beside]:
+    """By run; a stated machine has neither programs nor a platen."""
+    if not isinstance(system, Sawyer):
+        return {}
+    experiment = system.experiment
+    return {trial.name: _beside(experiment, trial, places) for trial in experiment.trials}
+
+
+def _beside(experiment: Experiment, trial: Trial, places: Sequence[Place]) -> Beside:
+    machine = experiment.machine
+    seen = {
+        reading.sensor.axis: (track_name(reading.sensor.name), "measured")
+        for reading in trial.readings
+        if reading.sensor.quantity.sees_place
+    }
+    return Beside(
+        trial.program.source.lines if trial.program else (),
+        list(_marks(trial, places)),
+        platen_json(machine, planned(trial, machine), seen) if seen else None,
+    )
+
+
+def _marks(trial: Trial, places: Sequence[Place]) -> Iterator[Mark]:
+    for place in places:
+        if place.run == trial.name and place.significant and place.line > 0:
+            size = "" if place.sigma is None else f", {place.sigma:.3g} σ"
+            words = f"{place.sensor}: {place_words(place)}: {place.rms:.3g} {place.unit} RMS{size}"
+            yield Mark("gap", words, place.line)

@@ -26,7 +26,7 @@ def command():
     {body}
     threading.Event().wait({limit})
 
-COMMANDS["slip"] = "slip"
+COMMANDS["slip"] = "slip:command"
 if __name__ == "__main__":
     sys.argv[1:] = ["slip"]
     main()

@@ -14,7 +14,7 @@ import pytest
 import mopro
 from helpers.commands import LIMIT_S
 from mopro.controller import Station
-from mopro.controller.motion import Motion
+from mopro.controller.running import Motion
 from mopro.controller.serve import open_end, serve
 from mopro.emulator import Emulator
 from mopro.link import load_dialect

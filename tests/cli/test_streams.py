@@ -134,7 +134,7 @@ def test_too_little_memory_is_told(mopro, monkeypatch):
     def failing(*args):
         raise MemoryError
 
-    monkeypatch.setattr("mopro.cli.compile.compiled_program", failing)
+    monkeypatch.setattr("mopro.cli.program_files.compiled_program", failing)
     done = mopro("compile", "P.CMD", text=PROGRAM)
     assert done.returncode == 2
     assert done.stderr == "mopro: there is not enough memory for this input [no-memory]\n"

@@ -17,8 +17,8 @@ import pytest
 from helpers.bench_of_link import SHORT, bench
 from helpers.commands import LIMIT_S
 from helpers.paths import PROGRAMS
-from mopro.cli.terminal import progress, say
-from mopro.cli.terminal.table import print_markdown, print_table
+from mopro.cli import progress, say
+from mopro.cli.say import print_markdown, print_table
 from mopro.emulator import Emulator
 from mopro.link import SerialBackend
 from mopro.machine import load_machine
@@ -134,7 +134,7 @@ def test_markdown_is_laid_out_on_a_terminal_only(monkeypatch, capsys):
     text = "# Score\n\n| a | b |\n|---|---|\n| 1 | 2 |\n"
     print_markdown(text)
     assert capsys.readouterr().out == text
-    monkeypatch.setattr("mopro.cli.terminal.table.is_terminal", lambda stream: True)
+    monkeypatch.setattr("mopro.cli.say.is_terminal", lambda stream: True)
     print_markdown(text)
     assert "|---|" not in capsys.readouterr().out
 
@@ -301,6 +301,16 @@ def test_completion_is_printed_and_installed(mopro, monkeypatch, tmp_path, shell
     assert "was not written by mopro completion" in refused.stderr
     assert place.read_text() == "mine"
     assert mopro("completion", shell, "--install", "--force").returncode == 0
+
+
+def test_a_folder_for_the_completion_that_cannot_be_made_is_told(mopro, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "file"))
+    done = mopro("completion", "zsh", "--install")
+    assert done.returncode == 2
+    folder = tmp_path / "file" / "zsh" / "site-functions"
+    assert done.stderr.startswith(f"{folder}: cannot be made: ")
+    assert "[unwritable-output]" in done.stderr
 
 
 # -- recordings ----------------------------------------------------------------------

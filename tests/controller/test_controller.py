@@ -17,7 +17,7 @@ from mopro.controller import (
 )
 from mopro.controller.device import Refusal
 from mopro.controller.faults import KINDS, Fault, FaultInjector
-from mopro.controller.motion import Motion
+from mopro.controller.running import Motion
 from mopro.emulator import Emulator
 from mopro.errors import ModelError
 from mopro.link import load_dialect

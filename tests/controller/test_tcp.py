@@ -7,9 +7,8 @@ import threading
 import pytest
 
 from mopro.controller import Scenario, Station
-from mopro.controller.serve import open_end
+from mopro.controller.serve import TcpEnd, is_loopback, open_end
 from mopro.controller.station import MOST_INWARD
-from mopro.controller.tcp import TcpEnd, is_loopback
 from mopro.emulator import Emulator
 from mopro.errors import LinkError, PortError
 from mopro.link import SerialPort, load_dialect

@@ -19,14 +19,14 @@ ALLOWED = {
     ("controller/faults.py", "lost_steps"),
     ("controller/device.py", "lost_steps"),
     # Hum in a log, whose noise is told; the effect of that name is in the emulated sensor.
-    ("cli/experiments/noise.py", "hum"),
+    ("cli/logs.py", "hum"),
     ("noise/__init__.py", "hum"),
     ("noise/lines.py", "hum"),
     # Examples for a person, in files that are to be edited.
-    ("cli/machines/machine.py", "viscous_drag"),
-    ("starter.py", "viscous_drag"),
+    ("cli/machine_files.py", "viscous_drag"),
+    ("cli/starting.py", "viscous_drag"),
     ("emulator/backend.py", "viscous_drag"),
-    ("web/panel.py", "lost_steps"),
+    ("viewer/live.py", "lost_steps"),
 }
 
 

@@ -3,8 +3,8 @@
 # A file stands for all of its tests, a name behind it for those that begin so.
 ATTACKS: dict[str, tuple[str, ...]] = {
     "modules of the current folder, for each command that starts a process": (
-        "test_current_folder.py::test_a_",
-        "test_current_folder.py::test_processes",
+        "process/test_current_folder.py::test_a_",
+        "process/test_current_folder.py::test_processes",
     ),
     "a status that says something else once, an end before its time, a cable moved to "
     "another controller": ("link/test_course.py",),
@@ -30,14 +30,14 @@ ATTACKS: dict[str, tuple[str, ...]] = {
         "experiment/test_force.py",
     ),
     "a `matplotlibrc` (`text.usetex`, nonsense, a pipe) or a numba configuration in the current "
-    "folder": ("test_current_folder.py::test_settings", "plot/test_style.py"),
+    "folder": ("process/test_current_folder.py::test_settings", "plot/test_style.py"),
     "pipes, folders, sockets, devices, dangling links instead of input files, named by "
     "commands and by files": ("cli/test_no_files.py", "blind/test_no_files.py"),
     "the token of a live page in the arguments of a browser": (
-        "web/test_server.py::test_the_token",
-        "web/test_server.py::test_a_file_with_the_token",
-        "web/test_server.py::test_without_a_place",
-        "web/test_live.py::test_the_file_that_the_browser_is_given",
+        "viewer/test_server.py::test_the_token",
+        "viewer/test_server.py::test_a_file_with_the_token",
+        "viewer/test_server.py::test_without_a_place",
+        "viewer/test_live.py::test_the_file_that_the_browser_is_given",
     ),
     "every signal that can be caught, those of a background job; another client's lines during an "
     "orphaned run": (
@@ -50,7 +50,7 @@ ATTACKS: dict[str, tuple[str, ...]] = {
         "link/test_latency.py",
         "link/test_flash.py::test_a_controller_that_answers_late",
         "link/test_flash.py::test_answers_that_become_late",
-        "web/test_server.py::test_a_body_that_breaks_off",
+        "viewer/test_server.py::test_a_body_that_breaks_off",
         "cli/test_days.py",
         "language/test_parse.py::test_files_that_are_no_programs",
     ),
@@ -74,7 +74,7 @@ ATTACKS: dict[str, tuple[str, ...]] = {
     "files of the user in the folder of `mopro blind make`, paths that lead out, a truncated "
     "verdict": ("blind/test_manifest.py",),
     "a pickle in the current folder, a cache of others or with a flipped bit, processes "
-    "that fill it at once": ("test_cachefolder.py", "plant/kernel/test_cache.py"),
+    "that fill it at once": ("process/test_cachefolder.py", "plant/kernel/test_cache.py"),
     "clients that flood, say nothing, come second, have no token": ("controller/test_tcp.py",),
     "terminal escapes and changes of direction in names, keys, cells, replies": (
         "cli/test_streams.py",
@@ -93,7 +93,7 @@ ATTACKS: dict[str, tuple[str, ...]] = {
         "recording/test_foreign_files.py",
         "logs/test_read_log.py",
     ),
-    "too little memory": ("test_memory.py",),
+    "too little memory": ("process/test_memory.py",),
     "a broken effect package": ("effects/test_packages.py",),
     "editors' messages without or with an absurd length": ("lsp/test_messages.py",),
 }

@@ -43,7 +43,7 @@ from mopro.program.compile import compile_file
 
 LIMIT_S = 60
 # What a command needs that takes long to load: loaded once, before the first fork.
-_DRAWING = ["mopro.recording.shown", "matplotlib.backends.backend_agg"]
+_DRAWING = ["mopro.recording.shown_figure", "matplotlib.backends.backend_agg"]
 NEEDED = {
     "import": ["mopro.importing"],
     "compare": ["mopro.experiment.opened", "mopro.viewer.comparison", *_DRAWING],
@@ -256,7 +256,7 @@ def reconciled(experiment, patience_s, without):
 
 
 def serve():
-    COMMANDS["flash-to-store"] = "__main__"
+    COMMANDS["flash-to-store"] = "__main__:command"
     mopro.link.SerialPort = loopback
     mopro.link.Session = partial(Session, random=Random(1))
     mopro.blind.scoring.run._reconcile = reconciled

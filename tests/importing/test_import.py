@@ -452,8 +452,8 @@ def test_every_column_that_is_not_used_is_told_with_why(tmp_path, mopro, servo):
 )
 def test_nm_are_nanometres_unless_the_name_is_that_of_a_torque(heading, quantity, unit):
     from mopro.instruments.quantity import unit_of_column
-    from mopro.logs.names import heading as taken
-    from mopro.logs.names import quantity_of
+    from mopro.logs.column_names import heading as taken
+    from mopro.logs.column_names import quantity_of
 
     found = taken(heading)
     assert quantity_of(found.name, found.unit) == quantity

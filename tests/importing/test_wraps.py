@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from helpers.commands import run_here
 from mopro.formula import factor_of
-from mopro.importing.wraps import wraps_of
+from mopro.importing.ranges import wraps_of
 
 TIMES = np.arange(0, 20, 0.02)
 SPANS = {"deg": 360.0, "rad": 2 * np.pi, "rev": 1.0, "mrad": 2000 * np.pi, "arcsec": 1_296_000.0}

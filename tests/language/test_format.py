@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 
 import mopro
-from mopro.cli.texts import read_text
+from mopro.cli.program_files import read_text
 from mopro.errors import SourceError
 from mopro.language import parse, source_from_bytes
 from mopro.language.format import format_source

@@ -8,10 +8,9 @@ from mopro.language import ast, parse
 from mopro.language.format import format_source
 from mopro.language.parse import GRAMMARS, grammar_path, statement_kinds
 from mopro.lint import Settings
-from mopro.lsp.document import Document
-from mopro.lsp.meaning import hover
+from mopro.lsp.open_text import Document, hover
 from mopro.motion import plan
-from mopro.program import text
+from mopro.program import statements
 from mopro.source import Source
 
 DOCS = (ROOT / "docs" / "language.md").read_text("utf-8")
@@ -47,7 +46,7 @@ def test_it_is_lowered_written_planned_and_explained(kind):
     source = Source("x.CMD", "\n".join(lines))
     program = mopro.compile(source.text, grammar="extended")
     assert program.ops[-1].written_as() is kind
-    assert mopro.compile(text.canonical(program), grammar="extended") == program
+    assert mopro.compile(statements.canonical(program), grammar="extended") == program
     assert plan(program, for_s=1.0, travel_u=TRAVEL_U).duration_s <= 1.0
     document = Document(source, Settings(grammar="extended"))
     assert kind.meaning in hover(document, len(lines))

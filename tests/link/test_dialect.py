@@ -12,8 +12,7 @@ from mopro.errors import ModelError
 from mopro.link import builtin_dialects, load_dialect
 from mopro.link.dialect import read_dialect
 from mopro.link.flash import flash
-from mopro.link.frame import CHECKSUMS, BadFrame, Check
-from mopro.link.template import Template
+from mopro.link.template import CHECKSUMS, BadFrame, Check, Template
 from mopro.source import Source
 
 FORM = Template("{number}:{body}*{check}")

@@ -9,8 +9,7 @@ from mopro.controller.faults import Fault, PlantFault
 from mopro.errors import MotionError, SourceError
 from mopro.machine import load_machine
 from mopro.program.compile import compile_file
-from mopro.program.resume import resume
-from mopro.program.text import canonical
+from mopro.program.statements import canonical, resume
 
 MICROSTEP_M = load_machine("chow1992").microstep_m
 PROGRAM = mopro.compile(SHORT, "short.CMD")

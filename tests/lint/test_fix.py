@@ -7,7 +7,7 @@ from helpers.paths import ROOT
 from mopro.language import source_from_bytes
 from mopro.lint import Settings
 from mopro.lint import lint as findings_of
-from mopro.lint.fix import applied, fixed
+from mopro.lint.check import applied, fixed
 from mopro.lint.rules import RULES
 from mopro.motion import plan
 from mopro.source import Source

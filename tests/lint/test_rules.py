@@ -10,7 +10,7 @@ from mopro.language import ast, load
 from mopro.language.parse import statement_kinds
 from mopro.lint import Settings, lint
 from mopro.lint.config import lengths
-from mopro.lint.explain import explain, page
+from mopro.lint.output import explain, page
 from mopro.lint.rules import RULES
 from mopro.source import Source
 from mopro.text import visible

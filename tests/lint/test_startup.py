@@ -34,7 +34,7 @@ def test_no_heavy_module_is_loaded(words):
 
 def test_what_only_writing_needs_is_not_loaded():
     modules("lint")  # keeps the parser, which is written
-    assert not modules("lint") & {"mopro.files", "mopro.cli.terminal.outputs"}
+    assert not modules("lint") & {"mopro.files", "mopro.cli.outputs"}
 
 
 def test_text_rules_load_no_motion_and_no_machine():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mopro.errors import DataError
 from mopro.logs import Asked, read_log
-from mopro.logs.names import heading, quantity_of
+from mopro.logs.column_names import heading, quantity_of
 
 
 @pytest.fixture

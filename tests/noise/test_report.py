@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from mopro.noise import TooShort, report
-from mopro.noise.lines import Line, without_lines
 from mopro.noise.report import _level
+from mopro.noise.spectral import Line, without_lines
 
 RATE_HZ = 400.0
 LEVEL = 0.02

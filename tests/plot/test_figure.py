@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from mopro.plot.figure import figure_bytes
+from mopro.recording.shown_figure import figure_bytes
 from mopro.text import plain
 
 ODD = ["dollar$x_{$.CMD", r"$\frac{$", "$$", r"\$x_{\$", "$a$ $b$", "_hidden", "\udce9\n\0"]

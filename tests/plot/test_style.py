@@ -7,7 +7,7 @@ import pytest
 
 import mopro
 from helpers.paths import PROGRAMS
-from mopro.limits import PROFILES, Limit
+from mopro.emulator.limits import PROFILES, Limit
 from mopro.plot.comparison import plot_comparison
 from mopro.plot.limits import plot_limits
 

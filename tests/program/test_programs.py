@@ -6,7 +6,7 @@ import pytest
 
 from helpers.paths import DATA
 from mopro.language import load, parse
-from mopro.program import text
+from mopro.program import statements
 from mopro.program.compile import compile_file
 
 GOLDEN = DATA / "ir"
@@ -43,7 +43,7 @@ def test_there_are_six_and_some_have_dos_line_ends(program_files):
 def test_ir_listing_is_the_one_checked_in(name, programs_folder):
     """Made by `mopro compile programs/NAME.CMD`; look at what changes before checking it in."""
     program = compile_file(programs_folder / f"{name}.CMD")
-    assert text.listing(program) == (GOLDEN / f"{name}.txt").read_text()
+    assert statements.listing(program) == (GOLDEN / f"{name}.txt").read_text()
 
 
 def test_loops_are_known_without_running(programs_folder):
@@ -54,7 +54,7 @@ def test_loops_are_known_without_running(programs_folder):
 
 
 def test_json_has_every_operation_with_its_place(programs_folder):
-    data = json.loads(json.dumps(text.as_json(compile_file(programs_folder / "LVDT3.CMD"))))
+    data = json.loads(json.dumps(statements.as_json(compile_file(programs_folder / "LVDT3.CMD"))))
     assert data["program"] == "LVDT3.CMD"
     assert data["ops"][4] == {
         "op": "set_acceleration", "at": [17, 1], "axes": [1], "acceleration_uu_s2": 600,

@@ -7,16 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mopro
-from mopro.program import text
+from mopro.program import statements
 from mopro.testing import programs
 
 
 @given(programs("extended"))
 def test_canonical_text_compiles_to_the_same_program(program):
-    written = text.canonical(program)
+    written = statements.canonical(program)
     again = mopro.compile(written, grammar="extended")
     assert again == program
-    assert text.canonical(again) == written
+    assert statements.canonical(again) == written
 
 
 @given(programs())
@@ -32,17 +32,17 @@ def test_equality_is_of_meaning_and_not_of_place():
 
 def test_assumed_statements_have_canonical_text_too():
     written = "MAI1 1.0\nMA0 -2.0\nMC2 3.5\nSK1 -4.0\nST0\nHM2\n"
-    assert text.canonical(mopro.compile(written, grammar="extended")) == written
+    assert statements.canonical(mopro.compile(written, grammar="extended")) == written
 
 
 @given(st.integers(-(10**12), 10**12), st.integers(0, 12))
 def test_decimals_are_exact(n, digits):
     value = Fraction(n, 10**digits)
-    written = text.decimal(value)
+    written = statements.decimal(value)
     assert Fraction(written) == value
     assert "." in written
 
 
 def test_what_is_no_decimal_is_refused():
     with pytest.raises(ValueError, match="not a plain decimal"):
-        text.decimal(Fraction(1, 3))
+        statements.decimal(Fraction(1, 3))

@@ -9,7 +9,7 @@ import mopro
 from mopro.errors import DataError
 from mopro.recording import FORMATS, Stall, open_sink, read
 from mopro.recording.reading import MOST_HEADER_BYTES
-from mopro.recording.story import MOST_MOVES, run_of, story_of
+from mopro.recording.run import MOST_MOVES, run_of, story_of
 
 TEXT = "UU012500/1\nVEL1 40.0\nACC1 0.25\nMRI1 1.0\nWX1\nMRI1 -1.0\nWX1\n"
 

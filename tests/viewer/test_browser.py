@@ -17,9 +17,9 @@ from mopro.program.compile import compile_file
 from mopro.recording import MemorySink
 from mopro.recording.envelope import Envelopes
 from mopro.recording.run import Run
-from mopro.viewer.document import document
-from mopro.viewer.model import Mark, Panel, Scale, Trace, Track, View
+from mopro.viewer.page import document
 from mopro.viewer.run import run_page, run_view
+from mopro.viewer.view import Mark, Panel, Scale, Trace, Track, View
 
 pytestmark = pytest.mark.browser
 

@@ -15,10 +15,9 @@ from helpers.commands import run_here
 from helpers.stated import DRIVE, FRICTION_OF_PLACE, drive_folder
 from mopro.markup import table
 from mopro.recording.moves import MoveReport
-from mopro.viewer.document import FOLDER, PLOTTER, SCRIPTS, data_block, document
-from mopro.viewer.model import Lines, Scale
-from mopro.viewer.pack import Pack
+from mopro.viewer.page import FOLDER, PLOTTER, SCRIPTS, data_block, document
 from mopro.viewer.run import moves_json
+from mopro.viewer.view import Lines, Pack, Scale
 
 WRITES_MARKUP = re.compile(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(")
 

@@ -25,7 +25,7 @@ from mopro.blind.reference.nominal import THESIS, Nominal
 from mopro.blind.reference.readings import ProgramRun
 from mopro.blind.reference.sensors import Instrument, stored
 from mopro.inputs import read_bytes
-from mopro.jobs import in_processes
+from mopro.process.jobs import in_processes
 
 _MACHINE = "machine.toml"
 

@@ -42,7 +42,7 @@ from mopro.engine.threads import in_threads
 from mopro.errors import DataError
 from mopro.files import make_folder, write
 from mopro.inputs import read_bytes
-from mopro.jobs import run_module
+from mopro.process.jobs import run_module
 
 
 def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -> Document:

@@ -17,8 +17,7 @@ from mopro.experiment.sawyer.feasible import Suspect, check_motion, too_long, to
 from mopro.experiment.sawyer.model import Experiment, Floats, Reading
 from mopro.experiment.sawyer.nominal import compiling_pays, planned
 from mopro.experiment.steps import step_note
-from mopro.instruments.sensor import Sensor
-from mopro.instruments.slips import FOLD_SLIPS
+from mopro.instruments.sensor import FOLD_SLIPS, Sensor
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import CommandTable

@@ -12,8 +12,7 @@ from mopro.experiment.kept_rows import kept_rows
 from mopro.experiment.sawyer.raw import KINDS
 from mopro.experiment.sections import file_beside, sections_of
 from mopro.instruments.quantity import QUANTITIES
-from mopro.instruments.sensor import Sensor
-from mopro.instruments.stated import TOLERANCES
+from mopro.instruments.sensor import TOLERANCES, Sensor
 from mopro.machine import Machine, builtin_machines, load_machine
 from mopro.machine.file import formulas_in
 from mopro.program import AXES

@@ -15,10 +15,9 @@ import numpy as np
 
 from mopro.experiment.sawyer.model import Reading
 from mopro.instruments import Lvdt, Thermocouple, read_lvdt, read_thermocouple
-from mopro.instruments.lvdt import FULL_SCALE_V
+from mopro.instruments.laboratory import COUNTS_PER_C, FULL_SCALE_V
 from mopro.instruments.quantity import POSITION, TEMPERATURE, Quantity
 from mopro.instruments.sensor import Sensor
-from mopro.instruments.thermocouple import COUNTS_PER_C
 
 RAW_SUFFIX = ".dat"
 _LASER_NOISE_M = 0.5e-6

@@ -15,7 +15,7 @@ from mopro.formula import Formula, UnitError, dimension_of_unit, factor_of, pars
 from mopro.formula.entry import check_name, read_effects, read_formula
 from mopro.formula.written import Written
 from mopro.instruments.quantity import MEASURABLES, PLACE_UNITS, Measurable, unit_of_column
-from mopro.instruments.stated import TOLERANCES, read_tolerances
+from mopro.instruments.sensor import TOLERANCES, read_tolerances
 from mopro.source import Source
 from mopro.stated.data import Sensor
 from mopro.stated.file import HOSTS, load_stated

@@ -12,7 +12,7 @@ from mopro.engine.candidate import Parameter
 from mopro.engine.series import Series
 from mopro.experiment.steps import step_note
 from mopro.formula.evaluate import Floats
-from mopro.instruments.slips import FOLD_SLIPS, UNIT_SLIPS
+from mopro.instruments.sensor import FOLD_SLIPS, UNIT_SLIPS
 from mopro.stated.base import BaseFit, base_of, fitted_base, slope_of
 from mopro.stated.data import Reading
 from mopro.stated.model import KINEMATIC, THERMAL

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from mopro.errors import Severity
-from mopro.lint.fix_checks import same_program
-from mopro.lint.rule import Rule, Stage
+from mopro.lint.rule import Rule, Stage, same_program
 
 
 def _error(name: str, what: str, why: str, bad: str, good: str) -> Rule:

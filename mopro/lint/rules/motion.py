@@ -8,10 +8,16 @@ from typing import Any
 
 from mopro.errors import Diagnostic, Severity
 from mopro.language import ast
-from mopro.lint.fix_checks import same_but_waits, same_motion, same_motion_but_waits
-from mopro.lint.rule import Finding, Rule, Stage
-from mopro.lint.settings import Settings
-from mopro.lint.subject import Subject
+from mopro.lint.rule import (
+    Finding,
+    Rule,
+    Settings,
+    Stage,
+    Subject,
+    same_but_waits,
+    same_motion,
+    same_motion_but_waits,
+)
 from mopro.motion import PlannedMove, Shape
 from mopro.program import AXES, ir
 from mopro.source import Span
@@ -114,7 +120,7 @@ def _with_value(subject: Subject, index: int, value: Fraction) -> str | None:
     """The statement with another value, or None if no decimal is that value."""
     statement = subject.tree.statements[index]
     assert isinstance(statement, ast.Move | ast.Target), "the rule asks for no other"
-    from mopro.program.text import decimal
+    from mopro.program.statements import decimal
 
     try:
         number = decimal(value)
@@ -125,7 +131,7 @@ def _with_value(subject: Subject, index: int, value: Fraction) -> str | None:
 
 
 def _drift_per_loop(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    from mopro.lint.travel import extent_u, travel_of
+    from mopro.lint.rule import extent_u, travel_of
 
     laps = subject.survey.laps
     if len(laps) < 2:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mopro.errors import Severity
-from mopro.lint.rule import Finding, Rule, Stage
-from mopro.lint.subject import Subject
-from mopro.motion import PlannedMove
-from mopro.motion.slips import per_millisecond
+from mopro.lint.rule import Finding, Rule, Stage, Subject
+from mopro.motion import PlannedMove, Survey
+from mopro.motion.profile import per_millisecond
+from mopro.program import AXES
 from mopro.source import Span
+
+if TYPE_CHECKING:
+    from mopro.machine import Machine
+
 
 _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
 # Least margin (share of the pull-out force) of an acceleration that is proposed.
@@ -85,7 +90,6 @@ def _low_margin(rule: Rule, subject: Subject) -> Iterator[Finding]:
 
 
 def _over_temperature(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    from mopro.lint.overheating import can_overheat, overheating
 
     loops = subject.program.loops_forever
     duration_s = subject.survey.schedule.duration_s
@@ -176,3 +180,68 @@ RULES = (
         default=False,
     ),
 )
+
+
+# -- overheating ------------------------------------------------------------------------------
+# Finds the time at which a program heats the motor above its rated temperature.
+
+_COIL_PAIRS = 4
+
+
+class Overheating(NamedTuple):
+    """The motor passes its rating after `after_s`, and would reach `final_C` (°C)."""
+
+    after_s: float
+    final_C: float
+    span: Span
+
+
+def can_overheat(machine: Machine, duration_s: float) -> bool:
+    """True if the heat of `duration_s` (s) would suffice without any loss."""
+    heat, drive = machine.heat, machine.drive
+    squares = _COIL_PAIRS * drive.phase_current_A**2 + len(AXES) * heat.moving_current_A**2
+    energy_J = squares * drive.coil_resistance_ohm * duration_s
+    capacity_J_K = machine.axis.moving_mass_kg * heat.specific_heat_J_kg_K
+    return energy_J / capacity_J_K > heat.rated_C - heat.ambient_C
+
+
+def overheating(machine: Machine, survey: Survey, loops: bool) -> Overheating | None:
+    """The first time at which the temperature passes the rating, or None if it never does."""
+    import numpy as np
+
+    from mopro.plant import simulate
+
+    moves = survey.schedule.moves
+    if not moves:
+        return None
+    simulation = simulate(survey.schedule, machine, active=())
+    ends_s = np.array([move.end_s for move in moves])
+    above = np.flatnonzero(simulation.temperature_C(ends_s) > machine.heat.rated_C)
+    if len(above):
+        hot = moves[int(above[0])]
+        return Overheating(hot.end_s, float(simulation.temperature_C(ends_s).max()), hot.span)
+    if not loops or len(survey.laps) < 3:
+        return None
+    laps_s = np.array([lap.time_s for lap in survey.laps[-3:]])
+    return _in_the_long_run(
+        machine, laps_s.tolist(), simulation.temperature_C(laps_s).tolist(), moves
+    )
+
+
+def _in_the_long_run(
+    machine: Machine, laps_s: list[float], laps_C: list[float], moves: tuple[PlannedMove, ...]
+) -> Overheating | None:
+    """Extrapolate the temperatures of three laps, which approach the final one geometrically."""
+    first, second, third = laps_C
+    if second == first or third == second:
+        return None
+    ratio = (third - second) / (second - first)
+    if not 0 < ratio < 1:
+        return None
+    final_C = third + (third - second) * ratio / (1 - ratio)
+    rated_C = machine.heat.rated_C
+    if final_C <= rated_C:
+        return None
+    rounds = math.log((final_C - rated_C) / (final_C - third)) / math.log(ratio)
+    after_s = laps_s[2] + rounds * (laps_s[2] - laps_s[1])
+    return Overheating(after_s, final_C, moves[-1].span)

@@ -9,9 +9,7 @@ from typing import Any
 
 from mopro.errors import Severity
 from mopro.language.parse import is_statement
-from mopro.lint.fix_checks import same_but_labels
-from mopro.lint.rule import Finding, Rule, Stage
-from mopro.lint.subject import Subject
+from mopro.lint.rule import Finding, Rule, Stage, Subject, same_but_labels
 from mopro.program import ir
 from mopro.source import Span
 

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from mopro.errors import Severity
-from mopro.lint.rule import Finding, Rule, Stage
-from mopro.lint.settings import Settings
-from mopro.lint.subject import Subject
-from mopro.lint.travel import extent_u, travel_of
+from mopro.lint.rule import Finding, Rule, Settings, Stage, Subject, extent_u, travel_of
 from mopro.motion import PlannedMove
 from mopro.program import AXES
 

@@ -15,12 +15,12 @@ from numba.core.errors import NumbaError
 from numba.core.registry import cpu_target
 from numba.extending import is_jitted
 
-from mopro.cachefolder import cache_folder
-from mopro.jit import njit
 from mopro.plant.kernel.cache import KernelCache, UnknownCodeError, fingerprint
 from mopro.plant.kernel.integrate import Integrate, integrate_of
 from mopro.plant.kernel.motion import parts_of, start_of
 from mopro.plant.kernel.terms import TermSet
+from mopro.process.cachefolder import cache_folder
+from mopro.process.jit import njit
 
 _ARRAY, _TABLE = numba.float64[::1], numba.float64[:, ::1]
 _INDICES = numba.intp[::1]

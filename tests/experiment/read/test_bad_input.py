@@ -13,7 +13,7 @@ from mopro.experiment.data_file import read_data
 from mopro.experiment.sawyer.readings import reading
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
-from mopro.logs.place import cell_span
+from mopro.logs.log import cell_span
 
 RUN = 'program = "fast.CMD"\ndata = "fast.csv"'
 

@@ -91,7 +91,7 @@ class ScriptedPort:
         self._waiting += piece
 
     def _framed(self, piece: bytes, asked: bytes) -> bytes:
-        from mopro.link.frame import BadFrame
+        from mopro.link.template import BadFrame
 
         line, check = self._dialect.line, self._dialect.check
         try:
@@ -200,7 +200,7 @@ def _templates(_: Path) -> Take:
 
 def _frames(_: Path) -> Take:
     from mopro.link import load_dialect
-    from mopro.link.frame import CHECKSUMS, BadFrame
+    from mopro.link.template import CHECKSUMS, BadFrame
 
     check = load_dialect("checked").check
 
@@ -270,7 +270,7 @@ def _told() -> list[bytes]:
 
 
 def _framing(_: Path) -> Take:
-    from mopro.lsp.messages import Messages
+    from mopro.lsp.server import Messages
 
     def take(data: bytes) -> None:
         messages = Messages(io.BytesIO(data))
@@ -425,8 +425,8 @@ def _request(_: Path) -> Take:
     from mopro.emulator import Emulator
     from mopro.link import load_dialect
     from mopro.machine import load_machine
-    from mopro.web import ControllerPanel, Page
-    from mopro.web.server import _application
+    from mopro.viewer.live import ControllerPanel
+    from mopro.viewer.server import Page, _application
 
     machine = load_machine("chow1992")
     panel = ControllerPanel(Station(load_dialect("checked"), Emulator(machine)), machine)
@@ -509,7 +509,7 @@ LINES = (
     ),
     Parser(
         "frames",
-        ("mopro.link.frame",),
+        ("mopro.link.template",),
         _frames,
         lambda: [b":12 OK*A5F0", b":0 *"],
         _REPLIES,
@@ -525,7 +525,7 @@ LINES = (
     Parser("token", ("mopro.link.token",), _token, lambda: [b"correct-horse-battery"], (), 80, 150),
     Parser(
         "editor, framing",
-        ("mopro.lsp.messages",),
+        ("mopro.lsp.server",),
         _framing,
         lambda: [b"Content-Length: 2\r\n\r\n{}", b"content-length:3\r\nA: b\r\n\r\n[1]"],
         ("Content-Length: ", "\r\n\r\n", "99999999999", "-1"),
@@ -543,7 +543,7 @@ LINES = (
     ),
     Parser(
         "requests to a live page",
-        ("mopro.web.guard", "mopro.web.panel"),
+        ("mopro.viewer.server", "mopro.viewer.live"),
         _request,
         lambda: _REQUESTS,
         ("token=token", "%ff", "[", '"'),

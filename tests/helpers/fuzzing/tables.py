@@ -78,7 +78,7 @@ _JSON = (
     '"files"',
     '"cases"',
 )
-_RECORDINGS = ("mopro.recording.reading", "mopro.recording.story")
+_RECORDINGS = ("mopro.recording.reading", "mopro.recording.run")
 _LOGS = ("mopro.logs",)
 
 
@@ -345,8 +345,8 @@ def _raw(folder: Path) -> Take:
 
 
 def _cache(folder: Path) -> Take:
-    from mopro.cachefolder import read_kept, with_digest
     from mopro.plant.kernel.cache import KernelCache
+    from mopro.process.cachefolder import read_kept, with_digest
 
     path = folder / "fuzz.cache"
     kernels = KernelCache(path, "key")
@@ -460,10 +460,22 @@ TABLES = (
         512,
     ),
     Parser(
-        "raw file of an instrument", ("mopro.instruments.daq",), _raw, lambda: _RAW, _CSV, 6, 512
+        "raw file of an instrument",
+        ("mopro.instruments.laboratory",),
+        _raw,
+        lambda: _RAW,
+        _CSV,
+        6,
+        512,
     ),
     Parser(
-        "caches", ("mopro.cachefolder",), _cache, lambda: [b"\x01content", bytes(80)], (), 6, 256
+        "caches",
+        ("mopro.process.cachefolder",),
+        _cache,
+        lambda: [b"\x01content", bytes(80)],
+        (),
+        6,
+        256,
     ),
     Parser(
         "manifest",

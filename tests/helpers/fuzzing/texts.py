@@ -143,8 +143,7 @@ def _program(grammar: str) -> Take:
     from mopro.language import parse, source_from_bytes
     from mopro.language.format import format_source
     from mopro.program import lower
-    from mopro.program.resume import resume
-    from mopro.program.text import canonical
+    from mopro.program.statements import canonical, resume
 
     def take(data: bytes) -> None:
         source = source_from_bytes(data, "fuzz.CMD")
@@ -491,7 +490,7 @@ def _option_words() -> tuple[str, ...]:
 
 
 def _shown(_: Path) -> Take:
-    from mopro.cli.terminal.say import _painted
+    from mopro.cli.say import _painted
     from mopro.text import plain, visible
 
     def take(data: bytes) -> None:
@@ -649,7 +648,7 @@ _TEXTS = (
     ),
     Parser(
         "options of every command",
-        ("mopro.cli.terminal.options",),
+        ("mopro.cli.options",),
         _options,
         lambda: _OPTIONS,
         _option_words(),
@@ -658,7 +657,7 @@ _TEXTS = (
     ),
     Parser(
         "text for the terminal",
-        ("mopro.text", "mopro.cli.terminal.say"),
+        ("mopro.text", "mopro.cli.say"),
         _shown,
         lambda: [b"a.CMD:1:2: warning: odd [stall]\n  WT\n  ^~", b"\x1b[31m\xe2\x80\xae$x$"],
         (":1:1: ", " [a]", "\x1b]0;", "\u202e"),

@@ -1,1 +1,0 @@
-"""Shared parts of commands: streams, tables, progress, options, outputs, completion."""
