@@ -12,8 +12,6 @@ from mopro.engine.passes.drop import (
     eliminate,
     hold_out,
     hold_out_again,
-    prefer_lower,
-    readmit,
 )
 from mopro.engine.passes.find import add_laws, search_catalogue, settle
 from mopro.engine.passes.loops import Loop, Pass, a_pass, in_turn, until_stable, where
@@ -28,9 +26,8 @@ from mopro.engine.passes.stand_ins import expose_beside_drafts, expose_stand_ins
 
 __all__ = ["PASSES", "Loop", "Pass", "a_pass", "in_turn", "until_stable", "where"]
 
-# What one of these drops may be what another one was satisfied with, and may have led to a choice
-# among others.
-DROP = until_stable(expose_stand_ins, drop_outweighed, hold_out, prefer_lower)
+# What one of these drops may be what another one was satisfied with.
+DROP = until_stable(expose_stand_ins, drop_outweighed, hold_out)
 
 ANSWER = from_alternatives(
     # Find what explains the data. A search begins anew where the data or the model changed.
@@ -47,11 +44,7 @@ ANSWER = from_alternatives(
     # Doubt it.
     settle,
     eliminate,
-    expose_stand_ins,
-    drop_outweighed,
-    prefer_lower,
     DROP,
-    readmit(DROP),
     # Tell what is known.
     set_laws_apart,
     expose_beside_drafts,

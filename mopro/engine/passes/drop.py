@@ -1,12 +1,12 @@
-"""Passes that drop effects from the answer, and the choice among sets once some are dropped."""
+"""Passes that drop effects from the answer."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from mopro.engine.assumed import STRONG
 from mopro.engine.fits import Fit, HeldOut, explained_by, held_out
-from mopro.engine.passes.loops import Loop, Pass, a_pass, in_turn
+from mopro.engine.passes.loops import a_pass
 from mopro.engine.search.hypotheses import Hypotheses
 from mopro.engine.state import State
 from mopro.engine.verdict import Rejected
@@ -92,30 +92,6 @@ def drop_outweighed(state: State) -> State:
 
 
 @a_pass
-def prefer_lower(state: State) -> State:
-    """The answer, or a fitted set of no more effects that has a lower EBIC, once some are dropped.
-
-    An effect that goes may have led to a choice among others that is worse without it. In place of
-    a stand-in nothing is preferred: another one would be.
-    """
-    hypotheses, fit = state.hypotheses, state.fit
-    dropped = {r.name for r in state.rejected}
-    if state.stand_ins:
-        return state
-    others = [
-        other
-        for other in hypotheses.ranked()
-        if len(other.candidates) <= len(fit.candidates)
-        and not dropped & other.names
-        and other.laws <= fit.names
-    ]
-    lower = hypotheses.evidence.lowest([fit, *others])
-    if not dropped or lower.key == fit.key:
-        return state
-    return replace(state, fit=hypotheses.settled(lower))
-
-
-@a_pass
 def hold_out_again(state: State) -> State:
     """Held-out parts with and without each effect, and each draft, where that is not known."""
     held, drafted_held = state.held, state.drafted_held
@@ -124,42 +100,3 @@ def hold_out_again(state: State) -> State:
     if held is None:
         held = held_of(state.hypotheses, state.fit)
     return replace(state, held=held, drafted_held=drafted_held)
-
-
-@dataclass(frozen=True)
-class _Readmit(Loop):
-    def __call__(self, state: State) -> State:
-        # The one that was dropped last was so beside what stands now.
-        for name in [r.name for r in state.rejected[:-1] if r.reason == FAILS_HELD_OUT]:
-            if (joined := _with(state.own(), name)) is not None:
-                again = in_turn(self.passes, joined)
-                state = again if name in again.fit.names else state
-        return state
-
-
-def readmit(*passes: Pass) -> Loop:
-    """The answer with listed effects that held-out parts denied only beside what went after them.
-
-    An effect is dropped for what it does beside the others. If those go as well, the order in
-    which they went must not decide. It stays if `passes` keep it.
-    """
-    return _Readmit(passes)
-
-
-def _with(state: State, name: str) -> State | None:
-    """The state with an effect taken in again that was dropped; None if it is not called for."""
-    candidate = next((c for c in state.hypotheses.catalogue if c.name == name), None)
-    if candidate is None or candidate.law:
-        return None
-    joined = _joined(state.hypotheses, state.fit, name)
-    if state.hypotheses.ebic(joined) > state.hypotheses.ebic(state.fit) - STRONG:
-        return None
-    others = tuple(r for r in state.rejected if r.name != name)
-    return replace(state, fit=joined, rejected=others)
-
-
-def _joined(hypotheses: Hypotheses, fit: Fit, name: str) -> Fit:
-    """`fit` with the effect `name`, as it is in the best set that has it."""
-    best = next(other for other in hypotheses.ranked() if name in other.names)
-    (own,) = (c for c in best.candidates if c.name == name)
-    return hypotheses.fitted((*fit.candidates, own), {**fit.settings, name: best.settings[name]})
