@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ import click
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, allow_python_option
 from mopro.cli.outputs import Named, claimed, drawn, keep_inputs, machine_file, page_bytes
-from mopro.cli.say import say
+from mopro.cli.say import say, say_json
 from mopro.units import residual_unit
 
 if TYPE_CHECKING:
@@ -104,7 +103,7 @@ def command(
             answer["applied"] = gaps
         if loaded.rows is not None:
             answer["rows"] = loaded.rows.rows.as_json()
-        say(json.dumps(answer, indent=1))
+        say_json(answer)
     else:
         _print(comparison)
         _print_gaps(gaps)

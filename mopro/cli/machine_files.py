@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -13,7 +12,7 @@ import click
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile, machine_names, machine_option, payload_type, tell_of_runs
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
-from mopro.cli.say import say
+from mopro.cli.say import say, say_json
 from mopro.errors import ModelError
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ def show(machine: str, as_json: bool) -> None:
         loaded = load_machine(machine)
         name, rows = loaded.name, [*loaded.quantities(), *_effects(loaded)]
     if as_json:
-        say(json.dumps({"name": name, "quantities": rows}, indent=1))
+        say_json({"name": name, "quantities": rows})
         return
     keys = ("key", "value", "unit", "origin", "place")
     cells = [[str(row[key]) for key in keys] for row in rows]
@@ -276,7 +275,7 @@ def limits(
     figure = _figure(limits, f"{loaded.name}, payload {payload:g} kg")
     code = 0 if drawn(plot, figure) else EXIT_FAILED
     if as_json:
-        say(json.dumps([asdict(limit) for limit in limits], indent=1))
+        say_json([asdict(limit) for limit in limits])
         return code
     from mopro.cli.say import print_table
 
@@ -329,7 +328,7 @@ def thesis(name: str | None, as_json: bool) -> None:
 
     tables = {key: table(key) for key in ([name] if name else _NAMES)}
     if as_json:
-        say(json.dumps([asdict(row) for rows in tables.values() for row in rows], indent=1))
+        say_json([asdict(row) for rows in tables.values() for row in rows])
         return
     for key, rows in tables.items():
         say(f"Table {key}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import sys
 import tempfile
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.options import STANDARD
-from mopro.cli.say import say, say_findings
+from mopro.cli.say import say, say_findings, say_json
 from mopro.errors import DataError
 
 if TYPE_CHECKING:
@@ -145,7 +144,7 @@ def tell(run: Run, program: Program, written: Written, for_s: float | None, as_j
 
     if as_json:
         more = {"recording": str(written.out), "replaced": written.replaced}
-        say(json.dumps({**run.as_json(), **more}, indent=1))
+        say_json({**run.as_json(), **more})
     elif written.out == STANDARD:
         say(outcome(run), err=True)
     else:

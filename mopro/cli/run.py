@@ -24,14 +24,7 @@ from mopro.cli.options import (
     program_argument,
     tell_of_runs,
 )
-from mopro.cli.outputs import (
-    DrawingSink,
-    claimed,
-    drawn,
-    keep_inputs,
-    machine_file,
-    page_bytes,
-)
+from mopro.cli.outputs import DrawingSink, claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.program_files import compiled_program, refuse_unrunnable
 from mopro.cli.progress import in_motion, length_unit, simulated
 from mopro.cli.recordings import Written, recording_sink, replaces_recording, tell, tell_trouble
