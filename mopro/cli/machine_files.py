@@ -12,7 +12,7 @@ import click
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile, machine_names, machine_option, payload_type, tell_of_runs
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
-from mopro.cli.say import say, say_json
+from mopro.cli.say import print_table, say, say_json
 from mopro.errors import ModelError
 
 if TYPE_CHECKING:
@@ -57,7 +57,6 @@ def show(machine: str, as_json: bool) -> None:
 
     Example: mopro machine show chow1992
     """
-    from mopro.cli.say import print_table
     from mopro.machine import load_machine
     from mopro.stated.file import kind_of, load_stated
 
@@ -277,7 +276,6 @@ def limits(
     if as_json:
         say_json([asdict(limit) for limit in limits])
         return code
-    from mopro.cli.say import print_table
 
     print_table(_OF_LIMITS, map(_of_limit, limits), 1000)
     say(f"{loaded.name}, payload {payload:g} kg; the timed move is {distance:g} in.")
@@ -323,7 +321,6 @@ def thesis(name: str | None, as_json: bool) -> None:
 
     Example: mopro thesis 3.2
     """
-    from mopro.cli.say import print_table
     from mopro.thesis import table
 
     tables = {key: table(key) for key in ([name] if name else _NAMES)}

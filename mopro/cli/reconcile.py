@@ -14,7 +14,7 @@ import click
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile, allow_python_option, effect_names
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
-from mopro.cli.say import say, say_json
+from mopro.cli.say import print_table, say, say_json
 from mopro.errors import DataError
 from mopro.files import write
 from mopro.units import residual_unit
@@ -154,7 +154,6 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
 
 def _tell(conclusion: Conclusion) -> None:
-    from mopro.cli.say import print_table
     from mopro.experiment.conclude.wording import (
         calibration_words,
         draft_words,
@@ -198,7 +197,6 @@ def _tell(conclusion: Conclusion) -> None:
 
 
 def _explain(verdict: Verdict) -> None:
-    from mopro.cli.say import print_table
     from mopro.experiment.conclude.wording import trace_rows
 
     say("\nHow the answer came about, by the passes that decided something:")

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.options import STANDARD
-from mopro.cli.say import say, say_findings, say_json
-from mopro.errors import DataError
+from mopro.cli.say import print_table, say, say_findings, say_json
+from mopro.errors import DataError, Diagnostic, Severity
 
 if TYPE_CHECKING:
     from mopro.link.writer import Writer
@@ -139,7 +139,6 @@ def tell(run: Run, program: Program, written: Written, for_s: float | None, as_j
 
     The summary goes to stderr if stdout has the recording.
     """
-    from mopro.errors import Diagnostic, Severity
     from mopro.recording.run import outcome, stall_findings
 
     if as_json:
@@ -169,7 +168,6 @@ def _cut_text(run: Run, for_s: float | None) -> str:
 
 def _print_moves(moves: Sequence[MoveReport]) -> None:
     """A table of the moves for each unit of length, those of one statement in one row."""
-    from mopro.cli.say import print_table
     from mopro.recording.moves import folded, folded_columns
 
     for unit in dict.fromkeys(move.unit for move in moves):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -266,7 +266,6 @@ def _recorded(
 
 def _worse(run: Run, program: Program, trouble: str) -> Run:
     """The run with more that went wrong, which is told."""
-    from dataclasses import replace
 
     tell_trouble(program, trouble)
     return replace(run, trouble="\n".join(filter(None, (run.trouble, trouble))))

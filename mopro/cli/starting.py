@@ -171,7 +171,6 @@ def completion(shell: str, install: bool, force: bool) -> None:
         return
     place = _place(shell)
     _keep_others(place, force)
-    from mopro.files import make_folder, write
 
     make_folder(place.parent)
     write(place, f"{script}\n".encode())

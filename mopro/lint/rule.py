@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from mopro.errors import Diagnostic, Severity
-from mopro.motion import PlannedMove
+from mopro.motion import PlannedMove, survey
 from mopro.program import ir
 from mopro.source import Span
 
@@ -69,7 +69,6 @@ class Subject:
 
     @cached_property
     def survey(self) -> Survey:
-        from mopro.motion import survey
 
         rounds = 2 if len(self.program.ops) > _TWO_ROUNDS_FROM else 3
         return survey(self.program, rounds, self._switches_u)
