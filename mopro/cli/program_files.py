@@ -85,7 +85,6 @@ def compile_file(file: str, grammar: str, as_json: bool, canonical: bool) -> Non
 
     Example: mopro compile programs/TEMP2.CMD
     """
-
     from mopro.program import statements
 
     program = compiled_program(file, grammar)

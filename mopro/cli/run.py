@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
-from mopro.cli.live import live_run
+from mopro.cli.live import Live, live_run
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import (
     STANDARD,
@@ -31,7 +31,6 @@ from mopro.cli.recordings import Written, recording_sink, replaces_recording, te
 from mopro.cli.say import say, say_if_taken
 
 if TYPE_CHECKING:
-    from mopro.cli.live import Live
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
     from mopro.machine import Machine
@@ -266,7 +265,6 @@ def _recorded(
 
 def _worse(run: Run, program: Program, trouble: str) -> Run:
     """The run with more that went wrong, which is told."""
-
     tell_trouble(program, trouble)
     return replace(run, trouble="\n".join(filter(None, (run.trouble, trouble))))
 

@@ -130,7 +130,6 @@ def init(folder: Path) -> None:
 
     Example: mopro init first && cd first
     """
-
     for file in start(folder):
         say(str(file))
     say(f"next: cd {folder}, and the commands of README.md")

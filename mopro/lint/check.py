@@ -78,7 +78,6 @@ def lint(source: Source, settings: Settings | None = None) -> list[Finding]:
 
 def subject_of(source: Source, settings: Settings) -> Subject:
     """The program in `source` as a Subject; SourceError if it does not compile."""
-
     tree = parse(source, settings.grammar)
     return Subject(tree, lower(tree), settings)
 
