@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.options import (
-    OutputFile,
-    Quantity,
-    allow_python_option,
-    machine_option,
-)
+from mopro.cli.options import OutputFile, Quantity, allow_python_option, machine_option
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 from mopro.cli.progress import each_counted
-from mopro.cli.say import print_markdown, say
+from mopro.cli.say import print_markdown, say, say_json
 from mopro.errors import DataError
 
 _GRIDS = (
@@ -163,7 +157,7 @@ def score(
     result = Score(tuple(judged), tuple(followed), found.grid)
     all_drawn = drawn(report, lambda _: page_bytes(page(result)))
     if as_json:
-        say(json.dumps(result.as_json(), indent=1))
+        say_json(result.as_json())
     else:
         print_markdown(page(result))
     return 0 if all_drawn else EXIT_FAILED

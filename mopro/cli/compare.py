@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ import click
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import OutputFile, allow_python_option
 from mopro.cli.outputs import Named, claimed, drawn, keep_inputs, machine_file, page_bytes
-from mopro.cli.say import say
+from mopro.cli.say import print_table, say, say_json
 from mopro.units import residual_unit
 
 if TYPE_CHECKING:
@@ -104,7 +103,7 @@ def command(
             answer["applied"] = gaps
         if loaded.rows is not None:
             answer["rows"] = loaded.rows.rows.as_json()
-        say(json.dumps(answer, indent=1))
+        say_json(answer)
     else:
         _print(comparison)
         _print_gaps(gaps)
@@ -155,7 +154,6 @@ def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, object]]:
 
 
 def _print_gaps(gaps: Sequence[dict[str, object]]) -> None:
-    from mopro.cli.say import print_table
 
     if gaps:
         keys = ("before_rms", "after_rms", "noise_rms")
@@ -176,7 +174,6 @@ def _size(value: object, unit: str, form: str = ".3g") -> str:
 
 
 def _print(comparison: Comparison) -> None:
-    from mopro.cli.say import print_table
 
     print_table(_SERIES, map(_series_cells, comparison.series), _MOST_ROWS)
     print_table(_PLACES, map(_place_cells, comparison.where), _MOST_ROWS)

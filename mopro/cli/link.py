@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -23,7 +22,7 @@ from mopro.cli.options import (
 from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.program_files import compiled_program, refuse_unrunnable
 from mopro.cli.progress import counted
-from mopro.cli.say import say
+from mopro.cli.say import say, say_json
 
 if TYPE_CHECKING:
     from mopro.link import Session
@@ -136,7 +135,7 @@ def link_test(
             if not as_json:
                 say(f"{'matched' if step.matched else 'NOT AS SAID':<12} {step.name}: {step.said}")
     if as_json:
-        say(json.dumps([asdict(step) for step in steps], indent=1))
+        say_json([asdict(step) for step in steps])
     return 0 if all(step.matched for step in steps) else EXIT_FAILED
 
 
@@ -155,7 +154,7 @@ def ports(as_json: bool) -> None:
     ports = available_ports()
     if as_json:
         rows = [{"device": device, "description": text} for device, text in ports]
-        say(json.dumps(rows, indent=1))
+        say_json(rows)
         return
     for device, text in ports:
         say(f"{device}  {text}")
@@ -233,7 +232,7 @@ def _flashed(session: Session, program: Program, name: str, as_json: bool) -> in
         "retried": done.retried,
     }
     if as_json:
-        say(json.dumps(report, indent=1))
+        say_json(report)
     else:
         say(
             f"{program.name}: {done.statements} statements stored as {done.name} and read back "
@@ -250,7 +249,7 @@ def _verified(session: Session, program: Program, name: str, as_json: bool) -> i
     digest = program_hash(program)
     if as_json:
         report = {"program": program.name, "stored_as": name, "equal": True, "sha256": digest}
-        say(json.dumps(report, indent=1))
+        say_json(report)
     else:
         say(f"{name} on the controller is {program.name}; hash {digest[:12]}")
     return 0
@@ -266,7 +265,7 @@ def _listed(session: Session, program: Program, name: str, grammar: str, as_json
         rows = [{"statement": at, "file": ours, "stored": theirs} for at, ours, theirs in found]
         listing = canonical(stored).splitlines()
         report = {"stored_as": name, "sha256": program_hash(stored), "listing": listing}
-        say(json.dumps({**report, "differences": rows}, indent=1))
+        say_json({**report, "differences": rows})
         return EXIT_FAILED if found else 0
     say(canonical(stored), nl=False)
     for at, ours, theirs in found:

@@ -20,7 +20,7 @@ from mopro.cli.say import is_terminal, say, say_findings
 from mopro.errors import ModelError, MoproError, Severity
 from mopro.language.parse import GRAMMARS
 from mopro.lint.config import check_rule_names, find_settings, lengths
-from mopro.lint.output import FORMATS, Report, summary
+from mopro.lint.output import FORMATS, Report, explain, page, summary
 from mopro.lint.rule import Settings
 
 _EXPLAIN_ALL = "all"
@@ -190,7 +190,6 @@ def _starts(places: tuple[str, ...]) -> dict[int, float]:
 
 
 def _explain(name: str) -> int:
-    from mopro.lint.output import explain, page
     from mopro.lint.rules import RULES
 
     if name == _EXPLAIN_ALL:

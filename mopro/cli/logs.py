@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mopro.cli.main import EXIT_FAILED
-from mopro.cli.say import say
+from mopro.cli.say import say, say_json
 
 if TYPE_CHECKING:
     from mopro.logs import Asked, Column, Log
@@ -115,7 +114,7 @@ def import_logs(
             "check": checks,
             "rows": done.rows.as_json(),
         }
-        say(json.dumps(answer, indent=1))
+        say_json(answer)
         return
     for decision in done.decisions:
         say(str(decision))
@@ -204,7 +203,7 @@ def noise(
             "decisions": list(map(str, log.decisions)),
             "rows": log.rows.as_json(),
         }
-        say(json.dumps(answer, indent=1))
+        say_json(answer)
     else:
         _print(log, told)
     return 0 if found else EXIT_FAILED

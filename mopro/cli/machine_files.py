@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -13,7 +12,7 @@ import click
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile, machine_names, machine_option, payload_type, tell_of_runs
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
-from mopro.cli.say import say
+from mopro.cli.say import print_table, say, say_json
 from mopro.errors import ModelError
 
 if TYPE_CHECKING:
@@ -58,7 +57,6 @@ def show(machine: str, as_json: bool) -> None:
 
     Example: mopro machine show chow1992
     """
-    from mopro.cli.say import print_table
     from mopro.machine import load_machine
     from mopro.stated.file import kind_of, load_stated
 
@@ -69,7 +67,7 @@ def show(machine: str, as_json: bool) -> None:
         loaded = load_machine(machine)
         name, rows = loaded.name, [*loaded.quantities(), *_effects(loaded)]
     if as_json:
-        say(json.dumps({"name": name, "quantities": rows}, indent=1))
+        say_json({"name": name, "quantities": rows})
         return
     keys = ("key", "value", "unit", "origin", "place")
     cells = [[str(row[key]) for key in keys] for row in rows]
@@ -276,9 +274,8 @@ def limits(
     figure = _figure(limits, f"{loaded.name}, payload {payload:g} kg")
     code = 0 if drawn(plot, figure) else EXIT_FAILED
     if as_json:
-        say(json.dumps([asdict(limit) for limit in limits], indent=1))
+        say_json([asdict(limit) for limit in limits])
         return code
-    from mopro.cli.say import print_table
 
     print_table(_OF_LIMITS, map(_of_limit, limits), 1000)
     say(f"{loaded.name}, payload {payload:g} kg; the timed move is {distance:g} in.")
@@ -324,12 +321,11 @@ def thesis(name: str | None, as_json: bool) -> None:
 
     Example: mopro thesis 3.2
     """
-    from mopro.cli.say import print_table
     from mopro.thesis import table
 
     tables = {key: table(key) for key in ([name] if name else _NAMES)}
     if as_json:
-        say(json.dumps([asdict(row) for rows in tables.values() for row in rows], indent=1))
+        say_json([asdict(row) for rows in tables.values() for row in rows])
         return
     for key, rows in tables.items():
         say(f"Table {key}")

@@ -20,13 +20,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from mopro.cli.say import (
-    discard_output,
-    give_up_errors,
-    prepare_streams,
-    say,
-    say_findings,
-)
+from mopro.cli.say import discard_output, give_up_errors, prepare_streams, say, say_findings
 from mopro.errors import Interrupted, LinkError, MoproError, PortError, RunError
 from mopro.process.loading import load_elsewhere, make_sure_on_import
 

@@ -13,7 +13,7 @@ import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import grammar_option, program_argument
-from mopro.cli.say import say, say_bytes, say_findings
+from mopro.cli.say import say, say_bytes, say_findings, say_json
 from mopro.errors import MoproError, render_all
 from mopro.language import parse
 from mopro.language.load import MOST_BYTES, load_bytes, source_from_bytes
@@ -85,13 +85,11 @@ def compile_file(file: str, grammar: str, as_json: bool, canonical: bool) -> Non
 
     Example: mopro compile programs/TEMP2.CMD
     """
-    import json
-
     from mopro.program import statements
 
     program = compiled_program(file, grammar)
     if as_json:
-        say(json.dumps(statements.as_json(program), indent=1))
+        say_json(statements.as_json(program))
     else:
         say(statements.canonical(program) if canonical else statements.listing(program), nl=False)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ import click
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile, allow_python_option, effect_names
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
-from mopro.cli.say import say
+from mopro.cli.say import print_table, say, say_json
 from mopro.errors import DataError
 from mopro.files import write
 from mopro.units import residual_unit
@@ -93,7 +92,7 @@ def command(
         answer = {"experiment": experiment, "machine": loaded.machine_name, **conclusion.as_json()}
         if loaded.rows is not None:
             answer["rows"] = loaded.rows.rows.as_json()
-        say(json.dumps(answer, indent=1, default=float, allow_nan=False))
+        say_json(answer, default=float, allow_nan=False)
     else:
         _tell(conclusion)
         if explain:
@@ -155,7 +154,6 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
 
 def _tell(conclusion: Conclusion) -> None:
-    from mopro.cli.say import print_table
     from mopro.experiment.wording import (
         calibration_words,
         draft_words,
@@ -199,7 +197,6 @@ def _tell(conclusion: Conclusion) -> None:
 
 
 def _explain(verdict: Verdict) -> None:
-    from mopro.cli.say import print_table
     from mopro.experiment.wording import trace_rows
 
     say("\nHow the answer came about, by the passes that decided something:")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import sys
 import tempfile
@@ -15,8 +14,8 @@ from typing import TYPE_CHECKING
 import click
 
 from mopro.cli.options import STANDARD
-from mopro.cli.say import say, say_findings
-from mopro.errors import DataError
+from mopro.cli.say import print_table, say, say_findings, say_json
+from mopro.errors import DataError, Diagnostic, Severity
 
 if TYPE_CHECKING:
     from mopro.link.writer import Writer
@@ -140,12 +139,11 @@ def tell(run: Run, program: Program, written: Written, for_s: float | None, as_j
 
     The summary goes to stderr if stdout has the recording.
     """
-    from mopro.errors import Diagnostic, Severity
     from mopro.recording.run import outcome, stall_findings
 
     if as_json:
         more = {"recording": str(written.out), "replaced": written.replaced}
-        say(json.dumps({**run.as_json(), **more}, indent=1))
+        say_json({**run.as_json(), **more})
     elif written.out == STANDARD:
         say(outcome(run), err=True)
     else:
@@ -170,7 +168,6 @@ def _cut_text(run: Run, for_s: float | None) -> str:
 
 def _print_moves(moves: Sequence[MoveReport]) -> None:
     """A table of the moves for each unit of length, those of one statement in one row."""
-    from mopro.cli.say import print_table
     from mopro.recording.moves import folded, folded_columns
 
     for unit in dict.fromkeys(move.unit for move in moves):

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from mopro.cli.link import baud_option, connected_session, dialect_option, trace_option
-from mopro.cli.live import live_run
+from mopro.cli.live import Live, live_run
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import (
     STANDARD,
@@ -24,21 +24,13 @@ from mopro.cli.options import (
     program_argument,
     tell_of_runs,
 )
-from mopro.cli.outputs import (
-    DrawingSink,
-    claimed,
-    drawn,
-    keep_inputs,
-    machine_file,
-    page_bytes,
-)
+from mopro.cli.outputs import DrawingSink, claimed, drawn, keep_inputs, machine_file, page_bytes
 from mopro.cli.program_files import compiled_program, refuse_unrunnable
 from mopro.cli.progress import in_motion, length_unit, simulated
 from mopro.cli.recordings import Written, recording_sink, replaces_recording, tell, tell_trouble
 from mopro.cli.say import say, say_if_taken
 
 if TYPE_CHECKING:
-    from mopro.cli.live import Live
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
     from mopro.machine import Machine
@@ -273,8 +265,6 @@ def _recorded(
 
 def _worse(run: Run, program: Program, trouble: str) -> Run:
     """The run with more that went wrong, which is told."""
-    from dataclasses import replace
-
     tell_trouble(program, trouble)
     return replace(run, trouble="\n".join(filter(None, (run.trouble, trouble))))
 

@@ -15,7 +15,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext, suppress
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
@@ -52,6 +52,13 @@ def say(text: str = "", err: bool = False, nl: bool = True) -> None:
         return
     with suppress(OSError):
         click.echo(visible(text), err=True, nl=nl)
+
+
+def say_json(value: Any, **how: Any) -> None:
+    """Write a value as JSON to standard output; `how` is for json.dumps."""
+    import json
+
+    say(json.dumps(value, indent=1, **how))
 
 
 def say_if_taken(text: str) -> None:

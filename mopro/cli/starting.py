@@ -130,7 +130,6 @@ def init(folder: Path) -> None:
 
     Example: mopro init first && cd first
     """
-
     for file in start(folder):
         say(str(file))
     say(f"next: cd {folder}, and the commands of README.md")
@@ -171,7 +170,6 @@ def completion(shell: str, install: bool, force: bool) -> None:
         return
     place = _place(shell)
     _keep_others(place, force)
-    from mopro.files import make_folder, write
 
     make_folder(place.parent)
     write(place, f"{script}\n".encode())

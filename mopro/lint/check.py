@@ -14,7 +14,7 @@ from mopro.language.ast import Tree
 from mopro.language.parse import parse_what_can_be
 from mopro.lint.rule import Finding, Rule, Settings, Stage, Subject
 from mopro.lint.rules import RULES
-from mopro.program import Program, examine
+from mopro.program import Program, examine, lower
 from mopro.source import Source, Span
 
 # -- findings ---------------------------------------------------------------------------------
@@ -78,8 +78,6 @@ def lint(source: Source, settings: Settings | None = None) -> list[Finding]:
 
 def subject_of(source: Source, settings: Settings) -> Subject:
     """The program in `source` as a Subject; SourceError if it does not compile."""
-    from mopro.program import lower
-
     tree = parse(source, settings.grammar)
     return Subject(tree, lower(tree), settings)
 

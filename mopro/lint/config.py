@@ -12,15 +12,7 @@ from mopro.errors import Diagnostic, ModelError
 from mopro.lint.rule import Settings
 from mopro.source import Source, Span
 from mopro.tomlfile import Document, Unreadable, Value, read_text, shown
-from mopro.tomlfile.schema import (
-    Reader,
-    one_of,
-    quantity,
-    record,
-    signed_quantity,
-    table_in,
-    text,
-)
+from mopro.tomlfile.schema import Reader, one_of, quantity, record, signed_quantity, table_in, text
 
 FILES = ("mopro.toml", "pyproject.toml")
 _RULE = "bad-settings"

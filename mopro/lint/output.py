@@ -137,8 +137,6 @@ def as_sarif(reports: Iterable[Report]) -> str:
     import json
     from importlib.metadata import version
 
-    from mopro.lint.rules import RULES
-
     order = {name: index for index, name in enumerate(RULES)}
     driver = {
         "name": "mopro",
@@ -151,7 +149,6 @@ def as_sarif(reports: Iterable[Report]) -> str:
 
 
 def _sarif_rule(name: str) -> dict[str, Any]:
-    from mopro.lint.rules import RULES
 
     rule = RULES[name]
     return {

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from mopro.errors import Diagnostic, Severity
-from mopro.motion import PlannedMove
+from mopro.motion import PlannedMove, Survey, survey
 from mopro.program import ir
 from mopro.source import Span
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from mopro.language import ast
     from mopro.lint.stall_margins import StallMargins
     from mopro.machine import Machine
-    from mopro.motion import Survey
 
 
 # -- settings ---------------------------------------------------------------------------------
@@ -69,7 +68,6 @@ class Subject:
 
     @cached_property
     def survey(self) -> Survey:
-        from mopro.motion import survey
 
         rounds = 2 if len(self.program.ops) > _TWO_ROUNDS_FROM else 3
         return survey(self.program, rounds, self._switches_u)

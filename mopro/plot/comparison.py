@@ -10,14 +10,7 @@ from mopro.engine.series import Series
 from mopro.experiment.breaks import drawn
 from mopro.experiment.comparison import Compared, Comparison, SeriesTest
 from mopro.recording.envelope import Band, Floats
-from mopro.recording.figure import (
-    BLACK,
-    BLUE,
-    VERMILLION,
-    add_legend,
-    draw_band,
-    mark_lines,
-)
+from mopro.recording.figure import BLACK, BLUE, VERMILLION, add_legend, draw_band, mark_lines
 from mopro.recording.style import library_style
 from mopro.text import plain
 

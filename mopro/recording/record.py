@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.recording.run import Run
+from mopro.recording.run import Run, outcome
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,7 +133,6 @@ class Recording:
         """Outcome, moves and columns."""
         from mopro import markup
         from mopro.recording.moves import folded, folded_columns
-        from mopro.recording.run import outcome
 
         header, run = self.header, self.run
         effects = ", ".join(str(effect.get("name")) for effect in header.effects) or "none"

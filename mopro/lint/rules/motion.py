@@ -14,9 +14,11 @@ from mopro.lint.rule import (
     Settings,
     Stage,
     Subject,
+    extent_u,
     same_but_waits,
     same_motion,
     same_motion_but_waits,
+    travel_of,
 )
 from mopro.motion import PlannedMove, Shape
 from mopro.program import AXES, ir
@@ -131,7 +133,6 @@ def _with_value(subject: Subject, index: int, value: Fraction) -> str | None:
 
 
 def _drift_per_loop(rule: Rule, subject: Subject) -> Iterator[Finding]:
-    from mopro.lint.rule import extent_u, travel_of
 
     laps = subject.survey.laps
     if len(laps) < 2:

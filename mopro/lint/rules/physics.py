@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mopro.errors import Severity
 from mopro.lint.rule import Finding, Rule, Stage, Subject
-from mopro.motion import PlannedMove, Survey
+from mopro.motion import PlannedMove, Survey, plan_profile
 from mopro.motion.profile import per_millisecond
 from mopro.program import AXES
 from mopro.source import Span
@@ -111,7 +111,6 @@ def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
     from mopro.lint.energy_bound import greatest_step_m_s2
     from mopro.lint.rules.motion import first_by_span
     from mopro.lint.stall_margins import MoveOnAxis, emulated
-    from mopro.motion import plan_profile
 
     laden = subject.stall_margins.laden
     step_u_s2 = greatest_step_m_s2(laden.pendulum.pull_out_m_s2, FASTER_MARGIN)
