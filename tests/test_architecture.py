@@ -67,7 +67,7 @@ def test_two_modules_of_the_benchmark_read_mopro_s_machine_model(graph):
 
 @pytest.mark.parametrize("imported", ["mopro", "mopro.emulator", "mopro.units"])
 def test_any_import_of_mopro_in_the_reference_plant_is_found(graph, imported):
-    plant = "mopro.blind.reference.plant"
+    plant = "mopro.blind.reference.axis"
     assert imported in graph.modules
     graph.add_import(importer=plant, imported=imported)
     assert (plant, imported) in foreign_imports(graph, "mopro.blind.reference")

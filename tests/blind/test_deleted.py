@@ -14,7 +14,7 @@ from mopro.blind.making.case import case_instruments
 from mopro.blind.making.equivalent import MARGIN, equivalents, least_left, left_by_set
 from mopro.blind.making.make import make
 from mopro.blind.making.sizes import NoiselessRuns
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.scoring.judge import judge
 from mopro.blind.scoring.run import VerdictSource, with_named_set, without_of
 from mopro.blind.scoring.score import Score

@@ -14,7 +14,7 @@ from mopro.blind.making.case import case_instruments, draw_case
 from mopro.blind.making.make import make, write
 from mopro.blind.making.sizes import NoiselessRuns, class_of
 from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import THESIS
+from mopro.blind.reference.motor import THESIS
 from mopro.instruments import read_thermocouple
 
 ONE = CaseSpec("single", LASER, (("viscous_drag", "clear"),), runs=1, run_s=1.0)

@@ -11,7 +11,7 @@ from mopro.blind.cases.spec import LASER, CaseSpec
 from mopro.blind.making.case import case_instruments, draw_case
 from mopro.blind.making.machine import read_machine
 from mopro.blind.making.make import write
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.scoring.follow import hidden_plant
 from mopro.errors import ModelError
 from mopro.experiment import load_experiment

@@ -14,7 +14,7 @@ from mopro.blind.cases.spec import COARSE, ENCODER, LVDT, THERMOCOUPLE, CaseSpec
 from mopro.blind.making.case import draw_case
 from mopro.blind.making.machine import read_machine
 from mopro.blind.making.make import make, write
-from mopro.blind.reference.nominal import THESIS
+from mopro.blind.reference.motor import THESIS
 from mopro.blind.scoring.judge import judge
 from mopro.blind.scoring.score import Score
 from mopro.effects import catalogue

@@ -8,8 +8,8 @@ from mopro.blind.cases import effects as hidden
 from mopro.blind.cases.spec import THERMOCOUPLE
 from mopro.blind.making.case import case_instruments
 from mopro.blind.making.programs import ProgramWriter
-from mopro.blind.reference.nominal import THESIS
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.reference.motor import THESIS
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.model import Experiment, Reading
 from mopro.experiment.sawyer.model import Trial as Measured

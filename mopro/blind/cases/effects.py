@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.blind.reference.nominal import LVDT_HALF_M, STEEL_1_K, Nominal
+from mopro.blind.reference.motor import LVDT_HALF_M, STEEL_1_K, Nominal
 
 Generator = np.random.Generator
 Parameters = dict[str, float]

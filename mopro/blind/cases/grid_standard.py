@@ -19,7 +19,7 @@ from mopro.blind.cases.spec import (
     single,
     warm,
 )
-from mopro.blind.reference import disturbances
+from mopro.blind.reference.uncatalogued import DISTURBANCES
 
 # Effects that look alike if all strokes have one direction and one speed.
 _ALIKE = (
@@ -67,7 +67,7 @@ def full(g: np.random.Generator) -> Iterator[CaseSpec]:
     for name in ("platen_conduction", "convection_scale"):
         yield warm("pair", (name, "clear"), ("speed_dependent_heat", "strong"))
     yield from (_several(g, 3) for _ in range(12))
-    for name in disturbances.NAMES:
+    for name in DISTURBANCES:
         for sensor in (LASER, LASER, ENCODER, LVDT):
             yield CaseSpec("off catalogue", sensor, disturbance=name)
     for name in _ALIKE:
@@ -95,7 +95,7 @@ def small(g: np.random.Generator) -> Iterator[CaseSpec]:
         yield _null(sensor, run_s=4.0)
     for count in (2, 2, 2, 3):
         yield _several(g, count, run_s=4.0)
-    for name in disturbances.NAMES:
+    for name in DISTURBANCES:
         yield CaseSpec("off catalogue", LASER, disturbance=name, run_s=4.0)
     for name in g.choice(_ALIKE, 2, replace=False):
         yield _alike(str(name), ENCODER)

@@ -14,9 +14,8 @@ import numpy as np
 
 from mopro.blind.cases.effects import Drawn, Generator, HiddenEffect, Parameters
 from mopro.blind.cases.spec import ENCODER, LASER, CaseSpec
-from mopro.blind.reference.motion import Floats
-from mopro.blind.reference.nominal import Nominal
-from mopro.blind.reference.readings import ProgramRun
+from mopro.blind.reference.motor import Floats, Nominal
+from mopro.blind.reference.plant import ProgramRun
 from mopro.blind.reference.sensors import Instrument
 from mopro.effects import Active, catalogue_of
 from mopro.effects.resolve import with_values

@@ -19,11 +19,11 @@ from mopro.blind.cases.variables import EFFECT_VARIABLES
 from mopro.blind.making.equivalent import equivalents
 from mopro.blind.making.programs import PositionRange, ProgramWriter
 from mopro.blind.making.sizes import SIZE_CLASSES, NoiselessRuns, Plant, class_of, strength_for
-from mopro.blind.reference.foreign import Foreign
 from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import INCH_M, THESIS, Nominal
-from mopro.blind.reference.readings import Disturbance, ProgramRun, ReferencePlant
+from mopro.blind.reference.motor import INCH_M, THESIS, Nominal
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
+from mopro.blind.reference.uncatalogued import Disturbance, Foreign
 
 _PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
 _TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}

@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 
 from mopro.blind.cases.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
 from mopro.blind.making.sizes import NoiselessRuns, Plant
-from mopro.blind.reference.motion import Floats
+from mopro.blind.reference.motor import Floats
 
 # Parameters to begin with, and the names of those to fit.
 Start = tuple[Parameters, tuple[str, ...]]

@@ -13,7 +13,7 @@ from pathlib import Path
 import mopro.machine
 from mopro.blind.cases.stated import StatedEffects
 from mopro.blind.making.make import BenchmarkMachine
-from mopro.blind.reference.nominal import Nominal
+from mopro.blind.reference.motor import Nominal
 from mopro.errors import DataError
 from mopro.inputs import read_bytes
 from mopro.machine import builtin_machines, load_machine

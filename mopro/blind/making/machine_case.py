@@ -22,7 +22,8 @@ from mopro.blind.making.machine_texts import (
     per_si,
 )
 from mopro.blind.making.manifest import EXPERIMENT, MODEL
-from mopro.blind.reference.machines import Columns, Floats
+from mopro.blind.reference.motor import Floats
+from mopro.blind.reference.stepped_machines import Columns
 
 Generator = np.random.Generator
 Hidden = dict[str, Parameters]

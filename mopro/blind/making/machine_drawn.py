@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mopro.blind.cases.of_machines import Span
-from mopro.blind.reference.machines import PLANTS, Columns, Floats
+from mopro.blind.reference.motor import Floats
+from mopro.blind.reference.stepped_machines import PLANTS, Columns
 
 Generator = np.random.Generator
 # Rows of all runs of a case together, at most.

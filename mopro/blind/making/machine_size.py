@@ -8,7 +8,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mopro.blind.making.machine_drawn import Machine
-from mopro.blind.reference.machines import PLANTS, Columns, Effects, Floats
+from mopro.blind.reference.motor import Floats, Hidden
+from mopro.blind.reference.stepped_machines import PLANTS, Columns
 
 # Relative step of a number for its derivative.
 _STEP = 1e-4
@@ -16,7 +17,7 @@ _EVALUATIONS = 40
 
 
 def stacked(machine: Machine, runs: Sequence[Columns], numbers: Mapping[str, float],
-            effects: Effects) -> Floats:  # fmt: skip
+            effects: Hidden) -> Floats:  # fmt: skip
     """Readings of all runs, (rows of all sensors of all runs,), each series less its mean.
 
     The mean goes where the zero of the sensor is free.
@@ -25,7 +26,7 @@ def stacked(machine: Machine, runs: Sequence[Columns], numbers: Mapping[str, flo
     return np.concatenate([own if machine.zero else own - own.mean() for own in series])
 
 
-def seen(kind: str, run: Columns, numbers: Mapping[str, float], effects: Effects) -> Floats:
+def seen(kind: str, run: Columns, numbers: Mapping[str, float], effects: Hidden) -> Floats:
     """Readings (sensors, rows) of a run; NaN where the machine runs away."""
     try:
         return PLANTS[kind](run, numbers, effects)
@@ -33,7 +34,7 @@ def seen(kind: str, run: Columns, numbers: Mapping[str, float], effects: Effects
         return np.full((1, len(run["time_s"])), np.nan)
 
 
-def visible(machine: Machine, runs: Sequence[Columns], effects: Effects) -> dict[str, float]:
+def visible(machine: Machine, runs: Sequence[Columns], effects: Hidden) -> dict[str, float]:
     """Size of each effect in the readings (their unit, root of the sum of squares).
 
     Of its change the part that no change of the free numbers makes, to first order.
@@ -54,7 +55,7 @@ def visible(machine: Machine, runs: Sequence[Columns], effects: Effects) -> dict
 
 
 def left_by(
-    machine: Machine, runs: Sequence[Columns], truth: Effects, named: Effects, sigma: float
+    machine: Machine, runs: Sequence[Columns], truth: Hidden, named: Hidden, sigma: float
 ) -> float:
     """Chi-squared that the effects `named`, refitted with the free numbers, leave of `truth`."""
     target = stacked(machine, runs, machine.numbers, truth)

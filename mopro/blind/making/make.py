@@ -19,11 +19,10 @@ from mopro.blind.making.case import Case, Generator, draw_case, program_name
 from mopro.blind.making.machine_case import machine_case
 from mopro.blind.making.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
 from mopro.blind.making.sizes import Plant
-from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.motion import Floats
-from mopro.blind.reference.nominal import THESIS, Nominal
-from mopro.blind.reference.readings import ProgramRun
+from mopro.blind.reference.motor import THESIS, Floats, Nominal
+from mopro.blind.reference.plant import ProgramRun
 from mopro.blind.reference.sensors import Instrument, stored
+from mopro.blind.reference.uncatalogued import Foreign
 from mopro.inputs import read_bytes
 from mopro.process.jobs import in_processes
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import THESIS, Nominal
+from mopro.blind.reference.motor import THESIS, Nominal
 
 Generator = np.random.Generator
 

@@ -10,9 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from mopro.blind.cases.effects import Drawn
-from mopro.blind.reference.motion import Floats
-from mopro.blind.reference.nominal import THESIS, Nominal
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.reference.motor import THESIS, Floats, Nominal
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
 
 # Effects with a smaller total size count as below the resolution of the experiment.

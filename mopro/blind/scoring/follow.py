@@ -12,10 +12,10 @@ from mopro.blind.cases.stated import StatedEffects
 from mopro.blind.making.make import data_file, data_name, measured, run_text
 from mopro.blind.making.manifest import EXPERIMENT, Manifest
 from mopro.blind.making.sizes import Plant
-from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.nominal import Nominal
-from mopro.blind.reference.readings import Disturbance, ProgramRun, ReferencePlant
+from mopro.blind.reference.motor import Nominal
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
+from mopro.blind.reference.uncatalogued import Disturbance, Foreign
 
 FOLDER = "followed"
 # Recorded time of a proposed program that heats the motor in an endless loop.

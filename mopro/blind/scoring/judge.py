@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mopro.blind.making.sizes import RESOLUTION_SIGMA
-from mopro.blind.reference.nominal import INCH_M
+from mopro.blind.reference.motor import INCH_M
 from mopro.blind.reference.sensors import Instrument
 from mopro.blind.scoring.outcome import (
     FAILED,

@@ -30,8 +30,8 @@ from mopro.blind.making.manifest import (
     is_file_name,
 )
 from mopro.blind.making.sizes import NoiselessRuns
-from mopro.blind.reference.nominal import Nominal
-from mopro.blind.reference.readings import ProgramRun
+from mopro.blind.reference.motor import Nominal
+from mopro.blind.reference.plant import ProgramRun
 from mopro.blind.reference.sensors import Instrument
 from mopro.blind.scoring.follow import FOLDER, add_proposed_run, hidden_plant
 from mopro.blind.scoring.judge import Judgement, judge
