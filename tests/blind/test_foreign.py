@@ -7,12 +7,12 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS, of_size
+from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS
 from mopro.blind.cases.grids import case_specs
-from mopro.blind.cases.spec import ENCODER, LASER
-from mopro.blind.cases.variables import EFFECT_VARIABLES
-from mopro.blind.making.case import case_instruments
-from mopro.blind.making.make import make
+from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS
+from mopro.blind.cases.hidden_sizes import of_size
+from mopro.blind.cases.make import make
+from mopro.blind.cases.spec import ENCODER, LASER, case_instruments
 from mopro.blind.reference import axis, equation
 from mopro.blind.reference.listing import timeline
 from mopro.blind.reference.motor import THESIS
@@ -25,9 +25,8 @@ from mopro.blind.reference.uncatalogued import (
     stored_badly,
     with_lost_microsteps,
 )
-from mopro.blind.scoring.follow import hidden_plant
+from mopro.blind.scoring.from_answer import hidden_plant, with_named_set
 from mopro.blind.scoring.judge import judge
-from mopro.blind.scoring.run import with_named_set
 from mopro.blind.scoring.score import Score
 
 MOVE = "UU012500/1\nVEL1 20.0\nACC1 0.25\nMRI1 4.0\nWX1\nWT300\nMRI1 -4.0\nWX1\nWT300\n"
@@ -224,7 +223,7 @@ def test_kinds_and_grid():
     assert {s.foreign for s in specs} == set(FOREIGN_KINDS)
     assert sum(bool(s.effects) for s in specs) == len(specs) / 2
     names = {n for k in FOREIGN_KINDS.values() for n in (*k.same, *k.akin)}
-    assert names <= set(EFFECT_VARIABLES)
+    assert names <= set(HIDDEN_EFFECTS)
 
 
 def test_a_case_is_made_and_its_plant_is_found_again(tmp_path):

@@ -8,23 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from mopro.blind.making.equivalent import MARGIN
-from mopro.blind.making.machine_drawn import Machine
-from mopro.blind.making.machine_size import left_by
-from mopro.blind.making.machine_texts import columns_of, per_si
-from mopro.blind.scoring.judge import IntervalCheck, Judgement, ratio
+from mopro.blind.cases.drawn_machine import Machine, left_by
+from mopro.blind.cases.equivalent import MARGIN
+from mopro.blind.cases.machine_texts import columns_of, per_si
+from mopro.blind.scoring.judge import IntervalCheck, Judgement, judgement
 from mopro.blind.scoring.outcome import (
     FAILED,
     FAMILY,
     RIGHT,
-    UNEXPLAINED,
+    VERDICTS,
     WRONG,
     Document,
-    family,
     outcome,
     variables_said,
 )
-from mopro.formula.dimension import factor_of
+from mopro.formula import factor_of
 
 # Relative difference of a file's own residual from what the verdict says of it.
 _EQUAL = 1e-9
@@ -37,8 +35,7 @@ def judge_machine(number: str, answer: Document, reply: Document, folder: Path) 
     leaves chi-squared of 10 or more of the hidden response.
     """
     named = list(reply.get("effects") or [])
-    found = str(reply.get("verdict", FAILED))
-    known = found in ("named", "ambiguous", "none", UNEXPLAINED)
+    known = reply.get("verdict") in VERDICTS
     result = outcome(answer, reply, named) if known else FAILED
     left = None
     if result == WRONG and answer["effects"]:
@@ -46,29 +43,14 @@ def judge_machine(number: str, answer: Document, reply: Document, folder: Path) 
         result = FAMILY if left < MARGIN else WRONG
     if answer["unlisted"] and known:
         result = _of_unlisted(answer, reply)
-    gap = reply.get("gap") or {}
-    covered = _coverage(answer, reply) if result == RIGHT else ()
-    return Judgement(
-        number=number,
-        group=answer["group"],
-        sensor=answer["sensor"],
-        truth=tuple(e["name"] for e in answer["effects"]) or tuple(answer["unlisted"]),
-        least_sigma=min((e["total_sigma"] for e in answer["effects"]), default=0.0),
+    return judgement(
+        number, answer, reply, named, (reply.get("gap") or {}).get("noise_rms"),
         outcome=result,
-        said=tuple("/".join([e["name"], *family(e)]) for e in named),
-        verdict=found,
-        described=bool((reply.get("remainder") or {}).get("description")),
-        covered=covered,
-        gap_before=ratio(gap.get("before_rms"), gap.get("noise_rms")),
-        gap_after=ratio(gap.get("after_rms"), gap.get("noise_rms")),
-        seconds=reply.get("seconds"),
-        note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
-        variables=variables_said(reply),
-        right_variable=bool({*variables_said(reply)} & {*answer["variables"]}),
+        covered=_coverage(answer, reply) if result == RIGHT else (),
         leaves=left,
         drafted=bool(reply.get("drafts")),
         **_of_file(answer, reply),
-    )
+    )  # fmt: skip
 
 
 def _of_unlisted(answer: Document, reply: Document) -> str:

@@ -10,18 +10,23 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from mopro.blind.cases.grid_machines import MachineSpec
-from mopro.blind.cases.of_machines import LISTED, OF_A_RUN, UNLISTED, Parameters, Span
-from mopro.blind.making.machine_drawn import Machine, columns, drawn, span
-from mopro.blind.making.machine_size import seen, visible
-from mopro.blind.making.machine_texts import (
+from mopro.blind.cases.drawn_machine import Machine, columns, drawn, seen, span, visible
+from mopro.blind.cases.machine_kinds import (
+    LISTED,
+    OF_A_RUN,
+    UNLISTED,
+    MachineSpec,
+    Parameters,
+    Span,
+)
+from mopro.blind.cases.machine_texts import (
     PROGRAM,
     experiment_text,
     log,
     machine_text,
     per_si,
 )
-from mopro.blind.making.manifest import EXPERIMENT, MODEL
+from mopro.blind.cases.manifest import EXPERIMENT, MODEL
 from mopro.blind.reference.motor import Floats
 from mopro.blind.reference.stepped_machines import Columns
 

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from mopro.blind.cases.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
-from mopro.blind.making.sizes import NoiselessRuns, Plant
+from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
+from mopro.blind.cases.hidden_sizes import NoiselessRuns, Plant
 from mopro.blind.reference.motor import Floats
 
 # Parameters to begin with, and the names of those to fit.

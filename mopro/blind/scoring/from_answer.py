@@ -1,4 +1,7 @@
-"""Run of the experiment that a verdict proposes, on the reference plant of its case."""
+"""The hidden plant of a case, built again from its answer.
+
+The experiment that a verdict proposes is run on it, and a set of names is tried on its runs.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from mopro.blind.cases.stated import StatedEffects
-from mopro.blind.making.make import data_file, data_name, measured, run_text
-from mopro.blind.making.manifest import EXPERIMENT, Manifest
-from mopro.blind.making.sizes import Plant
+from mopro.blind.cases.equivalent import MARGIN, left_by_set
+from mopro.blind.cases.hidden_sizes import NoiselessRuns, Plant
+from mopro.blind.cases.make import data_file, data_name, measured, run_text
+from mopro.blind.cases.manifest import EXPERIMENT, Manifest
+from mopro.blind.cases.stated_effects import StatedEffects
 from mopro.blind.reference.motor import Nominal
 from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
 from mopro.blind.reference.uncatalogued import Disturbance, Foreign
+from mopro.blind.scoring.outcome import UNEXPLAINED, Document
 
-FOLDER = "followed"
 # Recorded time of a proposed program that heats the motor in an endless loop.
 _HEATING_S = 3600.0
 
@@ -65,3 +69,39 @@ def hidden_plant(answer: Mapping[str, Any]) -> Plant:
     nominal = Nominal(**answer.get("machine", {}))
     foreign = Foreign(**answer["foreign"]) if answer.get("foreign") else None
     return ReferencePlant(effects, disturbance, nominal, foreign)
+
+
+def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -> Document:
+    """`answer` with what the set that `reply` names leaves of the hidden response, `named_leaves`.
+
+    Also with the set in `equivalent_sets` if it is equivalent, as each rival by itself when the
+    case was made: by the response of the reference plant without noise, chi-squared below 10 with
+    the parameters of the verdict or with the best ones. Only what leaves nothing unexplained is
+    tried, and is not equivalent one by one; `folder` has the case's programs.
+    """
+    named = {
+        effect["name"]: {
+            name: parameter["value"] for name, parameter in effect.get("parameters", {}).items()
+        }
+        for effect in reply.get("effects") or []
+    }
+    runs = answer.get("runs")
+    single = set(named) <= set(answer.get("equivalent") or [])
+    if not runs or single or reply.get("verdict") == UNEXPLAINED:
+        return answer
+    noiseless = NoiselessRuns(
+        [_run(folder, each) for each in runs],
+        [Instrument(**i) for i in answer["instruments"]],
+        Nominal(**answer["machine"]),
+    )
+    generator = np.random.default_rng([seed, 7, int(folder.name)])
+    left = left_by_set(noiseless, hidden_plant(answer), named, generator)
+    if left is None:
+        return answer
+    sets = [sorted(named)] if left < MARGIN else []
+    return {**answer, "equivalent_sets": sets, "named_leaves": left}
+
+
+def _run(folder: Path, told: Mapping[str, Any]) -> ProgramRun:
+    text = (folder / told["program"]).read_text(encoding="ascii")
+    return ProgramRun(text, told["payload_kg"], told["until_s"])
