@@ -13,10 +13,10 @@ from mopro.blind.cases.hidden_sizes import NoiselessRuns
 from mopro.blind.cases.make import make
 from mopro.blind.cases.spec import ENCODER, case_instruments
 from mopro.blind.reference.plant import ProgramRun, ReferencePlant
-from mopro.blind.scoring.from_answer import with_named_set
 from mopro.blind.scoring.judge import judge
 from mopro.blind.scoring.outcome import said
 from mopro.blind.scoring.score import Score
+from mopro.blind.scoring.scored_cases import with_named_set
 from mopro.blind.scoring.verdict_source import VerdictSource, without_of
 from mopro.cli.blind import make as make_command
 

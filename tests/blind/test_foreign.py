@@ -25,9 +25,9 @@ from mopro.blind.reference.uncatalogued import (
     stored_badly,
     with_lost_microsteps,
 )
-from mopro.blind.scoring.from_answer import hidden_plant, with_named_set
 from mopro.blind.scoring.judge import judge
 from mopro.blind.scoring.score import Score
+from mopro.blind.scoring.scored_cases import hidden_plant, with_named_set
 
 MOVE = "UU012500/1\nVEL1 20.0\nACC1 0.25\nMRI1 4.0\nWX1\nWT300\nMRI1 -4.0\nWX1\nWT300\n"
 SPEED = 0.05
@@ -198,7 +198,7 @@ class TestInstrument:
 
 @pytest.mark.parametrize("name", FOREIGN_KINDS)
 def test_each_kind_shows_in_a_run(name):
-    drawn = FOREIGN_KINDS[name].draw(np.random.default_rng(3))
+    drawn = FOREIGN_KINDS[name].draw(np.random.default_rng(3), THESIS)
     (laser,) = case_instruments(LASER, "strokes")
     run = ProgramRun(MOVE)
     strength = 0.2 if name in MECHANICS else 1.0

@@ -15,7 +15,7 @@ from mopro.blind.cases.make import write
 from mopro.blind.cases.spec import LASER, THERMOCOUPLE, CaseSpec
 from mopro.blind.reference.motor import THESIS
 from mopro.blind.reference.plant import ReferencePlant
-from mopro.blind.scoring.from_answer import hidden_plant
+from mopro.blind.scoring.scored_cases import hidden_plant
 from mopro.experiment import load_experiment
 from mopro.experiment.sawyer.system import Model
 from mopro.machine import load_machine

@@ -12,7 +12,7 @@ from mopro.blind.cases.grids import case_specs
 from mopro.blind.cases.make import write
 from mopro.blind.cases.spec import LASER, CaseSpec, case_instruments
 from mopro.blind.reference.plant import ProgramRun, ReferencePlant
-from mopro.blind.scoring.from_answer import hidden_plant
+from mopro.blind.scoring.scored_cases import hidden_plant
 from mopro.errors import ModelError
 from mopro.experiment import load_experiment
 

@@ -9,22 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from mopro.blind.cases import hidden_sizes
 from mopro.blind.cases.equivalent import equivalents
 from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS
 from mopro.blind.cases.grids import DEVIATION
 from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
-from mopro.blind.cases.hidden_sizes import (
-    SIZE_CLASSES,
-    NoiselessRuns,
-    Plant,
-    class_of,
-    of_size,
-    strength_for,
-)
+from mopro.blind.cases.hidden_sizes import SIZE_CLASSES, NoiselessRuns, Plant, class_of
 from mopro.blind.cases.random_programs import random_runs
 from mopro.blind.cases.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec, case_instruments
 from mopro.blind.cases.stated_effects import StatedEffects
-from mopro.blind.reference.motor import INCH_M, THESIS, Nominal
+from mopro.blind.reference.motor import INCH_M, THESIS, Generator, Nominal
 from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
 from mopro.blind.reference.uncatalogued import Disturbance, Foreign
@@ -36,8 +30,6 @@ _DISTURBANCE_RMS = (0.3, 1.0, 2.0, 3.0)  # in σ of the sensor
 
 # Groups of cases with one effect, of a size that the sensor is chosen for.
 _SINGLE = ("single", "deleted")
-
-Generator = np.random.Generator
 
 
 @dataclass
@@ -222,7 +214,9 @@ def _attempt(
         if spec.constants:
             drawn_effect = hidden.with_constants(g, drawn_effect)
         target = _target(g, size)
-        strength, total = strength_for(noiseless, name, drawn_effect, target, hidden.least)
+        strength, total = hidden_sizes.strength_for(
+            noiseless, name, drawn_effect, target, hidden.least
+        )
         case.effects[name] = drawn_effect(strength)
         case.sizes[name] = total
     if spec.effects:
@@ -290,7 +284,9 @@ def _estrange(g: Generator, case: Case) -> None:
             return math.inf
         return float(np.linalg.norm(change))
 
-    numbers, case.foreign_sigma = of_size(FOREIGN_KINDS[case.spec.foreign], target, size_of, g)
+    numbers, case.foreign_sigma = hidden_sizes.of_size(
+        FOREIGN_KINDS[case.spec.foreign], target, size_of, g
+    )
     case.foreign = Foreign(case.spec.foreign, numbers)
 
 

@@ -9,10 +9,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mopro.blind.cases.machine_kinds import Span
-from mopro.blind.reference.motor import Floats, Hidden
+from mopro.blind.reference.motor import Floats, Generator, Hidden
 from mopro.blind.reference.stepped_machines import PLANTS, Columns
 
-Generator = np.random.Generator
 # Rows of all runs of a case together, at most.
 _ROWS = 8000
 _RATES_HZ = {

@@ -27,9 +27,8 @@ from mopro.blind.cases.spec import (
     warm,
 )
 from mopro.blind.cases.stated_effects import StatedEffects
+from mopro.blind.reference.motor import Generator
 from mopro.blind.reference.uncatalogued import DISTURBANCES
-
-Generator = np.random.Generator
 
 # Effects that look alike if all strokes have one direction and one speed.
 _ALIKE = (

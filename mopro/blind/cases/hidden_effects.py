@@ -16,11 +16,8 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
+from mopro.blind.reference.motor import LVDT_HALF_M, STEEL_1_K, Generator, Nominal
 
-from mopro.blind.reference.motor import LVDT_HALF_M, STEEL_1_K, Nominal
-
-Generator = np.random.Generator
 Parameters = dict[str, float]
 Drawn = Callable[[float], Parameters]
 Draw = Callable[[Generator, Nominal], Drawn]

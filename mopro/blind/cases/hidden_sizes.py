@@ -10,8 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from mopro.blind.cases.foreign_kinds import ForeignKind
-from mopro.blind.cases.hidden_effects import Drawn, Generator, Parameters
-from mopro.blind.reference.motor import THESIS, Floats, Nominal
+from mopro.blind.cases.hidden_effects import Drawn, Parameters
+from mopro.blind.reference.motor import THESIS, Floats, Generator, Nominal
 from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
 

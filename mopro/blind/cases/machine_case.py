@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from mopro.blind.cases import machine_texts as texts
 from mopro.blind.cases.drawn_machine import Machine, columns, drawn, seen, span, visible
 from mopro.blind.cases.machine_kinds import (
     LISTED,
@@ -19,18 +20,10 @@ from mopro.blind.cases.machine_kinds import (
     Parameters,
     Span,
 )
-from mopro.blind.cases.machine_texts import (
-    PROGRAM,
-    experiment_text,
-    log,
-    machine_text,
-    per_si,
-)
 from mopro.blind.cases.manifest import EXPERIMENT, MODEL
-from mopro.blind.reference.motor import Floats
+from mopro.blind.reference.motor import Floats, Generator
 from mopro.blind.reference.stepped_machines import Columns
 
-Generator = np.random.Generator
 Hidden = dict[str, Parameters]
 UNSEEN = "unseen.toml"
 # Whitened size of the smallest hidden effect.
@@ -105,15 +98,15 @@ def _written(
         readings = _noisy(g, spec, seen(spec.kind, run, machine.numbers, of_run), sigma)
         if not machine.zero:
             readings += sigma * g.uniform(-30.0, 30.0, (len(readings), 1))
-        files[name] = log(machine, run, readings)
-    told = per_si(spec.kind) * sigma * _STATED.get(spec.noise, 1.0)
+        files[name] = texts.log(machine, run, readings)
+    told = texts.per_si(spec.kind) * sigma * _STATED.get(spec.noise, 1.0)
     noise = '"unknown"' if spec.noise == "unknown" else f"{told:.6g}"
     begun = {n: machine.numbers[n] * g.uniform(0.7, 1.4) for n in machine.free}
-    files["machine.toml"] = machine_text(machine, begun).encode()
+    files["machine.toml"] = texts.machine_text(machine, begun).encode()
     if machine.kind == "python":
-        files[MODEL] = PROGRAM.encode()
-    files[EXPERIMENT] = experiment_text(machine, noise, names).encode()
-    files[UNSEEN] = experiment_text(machine, noise, ["unseen.csv"]).encode()
+        files[MODEL] = texts.PROGRAM.encode()
+    files[EXPERIMENT] = texts.experiment_text(machine, noise, names).encode()
+    files[UNSEEN] = texts.experiment_text(machine, noise, ["unseen.csv"]).encode()
     harder = _COLOURED if spec.noise == "coloured" else 1.0
     answer = {
         "group": spec.group,

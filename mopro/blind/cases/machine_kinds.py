@@ -10,9 +10,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
+from mopro.blind.reference.motor import Generator
 
-Generator = np.random.Generator
 Parameters = dict[str, float]
 
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from mopro.blind.cases.benchmark_machine import DEFAULT_MACHINE, BenchmarkMachine
-from mopro.blind.cases.case import Case, Generator, draw_case, program_name
+from mopro.blind.cases.case import Case, draw_case, program_name
 from mopro.blind.cases.grids import Spec, case_specs, spread
 from mopro.blind.cases.hidden_sizes import Plant
 from mopro.blind.cases.machine_case import machine_case
 from mopro.blind.cases.machine_kinds import MachineSpec
 from mopro.blind.cases.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
-from mopro.blind.reference.motor import Floats
+from mopro.blind.reference.motor import Floats, Generator
 from mopro.blind.reference.plant import ProgramRun
 from mopro.blind.reference.sensors import Instrument, stored
 from mopro.blind.reference.uncatalogued import Foreign

@@ -8,10 +8,8 @@ import numpy as np
 
 from mopro.blind.cases.spec import LVDT, CaseSpec
 from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.motor import INCH_M, THESIS, Nominal
+from mopro.blind.reference.motor import INCH_M, THESIS, Generator, Nominal
 from mopro.blind.reference.plant import ProgramRun
-
-Generator = np.random.Generator
 
 _SPEEDS = (3.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 _RATES = (0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4)

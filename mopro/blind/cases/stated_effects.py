@@ -14,9 +14,9 @@ import numpy as np
 
 from mopro import Machine, emulate, load_machine
 from mopro import compile as compile_program
-from mopro.blind.cases.hidden_effects import Drawn, Generator, HiddenEffect, Parameters
+from mopro.blind.cases.hidden_effects import Drawn, HiddenEffect, Parameters
 from mopro.blind.cases.spec import ENCODER, LASER, CaseSpec
-from mopro.blind.reference.motor import Floats, Nominal
+from mopro.blind.reference.motor import Floats, Generator, Nominal
 from mopro.blind.reference.plant import ProgramRun
 from mopro.blind.reference.sensors import Instrument
 from mopro.emulator import Emulator
@@ -115,7 +115,7 @@ class EmulatedPlant:
     foreign: None = field(default=None, init=False)
 
     def readings(
-        self, run: ProgramRun, instruments: Sequence[Instrument], generator: np.random.Generator
+        self, run: ProgramRun, instruments: Sequence[Instrument], generator: Generator
     ) -> tuple[Floats, list[Floats]]:
         """Time stamps (s) and each instrument's readings (its unit), without noise."""
         program = compile_program(run.text, "run.CMD")

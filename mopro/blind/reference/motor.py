@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Generator = np.random.Generator
 # Effects by name with their parameters in SI, as in a machine file; one that is not given is off.
 Hidden = Mapping[str, Mapping[str, float]]
 

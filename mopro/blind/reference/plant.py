@@ -10,18 +10,11 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from mopro.blind.reference import axis as motion
-from mopro.blind.reference import heat, sensors
+from mopro.blind.reference import heat, sensors, uncatalogued
 from mopro.blind.reference.listing import Timeline, timeline
-from mopro.blind.reference.motor import THESIS, Floats, Hidden, Nominal
+from mopro.blind.reference.motor import THESIS, Floats, Generator, Hidden, Nominal
 from mopro.blind.reference.sensors import Instrument
-from mopro.blind.reference.uncatalogued import (
-    Disturbance,
-    Foreign,
-    clock,
-    disturbance,
-    signal,
-    with_lost_microsteps,
-)
+from mopro.blind.reference.uncatalogued import Disturbance, Foreign
 
 # Sensors with play or a lag are computed at this many times per sample, the motion at every
 # fifth of these: between them, Hermite interpolation is accurate to nanometres.
@@ -53,7 +46,7 @@ class ReferencePlant:
     stalled: bool = field(default=False, init=False)
 
     def readings(
-        self, run: ProgramRun, instruments: Sequence[Instrument], generator: np.random.Generator
+        self, run: ProgramRun, instruments: Sequence[Instrument], generator: Generator
     ) -> tuple[Floats, list[Floats]]:
         """Time stamps (s, shape (n,)) and each instrument's readings (its unit, shape (n,)).
 
@@ -89,9 +82,9 @@ class ReferencePlant:
         run: ProgramRun,
         instrument: Instrument,
         stamps: Floats,
-        generator: np.random.Generator,
+        generator: Generator,
     ) -> Floats:
-        taken = clock(sensors.sampled_at(stamps, self.hidden), self.foreign, generator)
+        taken = uncatalogued.clock(sensors.sampled_at(stamps, self.hidden), self.foreign, generator)
         lag_s = sensors.lag_s("position", self.hidden)
         step_s = 1 / (instrument.rate_hz * _OVERSAMPLING)
         times = taken
@@ -108,9 +101,11 @@ class ReferencePlant:
         if dense:
             seen = sensors.resampled(step_s, seen, taken)
         seen = sensors.with_hum(seen, taken, self.hidden)
-        seen = signal(seen, stamps, self._bowing_K(real, stamps), self.foreign, generator)
+        seen = uncatalogued.signal(
+            seen, stamps, self._bowing_K(real, stamps), self.foreign, generator
+        )
         if self.disturbance:
-            seen = seen + self.disturbance.size_m * disturbance(
+            seen = seen + self.disturbance.size_m * uncatalogued.disturbance(
                 self.disturbance.name,
                 self.disturbance.numbers,
                 stamps,
@@ -137,7 +132,7 @@ class ReferencePlant:
 
         pitch_m = self.nominal.pitch_m
         command = motion.rows(real, axis, self.hidden, temperature, pitch_m)
-        command = with_lost_microsteps(command, self.foreign, self.nominal.microstep_m)
+        command = uncatalogued.with_lost_microsteps(command, self.foreign, self.nominal.microstep_m)
         numbers = motion.numbers(self.hidden, run.payload_kg, self.nominal, self.foreign)
         found = motion.axis_response(times, command, numbers)
         self.stalled |= motion.has_stalled(found, self.hidden, pitch_m)

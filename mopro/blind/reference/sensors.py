@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from scipy.interpolate import CubicSpline
 
-from mopro.blind.reference.motor import Floats, Hidden, of
+from mopro.blind.reference.motor import Floats, Generator, Hidden, of
 from mopro.blind.reference.uncatalogued import Foreign, noise, stored_badly
 
 
@@ -120,7 +120,7 @@ def with_hum(seen: Floats, taken_s: Floats, hidden: Hidden) -> Floats:
 def stored(
     reading: Floats,
     instrument: Instrument,
-    generator: np.random.Generator,
+    generator: Generator,
     foreign: Foreign | None = None,
 ) -> Floats:
     """The reading with noise added, rounded to steps of the converter; in the column's unit."""

@@ -10,9 +10,7 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 from mopro.blind.reference import equation as m
-from mopro.blind.reference.motor import Floats
-
-Generator = np.random.Generator
+from mopro.blind.reference.motor import Floats, Generator
 
 
 @dataclass(frozen=True)

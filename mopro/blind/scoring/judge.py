@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from mopro.blind.reference.motor import INCH_M
 from mopro.blind.reference.sensors import Instrument
-from mopro.blind.scoring.outcome import (
-    FAILED,
-    GOOD,
-    RIGHT,
-    VERDICTS,
-    Document,
-    family,
-    outcome,
-    outcome_deleted,
-    outcome_foreign,
-    size_is_right,
-    variables_said,
-)
+from mopro.blind.scoring import outcome as outcomes
+from mopro.blind.scoring.outcome import Document, family
 
 _ANGLES = ("phi", "phi2", "phi3")
 
@@ -88,7 +77,7 @@ class Judgement:
     @property
     def good(self) -> bool:
         """Every visible effect has its right name or family."""
-        return self.outcome in GOOD
+        return self.outcome in outcomes.GOOD
 
 
 def judge(number: str, answer: Document, reply: Document) -> Judgement:
@@ -96,14 +85,20 @@ def judge(number: str, answer: Document, reply: Document) -> Judgement:
     zeros = [e for e in reply.get("calibration") or [] if e["name"] == "sensor_offset"]
     told = [*(reply.get("effects") or []), *zeros]
     named = [e for e in told if not _is_true_offset(e, answer)]
+    truths = {e["name"]: e["parameters"] for e in answer["effects"]}
     return judgement(
         number, answer, reply, named, _noise_rms(answer, reply),
-        outcome=_outcome(answer, reply, named),
-        covered=tuple(c for e in named for c in _coverage(e, answer)),
+        outcome=outcomes.outcome(answer, reply, named),
+        covered=tuple(
+            check for e in named for check in interval_checks(
+                e["name"], e.get("parameters") or {}, truths.get(e["name"], {}),
+                lambda unit: INCH_M if unit == "in" else 1.0,
+            )
+        ),
         visible_sigma=float(answer.get("visible_sigma") or 0.0),
         foreign=str((answer.get("foreign") or {}).get("name", "")),
         coloured=bool(answer.get("coloured")),
-        size_is_right=size_is_right(answer, named),
+        size_is_right=outcomes.size_is_right(answer, named),
         leaves=answer.get("named_leaves"),
     )  # fmt: skip
 
@@ -120,7 +115,7 @@ def judgement(
 
     `noise` is the rms of the noise in the data, in the unit of the gap.
     """
-    gap, variables = reply.get("gap") or {}, variables_said(reply)
+    gap, variables = reply.get("gap") or {}, outcomes.variables_said(reply)
     return Judgement(
         number=number,
         group=answer["group"],
@@ -128,7 +123,7 @@ def judgement(
         truth=tuple(e["name"] for e in answer["effects"]) or tuple(answer.get("unlisted") or ()),
         least_sigma=min((e["total_sigma"] for e in answer["effects"]), default=0.0),
         said=tuple("/".join([e["name"], *family(e)]) for e in named),
-        verdict=str(reply.get("verdict", FAILED)),
+        verdict=str(reply.get("verdict", outcomes.FAILED)),
         described=bool((reply.get("remainder") or {}).get("description")),
         gap_before=_ratio(gap.get("before_rms"), noise),
         gap_after=_ratio(gap.get("after_rms"), noise),
@@ -146,27 +141,23 @@ def _is_true_offset(effect: Document, answer: Document) -> bool:
     return effect["name"] == "sensor_offset" not in hidden and any(answer["offsets"])
 
 
-def _outcome(answer: Document, reply: Document, named: list[Document]) -> str:
-    if reply.get("verdict") not in VERDICTS:
-        return FAILED
-    if "without" in answer:
-        return outcome_deleted(answer, reply, named)
-    return (outcome_foreign if answer.get("foreign") else outcome)(answer, reply, named)
+def interval_checks(
+    name: str,
+    parameters: Mapping[str, Any],
+    true: Mapping[str, float],
+    unit_si: Callable[[str], float],
+) -> Iterator[IntervalCheck]:
+    """Each 95 % interval of the `parameters` of the effect `name` whose `true` value (SI) is known.
 
-
-def _coverage(effect: Document, answer: Document) -> list[IntervalCheck]:
-    """Each 95 % interval of one named effect that is really hidden."""
-    truths = {e["name"]: e["parameters"] for e in answer["effects"]}
-    true = truths.get(effect["name"], {})
+    `unit_si` is the SI value of a unit. The first of the true values is the size of the effect.
+    """
     first = next(iter(true), None)
-    found = []
-    for name, said in (effect.get("parameters") or {}).items():
-        interval = said.get("ci95")
-        if name in true and interval and None not in interval:
-            scale = INCH_M if said.get("unit") == "in" else 1.0
-            inside = _inside(true[name], [scale * end for end in interval], name in _ANGLES)
-            found.append(IntervalCheck(effect["name"], name, inside, name == first))
-    return found
+    for key, told in parameters.items():
+        interval = told.get("ci95")
+        if key in true and interval and None not in interval:
+            scale = unit_si(told.get("unit") or "")
+            inside = _inside(true[key], [scale * end for end in interval], key in _ANGLES)
+            yield IntervalCheck(name, key, inside, key == first)
 
 
 def _inside(value: float, interval: list[float], angle: bool) -> bool:
@@ -174,7 +165,7 @@ def _inside(value: float, interval: list[float], angle: bool) -> bool:
     if angle:
         low, value = low - high, (value - high) % (2 * math.pi) - 2 * math.pi
         return value >= low or abs(value + 2 * math.pi) < 1e-12
-    return low <= value <= high
+    return bool(low <= value <= high)
 
 
 def _noise_rms(answer: Document, reply: Document) -> float | None:
@@ -222,7 +213,7 @@ class FollowUp:
     @property
     def named(self) -> bool:
         """Each hidden effect is named and no family is left."""
-        return self.after.outcome == RIGHT and self.after.verdict == "named"
+        return self.after.outcome == outcomes.RIGHT and self.after.verdict == "named"
 
     @property
     def all_distinguishable(self) -> bool:

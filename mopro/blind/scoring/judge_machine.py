@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +12,9 @@ import numpy as np
 from mopro.blind.cases.drawn_machine import Machine, left_by
 from mopro.blind.cases.equivalent import MARGIN
 from mopro.blind.cases.machine_texts import columns_of, per_si
-from mopro.blind.scoring.judge import IntervalCheck, Judgement, judgement
-from mopro.blind.scoring.outcome import (
-    FAILED,
-    FAMILY,
-    RIGHT,
-    VERDICTS,
-    WRONG,
-    Document,
-    outcome,
-    variables_said,
-)
+from mopro.blind.scoring import outcome as outcomes
+from mopro.blind.scoring.judge import IntervalCheck, Judgement, interval_checks, judgement
+from mopro.blind.scoring.outcome import FAILED, FAMILY, RIGHT, WRONG, Document
 from mopro.formula import factor_of
 
 # Relative difference of a file's own residual from what the verdict says of it.
@@ -35,18 +28,17 @@ def judge_machine(number: str, answer: Document, reply: Document, folder: Path) 
     leaves chi-squared of 10 or more of the hidden response.
     """
     named = list(reply.get("effects") or [])
-    known = reply.get("verdict") in VERDICTS
-    result = outcome(answer, reply, named) if known else FAILED
+    result = outcomes.outcome(answer, reply, named)
     left = None
     if result == WRONG and answer["effects"]:
         left = _left(answer, named, folder)
         result = FAMILY if left < MARGIN else WRONG
-    if answer["unlisted"] and known:
+    if answer["unlisted"] and result != FAILED:
         result = _of_unlisted(answer, reply)
     return judgement(
         number, answer, reply, named, (reply.get("gap") or {}).get("noise_rms"),
         outcome=result,
-        covered=_coverage(answer, reply) if result == RIGHT else (),
+        covered=tuple(_coverage(answer, reply)) if result == RIGHT else (),
         leaves=left,
         drafted=bool(reply.get("drafts")),
         **_of_file(answer, reply),
@@ -55,7 +47,7 @@ def judge_machine(number: str, answer: Document, reply: Document, folder: Path) 
 
 def _of_unlisted(answer: Document, reply: Document) -> str:
     """The outcome where nobody listed what is hidden: right if a draft is of its variable."""
-    if not {*variables_said(reply)} & {*answer["variables"]}:
+    if not {*outcomes.variables_said(reply)} & {*answer["variables"]}:
         return WRONG if reply.get("effects") else str(reply["verdict"])
     return WRONG if reply.get("effects") and reply["verdict"] == "named" else RIGHT
 
@@ -80,30 +72,15 @@ def _si(parameter: Mapping[str, Any]) -> float:
     return float(parameter["value"]) * factor_of(parameter["unit"])
 
 
-def _coverage(answer: Document, reply: Document) -> tuple[IntervalCheck, ...]:
+def _coverage(answer: Document, reply: Document) -> Iterator[IntervalCheck]:
     """Each 95 % interval of an effect that is hidden, and of a free number."""
-    found = []
     truths = {e["name"]: e["parameters"] for e in answer["effects"]}
-    for effect in reply.get("effects") or []:
-        true = truths.get(effect["name"], {})
-        for name, told in effect["parameters"].items():
-            if name in true and (inside := _inside(true[name], told)) is not None:
-                main = name == next(iter(true))
-                found.append(IntervalCheck(effect["name"], name, inside, main))
+    for e in reply.get("effects") or []:
+        true = truths.get(e["name"], {})
+        yield from interval_checks(e["name"], e["parameters"], true, factor_of)
     numbers = answer["machine"]["numbers"]
-    for name, told in (reply.get("base") or {}).items():
-        if name in numbers and (inside := _inside(numbers[name], told)) is not None:
-            found.append(IntervalCheck("base", name, inside, False))
-    return tuple(found)
-
-
-def _inside(true: float, told: Mapping[str, Any]) -> bool | None:
-    """True if the 95 % interval holds the true value; None if there is no whole interval."""
-    interval = told.get("ci95") or [None]
-    if None in interval:
-        return None
-    low, high = sorted(factor_of(told["unit"]) * end for end in interval)
-    return bool(low <= true <= high)
+    for check in interval_checks("base", reply.get("base") or {}, numbers, factor_of):
+        yield replace(check, main=False)
 
 
 def _of_file(answer: Document, reply: Document) -> dict[str, Any]:

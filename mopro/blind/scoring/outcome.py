@@ -14,7 +14,7 @@ from mopro.blind.cases.hidden_sizes import RESOLUTION_SIGMA
 RIGHT, FAMILY, PARTLY, WRONG = "right", "family", "partly", "wrong"
 NONE, UNEXPLAINED, FAILED = "none", "unexplained", "failed"
 GOOD = (RIGHT, FAMILY)
-VERDICTS = ("named", "ambiguous", NONE, UNEXPLAINED)
+_VERDICTS = ("named", "ambiguous", NONE, UNEXPLAINED)
 # A size is right within this many times its 95 % interval, or within this share of it.
 _INTERVALS, _SHARE = 2.0, 0.10
 
@@ -27,6 +27,15 @@ def family(effect: Document) -> list[str]:
 
 
 def outcome(answer: Document, reply: Document, named: Sequence[Document]) -> str:
+    """The outcome of a `reply` that names the effects `named`, for the case of `answer`."""
+    if reply.get("verdict") not in _VERDICTS:
+        return FAILED
+    if "without" in answer:
+        return _outcome_deleted(answer, reply, named)
+    return (_outcome_foreign if answer.get("foreign") else _outcome_listed)(answer, reply, named)
+
+
+def _outcome_listed(answer: Document, reply: Document, named: Sequence[Document]) -> str:
     """The outcome of a case with effects of the catalogue, a disturbance, or nothing hidden."""
     verdict = reply["verdict"]
     if answer["strange"]:
@@ -34,7 +43,7 @@ def outcome(answer: Document, reply: Document, named: Sequence[Document]) -> str
     truths = {e["name"] for e in answer["effects"]}
     visible = {e["name"] for e in answer["effects"] if e["total_sigma"] >= RESOLUTION_SIGMA}
     offset = {"sensor_offset"} if any(answer["offsets"]) else set()
-    matched = matched_names(truths, named)
+    matched = _matched_names(truths, named)
     if len(matched) < len(named):
         return FAMILY if _is_alternative(visible, truths | offset, reply) else WRONG
     if verdict == UNEXPLAINED:
@@ -54,7 +63,7 @@ def _is_alternative(visible: set[str], truths: set[str], reply: Document) -> boo
     return bool(visible) and any(visible <= names <= truths for names in sets)
 
 
-def matched_names(truths: set[str], named: Sequence[Document]) -> dict[str, str]:
+def _matched_names(truths: set[str], named: Sequence[Document]) -> dict[str, str]:
     """The effect named for each truth; exact names first, then families, each used once."""
     matched = {e["name"]: e["name"] for e in named if e["name"] in truths}
     for effect in named:
@@ -81,7 +90,7 @@ def said(variable: str) -> str:
 # -- something that no catalogue has ------------------------------------------------------------
 
 
-def outcome_foreign(answer: Document, reply: Document, named: Sequence[Document]) -> str:
+def _outcome_foreign(answer: Document, reply: Document, named: Sequence[Document]) -> str:
     """Right if something is unexplained and no name is false.
 
     Coloured noise is judged as nothing. Names that are together equivalent to all that is hidden
@@ -91,9 +100,9 @@ def outcome_foreign(answer: Document, reply: Document, named: Sequence[Document]
     the right variable that does as well; partly if the effect beside is named, none.
     """
     if answer["coloured"]:
-        return outcome(answer, reply, named)
+        return _outcome_listed(answer, reply, named)
     unexplained = reply["verdict"] == UNEXPLAINED
-    matched = matched_names({e["name"] for e in answer["effects"]}, named)
+    matched = _matched_names({e["name"] for e in answer["effects"]}, named)
     allowed = {*answer["same"], *(answer["akin"] if unexplained else ())}
     others = [e for e in named if e["name"] not in matched.values()]
     if sorted(e["name"] for e in named) in (answer.get("equivalent_sets") or []):
@@ -129,7 +138,7 @@ def _size_is_right(hidden: Document, named: Sequence[Document]) -> bool:
 # -- an effect that was left out of the candidates ----------------------------------------------
 
 
-def outcome_deleted(answer: Document, reply: Document, named: Sequence[Document]) -> str:
+def _outcome_deleted(answer: Document, reply: Document, named: Sequence[Document]) -> str:
     """Family if the names, each or together, are equivalent to the deleted effect, else wrong.
 
     Without a name: right if what remains is said to depend on the right variable, or if nothing

@@ -488,7 +488,7 @@ TABLES = (
     ),
     Parser(
         "answers of a benchmark",
-        ("mopro.blind.scoring.verdict_source",),
+        ("mopro.blind.scoring.scored_cases",),
         _answers,
         lambda: [_ANSWERS.encode()],
         (*_JSON, '"seed"', '"001"', "../"),
