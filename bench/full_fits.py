@@ -29,13 +29,12 @@ from typing import Any
 import numpy as np
 
 import mopro.engine
-from mopro.blind.cases.effects import HIDDEN_EFFECTS, POSITION
-from mopro.blind.cases.grid_machines import MachineSpec
-from mopro.blind.cases.of_machines import LISTED
+from mopro.blind.cases.case import draw_case
+from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS, POSITION
+from mopro.blind.cases.machine_case import machine_case
+from mopro.blind.cases.machine_kinds import LISTED, MachineSpec
+from mopro.blind.cases.make import experiment
 from mopro.blind.cases.spec import ENCODER, LASER, THERMOCOUPLE, CaseSpec
-from mopro.blind.making.case import draw_case
-from mopro.blind.making.machine_case import machine_case
-from mopro.blind.making.make import experiment
 from mopro.engine.assumed import SAME
 from mopro.engine.candidate import RUN, Candidate, Role
 from mopro.engine.diagnosis import BASE

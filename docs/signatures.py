@@ -15,8 +15,7 @@ from mopro.effects.registry import own_effects
 from mopro.effects.resolve import active_effects
 from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
-from mopro.plant import Stepping, measured_at, simulate
-from mopro.plant.planning import plan_with_effects
+from mopro.plant import Stepping, measured_at, plan_with_effects, simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

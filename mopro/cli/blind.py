@@ -63,10 +63,10 @@ def make(
 
     Example: mopro blind make --seed 1 --grid small --out cases
     """
+    from mopro.blind.cases.benchmark_machine import read_machine
     from mopro.blind.cases.grids import TOLERANCES, case_specs
-    from mopro.blind.making.machine import read_machine
-    from mopro.blind.making.make import make as write_cases
-    from mopro.blind.making.manifest import ANSWERS
+    from mopro.blind.cases.make import make as write_cases
+    from mopro.blind.cases.manifest import ANSWERS
 
     if grid == "machines" and (effects or machine != "chow1992"):
         raise click.UsageError("the grid machines draws its own machines and effects")
@@ -132,9 +132,9 @@ def score(
 
     Example: mopro blind score cases --report score.md
     """
-    from mopro.blind.scoring.page import page
-    from mopro.blind.scoring.run import CaseFolder, VerdictSource, follow_up_cases, judge_cases
-    from mopro.blind.scoring.score import Score
+    from mopro.blind.scoring.score import Score, page
+    from mopro.blind.scoring.scored_cases import CaseFolder, follow_up_cases, judge_cases
+    from mopro.blind.scoring.verdict_source import VerdictSource
 
     found = CaseFolder.read(folder, _case_numbers(cases), sample)
     keep_inputs([("--report", report)], [("FOLDER", file) for file in found.files])

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mopro.plant.axis import MOST_SETTLING_S
-    from mopro.plant.command_table import CommandTable
+    from mopro.plant.command_table import CommandTable, change_schedule, plan_with_effects
     from mopro.plant.engine import Stepping
     from mopro.plant.heat import HeatIntervals, heat_balance, heat_intervals
     from mopro.plant.measurement import interpolated, measure, measured_at
-    from mopro.plant.planning import change_schedule, plan_with_effects
     from mopro.plant.platen import elongation_m, platen_result
     from mopro.plant.simulation import (
         COMPILE_FROM_STEPS,
@@ -37,7 +36,7 @@ _HOMES = {
     "Simulation": "simulation",
     "Stepping": "engine",
     "Trip": "trips",
-    "change_schedule": "planning",
+    "change_schedule": "command_table",
     "compiling_pays": "simulation",
     "elongation_m": "platen",
     "heat_balance": "heat",
@@ -46,7 +45,7 @@ _HOMES = {
     "limit_trip": "trips",
     "measure": "measurement",
     "measured_at": "measurement",
-    "plan_with_effects": "planning",
+    "plan_with_effects": "command_table",
     "platen_result": "platen",
     "simulate": "simulation",
     "switches_u": "trips",

@@ -19,8 +19,7 @@ from mopro.effects import Active, on_axis
 from mopro.effects.base import Scene
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
-from mopro.plant.command_table import Floats
-from mopro.plant.hermite import hermite
+from mopro.plant.command_table import Floats, hermite
 from mopro.program import AXES
 from mopro.recording import Recording
 from mopro.recording.record import Columns

@@ -25,10 +25,9 @@ from mopro.effects.base import Surroundings
 from mopro.engine.series import RUN_AWAY
 from mopro.machine import Machine
 from mopro.motion import PlannedMove
-from mopro.plant.command_table import Floats
+from mopro.plant.command_table import Floats, hermite
 from mopro.plant.drive_scaling import DriveScaling
 from mopro.plant.heat import HeatBalance, HeatIntervals, heat_intervals
-from mopro.plant.hermite import hermite
 
 _LONGEST_STEP_S = 10.0
 # Changes up to this many are each the end of a step.

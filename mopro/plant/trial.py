@@ -11,7 +11,7 @@ from mopro.effects import catalogue_of
 from mopro.effects.resolve import stated_effects
 from mopro.errors import Diagnostic, ModelError, RunError
 from mopro.machine import Machine
-from mopro.plant.planning import plan_with_effects
+from mopro.plant.command_table import plan_with_effects
 from mopro.plant.simulation import simulate
 from mopro.program import AXES, Program, ir
 from mopro.source import Source, Span

@@ -6,18 +6,18 @@ from subprocess import CompletedProcess
 import numpy as np
 import pytest
 
-from mopro.blind.cases.effects import HIDDEN_EFFECTS
+from mopro.blind.cases.equivalent import MARGIN, equivalents, least_left, left_by_set
 from mopro.blind.cases.grids import GRIDS, case_specs, spread
-from mopro.blind.cases.spec import ENCODER
-from mopro.blind.cases.variables import EFFECT_VARIABLES, said
-from mopro.blind.making.case import case_instruments
-from mopro.blind.making.equivalent import MARGIN, equivalents, least_left, left_by_set
-from mopro.blind.making.make import make
-from mopro.blind.making.sizes import NoiselessRuns
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS
+from mopro.blind.cases.hidden_sizes import NoiselessRuns
+from mopro.blind.cases.make import make
+from mopro.blind.cases.spec import ENCODER, case_instruments
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.scoring.judge import judge
-from mopro.blind.scoring.run import VerdictSource, with_named_set, without_of
+from mopro.blind.scoring.outcome import said
 from mopro.blind.scoring.score import Score
+from mopro.blind.scoring.scored_cases import with_named_set
+from mopro.blind.scoring.verdict_source import VerdictSource, without_of
 from mopro.cli.blind import make as make_command
 
 MOVE = "UU012500/1\nVEL1 {}\nACC1 0.2\nMRI1 3.0\nWX1\nWT200\nMRI1 -2.0\nWX1\nWT200\n"
@@ -53,7 +53,7 @@ def test_a_rival_is_fitted_within_its_range_only(runs):
 def test_equivalents_are_listed_and_others_are_not(runs, monkeypatch):
     few = ("sensor_gain", "pitch_scale", "viscous_drag", "radiation")
     rivals = {name: HIDDEN_EFFECTS[name] for name in few}
-    monkeypatch.setattr("mopro.blind.making.equivalent.HIDDEN_EFFECTS", rivals)
+    monkeypatch.setattr("mopro.blind.cases.equivalent.HIDDEN_EFFECTS", rivals)
     found = equivalents(runs, {"sensor_gain": {"g": 2e-4}}, np.random.default_rng(1))
     assert found == ["pitch_scale"]
 
@@ -84,7 +84,7 @@ def test_the_parameters_that_a_verdict_states_are_tried_as_they_are(
     runs, static_N, expected, monkeypatch
 ):
     """Stribeck's friction with no excess at rest is Coulomb's, which a fit of it may miss."""
-    monkeypatch.setattr("mopro.blind.making.equivalent.least_left", lambda *_: np.inf)
+    monkeypatch.setattr("mopro.blind.cases.equivalent.least_left", lambda *_: np.inf)
     truth = {"coulomb_friction": {"Fc": 1.0, "delta": 5e-6}}
     stated = {"Fc": 1.0, "Fs": static_N, "vs": 0.05, "delta": 5e-6}
     assert np.linalg.norm(runs.change(truth)) > 20
@@ -99,8 +99,8 @@ def test_all_effects_that_can_be_hidden_are_left_out_once():
 
 
 def test_each_effect_has_right_variables():
-    assert set(EFFECT_VARIABLES) == set(HIDDEN_EFFECTS)
-    assert {v for variables in EFFECT_VARIABLES.values() for v in variables} <= VARIABLES
+    assert all(effect.variables for effect in HIDDEN_EFFECTS.values())
+    assert {v for effect in HIDDEN_EFFECTS.values() for v in effect.variables} <= VARIABLES
     assert said(" sgn  v ") == "sgn v"
 
 
@@ -122,7 +122,7 @@ def case(tmp_path_factory):
     at = next(i for i, s in enumerate(specs, 1) if s.effects[0][0] == "ambient_drift")
     folder = tmp_path_factory.mktemp("deleted")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mopro.blind.making.case.equivalents", lambda *_: ["radiation"])
+        patch.setattr("mopro.blind.cases.case.equivalents", lambda *_: ["radiation"])
         number, seal = make(1, "deleted", folder, frozenset([f"{at:03d}"]), sample=1)
     assert len(seal) == 64
     document = json.loads((folder / "answers.json").read_text())
@@ -173,7 +173,7 @@ def test_the_question_leaves_it_out_and_a_verdict_is_kept_for_the_same_question(
         reply = json.dumps({"verdict": "none", "effects": []}).encode()
         return CompletedProcess([module, *words], 0, reply, b"")
 
-    monkeypatch.setattr("mopro.blind.scoring.run.run_module", reconcile)
+    monkeypatch.setattr("mopro.blind.scoring.verdict_source.run_module", reconcile)
     source, file = VerdictSource(), folder / "experiment.toml"
     for without in (without_of(answer), without_of(answer), [], []):
         source.ask(folder.name, file, without)

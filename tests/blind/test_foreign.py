@@ -7,23 +7,27 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS, of_size
+from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS
 from mopro.blind.cases.grids import case_specs
-from mopro.blind.cases.spec import ENCODER, LASER
-from mopro.blind.cases.variables import EFFECT_VARIABLES
-from mopro.blind.making.case import case_instruments
-from mopro.blind.making.make import make
-from mopro.blind.reference import motion, plant
-from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.foreign_instrument import clock, noise, signal, stored_badly
-from mopro.blind.reference.foreign_mechanics import with_lost_microsteps
+from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS
+from mopro.blind.cases.hidden_sizes import of_size
+from mopro.blind.cases.make import make
+from mopro.blind.cases.spec import ENCODER, LASER, case_instruments
+from mopro.blind.reference import axis, equation
 from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import THESIS
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
-from mopro.blind.scoring.follow import hidden_plant
+from mopro.blind.reference.motor import THESIS
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
+from mopro.blind.reference.uncatalogued import (
+    Foreign,
+    clock,
+    noise,
+    signal,
+    stored_badly,
+    with_lost_microsteps,
+)
 from mopro.blind.scoring.judge import judge
-from mopro.blind.scoring.run import with_named_set
 from mopro.blind.scoring.score import Score
+from mopro.blind.scoring.scored_cases import hidden_plant, with_named_set
 
 MOVE = "UU012500/1\nVEL1 20.0\nACC1 0.25\nMRI1 4.0\nWX1\nWT300\nMRI1 -4.0\nWX1\nWT300\n"
 SPEED = 0.05
@@ -43,8 +47,8 @@ def generator():
 def cruise(times, name, speed=SPEED, **numbers):
     """Position less command (m) at `times` of an axis that moves evenly."""
     row = np.array([[0.0, 9.0, 0.0, speed, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0]])
-    p = plant.numbers({"electrical_damping": {"zeta": 0.1}}, foreign=Foreign(name, numbers))
-    found = plant.axis_response(np.asarray(times), row, p)
+    p = axis.numbers({"electrical_damping": {"zeta": 0.1}}, foreign=Foreign(name, numbers))
+    found = axis.axis_response(np.asarray(times), row, p)
     return found[:, 0] - found[:, 3]
 
 
@@ -82,14 +86,14 @@ class TestMechanics:
     def test_a_second_mass_rings_at_its_frequency(self):
         """Beside a forcer that hardly moves: with a hundredth of its mass, well below 83 Hz."""
         mode = Foreign("structural_mode", {"share": 0.01, "f": 20.0, "zeta": 0.0})
-        p = plant.numbers({}, foreign=mode)
-        assert p[motion.MASS] + p[motion.MODE_MASS] == pytest.approx(THESIS.mass_kg)
+        p = axis.numbers({}, foreign=mode)
+        assert p[equation.MASS] + p[equation.MODE_MASS] == pytest.approx(THESIS.mass_kg)
         rest = np.array([[0.0, 9.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0]])
         times, out = np.arange(0.0, 1.0, 1e-4), np.empty((10_000, 4))
-        start = np.zeros(motion.STATES)
-        start[motion.IA] = 1.0
-        start[motion.X] = 1e-6
-        motion.response(times, rest, p, start, motion.TOLERANCE, out)
+        start = np.zeros(equation.STATES)
+        start[equation.IA] = 1.0
+        start[equation.X] = 1e-6
+        equation.response(times, rest, p, start, equation.TOLERANCE, out)
         slow = out[4000:, 0]
         power = np.abs(np.fft.rfft(slow * np.hanning(len(slow)))) ** 2
         frequency = np.fft.rfftfreq(len(slow), 1e-4)
@@ -101,29 +105,29 @@ class TestMechanics:
         for sign in (1.0, -1.0):
             a = sign * 6.0
             row = np.array([[0.0, 2.0, 0.0, 0.0, a, 0.0, 1.0, 1.0, 1.0, 0.0]])
-            p = plant.numbers({}, foreign=Foreign("direction_gain", {"e": 0.2}))
-            found = plant.axis_response(np.array([1.5]), row, p)
+            p = axis.numbers({}, foreign=Foreign("direction_gain", {"e": 0.2}))
+            found = axis.axis_response(np.array([1.5]), row, p)
             lags.append(abs(found[0, 0] - found[0, 3]))
         for lag, gain in zip(lags, (1.2, 0.8), strict=True):
             exact = math.asin(THESIS.mass_kg * 6.0 / (gain * THESIS.force_N)) / THESIS.wave_1_m
             assert lag == pytest.approx(exact, rel=1e-3)
 
     def test_lost_microsteps_leave_the_axis_behind(self):
-        whole = plant.rows(timeline(MOVE), 1, {})
+        whole = axis.rows(timeline(MOVE), 1, {})
         lossy = Foreign("missing_microsteps", {"rate": 10.0, "phi": 0.3})
         cut = with_lost_microsteps(whole, lossy, THESIS.microstep_m)
-        assert (cut[1:, motion.T0] == cut[:-1, motion.T1]).all()
-        times = np.linspace(0.01, whole[-1, motion.T0], 500)
-        behind = plant.position_m(whole, times) - plant.position_m(cut, times)
+        assert (cut[1:, equation.T0] == cut[:-1, equation.T1]).all()
+        times = np.linspace(0.01, whole[-1, equation.T0], 500)
+        behind = axis.position_m(whole, times) - axis.position_m(cut, times)
         steps = behind / THESIS.microstep_m
         assert steps == pytest.approx(np.rint(steps), abs=1e-6)
-        first = times < whole[2, motion.T1]
+        first = times < whole[2, equation.T1]
         assert (np.diff(steps[first]) > -1e-6).all()
         assert 1 <= round(steps[first].max()) <= 10
 
     def test_nothing_foreign_is_not_integrated(self):
-        assert plant.numbers({})[motion.USED] == motion.PLAIN_STATES
-        assert plant.numbers({}, foreign=Foreign("outliers", {}))[motion.USED] == 5
+        assert axis.numbers({})[equation.USED] == equation.PLAIN_STATES
+        assert axis.numbers({}, foreign=Foreign("outliers", {}))[equation.USED] == 5
 
 
 class TestInstrument:
@@ -194,7 +198,7 @@ class TestInstrument:
 
 @pytest.mark.parametrize("name", FOREIGN_KINDS)
 def test_each_kind_shows_in_a_run(name):
-    drawn = FOREIGN_KINDS[name].draw(np.random.default_rng(3))
+    drawn = FOREIGN_KINDS[name].draw(np.random.default_rng(3), THESIS)
     (laser,) = case_instruments(LASER, "strokes")
     run = ProgramRun(MOVE)
     strength = 0.2 if name in MECHANICS else 1.0
@@ -219,7 +223,7 @@ def test_kinds_and_grid():
     assert {s.foreign for s in specs} == set(FOREIGN_KINDS)
     assert sum(bool(s.effects) for s in specs) == len(specs) / 2
     names = {n for k in FOREIGN_KINDS.values() for n in (*k.same, *k.akin)}
-    assert names <= set(EFFECT_VARIABLES)
+    assert names <= set(HIDDEN_EFFECTS)
 
 
 def test_a_case_is_made_and_its_plant_is_found_again(tmp_path):

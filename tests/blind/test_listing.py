@@ -7,7 +7,7 @@ import pytest
 from helpers.paths import PROGRAMS
 from mopro import compile as compile_program
 from mopro.blind.reference.listing import duration_s, profile_segments, timeline
-from mopro.blind.reference.nominal import INCH_M, THESIS
+from mopro.blind.reference.motor import INCH_M, THESIS
 from mopro.language.load import load
 from mopro.motion import plan
 

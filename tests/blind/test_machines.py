@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from mopro.blind.cases.grid_machines import MachineSpec, machines
-from mopro.blind.making.machine_case import machine_case
-from mopro.blind.making.machine_drawn import columns, drawn
-from mopro.blind.making.machine_size import left_by, visible
-from mopro.blind.making.machine_texts import columns_of
-from mopro.blind.reference.machines import PLANTS
+from mopro.blind.cases.drawn_machine import columns, drawn, left_by, visible
+from mopro.blind.cases.machine_case import machine_case
+from mopro.blind.cases.machine_kinds import MachineSpec, machines
+from mopro.blind.cases.machine_texts import columns_of
+from mopro.blind.reference.stepped_machines import PLANTS
 from mopro.blind.scoring.judge_machine import judge_machine, machine_of
 
 T = np.arange(0, 2.0, 0.002)

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mopro.blind.cases import effects as hidden
+from mopro.blind.cases import hidden_effects as hidden
+from mopro.blind.cases.case import draw_case
 from mopro.blind.cases.grids import case_specs
-from mopro.blind.cases.spec import LASER, CaseSpec
-from mopro.blind.making.case import case_instruments, draw_case
-from mopro.blind.making.make import make, write
-from mopro.blind.making.sizes import NoiselessRuns, class_of
+from mopro.blind.cases.hidden_sizes import NoiselessRuns, class_of
+from mopro.blind.cases.make import make, write
+from mopro.blind.cases.spec import LASER, CaseSpec, case_instruments
 from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import THESIS
+from mopro.blind.reference.motor import THESIS
 from mopro.instruments import read_thermocouple
 
 ONE = CaseSpec("single", LASER, (("viscous_drag", "clear"),), runs=1, run_s=1.0)

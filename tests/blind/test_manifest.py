@@ -11,9 +11,10 @@ import pytest
 from click.testing import CliRunner
 
 from helpers.paths import ROOT
-from mopro.blind.making.make import make
-from mopro.blind.making.manifest import MADE, Manifest
-from mopro.blind.scoring.run import CaseFolder, VerdictSource
+from mopro.blind.cases.make import make
+from mopro.blind.cases.manifest import MADE, Manifest
+from mopro.blind.scoring.scored_cases import CaseFolder
+from mopro.blind.scoring.verdict_source import VerdictSource
 from mopro.cli.blind import command
 from mopro.errors import DataError
 
@@ -113,7 +114,7 @@ def test_a_kill_at_any_step_can_be_made_good(ground, moment):
     """Killed at the n-th rename or removal, the next make finds nothing foreign."""
     code = (
         "import os, signal, sys\nfrom pathlib import Path\n"
-        "from mopro.blind.making.manifest import Manifest\n"
+        "from mopro.blind.cases.manifest import Manifest\n"
         f"real, left = Path.{moment}, [int(sys.argv[2])]\n"
         "def counted(self, *a, **k):\n"
         "    left[0] -= 1\n"
@@ -218,7 +219,7 @@ def test_a_verdict_that_cannot_be_read_is_asked_again(made, monkeypatch, content
     said = {"verdict": "none", "effects": [], "seconds": 1.0, "exit_code": 0, "stderr": ""}
     asked = []
     monkeypatch.setattr(
-        "mopro.blind.scoring.run.VerdictSource._reconciled",
+        "mopro.blind.scoring.verdict_source.VerdictSource._reconciled",
         lambda *a: asked.append(a) or dict(said),
     )
     kept = made / "003" / "verdict.json"

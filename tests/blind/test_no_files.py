@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from mopro.blind.making.manifest import MADE
+from mopro.blind.cases.manifest import MADE
 
 ANSWER = {key: [] for key in ("effects", "offsets", "instruments")} | {
     "files": {"run1.CMD": "0"}, "group": "one", "sensor": "lvdt", "strange": None,

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.blind.cases import effects as hidden
+from mopro.blind.cases import hidden_effects as hidden
+from mopro.blind.cases.benchmark_machine import BenchmarkMachine, read_machine
+from mopro.blind.cases.case import draw_case
+from mopro.blind.cases.make import write
 from mopro.blind.cases.spec import LASER, THERMOCOUPLE, CaseSpec
-from mopro.blind.making.case import draw_case
-from mopro.blind.making.machine import read_machine
-from mopro.blind.making.make import BenchmarkMachine, write
-from mopro.blind.reference.nominal import THESIS
-from mopro.blind.reference.readings import ReferencePlant
-from mopro.blind.scoring.follow import hidden_plant
+from mopro.blind.reference.motor import THESIS
+from mopro.blind.reference.plant import ReferencePlant
+from mopro.blind.scoring.scored_cases import hidden_plant
 from mopro.experiment import load_experiment
 from mopro.experiment.sawyer.system import Model
 from mopro.machine import load_machine

@@ -7,11 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from mopro.blind.reference import heat, motion, plant
+from mopro.blind.reference import axis, equation, heat
 from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import INCH_M
-from mopro.blind.reference.nominal import THESIS as n
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.reference.motor import INCH_M
+from mopro.blind.reference.motor import THESIS as n
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
 
 LASER = Instrument("laser", "position", 1, "position_1_in", INCH_M, 2000.0, 2e-5, 0.0)
@@ -34,11 +34,11 @@ HIDDEN = [
 
 def swing(amplitude_m, damping=0.0):
     """Zero crossings' frequency of a free swing from rest at `amplitude_m`."""
-    numbers = plant.numbers({"electrical_damping": {"zeta": damping}})
+    numbers = axis.numbers({"electrical_damping": {"zeta": damping}})
     times = np.arange(0.0, 1.0, 1e-5)
     out = np.empty((len(times), 4))
     start = np.array([amplitude_m, 0.0, 0.0, 1.0, 0.0])
-    motion.response(times, STILL, numbers, start, motion.TOLERANCE, out)
+    equation.response(times, STILL, numbers, start, equation.TOLERANCE, out)
     x = out[:, 0]
     up = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
     crossings = times[up] - x[up] * 1e-5 / (x[up + 1] - x[up])
@@ -55,17 +55,17 @@ def test_a_pendulum_s_frequencies():
 
 
 def test_ten_newtons_push_it_aside_by_the_arcsine():
-    numbers = plant.numbers({"constant_force": {"F_b": 10.0}})
-    assert plant.equilibrium(STILL[0], numbers)[0] == pytest.approx(14.5875e-6, abs=1e-10)
+    numbers = axis.numbers({"constant_force": {"F_b": 10.0}})
+    assert axis.equilibrium(STILL[0], numbers)[0] == pytest.approx(14.5875e-6, abs=1e-10)
 
 
 @pytest.mark.parametrize(("acceleration", "lag_um"), [(250, 23.6), (600, 57.6)])
 def test_lag_under_even_acceleration(acceleration, lag_um):
     a = acceleration * INCH_M
     row = np.array([[0.0, 2.0, 0.0, 0.0, a, 0.0, 1.0, 1.0, 1.0, 0.0]])
-    numbers = plant.numbers({"force_constant": {"e": 111.2 / 111.0 - 1}})
+    numbers = axis.numbers({"force_constant": {"e": 111.2 / 111.0 - 1}})
     times = np.array([1.2])
-    ((x, *_, command),) = plant.axis_response(times, row, numbers)
+    ((x, *_, command),) = axis.axis_response(times, row, numbers)
     assert (command - x) * 1e6 == pytest.approx(lag_um, abs=0.05)
     exact = math.asin(n.mass_kg * a / 111.2) / n.wave_1_m
     assert command - x == pytest.approx(exact, abs=1e-10)
@@ -73,11 +73,11 @@ def test_lag_under_even_acceleration(acceleration, lag_um):
 
 @pytest.mark.parametrize("zeta", [0.01, 0.03])
 def test_a_ring_down_has_the_set_damping(zeta):
-    numbers = plant.numbers({"electrical_damping": {"zeta": zeta}})
+    numbers = axis.numbers({"electrical_damping": {"zeta": zeta}})
     times = np.arange(0.0, 0.5, 1e-5)
     out = np.empty((len(times), 4))
     start = np.array([1e-8, 0.0, 0.0, 1.0, 0.0])
-    motion.response(times, STILL, numbers, start, motion.TOLERANCE / 1e4, out)
+    equation.response(times, STILL, numbers, start, equation.TOLERANCE / 1e4, out)
     x = out[:, 0]
     peaks = np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] > x[2:])) + 1
     decrement = np.log(x[peaks[0]] / x[peaks[10]]) / 10
@@ -88,8 +88,8 @@ def test_a_ring_down_has_the_set_damping(zeta):
 def test_current_lag_turns_the_angle_by_its_arctangent():
     speed, tau = 0.05, 1e-4
     row = np.array([[0.0, 2.0, 0.0, speed, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0]])
-    ((x, *_, command),) = plant.axis_response(
-        np.array([1.5]), row, plant.numbers({"current_loop_lag": {"tau": tau}})
+    ((x, *_, command),) = axis.axis_response(
+        np.array([1.5]), row, axis.numbers({"current_loop_lag": {"tau": tau}})
     )
     angle = math.atan(n.wave_1_m * speed * tau)
     assert command - x == pytest.approx(angle / n.wave_1_m, rel=1e-6)
@@ -97,29 +97,29 @@ def test_current_lag_turns_the_angle_by_its_arctangent():
 
 @pytest.mark.parametrize("hidden", HIDDEN, ids=lambda h: "+".join(h) or "nominal")
 def test_tighter_tolerances_change_nothing_that_a_sensor_could_see(hidden):
-    command = plant.rows(timeline(MOVE), 1, hidden)
-    numbers, times = plant.numbers(hidden), np.arange(0, 1.2, 5e-4)
-    usual = plant.axis_response(times, command, numbers)[:, 0]
-    fine = plant.axis_response(times, command, numbers, motion.TOLERANCE / 100)[:, 0]
+    command = axis.rows(timeline(MOVE), 1, hidden)
+    numbers, times = axis.numbers(hidden), np.arange(0, 1.2, 5e-4)
+    usual = axis.axis_response(times, command, numbers)[:, 0]
+    fine = axis.axis_response(times, command, numbers, equation.TOLERANCE / 100)[:, 0]
     assert np.abs(usual - fine).max() < 1e-9
 
 
 @pytest.mark.parametrize("hidden", HIDDEN[:5], ids=lambda h: "+".join(h) or "nominal")
 def test_scipy_s_own_solver_agrees(hidden):
-    command = plant.rows(timeline(MOVE), 1, hidden)
-    numbers, times = plant.numbers(hidden), np.arange(0, 0.12, 1e-3)
-    ours = plant.axis_response(times, command, numbers)[:, 0]
+    command = axis.rows(timeline(MOVE), 1, hidden)
+    numbers, times = axis.numbers(hidden), np.arange(0, 0.12, 1e-3)
+    ours = axis.axis_response(times, command, numbers)[:, 0]
     row = command[0]
-    assert row[motion.T1] < times[-1]
+    assert row[equation.T1] < times[-1]
 
     def slope(t, y):
-        rate = np.empty(motion.PLAIN_STATES)
-        at = int(np.searchsorted(command[:, motion.T0], t, side="right")) - 1
-        motion.slope(t, y, command[max(at, 0)], numbers, rate)
+        rate = np.empty(equation.PLAIN_STATES)
+        at = int(np.searchsorted(command[:, equation.T0], t, side="right")) - 1
+        equation.slope(t, y, command[max(at, 0)], numbers, rate)
         return rate
 
-    state, found = plant.equilibrium(row, numbers), []
-    ends = [*command[:, motion.T1][command[:, motion.T1] < times[-1]], times[-1]]
+    state, found = axis.equilibrium(row, numbers), []
+    ends = [*command[:, equation.T1][command[:, equation.T1] < times[-1]], times[-1]]
     start = 0.0
     for end in ends:
         inside = times[(times >= start) & (times < end)]

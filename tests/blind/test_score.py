@@ -6,11 +6,10 @@ import math
 import pytest
 from click.testing import CliRunner
 
-from mopro.blind.making.make import make
-from mopro.blind.scoring.follow import add_proposed_run
-from mopro.blind.scoring.judge import judge
-from mopro.blind.scoring.page import page
-from mopro.blind.scoring.score import FollowUp, Score, pair_key
+from mopro.blind.cases.make import make
+from mopro.blind.scoring.judge import FollowUp, judge, pair_key
+from mopro.blind.scoring.score import Score, page
+from mopro.blind.scoring.scored_cases import add_proposed_run
 from mopro.cli.blind import command
 
 HIDDEN = {"name": "viscous_drag", "parameters": {"b": 5.0}, "total_sigma": 50.0}

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mopro.blind.cases.benchmark_machine import read_machine
+from mopro.blind.cases.case import draw_case
 from mopro.blind.cases.grids import case_specs
-from mopro.blind.cases.spec import LASER, CaseSpec
-from mopro.blind.making.case import case_instruments, draw_case
-from mopro.blind.making.machine import read_machine
-from mopro.blind.making.make import write
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
-from mopro.blind.scoring.follow import hidden_plant
+from mopro.blind.cases.make import write
+from mopro.blind.cases.spec import LASER, CaseSpec, case_instruments
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
+from mopro.blind.scoring.scored_cases import hidden_plant
 from mopro.errors import ModelError
 from mopro.experiment import load_experiment
 

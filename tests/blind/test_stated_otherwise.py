@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from helpers.one_run import LASER, of
-from mopro.blind.cases.constants import constants, with_constants
-from mopro.blind.cases.effects import HIDDEN_EFFECTS, THERMAL
+from mopro.blind.cases.benchmark_machine import read_machine
+from mopro.blind.cases.case import draw_case
 from mopro.blind.cases.grids import TOLERANCES, case_specs
+from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS, THERMAL
+from mopro.blind.cases.make import make, write
 from mopro.blind.cases.spec import COARSE, ENCODER, LVDT, THERMOCOUPLE, CaseSpec
-from mopro.blind.making.case import draw_case
-from mopro.blind.making.machine import read_machine
-from mopro.blind.making.make import make, write
-from mopro.blind.reference.nominal import THESIS
+from mopro.blind.reference.motor import THESIS
 from mopro.blind.scoring.judge import judge
 from mopro.blind.scoring.score import Score
 from mopro.effects import catalogue
@@ -58,6 +57,19 @@ class TestConstants:
         assert {name for s in specs for name, _ in s.effects} == {*COARSE, *THERMAL}
 
     @pytest.mark.parametrize("name", HIDDEN_EFFECTS)
+    def test_what_is_plausible_is_what_the_catalogue_says(self, name):
+        """Of numbers that are no size, angle or measure; mains are of 50 or 60 Hz alone."""
+        known = {
+            p.name: p.plausible
+            for p in catalogue()[name].parameters
+            if p.response is Role.SHAPE
+            and p.plausible[0] < p.plausible[1]
+            and not (p.whole or p.unit_of or p.dimension == "frequency")
+        }
+        assert known == HIDDEN_EFFECTS[name].assumed
+        assert [*known] == [*HIDDEN_EFFECTS[name].assumed]
+
+    @pytest.mark.parametrize("name", HIDDEN_EFFECTS)
     def test_what_the_diagnosis_frees_is_drawn_over_its_range(self, name, view):
         freed = {
             p.name: (p.low, p.high)
@@ -65,9 +77,9 @@ class TestConstants:
             for p in form.parameters
             if p.role is Role.CONSTANT
         }
-        assert {*freed} <= {p.name for p in constants(name)}
         g, effect = np.random.default_rng(1), HIDDEN_EFFECTS[name]
-        draws = [with_constants(g, name, effect.draw(g, THESIS)) for _ in range(200)]
+        assert {*freed} <= {*effect.assumed}
+        draws = [effect.with_constants(g, effect.draw(g, THESIS)) for _ in range(200)]
         for constant, (low, high) in freed.items():
             values = [drawn(0.5)[constant] for drawn in draws]
             assert low <= min(values) < low + 0.1 * (high - low)

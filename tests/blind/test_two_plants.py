@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 import mopro
-from mopro.blind.cases import effects as hidden
-from mopro.blind.cases.spec import THERMOCOUPLE
-from mopro.blind.making.case import case_instruments
-from mopro.blind.making.programs import ProgramWriter
-from mopro.blind.reference.nominal import THESIS
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.cases import hidden_effects as hidden
+from mopro.blind.cases.random_programs import ProgramWriter
+from mopro.blind.cases.spec import THERMOCOUPLE, case_instruments
+from mopro.blind.reference.motor import THESIS
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.model import Experiment, Reading
 from mopro.experiment.sawyer.model import Trial as Measured

@@ -12,9 +12,9 @@ from helpers.commands import run_here
 from helpers.diagnosis import diagnose
 from helpers.laboratory import Lab
 from helpers.signals import names
-from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
+from mopro.blind.reference.uncatalogued import Foreign
 from mopro.effects import Active, catalogue
 from mopro.effects.unlisted import unlisted_terms, with_unlisted
 from mopro.engine.freeform import measurement_laws

@@ -29,7 +29,7 @@ from random import Random
 
 import click
 
-import mopro.blind.scoring.run
+import mopro.blind.scoring.verdict_source
 import mopro.link
 from helpers.power_loss import Recorder
 from mopro.cli import main
@@ -259,7 +259,7 @@ def serve():
     COMMANDS["flash-to-store"] = "__main__:command"
     mopro.link.SerialPort = loopback
     mopro.link.Session = partial(Session, random=Random(1))
-    mopro.blind.scoring.run._reconcile = reconciled
+    mopro.blind.scoring.verdict_source._reconcile = reconciled
     for line in sys.stdin:
         trial = json.loads(line)
         for module in NEEDED.get(trial["args"][0], []):

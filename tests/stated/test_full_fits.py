@@ -7,7 +7,7 @@ The loss to the surroundings makes up for most of what radiation does.
 import numpy as np
 
 from helpers.stated import write
-from mopro.blind.reference.machines import PLANTS
+from mopro.blind.reference.stepped_machines import PLANTS
 from mopro.experiment.opened import open_experiment
 
 STEP_C = 0.32

@@ -6,15 +6,12 @@ Strength 0 is none of it, 1 the most that is drawn. Kinds without `sized` have o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from mopro.blind.cases.effects import Drawn, Generator, Parameters
+from mopro.blind.cases.hidden_effects import Draw, sized
 
 _DRY = ("coulomb_friction", "stribeck_friction", "load_dependent_friction")
 _MOST_RATE = 2.0  # microsteps lost per second, at most
-_TRIES = 8
-_CLOSE_ENOUGH = 0.1
 
 
 @dataclass(frozen=True)
@@ -27,25 +24,12 @@ class ForeignKind:
     """
 
     name: str
-    draw: Callable[[Generator], Drawn]
+    draw: Draw
     variables: tuple[str, ...]
     same: tuple[str, ...] = ()
     akin: tuple[str, ...] = ()
     sized: bool = True
     coloured: bool = False
-
-
-def _scaled(
-    number: str, most: float, *, signed: bool = False, **others: tuple[float, float]
-) -> Callable[[Generator], Drawn]:
-    """Draws with one number up to `most`, and `others` drawn evenly from their ranges."""
-
-    def draw(g: Generator) -> Drawn:
-        top = most * (float(g.choice([-1.0, 1.0])) if signed else 1.0)
-        fixed = {name: float(g.uniform(*ends)) for name, ends in others.items()}
-        return lambda s: {number: top * s, **fixed}
-
-    return draw
 
 
 _PRESLIDING = (3e-6, 1e-5)
@@ -56,83 +40,56 @@ FOREIGN_KINDS = {
     for k in (
         ForeignKind(
             "lugre",
-            _scaled("N", 12.0, presliding=(5e-6, 3e-5), static=(1.2, 1.6), vs=(0.01, 0.1),
+            sized("N", 12.0, presliding=(5e-6, 3e-5), static=(1.2, 1.6), vs=(0.01, 0.1),
                     inner=(0.1, 0.7)),
             ("sgn v", "v"), same=("stribeck_friction", "coulomb_friction"), akin=_DRY,
         ),
         ForeignKind(
-            "hysteretic_spring", _scaled("N", 12.0, reach=(0.01, 0.06)), ("x", "sgn v"),
+            "hysteretic_spring", sized("N", 12.0, reach=(0.01, 0.06)), ("x", "sgn v"),
             akin=("umbilical_spring", *_DRY),
         ),
         ForeignKind(
-            "structural_mode", _scaled("share", 0.5, f=(12.0, 40.0), zeta=(0.01, 0.05)),
+            "structural_mode", sized("share", 0.5, f=(12.0, 40.0), zeta=(0.01, 0.05)),
             ("a", "t", "command"), akin=("electrical_damping", "payload_mass", "force_constant"),
         ),
         ForeignKind(
             "place_friction",
-            _scaled("N", 10.0, presliding=_PRESLIDING, depth=(0.7, 0.95), length=(0.03, 0.15),
+            sized("N", 10.0, presliding=_PRESLIDING, depth=(0.7, 0.95), length=(0.03, 0.15),
                     phi=_ANGLE),
             ("x", "x mod", "sgn v"), akin=_DRY,
         ),
         ForeignKind(
             "fading_friction",
-            _scaled("N", 10.0, presliding=_PRESLIDING, fade=(0.7, 0.95), tau=(0.5, 2.0)),
+            sized("N", 10.0, presliding=_PRESLIDING, fade=(0.7, 0.95), tau=(0.5, 2.0)),
             ("t", "T", "sgn v"), akin=_DRY,
         ),
         ForeignKind(
-            "direction_gain", _scaled("e", 0.3, signed=True), ("sgn v", "a", "command"),
+            "direction_gain", sized("e", 0.3, True), ("sgn v", "a", "command"),
             akin=("force_constant", "payload_mass"),
         ),
         ForeignKind(
-            "missing_microsteps", _scaled("rate", _MOST_RATE, phi=_ANGLE), ("t", "command", "x"),
+            "missing_microsteps", sized("rate", _MOST_RATE, phi=_ANGLE), ("t", "command", "x"),
             akin=("lost_steps", "pitch_scale", "sensor_gain", "platen_expansion"),
         ),
-        ForeignKind("jittered_clock", _scaled("share", 0.45), ("v", "t")),
+        ForeignKind("jittered_clock", sized("share", 0.45), ("v", "t")),
         ForeignKind(
-            "stepping_clock", _scaled("step", 5e-3, every=(0.4, 1.2)), ("t", "v"),
+            "stepping_clock", sized("step", 5e-3, every=(0.4, 1.2)), ("t", "v"),
             akin=("sample_clock", "controller_clock", "trigger_delay", "velocity_scale"),
         ),
-        ForeignKind("wandering_gain", _scaled("rms", 1e-2, tau=(0.3, 2.0)), ("sensor", "x", "t")),
+        ForeignKind("wandering_gain", sized("rms", 1e-2, tau=(0.3, 2.0)), ("sensor", "x", "t")),
         ForeignKind(
-            "thermal_bow", _scaled("bow", 1e-3, half=(0.2, 0.3), signed=True),
+            "thermal_bow", sized("bow", 1e-3, True, half=(0.2, 0.3)),
             ("T", "t", "x", "sensor"), akin=("sensor_nonlinearity", "platen_expansion"),
         ),
         ForeignKind(
-            "dropouts", _scaled("rate", 1.0, lasts=(0.002, 0.01)), ("t", "sensor"), sized=False
+            "dropouts", sized("rate", 1.0, lasts=(0.002, 0.01)), ("t", "sensor"), sized=False
         ),
-        ForeignKind("outliers", _scaled("count", 8.0), ("t", "sensor"), sized=False),
+        ForeignKind("outliers", sized("count", 8.0), ("t", "sensor"), sized=False),
         ForeignKind(
-            "sticking_sensor", _scaled("rate", 1.0, lasts=(0.02, 0.06)), ("sensor", "t", "v"),
+            "sticking_sensor", sized("rate", 1.0, lasts=(0.02, 0.06)), ("sensor", "t", "v"),
             sized=False,
         ),
-        ForeignKind("ar1_noise", _scaled("none", 0.0, phi=(0.5, 0.95)), (), coloured=True),
-        ForeignKind("flicker_noise", _scaled("none", 0.0), (), coloured=True),
+        ForeignKind("ar1_noise", sized("none", 0.0, phi=(0.5, 0.95)), (), coloured=True),
+        ForeignKind("flicker_noise", sized("none", 0.0), (), coloured=True),
     )
 }  # fmt: skip
-
-
-def of_size(
-    kind: ForeignKind, target: float, size_of: Callable[[Parameters], float], g: Generator
-) -> tuple[Parameters, float]:
-    """Numbers of about the `target` size (σ), and their size by `size_of`, if `sized`.
-
-    The search takes steps in proportion; a strength that makes an axis stall is halved.
-    """
-    drawn = kind.draw(g)
-    if not kind.sized or kind.coloured:
-        return drawn(1.0), 0.0
-    strength, best = 0.2, (drawn(0.0), 0.0)
-    for _ in range(_TRIES):
-        numbers = drawn(strength)
-        size = size_of(numbers)
-        if _off(size, target) < _off(best[1], target):
-            best = numbers, size
-        if _off(size, target) < _CLOSE_ENOUGH:
-            break
-        step = target / max(size, 1e-9) if math.isfinite(size) else 0.5
-        strength = min(strength * min(max(step, 0.02), 20.0), 1.0)
-    return best
-
-
-def _off(size: float, target: float) -> float:
-    return abs(math.log(max(size, 1e-9) / target)) if math.isfinite(size) else math.inf

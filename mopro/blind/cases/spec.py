@@ -1,10 +1,12 @@
-"""Specification of one case: effects, sizes, sensor and kind of program."""
+"""Specification of one case: effects, sizes, sensors and kind of program."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mopro.blind.cases.effects import HIDDEN_EFFECTS
+from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS
+from mopro.blind.reference.motor import INCH_M
+from mopro.blind.reference.sensors import Instrument
 
 LASER, ENCODER, LVDT, THERMOCOUPLE = "laser", "encoder", "lvdt", "thermocouple"
 
@@ -75,3 +77,18 @@ def single(
 def warm(group: str, *effects: tuple[str, str], runs: int = 2, run_s: float = 3600.0) -> CaseSpec:
     """A case with a thermocouple."""
     return CaseSpec(group, THERMOCOUPLE, effects, style="cycles", runs=runs, run_s=run_s)
+
+
+def case_instruments(sensor: str, style: str) -> list[Instrument]:
+    """The sensors of a case: one, or for the style "two axes" one on each axis."""
+    if sensor == THERMOCOUPLE:
+        return [Instrument(sensor, "temperature", 1, "temperature_C", 1.0, 1.0, 0.1, 0.09765625)]
+    rate, noise, step = {
+        LASER: (2000.0, 2e-5, 0.0), ENCODER: (1000.0, 2e-4, 1e-4), LVDT: (800.0, 0.025, 0.004883),
+    }[sensor]  # fmt: skip
+    axes = (1, 2) if style == "two axes" else (1,)
+    names = {1: sensor} if len(axes) == 1 else {n: f"{sensor}_{n}" for n in axes}
+    return [
+        Instrument(names[n], "position", n, f"position_{n}_in", INCH_M, rate, noise, step)
+        for n in axes
+    ]

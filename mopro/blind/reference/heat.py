@@ -11,7 +11,6 @@ A move counts with its peak speed (eq. 3.18). Payloads are thermally insulated.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +18,7 @@ from numba import njit
 from scipy.integrate import odeint
 
 from mopro.blind.reference.listing import Stroke, Timeline
-from mopro.blind.reference.motion import Floats
-from mopro.blind.reference.nominal import THESIS, Nominal
+from mopro.blind.reference.motor import THESIS, Floats, Hidden, Nominal, of
 
 _SIGMA = 5.670374419e-8
 _KELVIN = 273.15
@@ -43,7 +41,7 @@ class HeatInterval:
 def temperature_C(
     timeline: Timeline,
     times_s: Floats,
-    hidden: Mapping[str, Mapping[str, float]],
+    hidden: Hidden,
     n: Nominal = THESIS,
 ) -> Floats:
     """Temperature of the forcer (°C) at ascending times (s); it starts at that of the air."""
@@ -62,7 +60,7 @@ def _curve(
     start_C: float,
     marks: Floats,
     interval: HeatInterval,
-    hidden: Mapping[str, Mapping[str, float]],
+    hidden: Hidden,
     n: Nominal,
 ) -> Floats:
     """Temperature (°C) at ascending times; LSODA needs those that nearly coincide merged."""
@@ -77,10 +75,10 @@ def _curve(
         copper.get("T0", n.air_C),
         interval.core_W,
         interval.loss_W_K,
-        hidden.get("ambient_drift", {}).get("r", 0.0),
+        of(hidden, "ambient_drift", "r"),
         interval.conduction_W_K,
         interval.platen_C,
-        hidden.get("radiation", {}).get("eps", 0.0) * (n.side_area_m2 + n.top_area_m2),
+        of(hidden, "radiation", "eps") * (n.side_area_m2 + n.top_area_m2),
         n.air_C,
         n.capacity_J_K,
     )
@@ -105,7 +103,7 @@ def _slope(  # type: ignore[no-untyped-def]
 def heat_intervals(
     timeline: Timeline,
     until_s: float,
-    hidden: Mapping[str, Mapping[str, float]],
+    hidden: Hidden,
     n: Nominal = THESIS,
 ) -> list[HeatInterval]:
     """The intervals of constant heating from the start of the program to `until_s`."""
@@ -135,7 +133,7 @@ def _interval(
     until_s: float,
     moving: list[Stroke],
     shares: list[float],
-    hidden: Mapping[str, Mapping[str, float]],
+    hidden: Hidden,
     n: Nominal,
 ) -> HeatInterval:
     speeds = [s.peak_m_s for s in moving]
@@ -143,7 +141,7 @@ def _interval(
     squares = [share**2 for share in shares]
     rest_W = 2 * n.coil_ohm * n.current_A**2 * sum(squares)
     moving_W = len(moving) * n.coil_ohm * n.moving_current_A**2 * max(squares)
-    scale = 1 + hidden.get("convection_scale", {}).get("e", 0.0)
+    scale = 1 + of(hidden, "convection_scale", "e")
     platen = hidden.get("platen_conduction", {})
     core = hidden.get("speed_dependent_heat", {})
     steps_Hz = [speed / n.pitch_m for speed in speeds]
@@ -171,9 +169,7 @@ def _film(air_m_s: float, length_m: float, n: Nominal) -> float:
     return nusselt * n.air_conductivity_W_m_K / n.side_m
 
 
-def _held_times(
-    timeline: Timeline, axis: int, until_s: float, hidden: Mapping[str, Mapping[str, float]]
-) -> Floats:
+def _held_times(timeline: Timeline, axis: int, until_s: float, hidden: Hidden) -> Floats:
     """Start and end (s) of each time with reduced current of an axis, shape (rests, 2)."""
     if "hold_current_reduction" not in hidden:
         return np.empty((0, 2))
@@ -185,7 +181,7 @@ def _held_times(
     return np.column_stack((starts[long] + after_s, ends[long]))
 
 
-def _share(held: Floats, when_s: float, hidden: Mapping[str, Mapping[str, float]]) -> float:
+def _share(held: Floats, when_s: float, hidden: Hidden) -> float:
     """Share of the current of an axis at a time."""
     at = int(np.searchsorted(held[:, 0], when_s)) - 1
     if at < 0 or when_s > held[at, 1]:

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from mopro.blind.reference.nominal import THESIS
+from mopro.blind.reference.motor import THESIS
 
 Segment = tuple[float, float, float, float]
 

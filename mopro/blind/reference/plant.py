@@ -1,223 +1,160 @@
-"""Motion of one axis under a program with hidden effects.
-
-Hidden effects change the controller, the numbers of the equation of motion and the rows of
-the command. `Hidden` maps effects to their parameters in SI, as in a machine file.
-"""
+"""Readings of each sensor (without noise) in a run of the reference plant under a program."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.interpolate import CubicHermiteSpline
 
-from mopro.blind.reference import motion as m
-from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.foreign_mechanics import mechanics
-from mopro.blind.reference.listing import Controller, Stroke, Timeline
-from mopro.blind.reference.motion import Floats
-from mopro.blind.reference.nominal import LOOP_S, THESIS, Nominal
+from mopro.blind.reference import axis as motion
+from mopro.blind.reference import heat, sensors, uncatalogued
+from mopro.blind.reference.listing import Timeline, timeline
+from mopro.blind.reference.motor import THESIS, Floats, Generator, Hidden, Nominal
+from mopro.blind.reference.sensors import Instrument
+from mopro.blind.reference.uncatalogued import Disturbance, Foreign
 
-Hidden = Mapping[str, Mapping[str, float]]
-Temperature = Callable[[Floats], Floats]
-
-
-def controller(hidden: Hidden) -> Controller:
-    """The controller as the hidden effects change it."""
-    late = hidden.get("start_delay", {})
-    each = late.get("every_move", 0.0)
-    return Controller(
-        speed=1 + _of(hidden, "velocity_scale", "e"),
-        acceleration=1 + _of(hidden, "acceleration_scale", "e"),
-        clock=1 + _of(hidden, "controller_clock", "e"),
-        delay_s=0.0 if each else late.get("d", 0.0),
-        each_delay_s=late.get("d", 0.0) if each else 0.0,
-    )
+# Sensors with play or a lag are computed at this many times per sample, the motion at every
+# fifth of these: between them, Hermite interpolation is accurate to nanometres.
+_OVERSAMPLING, _MOTION_EVERY = 20, 5
+# A thermocouple is read every second at first, then at longer intervals.
+_EARLY_S, _LATE_STEP_S = 600.0, 15.0
 
 
-def numbers(
-    hidden: Hidden, payload_kg: float = 0.0, n: Nominal = THESIS, foreign: Foreign | None = None
-) -> Floats:
-    """The numbers of the equation of motion in the order of `motion.NAMES`, SI."""
-    stiffness = n.wave_1_m * n.force_N
-    zeta = _of(hidden, "electrical_damping", "zeta", n.damping_ratio)
-    values = dict.fromkeys(m.NAMES, 0.0) | {
-        "wave": n.wave_1_m,
-        "force": n.force_N * (1 + _of(hidden, "force_constant", "e")),
-        "mass": n.mass_kg + payload_kg + _of(hidden, "payload_mass", "dm"),
-        "damping": 2 * zeta * math.sqrt(stiffness * n.mass_kg),
-        "viscous": _of(hidden, "viscous_drag", "b"),
-        "quadratic": _of(hidden, "quadratic_drag", "c"),
-        **_friction(hidden),
-        "spring": _of(hidden, "umbilical_spring", "k_h"),
-        "spring_at": _of(hidden, "umbilical_spring", "x_h"),
-        "constant": _of(hidden, "constant_force", "F_b"),
-        "detent": _of(hidden, "detent_force", "Fd"),
-        "detent_phase": _of(hidden, "detent_force", "phi"),
-        "gain": _of(hidden, "phase_gain_imbalance", "eps"),
-        "quadrature": _of(hidden, "quadrature_error", "phi"),
-        "offset_a": _of(hidden, "phase_current_offset", "o_a"),
-        "offset_b": _of(hidden, "phase_current_offset", "o_b"),
-        "third": _of(hidden, "current_third_harmonic", "s"),
-        "lag_s": _of(hidden, "current_loop_lag", "tau"),
-        "supply": _of(hidden, "voltage_saturation", "Vb"),
-        "ohm": n.coil_ohm,
-        "henry": n.coil_H,
-        "current": n.current_A,
-        "emf": n.force_N / n.current_A,
-        "loop_s": LOOP_S,
-        "states": m.PLAIN_STATES,
-    }
-    values |= mechanics(foreign, values["mass"])
-    return np.array([values[name] for name in m.NAMES])
+@dataclass(frozen=True)
+class ProgramRun:
+    """One run: the text of a program, the known payload and the time of recording.
+
+    `until_s` ends a program that loops for ever.
+    """
+
+    text: str
+    payload_kg: float = 0.0
+    until_s: float | None = None
 
 
-def _friction(hidden: Hidden) -> dict[str, float]:
-    """The numbers of the laws of dry friction, which share one presliding."""
-    falling = hidden.get("stribeck_friction", {})
-    laws = ("coulomb_friction", "stribeck_friction", "load_dependent_friction")
-    presliding = [hidden[law]["delta"] for law in laws if law in hidden]
-    return {
-        "friction": _of(hidden, "coulomb_friction", "Fc") + falling.get("Fc", 0.0),
-        "breakaway": falling.get("Fs", 0.0) - falling.get("Fc", 0.0),
-        "breakaway_speed": falling.get("vs", 1.0),
-        "pressed": _of(hidden, "load_dependent_friction", "mu"),
-        "presliding": presliding[0] if presliding else 1.0,
-    }
+@dataclass
+class ReferencePlant:
+    """A machine with hidden effects and something foreign; `stalled` once an axis stalls."""
+
+    hidden: Hidden
+    disturbance: Disturbance | None = None
+    nominal: Nominal = THESIS
+    foreign: Foreign | None = None
+    stalled: bool = field(default=False, init=False)
+
+    def readings(
+        self, run: ProgramRun, instruments: Sequence[Instrument], generator: Generator
+    ) -> tuple[Floats, list[Floats]]:
+        """Time stamps (s, shape (n,)) and each instrument's readings (its unit, shape (n,)).
+
+        All instruments have the rate of the first. The recording lasts as long as the
+        program would without hidden effects. Noise is added by `sensors.stored`.
+        """
+        until_s = 1e4 if run.until_s is None else run.until_s
+        microstep_m = self.nominal.microstep_m
+        expected = timeline(run.text, until_s=until_s, microstep_m=microstep_m)
+        real = timeline(run.text, motion.controller(self.hidden), until_s, microstep_m)
+        lasts = expected.duration_s if run.until_s is None else run.until_s
+        if instruments[0].quantity == "temperature":
+            stamps = thermocouple_times(lasts)
+            return stamps, [self._temperature_readings(real, stamps) for _ in instruments]
+        rate_hz = instruments[0].rate_hz
+        stamps = np.arange(math.floor(lasts * rate_hz + 1e-6) + 1) / rate_hz
+        return stamps, [
+            self._position_readings(real, run, i, stamps, generator) for i in instruments
+        ]
+
+    def _temperature_readings(self, real: Timeline, stamps: Floats) -> Floats:
+        tau = sensors.lag_s("temperature", self.hidden)
+        taken = np.maximum(sensors.sampled_at(stamps, self.hidden), 0.0)
+        if not tau:
+            return self._temperature(real, taken)
+        dense = np.arange(0.0, float(taken[-1]) + 1.0, 0.25)
+        seen = sensors.low_pass(self._temperature(real, dense), 0.25, tau)
+        return sensors.resampled(0.25, seen, taken)
+
+    def _position_readings(
+        self,
+        real: Timeline,
+        run: ProgramRun,
+        instrument: Instrument,
+        stamps: Floats,
+        generator: Generator,
+    ) -> Floats:
+        taken = uncatalogued.clock(sensors.sampled_at(stamps, self.hidden), self.foreign, generator)
+        lag_s = sensors.lag_s("position", self.hidden)
+        step_s = 1 / (instrument.rate_hz * _OVERSAMPLING)
+        times = taken
+        if lag_s or "backlash" in self.hidden:
+            times = np.arange(math.ceil(max(taken[-1], 0.0) / step_s) + 2) * step_s
+        dense = times is not taken
+        own = self._motion(real, run, instrument.axis, times, dense)
+        other = np.zeros(len(times))
+        if "cross_axis_coupling" in self.hidden:
+            other = self._motion(real, run, 3 - instrument.axis, times, dense)[:, 0]
+        seen = sensors.transduced(own[:, 0], other, self._rise_K(real, times), self.hidden)
+        if lag_s:
+            seen = sensors.low_pass(seen, step_s, lag_s)
+        if dense:
+            seen = sensors.resampled(step_s, seen, taken)
+        seen = sensors.with_hum(seen, taken, self.hidden)
+        seen = uncatalogued.signal(
+            seen, stamps, self._bowing_K(real, stamps), self.foreign, generator
+        )
+        if self.disturbance:
+            seen = seen + self.disturbance.size_m * uncatalogued.disturbance(
+                self.disturbance.name,
+                self.disturbance.numbers,
+                stamps,
+                own[:, 0],
+                own[:, 2],
+                generator,
+            )
+        return seen / instrument.unit
+
+    def _motion(
+        self, real: Timeline, run: ProgramRun, axis: int, times: Floats, dense: bool
+    ) -> Floats:
+        if not dense:
+            return self._axis(real, run, axis, times)
+        step_s = _MOTION_EVERY * float(times[1] - times[0])
+        coarse = np.arange(math.ceil(times[-1] / step_s) + 2) * step_s
+        found = self._axis(real, run, axis, coarse)
+        place = CubicHermiteSpline(coarse, found[:, 0], found[:, 1])
+        return np.column_stack([place(times), *(np.interp(times, coarse, c) for c in found.T[1:])])
+
+    def _axis(self, real: Timeline, run: ProgramRun, axis: int, times: Floats) -> Floats:
+        def temperature(at_s: Floats) -> Floats:
+            return self._temperature(real, at_s)
+
+        pitch_m = self.nominal.pitch_m
+        command = motion.rows(real, axis, self.hidden, temperature, pitch_m)
+        command = uncatalogued.with_lost_microsteps(command, self.foreign, self.nominal.microstep_m)
+        numbers = motion.numbers(self.hidden, run.payload_kg, self.nominal, self.foreign)
+        found = motion.axis_response(times, command, numbers)
+        self.stalled |= motion.has_stalled(found, self.hidden, pitch_m)
+        return found
+
+    def _rise_K(self, real: Timeline, times: Floats) -> Floats | float:
+        if not self.hidden.get("platen_expansion", {}).get("share"):
+            return 0.0
+        return self._temperature(real, np.maximum(times, 0.0)) - self.nominal.air_C
+
+    def _bowing_K(self, real: Timeline, stamps: Floats) -> Floats | None:
+        """The rise of the temperature if it matters to what is foreign; else None."""
+        if self.foreign is None or self.foreign.name != "thermal_bow":
+            return None
+        return self._temperature(real, stamps) - self.nominal.air_C
+
+    def _temperature(self, real: Timeline, at_s: Floats) -> Floats:
+        return heat.temperature_C(real, at_s, self.hidden, self.nominal)
 
 
-def rows(
-    timeline: Timeline,
-    axis: int,
-    hidden: Hidden,
-    temperature: Temperature | None = None,
-    pitch_m: float = THESIS.pitch_m,
-) -> Floats:
-    """The command of one axis, shape (rows, motion.COLUMNS), ordered in time without gaps."""
-    strokes = [s for s in timeline.strokes if s.axis == axis]
-    until_s = timeline.duration_s + 1.0
-    command = _command(strokes, until_s)
-    if "profile_tick" in hidden:
-        command = _ticked(command, hidden["profile_tick"]["T"])
-    if "hold_current_reduction" in hidden:
-        command = _held(command, **hidden["hold_current_reduction"])
-    if "lost_steps" in hidden:
-        command = _slipped(command, strokes, hidden["lost_steps"], pitch_m)
-    if "force_constant_temperature" in hidden and temperature is not None:
-        alpha, t0 = (hidden["force_constant_temperature"][key] for key in ("alpha", "T0"))
-        command[:, m.F_FROM] = 1 - alpha * (temperature(command[:, m.T0]) - t0)
-        command[:, m.F_TO] = 1 - alpha * (temperature(command[:, m.T1]) - t0)
-    return command
-
-
-def equilibrium(row: Floats, p: Floats) -> Floats:
-    """The state at rest under the hidden loads, with the friction's z = 0; shape (STATES,)."""
-
-    def pull(x: float) -> float:
-        strength = p[m.FORCE] * row[m.F_FROM]
-        electric = ib * math.cos(p[m.WAVE] * x) - ia * math.sin(p[m.WAVE] * x)
-        return float(strength * electric + m.loads(x, 0.0, 0.0, p))
-
-    ia, ib, _, _ = m.setpoints(p[m.WAVE] * row[m.X0], row[m.SHARE], p)
-    near = 2 * math.pi / p[m.WAVE] / 5
-    x = brentq(pull, row[m.X0] - near, row[m.X0] + near, xtol=1e-16)
-    return np.array([x, 0.0, 0.0, ia, ib])
-
-
-def axis_response(
-    times_s: Floats, command: Floats, p: Floats, tolerance: Floats = m.TOLERANCE
-) -> Floats:
-    """Position, speed, acceleration, command (SI) at ascending times; shape (len(times_s), 4)."""
-    out = np.empty((len(times_s), 4))
-    m.response(times_s, command, p, equilibrium(command[0], p), tolerance, out)
-    return out
-
-
-def _of(hidden: Hidden, effect: str, parameter: str, otherwise: float = 0.0) -> float:
-    return float(hidden[effect][parameter]) if effect in hidden else otherwise
-
-
-def _row(t0: float, t1: float, x: float, v: float = 0.0, a: float = 0.0, j: float = 0.0) -> Floats:
-    return np.array([t0, t1, x, v, a, j, 1.0, 1.0, 1.0, 0.0])
-
-
-def _command(strokes: list[Stroke], until_s: float) -> Floats:
-    found: list[Floats] = []
-    now_s = x = 0.0
-    for stroke in strokes:
-        if stroke.start_s > now_s:
-            found.append(_row(now_s, stroke.start_s, x))
-        at_s = stroke.start_s
-        for lasts, v, a, j in stroke.segments:
-            found.append(_row(at_s, at_s + lasts, x, v, a, j))
-            x += lasts * (v + lasts * (a / 2 + lasts * j / 6))
-            at_s += lasts
-        x, now_s = stroke.start_m + stroke.displacement_m, at_s
-    found.append(_row(now_s, max(until_s, now_s + 1.0), x))
-    return np.array(found)
-
-
-def position_m(command: Floats, time_s: Floats) -> Floats:
-    """The commanded position (m) at each time."""
-    at = np.clip(np.searchsorted(command[:, m.T0], time_s, side="right") - 1, 0, None)
-    t0, x, v, a, j = (command[at, c] for c in (m.T0, m.X0, m.V0, m.A0, m.J0))
-    tau = np.maximum(time_s - t0, 0.0)
-    position: Floats = x + tau * (v + tau * (a / 2 + tau * j / 6))
-    return position
-
-
-def _ticked(command: Floats, tick_s: float) -> Floats:
-    """The command updated once per tick: constant speed to the profile's position a tick before."""
-    ticks = np.arange(math.ceil(command[-1, m.T1] / tick_s) + 2)
-    here = position_m(command, ticks * tick_s)
-    before = position_m(command, np.maximum(ticks - 1, 0) * tick_s)
-    found: list[Floats] = []
-    for i in ticks[:-1]:
-        speed = (here[i] - before[i]) / tick_s
-        if found and speed == 0.0 and found[-1][m.V0] == 0.0:
-            found[-1][m.T1] = (i + 1) * tick_s
-        else:
-            found.append(_row(i * tick_s, (i + 1) * tick_s, before[i], speed))
-    return np.array(found)
-
-
-def _held(command: Floats, h: float, t_h: float) -> Floats:
-    """The command with the current reduced to the share `h` after `t_h` seconds of rest."""
-    found: list[Floats] = []
-    for row in command:
-        rests = not row[m.V0 : m.J0 + 1].any()
-        if not rests or row[m.T1] - row[m.T0] <= t_h:
-            found.append(row)
-            continue
-        full, held = row.copy(), row.copy()
-        full[m.T1] = held[m.T0] = row[m.T0] + t_h
-        held[m.SHARE] = h
-        found += [full, held]
-    return np.array(found)
-
-
-def _slipped(
-    command: Floats, strokes: list[Stroke], lost: Mapping[str, float], pitch_m: float
-) -> Floats:
-    """The command with whole pitches lost within one stroke."""
-    index = int(lost["move"]) - 1
-    if index >= len(strokes):
-        return command
-    when_s = strokes[index].start_s + lost["at"] * strokes[index].duration_s
-    at = int(np.searchsorted(command[:, m.T0], when_s, side="right")) - 1
-    before, after = command[at].copy(), command[at].copy()
-    tau = when_s - before[m.T0]
-    x, v, a, j = before[m.X0 : m.J0 + 1]
-    before[m.T1] = after[m.T0] = when_s
-    after[m.X0] = x + tau * (v + tau * (a / 2 + tau * j / 6))
-    after[m.V0], after[m.A0] = v + tau * (a + tau * j / 2), a + tau * j
-    after[m.SLIP] = lost["n"] * pitch_m
-    return np.concatenate([command[:at], [before, after], command[at + 1 :]])
-
-
-def has_stalled(response: Floats, hidden: Hidden, pitch_m: float = THESIS.pitch_m) -> bool:
-    """True if the axis stalled; steps of the hidden effect `lost_steps` do not count."""
-    lag = response[:, 3] - response[:, 0]
-    steps = abs(_of(hidden, "lost_steps", "n")) * pitch_m
-    return bool(np.abs(lag).max() > pitch_m * 0.3 + steps)
+def thermocouple_times(lasts_s: float) -> Floats:
+    """Time stamps (s): every second for ten minutes, then every 15 s."""
+    early = np.arange(0.0, min(_EARLY_S, lasts_s) + 0.5)
+    late = np.arange(_EARLY_S + _LATE_STEP_S, lasts_s + 0.5, _LATE_STEP_S)
+    return np.concatenate((early, late))

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from scipy.interpolate import CubicSpline
 
-from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.foreign_instrument import noise, stored_badly
-from mopro.blind.reference.motion import Floats
-
-Hidden = Mapping[str, Mapping[str, float]]
+from mopro.blind.reference.motor import Floats, Generator, Hidden, of
+from mopro.blind.reference.uncatalogued import Foreign, noise, stored_badly
 
 
 @dataclass(frozen=True)
@@ -38,13 +34,13 @@ class Instrument:
 
 def sampled_at(stamps_s: Floats, hidden: Hidden) -> Floats:
     """True times (s) of the samples with these time stamps."""
-    late = hidden.get("trigger_delay", {}).get("t_d", 0.0)
-    return stamps_s * (1 + hidden.get("sample_clock", {}).get("e", 0.0)) - late
+    late = of(hidden, "trigger_delay", "t_d")
+    return stamps_s * (1 + of(hidden, "sample_clock", "e")) - late
 
 
 def transduced(x: Floats, other: Floats, rise_K: Floats | float, hidden: Hidden) -> Floats:
     """Reading (m) of a target at `x` (m) with the other axis at `other` (m); dense in time."""
-    seen = x * (1 + hidden.get("pitch_scale", {}).get("e", 0.0))
+    seen = x * (1 + of(hidden, "pitch_scale", "e"))
     if "platen_expansion" in hidden:
         grown = hidden["platen_expansion"]
         seen = seen * (1 + grown["alpha"] * (grown["dT"] + grown["share"] * rise_K))
@@ -54,9 +50,9 @@ def transduced(x: Floats, other: Floats, rise_K: Floats | float, hidden: Hidden)
         wave = hidden["periodic_error"]
         angle = 2 * math.pi * seen / wave["lambda"] + wave["phi"]
         seen = seen + wave["A"] * np.sin(angle)
-    seen = seen + hidden.get("cross_axis_coupling", {}).get("gamma", 0.0) * other
-    seen = seen * (1 + hidden.get("sensor_gain", {}).get("g", 0.0))
-    seen = seen + hidden.get("sensor_offset", {}).get("o", 0.0)
+    seen = seen + of(hidden, "cross_axis_coupling", "gamma") * other
+    seen = seen * (1 + of(hidden, "sensor_gain", "g"))
+    seen = seen + of(hidden, "sensor_offset", "o")
     if "sensor_nonlinearity" in hidden:
         bent = hidden["sensor_nonlinearity"]
         u = (seen - bent["mid"]) / bent["half"]
@@ -95,8 +91,8 @@ def low_pass(x, step_s, lag_s):  # type: ignore[no-untyped-def]
 def lag_s(quantity: str, hidden: Hidden) -> float:
     """Time constant (s) of the sensor's first-order lag; 0 for none."""
     if quantity == "temperature":
-        return hidden.get("thermocouple_lag", {}).get("tau", 0.0)
-    corner = hidden.get("sensor_bandwidth", {}).get("f_c", 0.0)
+        return of(hidden, "thermocouple_lag", "tau")
+    corner = of(hidden, "sensor_bandwidth", "f_c")
     return 1 / (2 * math.pi * corner) if corner else 0.0
 
 
@@ -124,7 +120,7 @@ def with_hum(seen: Floats, taken_s: Floats, hidden: Hidden) -> Floats:
 def stored(
     reading: Floats,
     instrument: Instrument,
-    generator: np.random.Generator,
+    generator: Generator,
     foreign: Foreign | None = None,
 ) -> Floats:
     """The reading with noise added, rounded to steps of the converter; in the column's unit."""

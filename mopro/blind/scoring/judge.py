@@ -1,51 +1,17 @@
-"""Judgement of one verdict: outcome, intervals, residuals and time."""
+"""Judgement of one verdict: outcome, intervals, residuals and time; and of it once followed up."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mopro.blind.making.sizes import RESOLUTION_SIGMA
-from mopro.blind.reference.nominal import INCH_M
+from mopro.blind.reference.motor import INCH_M
 from mopro.blind.reference.sensors import Instrument
-from mopro.blind.scoring.outcome import (
-    FAILED,
-    FAMILY,
-    GOOD,
-    NONE,
-    RIGHT,
-    UNEXPLAINED,
-    WRONG,
-    Document,
-    family,
-    outcome,
-    variables_said,
-)
-from mopro.blind.scoring.outcome_foreign import outcome_foreign, size_is_right
+from mopro.blind.scoring import outcome as outcomes
+from mopro.blind.scoring.outcome import Document, family
 
-
-def outcome_deleted(answer: Document, reply: Document, named: Sequence[Document]) -> str:
-    """Family if the names, each or together, are equivalent to the deleted effect, else wrong.
-
-    Without a name: right if what remains is said to depend on the right variable, or if nothing
-    is visible and none is said; else unexplained or none, as the verdict is.
-    """
-    names = sorted(effect["name"] for effect in named)
-    if names and names in (answer.get("equivalent_sets") or []):
-        return FAMILY
-    equivalent = set(answer["equivalent"])
-    if any(not equivalent & {effect["name"], *family(effect)} for effect in named):
-        return WRONG
-    if named:
-        return FAMILY
-    if reply["verdict"] == NONE:
-        return RIGHT if answer["visible_sigma"] < RESOLUTION_SIGMA else NONE
-    return RIGHT if set(answer["variables"]) & set(variables_said(reply)) else UNEXPLAINED
-
-
-_VERDICTS = ("named", "ambiguous", NONE, UNEXPLAINED)
 _ANGLES = ("phi", "phi2", "phi3")
 
 
@@ -111,71 +77,87 @@ class Judgement:
     @property
     def good(self) -> bool:
         """Every visible effect has its right name or family."""
-        return self.outcome in GOOD
+        return self.outcome in outcomes.GOOD
 
 
-def judge(number: str, answer: Mapping[str, Any], reply: Mapping[str, Any]) -> Judgement:
+def judge(number: str, answer: Document, reply: Document) -> Judgement:
     """The judgement of `reply` (from reconcile, with `seconds`) by `answer` (from answers.json)."""
     zeros = [e for e in reply.get("calibration") or [] if e["name"] == "sensor_offset"]
     told = [*(reply.get("effects") or []), *zeros]
     named = [e for e in told if not _is_true_offset(e, answer)]
-    sizes = [e["total_sigma"] for e in answer["effects"]]
-    gap = reply.get("gap") or {}
-    noise, variables = _noise_rms(gap, answer), variables_said(reply)
+    truths = {e["name"]: e["parameters"] for e in answer["effects"]}
+    return judgement(
+        number, answer, reply, named, _noise_rms(answer, reply),
+        outcome=outcomes.outcome(answer, reply, named),
+        covered=tuple(
+            check for e in named for check in interval_checks(
+                e["name"], e.get("parameters") or {}, truths.get(e["name"], {}),
+                lambda unit: INCH_M if unit == "in" else 1.0,
+            )
+        ),
+        visible_sigma=float(answer.get("visible_sigma") or 0.0),
+        foreign=str((answer.get("foreign") or {}).get("name", "")),
+        coloured=bool(answer.get("coloured")),
+        size_is_right=outcomes.size_is_right(answer, named),
+        leaves=answer.get("named_leaves"),
+    )  # fmt: skip
+
+
+def judgement(
+    number: str,
+    answer: Document,
+    reply: Document,
+    named: Sequence[Document],
+    noise: float | None,
+    **own: Any,
+) -> Judgement:
+    """The judgement with all that is read off `answer` and `reply`, and the fields in `own`.
+
+    `noise` is the rms of the noise in the data, in the unit of the gap.
+    """
+    gap, variables = reply.get("gap") or {}, outcomes.variables_said(reply)
     return Judgement(
         number=number,
         group=answer["group"],
         sensor=answer["sensor"],
-        truth=tuple(e["name"] for e in answer["effects"]),
-        least_sigma=min(sizes, default=0.0),
-        outcome=_outcome(answer, reply, named),
+        truth=tuple(e["name"] for e in answer["effects"]) or tuple(answer.get("unlisted") or ()),
+        least_sigma=min((e["total_sigma"] for e in answer["effects"]), default=0.0),
         said=tuple("/".join([e["name"], *family(e)]) for e in named),
-        verdict=str(reply.get("verdict", FAILED)),
+        verdict=str(reply.get("verdict", outcomes.FAILED)),
         described=bool((reply.get("remainder") or {}).get("description")),
-        covered=tuple(c for e in named for c in _coverage(e, answer)),
-        gap_before=ratio(gap.get("before_rms"), noise),
-        gap_after=ratio(gap.get("after_rms"), noise),
+        gap_before=_ratio(gap.get("before_rms"), noise),
+        gap_after=_ratio(gap.get("after_rms"), noise),
         seconds=reply.get("seconds"),
+        note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
         variables=variables,
         right_variable=bool({*variables} & {*(answer.get("variables") or [])}),
-        visible_sigma=float(answer.get("visible_sigma") or 0.0),
-        foreign=str((answer.get("foreign") or {}).get("name", "")),
-        coloured=bool(answer.get("coloured")),
-        size_is_right=size_is_right(answer, named),
-        leaves=answer.get("named_leaves"),
-        note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
+        **own,
     )
 
 
-def _is_true_offset(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> bool:
+def _is_true_offset(effect: Document, answer: Document) -> bool:
     """An offset of a sensor that is in the data but is not listed as a hidden effect."""
     hidden = {e["name"] for e in answer["effects"]}
     return effect["name"] == "sensor_offset" not in hidden and any(answer["offsets"])
 
 
-def _outcome(
-    answer: Mapping[str, Any], reply: Mapping[str, Any], named: list[Mapping[str, Any]]
-) -> str:
-    if reply.get("verdict") not in _VERDICTS:
-        return FAILED
-    if "without" in answer:
-        return outcome_deleted(answer, reply, named)
-    return (outcome_foreign if answer.get("foreign") else outcome)(answer, reply, named)
+def interval_checks(
+    name: str,
+    parameters: Mapping[str, Any],
+    true: Mapping[str, float],
+    unit_si: Callable[[str], float],
+) -> Iterator[IntervalCheck]:
+    """Each 95 % interval of the `parameters` of the effect `name` whose `true` value (SI) is known.
 
-
-def _coverage(effect: Mapping[str, Any], answer: Mapping[str, Any]) -> list[IntervalCheck]:
-    """Each 95 % interval of one named effect that is really hidden."""
-    truths = {e["name"]: e["parameters"] for e in answer["effects"]}
-    true = truths.get(effect["name"], {})
+    `unit_si` is the SI value of a unit. The first of the true values is the size of the effect.
+    """
     first = next(iter(true), None)
-    found = []
-    for name, said in (effect.get("parameters") or {}).items():
-        interval = said.get("ci95")
-        if name in true and interval and None not in interval:
-            scale = INCH_M if said.get("unit") == "in" else 1.0
-            inside = _inside(true[name], [scale * end for end in interval], name in _ANGLES)
-            found.append(IntervalCheck(effect["name"], name, inside, name == first))
-    return found
+    for key, told in parameters.items():
+        interval = told.get("ci95")
+        if key in true and interval and None not in interval:
+            scale = unit_si(told.get("unit") or "")
+            inside = _inside(true[key], [scale * end for end in interval], key in _ANGLES)
+            yield IntervalCheck(name, key, inside, key == first)
 
 
 def _inside(value: float, interval: list[float], angle: bool) -> bool:
@@ -183,17 +165,86 @@ def _inside(value: float, interval: list[float], angle: bool) -> bool:
     if angle:
         low, value = low - high, (value - high) % (2 * math.pi) - 2 * math.pi
         return value >= low or abs(value + 2 * math.pi) < 1e-12
-    return low <= value <= high
+    return bool(low <= value <= high)
 
 
-def _noise_rms(gap: Mapping[str, Any], answer: Mapping[str, Any]) -> float | None:
-    """RMS of the noise that is in the data: that of `gap`, unless the case states another."""
+def _noise_rms(answer: Document, reply: Document) -> float | None:
+    """RMS of the noise in the data: that of the reply's gap, unless the case states another."""
     if "noise_factor" not in answer:
-        return gap.get("noise_rms")
+        return (reply.get("gap") or {}).get("noise_rms")
     sigmas = [Instrument(**told).sigma for told in answer["instruments"]]
     return math.sqrt(sum(sigma**2 for sigma in sigmas) / len(sigmas))
 
 
-def ratio(rms: float | None, noise: float | None) -> float | None:
+def _ratio(rms: float | None, noise: float | None) -> float | None:
     """`rms` over the noise; None if either is not known."""
     return rms / noise if rms is not None and noise else None
+
+
+# -- an ambiguous verdict, followed up ----------------------------------------------------------
+
+# A proposed experiment predicted to separate two effects by this much should distinguish them.
+DISTINGUISHED_SIGMA = 6.0
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """An effect `name` that the verdict cannot distinguish from the hidden effect `truth`.
+
+    `sigma` is the difference of the two that the proposed experiment is predicted to show.
+    """
+
+    truth: str
+    name: str
+    sigma: float
+
+
+@dataclass(frozen=True)
+class FollowUp:
+    """An ambiguous case, judged `before` and `after` its proposed experiment was run.
+
+    `promised` is the predicted difference (σ) of each two effects of a family, by `pair_key`.
+    """
+
+    before: Judgement
+    promised: Mapping[str, float]
+    after: Judgement
+
+    @property
+    def named(self) -> bool:
+        """Each hidden effect is named and no family is left."""
+        return self.after.outcome == outcomes.RIGHT and self.after.verdict == "named"
+
+    @property
+    def all_distinguishable(self) -> bool:
+        """The prediction for each alternative is at least 6 σ, and there is an alternative."""
+        alternatives = self.alternatives()
+        return bool(alternatives) and all(a.sigma >= DISTINGUISHED_SIGMA for a in alternatives)
+
+    def excluded(self) -> list[bool]:
+        """For each alternative predicted to differ by 6 σ: whether it is excluded afterwards.
+
+        A wrong verdict excludes none.
+        """
+        families = [set(names.split("/")) for names in self.after.said]
+        return [
+            self.after.good and not any({a.truth, a.name} <= family for family in families)
+            for a in self.alternatives()
+            if a.sigma >= DISTINGUISHED_SIGMA
+        ]
+
+    def alternatives(self) -> list[Alternative]:
+        """The other effects of each family that holds a hidden effect."""
+        families = [set(names.split("/")) for names in self.before.said]
+        return [
+            Alternative(truth, name, self.promised.get(pair_key(truth, name), 0.0))
+            for truth in self.before.truth
+            for family in families
+            if truth in family
+            for name in sorted(family - {truth})
+        ]
+
+
+def pair_key(one: str, other: str) -> str:
+    """Key of two effects, the same in either order."""
+    return " / ".join(sorted((one, other)))

@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mopro.blind.making.equivalent import MARGIN
-from mopro.blind.making.machine_drawn import Machine
-from mopro.blind.making.machine_size import left_by
-from mopro.blind.making.machine_texts import columns_of, per_si
-from mopro.blind.scoring.judge import IntervalCheck, Judgement, ratio
-from mopro.blind.scoring.outcome import (
-    FAILED,
-    FAMILY,
-    RIGHT,
-    UNEXPLAINED,
-    WRONG,
-    Document,
-    family,
-    outcome,
-    variables_said,
-)
-from mopro.formula.dimension import factor_of
+from mopro.blind.cases.drawn_machine import Machine, left_by
+from mopro.blind.cases.equivalent import MARGIN
+from mopro.blind.cases.machine_texts import columns_of, per_si
+from mopro.blind.scoring import outcome as outcomes
+from mopro.blind.scoring.judge import IntervalCheck, Judgement, interval_checks, judgement
+from mopro.blind.scoring.outcome import FAILED, FAMILY, RIGHT, WRONG, Document
+from mopro.formula import factor_of
 
 # Relative difference of a file's own residual from what the verdict says of it.
 _EQUAL = 1e-9
@@ -37,43 +28,26 @@ def judge_machine(number: str, answer: Document, reply: Document, folder: Path) 
     leaves chi-squared of 10 or more of the hidden response.
     """
     named = list(reply.get("effects") or [])
-    found = str(reply.get("verdict", FAILED))
-    known = found in ("named", "ambiguous", "none", UNEXPLAINED)
-    result = outcome(answer, reply, named) if known else FAILED
+    result = outcomes.outcome(answer, reply, named)
     left = None
     if result == WRONG and answer["effects"]:
         left = _left(answer, named, folder)
         result = FAMILY if left < MARGIN else WRONG
-    if answer["unlisted"] and known:
+    if answer["unlisted"] and result != FAILED:
         result = _of_unlisted(answer, reply)
-    gap = reply.get("gap") or {}
-    covered = _coverage(answer, reply) if result == RIGHT else ()
-    return Judgement(
-        number=number,
-        group=answer["group"],
-        sensor=answer["sensor"],
-        truth=tuple(e["name"] for e in answer["effects"]) or tuple(answer["unlisted"]),
-        least_sigma=min((e["total_sigma"] for e in answer["effects"]), default=0.0),
+    return judgement(
+        number, answer, reply, named, (reply.get("gap") or {}).get("noise_rms"),
         outcome=result,
-        said=tuple("/".join([e["name"], *family(e)]) for e in named),
-        verdict=found,
-        described=bool((reply.get("remainder") or {}).get("description")),
-        covered=covered,
-        gap_before=ratio(gap.get("before_rms"), gap.get("noise_rms")),
-        gap_after=ratio(gap.get("after_rms"), gap.get("noise_rms")),
-        seconds=reply.get("seconds"),
-        note=" ".join(str(reply.get("stderr") or "").split("\n")[:1]),
-        variables=variables_said(reply),
-        right_variable=bool({*variables_said(reply)} & {*answer["variables"]}),
+        covered=tuple(_coverage(answer, reply)) if result == RIGHT else (),
         leaves=left,
         drafted=bool(reply.get("drafts")),
         **_of_file(answer, reply),
-    )
+    )  # fmt: skip
 
 
 def _of_unlisted(answer: Document, reply: Document) -> str:
     """The outcome where nobody listed what is hidden: right if a draft is of its variable."""
-    if not {*variables_said(reply)} & {*answer["variables"]}:
+    if not {*outcomes.variables_said(reply)} & {*answer["variables"]}:
         return WRONG if reply.get("effects") else str(reply["verdict"])
     return WRONG if reply.get("effects") and reply["verdict"] == "named" else RIGHT
 
@@ -98,30 +72,15 @@ def _si(parameter: Mapping[str, Any]) -> float:
     return float(parameter["value"]) * factor_of(parameter["unit"])
 
 
-def _coverage(answer: Document, reply: Document) -> tuple[IntervalCheck, ...]:
+def _coverage(answer: Document, reply: Document) -> Iterator[IntervalCheck]:
     """Each 95 % interval of an effect that is hidden, and of a free number."""
-    found = []
     truths = {e["name"]: e["parameters"] for e in answer["effects"]}
-    for effect in reply.get("effects") or []:
-        true = truths.get(effect["name"], {})
-        for name, told in effect["parameters"].items():
-            if name in true and (inside := _inside(true[name], told)) is not None:
-                main = name == next(iter(true))
-                found.append(IntervalCheck(effect["name"], name, inside, main))
+    for e in reply.get("effects") or []:
+        true = truths.get(e["name"], {})
+        yield from interval_checks(e["name"], e["parameters"], true, factor_of)
     numbers = answer["machine"]["numbers"]
-    for name, told in (reply.get("base") or {}).items():
-        if name in numbers and (inside := _inside(numbers[name], told)) is not None:
-            found.append(IntervalCheck("base", name, inside, False))
-    return tuple(found)
-
-
-def _inside(true: float, told: Mapping[str, Any]) -> bool | None:
-    """True if the 95 % interval holds the true value; None if there is no whole interval."""
-    interval = told.get("ci95") or [None]
-    if None in interval:
-        return None
-    low, high = sorted(factor_of(told["unit"]) * end for end in interval)
-    return bool(low <= true <= high)
+    for check in interval_checks("base", reply.get("base") or {}, numbers, factor_of):
+        yield replace(check, main=False)
 
 
 def _of_file(answer: Document, reply: Document) -> dict[str, Any]:

@@ -364,7 +364,7 @@ def _cache(folder: Path) -> Take:
 
 
 def _manifest(folder: Path) -> Take:
-    from mopro.blind.making.manifest import Manifest
+    from mopro.blind.cases.manifest import Manifest
 
     return in_file(
         folder, "made.json", lambda path: Manifest.read(path.parent).refuse_foreign(["1"])
@@ -372,13 +372,13 @@ def _manifest(folder: Path) -> Take:
 
 
 def _answers(folder: Path) -> Take:
-    from mopro.blind.scoring.run import CaseFolder
+    from mopro.blind.scoring.scored_cases import CaseFolder
 
     return in_file(folder, "answers.json", lambda path: CaseFolder.read(path.parent).files)
 
 
 def _verdict(folder: Path) -> Take:
-    from mopro.blind.scoring.run import _read_kept
+    from mopro.blind.scoring.verdict_source import _read_kept
 
     return in_file(folder, "verdict.json", _read_kept)
 
@@ -479,7 +479,7 @@ TABLES = (
     ),
     Parser(
         "manifest",
-        ("mopro.blind.making.manifest",),
+        ("mopro.blind.cases.manifest",),
         _manifest,
         lambda: [_MANIFEST.encode()],
         (*_JSON, _FORM, "../", "001/a.csv"),
@@ -488,7 +488,7 @@ TABLES = (
     ),
     Parser(
         "answers of a benchmark",
-        ("mopro.blind.scoring.run",),
+        ("mopro.blind.scoring.scored_cases",),
         _answers,
         lambda: [_ANSWERS.encode()],
         (*_JSON, '"seed"', '"001"', "../"),
@@ -497,7 +497,7 @@ TABLES = (
     ),
     Parser(
         "kept verdict",
-        ("mopro.blind.scoring.run",),
+        ("mopro.blind.scoring.verdict_source",),
         _verdict,
         lambda: [json.dumps(_VERDICT).encode()],
         _JSON,

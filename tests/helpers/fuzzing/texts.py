@@ -278,7 +278,7 @@ def _settings(folder: Path) -> Take:
 
 
 def _effects(folder: Path) -> Take:
-    from mopro.blind.cases.stated import StatedEffects
+    from mopro.blind.cases.stated_effects import StatedEffects
 
     def read(path: Path) -> None:
         stated = StatedEffects.read(str(path), "chow1992")

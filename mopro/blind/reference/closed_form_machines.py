@@ -1,20 +1,23 @@
-"""A slide that goes where it is told, in closed form; straight lines between the rows."""
+"""Machines beside the motor in closed form: a slide, and the current of a drive.
+
+The slide goes where it is told, in straight lines between the rows. The drive moves as is known,
+against its inertia, drags and frictions.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Effects = Mapping[str, Mapping[str, float]]
+from mopro.blind.reference.motor import Floats, Hidden, of
+
+Columns = Mapping[str, Floats]
 
 
-def readings(
-    columns: Mapping[str, Floats], numbers: Mapping[str, float], effects: Effects
-) -> Floats:
+def slide(columns: Columns, numbers: Mapping[str, float], effects: Hidden) -> Floats:
     """Place (m), shape (1, rows), for the columns `time_s` and `command_m`; no numbers.
 
     The effects of the command act in the order scale, delay, lag, backlash.
@@ -31,7 +34,7 @@ def readings(
     return (x + _read(t, x, effects))[None]
 
 
-def _read(t: Floats, x: Floats, effects: Effects) -> Floats:
+def _read(t: Floats, x: Floats, effects: Hidden) -> Floats:
     """Errors of the sensor (m), shape (rows,)."""
     added = np.zeros(len(t))
     if own := effects.get("periodic_error"):
@@ -49,8 +52,8 @@ def _read(t: Floats, x: Floats, effects: Effects) -> Floats:
     return added
 
 
-def _wave(of: Floats, own: Mapping[str, float]) -> Floats:
-    angle = 2 * math.pi * of / own["P"]
+def _wave(along: Floats, own: Mapping[str, float]) -> Floats:
+    angle = 2 * math.pi * along / own["P"]
     first = own["s"] * np.sin(angle) + own["c"] * np.cos(angle)
     found: Floats = first + own.get("s2", 0.0) * np.sin(2 * angle)
     return found + own.get("c2", 0.0) * np.cos(2 * angle)
@@ -79,4 +82,40 @@ def played(x: Floats, width: float, begun: float) -> Floats:
     for i, target in enumerate(x.tolist()):
         place = min(max(place, target - width / 2), target + width / 2)
         found[i] = place
+    return found
+
+
+def effort(columns: Columns, numbers: Mapping[str, float], effects: Hidden) -> Floats:
+    """Current (A), shape (1, rows), for the columns `time_s`, `angle_rad`, `speed`, `acceleration`.
+
+    Speed (rad/s) and acceleration (rad/s²) are those of the motion itself, which the log does not
+    have. Numbers `inertia` (A s²) and `damping` (A s).
+    """
+    t, x = columns["time_s"], columns["angle_rad"]
+    v, a = columns["speed"], columns["acceleration"]
+    get = partial(of, effects)
+
+    current = (numbers["inertia"] + get("added_mass", "dm")) * a
+    current = current + (numbers["damping"] + get("viscous_drag", "b")) * v
+    current += get("quadratic_drag", "d") * v * np.abs(v) + get("cubic_damping", "b3") * v**3
+    current += get("stiffness", "k") * x + get("cubic_stiffness", "k3") * x**3
+    current += get("bias_force", "g") + get("drift", "r") * t
+    current += get("gravity", "gs") * np.sin(x) + get("gravity", "gc") * np.cos(x)
+    if own := effects.get("cogging"):
+        angle = 2 * math.pi * x / own["P"]
+        current += own["s"] * np.sin(angle) + own["c"] * np.cos(angle)
+    if own := effects.get("dry_friction"):
+        current += _friction(v, own)
+    current += get("friction of place", "F1") * np.abs(x) * np.sign(v)
+    if tau := get("sensor_lag", "tau"):
+        current = behind(t, current, tau)
+    if d := get("delay", "d"):
+        current = np.interp(t - d, t, current)
+    return current[None]
+
+
+def _friction(v: Floats, own: Mapping[str, float]) -> Floats:
+    limit = own["Fc"] + own.get("Fs", 0.0) * np.exp(-((v / own.get("vs", 1.0)) ** 2))
+    side = v / np.hypot(v, own["v0"]) if own.get("v0") else np.sign(v)
+    found: Floats = limit * side
     return found

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mopro.blind.making.machine_drawn import TOLERANCE, Machine
-from mopro.blind.making.manifest import MODEL
-from mopro.blind.reference.machines import Columns, Floats
+from mopro.blind.cases.drawn_machine import TOLERANCE, Machine
+from mopro.blind.cases.manifest import MODEL
+from mopro.blind.reference.motor import Floats
+from mopro.blind.reference.stepped_machines import Columns
 
 _UNITS = {
     "mass": "kg", "viscous": "N s/m", "spring": "N/m", "inertia": "A s2", "damping": "A s",

@@ -10,21 +10,20 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from mopro.blind.cases.grid_machines import MachineSpec
-from mopro.blind.cases.of_machines import LISTED, OF_A_RUN, UNLISTED, Parameters, Span
-from mopro.blind.making.machine_drawn import Machine, columns, drawn, span
-from mopro.blind.making.machine_size import seen, visible
-from mopro.blind.making.machine_texts import (
-    PROGRAM,
-    experiment_text,
-    log,
-    machine_text,
-    per_si,
+from mopro.blind.cases import machine_texts as texts
+from mopro.blind.cases.drawn_machine import Machine, columns, drawn, seen, span, visible
+from mopro.blind.cases.machine_kinds import (
+    LISTED,
+    OF_A_RUN,
+    UNLISTED,
+    MachineSpec,
+    Parameters,
+    Span,
 )
-from mopro.blind.making.manifest import EXPERIMENT, MODEL
-from mopro.blind.reference.machines import Columns, Floats
+from mopro.blind.cases.manifest import EXPERIMENT, MODEL
+from mopro.blind.reference.motor import Floats, Generator
+from mopro.blind.reference.stepped_machines import Columns
 
-Generator = np.random.Generator
 Hidden = dict[str, Parameters]
 UNSEEN = "unseen.toml"
 # Whitened size of the smallest hidden effect.
@@ -99,15 +98,15 @@ def _written(
         readings = _noisy(g, spec, seen(spec.kind, run, machine.numbers, of_run), sigma)
         if not machine.zero:
             readings += sigma * g.uniform(-30.0, 30.0, (len(readings), 1))
-        files[name] = log(machine, run, readings)
-    told = per_si(spec.kind) * sigma * _STATED.get(spec.noise, 1.0)
+        files[name] = texts.log(machine, run, readings)
+    told = texts.per_si(spec.kind) * sigma * _STATED.get(spec.noise, 1.0)
     noise = '"unknown"' if spec.noise == "unknown" else f"{told:.6g}"
     begun = {n: machine.numbers[n] * g.uniform(0.7, 1.4) for n in machine.free}
-    files["machine.toml"] = machine_text(machine, begun).encode()
+    files["machine.toml"] = texts.machine_text(machine, begun).encode()
     if machine.kind == "python":
-        files[MODEL] = PROGRAM.encode()
-    files[EXPERIMENT] = experiment_text(machine, noise, names).encode()
-    files[UNSEEN] = experiment_text(machine, noise, ["unseen.csv"]).encode()
+        files[MODEL] = texts.PROGRAM.encode()
+    files[EXPERIMENT] = texts.experiment_text(machine, noise, names).encode()
+    files[UNSEEN] = texts.experiment_text(machine, noise, ["unseen.csv"]).encode()
     harder = _COLOURED if spec.noise == "coloured" else 1.0
     answer = {
         "group": spec.group,

@@ -1,33 +1,55 @@
-"""Conversion of a machine file to the numbers of the reference plant.
+"""The machine of all cases: a machine file, converted to the numbers of the reference plant.
 
-Beside `stated` the only module of the benchmark that reads mopro's own machine model; the
-reference plant itself gets plain numbers.
+The reference plant itself gets plain numbers; it knows no machine file.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-import mopro.machine
-from mopro.blind.cases.stated import StatedEffects
-from mopro.blind.making.make import BenchmarkMachine
-from mopro.blind.reference.nominal import Nominal
+from mopro import Machine, load_machine
+from mopro.blind.cases.stated_effects import StatedEffects
+from mopro.blind.reference.motor import INCH_M, THESIS, Nominal
 from mopro.errors import DataError
 from mopro.inputs import read_bytes
-from mopro.machine import builtin_machines, load_machine
-from mopro.machine.model import FULL_STEPS_PER_PITCH, Axis, Machine
-from mopro.units import INCH_M
 
+_MACHINE = "machine.toml"
 # Programs of the grids stay within this distance of their start, the platen's middle.
 _TRAVEL_IN = 15.0
 _TRAVEL_TOLERANCE_IN = 1e-6
-_BUILTIN = Path(mopro.machine.__file__).parent / "machines"
+_FULL_STEPS_PER_PITCH = 4
 # The fields of the reference plant's numbers, by the key of the machine file.
 _BASE = {
     "moving_mass": "mass_kg", "pull_out_force": "force_N", "damping_ratio": "damping_ratio",
 }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class BenchmarkMachine:
+    """The machine of all cases: its numbers, and the name that experiment files state.
+
+    `text` is the content of its file, copied to each experiment; None for a built-in machine.
+    `tolerated` are the fields of `nominal` for which the file states a tolerance. `effects` are
+    those of a user's file, candidates in all cases and hidden in some.
+    """
+
+    nominal: Nominal = THESIS
+    stated: str = "chow1992"
+    text: bytes | None = None
+    tolerated: tuple[str, ...] = ()
+    effects: StatedEffects | None = None
+
+    @classmethod
+    def of_file(
+        cls, nominal: Nominal, text: bytes, tolerated: tuple[str, ...] = ()
+    ) -> BenchmarkMachine:
+        """A machine with a file of its own."""
+        return cls(nominal, _MACHINE, text, tolerated)
+
+
+DEFAULT_MACHINE = BenchmarkMachine()
 
 
 def read_machine(name: str, tolerance: float = 0.0, effects: str | None = None) -> BenchmarkMachine:
@@ -50,16 +72,17 @@ def _read(name: str, tolerance: float) -> BenchmarkMachine:
     machine = load_machine(name)
     if reason := _unsupported(machine):
         raise DataError(f"{name}: {reason}", "unsupported-machine")
-    builtin = name in builtin_machines()
+    assert machine.source is not None, "it was read from a file"
+    builtin = machine.source.name != name
     if builtin and not tolerance:
         return BenchmarkMachine(_nominal(machine), name)
     try:
-        text = read_bytes(_BUILTIN / f"{name}.toml" if builtin else Path(name))
+        text = machine.source.text.encode() if builtin else read_bytes(Path(name))
     except OSError as error:
         raise DataError(f"{name}: cannot be read: {error.strerror}", "unreadable") from error
     if not tolerance:
         return BenchmarkMachine.of_file(_nominal(machine), text)
-    keys = [f.metadata["key"] for f in fields(Axis) if f.metadata.get("tolerated")]
+    keys = [f.metadata["key"] for f in fields(machine.axis) if f.metadata.get("tolerated")]
     text = _with_tolerance(name, text.decode("utf-8"), keys, tolerance).encode()
     tolerated = tuple(number for key, number in _BASE.items() if key in keys)
     return BenchmarkMachine.of_file(_nominal(machine), text, tolerated)
@@ -85,7 +108,7 @@ def _unsupported(machine: Machine) -> str | None:
     if machine.forcers:
         return "expected no [forcers]: the reference axis does not yaw"
     travel_in = min(high for _, high in machine.travel_u().values()) * machine.microstep_m
-    travel_in /= float(INCH_M)
+    travel_in /= INCH_M
     if travel_in < _TRAVEL_IN - _TRAVEL_TOLERANCE_IN:
         return f"programs go {_TRAVEL_IN:g} in to either side, and it has {travel_in:.3g} in"
     return None
@@ -95,7 +118,7 @@ def _nominal(machine: Machine) -> Nominal:
     axis, drive, heat = machine.axis, machine.drive, machine.heat
     return Nominal(
         pitch_m=axis.pitch_m,
-        microsteps_per_pitch=FULL_STEPS_PER_PITCH * drive.microsteps_per_full_step,
+        microsteps_per_pitch=_FULL_STEPS_PER_PITCH * drive.microsteps_per_full_step,
         mass_kg=axis.moving_mass_kg,
         force_N=axis.pull_out_force_N,
         damping_ratio=axis.damping_ratio,

@@ -1,15 +1,15 @@
-"""Random programs for the cases, as texts of the motion language."""
+"""Random programs for the cases, as texts of the motion language, and their runs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mopro.blind.cases.spec import LVDT, CaseSpec
 from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import THESIS, Nominal
-
-Generator = np.random.Generator
+from mopro.blind.reference.motor import INCH_M, THESIS, Generator, Nominal
+from mopro.blind.reference.plant import ProgramRun
 
 _SPEEDS = (3.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 _RATES = (0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4)
@@ -113,3 +113,32 @@ class ProgramWriter:
         distance = float(g.choice(distances))
         place[axis] += distance
         return distance
+
+
+_PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
+_TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}
+_CUT = (0.4, 0.9)  # share of a program that is recorded if it is cut off
+
+
+def random_runs(g: Generator, spec: CaseSpec, nominal: Nominal) -> list[ProgramRun]:
+    """The runs of a case, each with a program and a payload, and cut off if it says so."""
+    writer = ProgramWriter.of(nominal, _TRAVEL.get(spec.sensor, PositionRange()))
+    return [_run(g, spec, writer) for _ in range(spec.runs)]
+
+
+def _run(g: Generator, spec: CaseSpec, writer: ProgramWriter) -> ProgramRun:
+    run = _whole_run(g, spec, writer)
+    if not spec.cut:
+        return run
+    whole_s = run.until_s or timeline(run.text, microstep_m=INCH_M / writer.per_inch).duration_s
+    return replace(run, until_s=round(whole_s * float(g.uniform(*_CUT)), 3))
+
+
+def _whole_run(g: Generator, spec: CaseSpec, writer: ProgramWriter) -> ProgramRun:
+    if spec.style == "cycles":
+        return ProgramRun(writer.cycles(g, bool(g.random() < 0.3)), 0.0, spec.run_s)
+    if spec.style == "one speed":
+        return ProgramRun(writer.one_speed(g, spec.run_s))
+    payload = float(g.choice(_PAYLOADS_KG))
+    two_axes = spec.style == "two axes"
+    return ProgramRun(writer.strokes(g, spec.run_s, payload > 0, two_axes), payload)

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from mopro.blind.cases.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
-from mopro.blind.making.sizes import NoiselessRuns, Plant
-from mopro.blind.reference.motion import Floats
+from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
+from mopro.blind.cases.hidden_sizes import NoiselessRuns, Plant
+from mopro.blind.reference.motor import Floats, Generator
 
 # Parameters to begin with, and the names of those to fit.
 Start = tuple[Parameters, tuple[str, ...]]
@@ -63,7 +63,7 @@ _WAVELENGTH, _PITCH_SHARES = "lambda", (1.0, 0.5, 0.25)
 
 
 def equivalents(
-    noiseless: NoiselessRuns, truth: dict[str, Parameters], generator: np.random.Generator
+    noiseless: NoiselessRuns, truth: dict[str, Parameters], generator: Generator
 ) -> list[str]:
     """The effects that are equivalent to `truth` on these runs, by name.
 
@@ -84,7 +84,7 @@ def left_by_set(
     noiseless: NoiselessRuns,
     truth: Plant,
     named: Mapping[str, Parameters],
-    generator: np.random.Generator,
+    generator: Generator,
 ) -> float | None:
     """Chi-squared that the effects `named` together leave of all that is in `truth` on these runs.
 
@@ -111,7 +111,7 @@ def _forms(
     noiseless: NoiselessRuns,
     rival: HiddenEffect,
     stated: Parameters,
-    generator: np.random.Generator,
+    generator: Generator,
 ) -> list[Parameters]:
     """The `stated` parameters of a rival; others are off, or as drawn for one of its forms."""
     forms: list[Parameters] = []
@@ -126,7 +126,7 @@ def least_left(
     noiseless: NoiselessRuns,
     target: Floats,
     rivals: Sequence[HiddenEffect],
-    generator: np.random.Generator,
+    generator: Generator,
 ) -> float:
     """Chi-squared that the best fit of `rivals` together leaves of `target`, the changes in σ."""
     total = float(target @ target)
@@ -139,7 +139,7 @@ def least_left(
 
 
 def _starts(
-    noiseless: NoiselessRuns, rival: HiddenEffect, size: float, generator: np.random.Generator
+    noiseless: NoiselessRuns, rival: HiddenEffect, size: float, generator: Generator
 ) -> Iterable[Start]:
     """Parameters of about the hidden size, and the names of those to fit.
 

@@ -9,34 +9,27 @@ from typing import Any
 
 import numpy as np
 
-from mopro.blind.cases.constants import with_constants
-from mopro.blind.cases.effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
-from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS, of_size
-from mopro.blind.cases.grid_base import DEVIATION
-from mopro.blind.cases.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec
-from mopro.blind.cases.stated import StatedEffects
-from mopro.blind.cases.variables import EFFECT_VARIABLES
-from mopro.blind.making.equivalent import equivalents
-from mopro.blind.making.programs import PositionRange, ProgramWriter
-from mopro.blind.making.sizes import SIZE_CLASSES, NoiselessRuns, Plant, class_of, strength_for
-from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.listing import timeline
-from mopro.blind.reference.nominal import INCH_M, THESIS, Nominal
-from mopro.blind.reference.readings import Disturbance, ProgramRun, ReferencePlant
+from mopro.blind.cases import hidden_sizes
+from mopro.blind.cases.equivalent import equivalents
+from mopro.blind.cases.foreign_kinds import FOREIGN_KINDS
+from mopro.blind.cases.grids import DEVIATION
+from mopro.blind.cases.hidden_effects import HIDDEN_EFFECTS, HiddenEffect, Parameters
+from mopro.blind.cases.hidden_sizes import SIZE_CLASSES, NoiselessRuns, Plant, class_of
+from mopro.blind.cases.random_programs import random_runs
+from mopro.blind.cases.spec import ENCODER, LASER, LVDT, THERMOCOUPLE, CaseSpec, case_instruments
+from mopro.blind.cases.stated_effects import StatedEffects
+from mopro.blind.reference.motor import INCH_M, THESIS, Generator, Nominal
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
+from mopro.blind.reference.uncatalogued import Disturbance, Foreign
 
-_PAYLOADS_KG = (0.0, 0.0, 1.0, 2.268)
-_TRAVEL = {LVDT: PositionRange(-9.0, 9.0)}
 _NEXT_COARSER = {LASER: ENCODER, ENCODER: LVDT}
 _ATTEMPTS = 5
-_CUT = (0.4, 0.9)  # share of a program that is recorded if it is cut off
 _FOREIGN_SIGMA = (40.0, 400.0)  # total size of something foreign
 _DISTURBANCE_RMS = (0.3, 1.0, 2.0, 3.0)  # in σ of the sensor
 
 # Groups of cases with one effect, of a size that the sensor is chosen for.
 _SINGLE = ("single", "deleted")
-
-Generator = np.random.Generator
 
 
 @dataclass
@@ -129,7 +122,9 @@ class Case:
         return {
             "without": list(self.effects),
             "equivalent": self.equivalent,
-            "variables": sorted({v for name in self.effects for v in EFFECT_VARIABLES[name]}),
+            "variables": sorted(
+                {v for name in self.effects for v in HIDDEN_EFFECTS[name].variables}
+            ),
             "visible_sigma": math.inf if change is None else float(np.linalg.norm(change)),
         }
 
@@ -209,7 +204,7 @@ def _attempt(
     g: Generator, number: str, spec: CaseSpec, nominal: Nominal, stated: StatedEffects | None
 ) -> Case:
     """One draw of programs and effects, each as close to its wanted size as possible."""
-    runs = _runs(g, spec, nominal)
+    runs = random_runs(g, spec, nominal)
     instruments = case_instruments(spec.sensor, spec.style)
     case = Case(number, spec, runs, instruments, nominal, stated=stated)
     noiseless = case.noiseless()
@@ -217,9 +212,11 @@ def _attempt(
         hidden = case.hidden_effect(name)
         drawn_effect = hidden.draw(g, nominal)
         if spec.constants:
-            drawn_effect = with_constants(g, name, drawn_effect)
+            drawn_effect = hidden.with_constants(g, drawn_effect)
         target = _target(g, size)
-        strength, total = strength_for(noiseless, name, drawn_effect, target, hidden.least)
+        strength, total = hidden_sizes.strength_for(
+            noiseless, name, drawn_effect, target, hidden.least
+        )
         case.effects[name] = drawn_effect(strength)
         case.sizes[name] = total
     if spec.effects:
@@ -237,44 +234,6 @@ def _with_coarser_sensor(case: Case) -> CaseSpec | None:
     (total,) = case.sizes.values()
     above = size in SIZE_CLASSES and total >= SIZE_CLASSES[size][1]
     return replace(spec, sensor=_NEXT_COARSER[spec.sensor]) if above else None
-
-
-def case_instruments(sensor: str, style: str) -> list[Instrument]:
-    """The sensors of a case: one, or for the style "two axes" one on each axis."""
-    if sensor == THERMOCOUPLE:
-        return [Instrument(sensor, "temperature", 1, "temperature_C", 1.0, 1.0, 0.1, 0.09765625)]
-    rate, noise, step = {
-        LASER: (2000.0, 2e-5, 0.0), ENCODER: (1000.0, 2e-4, 1e-4), LVDT: (800.0, 0.025, 0.004883),
-    }[sensor]  # fmt: skip
-    axes = (1, 2) if style == "two axes" else (1,)
-    names = {1: sensor} if len(axes) == 1 else {n: f"{sensor}_{n}" for n in axes}
-    return [
-        Instrument(names[n], "position", n, f"position_{n}_in", INCH_M, rate, noise, step)
-        for n in axes
-    ]
-
-
-def _runs(g: Generator, spec: CaseSpec, nominal: Nominal) -> list[ProgramRun]:
-    writer = ProgramWriter.of(nominal, _TRAVEL.get(spec.sensor, PositionRange()))
-    return [_run(g, spec, writer) for _ in range(spec.runs)]
-
-
-def _run(g: Generator, spec: CaseSpec, writer: ProgramWriter) -> ProgramRun:
-    run = _whole_run(g, spec, writer)
-    if not spec.cut:
-        return run
-    whole_s = run.until_s or timeline(run.text, microstep_m=INCH_M / writer.per_inch).duration_s
-    return replace(run, until_s=round(whole_s * float(g.uniform(*_CUT)), 3))
-
-
-def _whole_run(g: Generator, spec: CaseSpec, writer: ProgramWriter) -> ProgramRun:
-    if spec.style == "cycles":
-        return ProgramRun(writer.cycles(g, bool(g.random() < 0.3)), 0.0, spec.run_s)
-    if spec.style == "one speed":
-        return ProgramRun(writer.one_speed(g, spec.run_s))
-    payload = float(g.choice(_PAYLOADS_KG))
-    two_axes = spec.style == "two axes"
-    return ProgramRun(writer.strokes(g, spec.run_s, payload > 0, two_axes), payload)
 
 
 def _target(g: Generator, size: str) -> float:
@@ -325,7 +284,9 @@ def _estrange(g: Generator, case: Case) -> None:
             return math.inf
         return float(np.linalg.norm(change))
 
-    numbers, case.foreign_sigma = of_size(FOREIGN_KINDS[case.spec.foreign], target, size_of, g)
+    numbers, case.foreign_sigma = hidden_sizes.of_size(
+        FOREIGN_KINDS[case.spec.foreign], target, size_of, g
+    )
     case.foreign = Foreign(case.spec.foreign, numbers)
 
 

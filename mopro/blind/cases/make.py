@@ -6,54 +6,28 @@ import hashlib
 import io
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mopro.blind.cases.grid_machines import MachineSpec
+from mopro.blind.cases.benchmark_machine import DEFAULT_MACHINE, BenchmarkMachine
+from mopro.blind.cases.case import Case, draw_case, program_name
 from mopro.blind.cases.grids import Spec, case_specs, spread
-from mopro.blind.cases.stated import StatedEffects
-from mopro.blind.making.case import Case, Generator, draw_case, program_name
-from mopro.blind.making.machine_case import machine_case
-from mopro.blind.making.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
-from mopro.blind.making.sizes import Plant
-from mopro.blind.reference.foreign import Foreign
-from mopro.blind.reference.motion import Floats
-from mopro.blind.reference.nominal import THESIS, Nominal
-from mopro.blind.reference.readings import ProgramRun
+from mopro.blind.cases.hidden_sizes import Plant
+from mopro.blind.cases.machine_case import machine_case
+from mopro.blind.cases.machine_kinds import MachineSpec
+from mopro.blind.cases.manifest import ANSWERS, EXPERIMENT, SUFFIXES, Manifest
+from mopro.blind.reference.motor import Floats, Generator
+from mopro.blind.reference.plant import ProgramRun
 from mopro.blind.reference.sensors import Instrument, stored
+from mopro.blind.reference.uncatalogued import Foreign
 from mopro.inputs import read_bytes
 from mopro.process.jobs import in_processes
 
-_MACHINE = "machine.toml"
-
 # The files of an experiment by name.
 Contents = dict[str, bytes]
-
-
-@dataclass(frozen=True)
-class BenchmarkMachine:
-    """The machine of all cases: its numbers, and the name that experiment files state.
-
-    `text` is the content of its file, copied to each experiment; None for a built-in machine.
-    `tolerated` are the fields of `nominal` for which the file states a tolerance. `effects` are
-    those of a user's file, candidates in all cases and hidden in some.
-    """
-
-    nominal: Nominal = THESIS
-    stated: str = "chow1992"
-    text: bytes | None = None
-    tolerated: tuple[str, ...] = ()
-    effects: StatedEffects | None = None
-
-    @classmethod
-    def of_file(
-        cls, nominal: Nominal, text: bytes, tolerated: tuple[str, ...] = ()
-    ) -> BenchmarkMachine:
-        """A machine with a file of its own."""
-        return cls(nominal, _MACHINE, text, tolerated)
 
 
 def make(
@@ -62,7 +36,7 @@ def make(
     out: Path,
     only: frozenset[str] = frozenset(),
     jobs: int = 1,
-    machine: BenchmarkMachine = BenchmarkMachine(),
+    machine: BenchmarkMachine = DEFAULT_MACHINE,
     sample: int | None = None,
 ) -> Iterator[str]:
     """Write the grid's cases under `out`; yields each case's number, last the answers' SHA-256.
@@ -108,7 +82,7 @@ def _task(
 
 
 def experiment(
-    case: Case, generator: Generator, machine: BenchmarkMachine = BenchmarkMachine()
+    case: Case, generator: Generator, machine: BenchmarkMachine = DEFAULT_MACHINE
 ) -> Contents:
     """The experiment's files: experiment.toml, programs and data, without the hidden truth.
 
@@ -127,7 +101,7 @@ def experiment(
 
 
 def write(
-    case: Case, folder: Path, generator: Generator, machine: BenchmarkMachine = BenchmarkMachine()
+    case: Case, folder: Path, generator: Generator, machine: BenchmarkMachine = DEFAULT_MACHINE
 ) -> None:
     """Write the experiment to `folder`, replacing an earlier one made there."""
     Manifest.read(folder).replace("", experiment(case, generator, machine))

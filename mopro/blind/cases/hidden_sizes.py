@@ -9,10 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
-from mopro.blind.cases.effects import Drawn
-from mopro.blind.reference.motion import Floats
-from mopro.blind.reference.nominal import THESIS, Nominal
-from mopro.blind.reference.readings import ProgramRun, ReferencePlant
+from mopro.blind.cases.foreign_kinds import ForeignKind
+from mopro.blind.cases.hidden_effects import Drawn, Parameters
+from mopro.blind.reference.motor import THESIS, Floats, Generator, Nominal
+from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.blind.reference.sensors import Instrument
 
 # Effects with a smaller total size count as below the resolution of the experiment.
@@ -25,8 +25,9 @@ SIZE_CLASSES = {
     "strong": (60.0, 1000.0),
     "huge": (1000.0, math.inf),
 }
-_TRIES = 9
-_CLOSE_ENOUGH = 0.08
+# Tries, and how close in the logarithm is close enough: of an effect, and of something foreign.
+_TRIES, _CLOSE_ENOUGH = 9, 0.08
+_FOREIGN_TRIES, _FOREIGN_CLOSE_ENOUGH = 8, 0.1
 
 
 def class_of(total_sigma: float) -> str:
@@ -41,7 +42,7 @@ class Plant(Protocol):
     def stalled(self) -> bool: ...
 
     def readings(
-        self, run: ProgramRun, instruments: Sequence[Instrument], generator: np.random.Generator
+        self, run: ProgramRun, instruments: Sequence[Instrument], generator: Generator
     ) -> tuple[Floats, list[Floats]]:
         """Time stamps (s) and each instrument's readings (its unit), without noise."""
         ...
@@ -57,7 +58,7 @@ class NoiselessRuns:
     runs: Sequence[ProgramRun]
     instruments: Sequence[Instrument]
     nominal: Nominal = THESIS
-    plant_of: Callable[[dict[str, dict[str, float]]], Plant] | None = None
+    plant_of: Callable[[dict[str, Parameters]], Plant] | None = None
     _plain: list[Floats] | None = field(default=None, init=False)
 
     def clean(self, plant: Plant) -> list[Floats]:
@@ -69,7 +70,7 @@ class NoiselessRuns:
             for series in plant.readings(run, self.instruments, generator)[1]
         ]
 
-    def total_sigma(self, effects: dict[str, dict[str, float]]) -> float:
+    def total_sigma(self, effects: dict[str, Parameters]) -> float:
         """Total size √(Σ (Δ - mean of Δ in the series)² / σ²); infinite if an axis stalls.
 
         Δ is the change of the readings. The mean of a sensor's offset alone is not subtracted.
@@ -77,7 +78,7 @@ class NoiselessRuns:
         change = self._change(effects, "sensor_offset")
         return math.inf if change is None else float(np.linalg.norm(change))
 
-    def alone_sigma(self, effects: dict[str, dict[str, float]]) -> dict[str, float]:
+    def alone_sigma(self, effects: dict[str, Parameters]) -> dict[str, float]:
         """Size (σ) of the part of each effect's change that is orthogonal to the other effects."""
         shown = {
             name: self._change({name: values}, "sensor_offset") for name, values in effects.items()
@@ -93,16 +94,16 @@ class NoiselessRuns:
             found[name] = float(np.linalg.norm(own - basis @ share))
         return found
 
-    def change(self, effects: dict[str, dict[str, float]]) -> Floats | None:
+    def change(self, effects: dict[str, Parameters]) -> Floats | None:
         """Change of all readings in σ, each series less its mean; None if an axis stalls."""
         return self._change(effects)
 
-    def _change(self, effects: dict[str, dict[str, float]], whole_of: str = "") -> Floats | None:
+    def _change(self, effects: dict[str, Parameters], whole_of: str = "") -> Floats | None:
         """The same; that of the effect `whole_of` alone with its mean."""
         plant = self._plant(effects)
         return self.change_of(plant, whole=set(effects) == {whole_of})
 
-    def _plant(self, effects: dict[str, dict[str, float]]) -> Plant:
+    def _plant(self, effects: dict[str, Parameters]) -> Plant:
         if self.plant_of is not None:
             return self.plant_of(effects)
         return ReferencePlant(effects, nominal=self.nominal)
@@ -177,6 +178,29 @@ def _next(strength: float, total: float, target: float, low: float, high: float)
         return wanted
     edge = high if wanted >= high else low
     return edge if strength != edge and edge in (1.0, low) else math.sqrt(low * high)
+
+
+def of_size(
+    kind: ForeignKind, target: float, size_of: Callable[[Parameters], float], g: Generator
+) -> tuple[Parameters, float]:
+    """Numbers of about the `target` size (σ), and their size by `size_of`, if `sized`.
+
+    The search takes steps in proportion; a strength that makes an axis stall is halved.
+    """
+    drawn = kind.draw(g, THESIS)
+    if not kind.sized or kind.coloured:
+        return drawn(1.0), 0.0
+    strength, best = 0.2, (drawn(0.0), 0.0)
+    for _ in range(_FOREIGN_TRIES):
+        numbers = drawn(strength)
+        size = size_of(numbers)
+        if _log_error(size, target) < _log_error(best[1], target):
+            best = numbers, size
+        if _log_error(size, target) < _FOREIGN_CLOSE_ENOUGH:
+            break
+        step = target / max(size, 1e-9) if math.isfinite(size) else 0.5
+        strength = min(strength * min(max(step, 0.02), 20.0), 1.0)
+    return best
 
 
 def _log_error(total: float, target: float) -> float:

@@ -1,9 +1,18 @@
-"""Nominal numbers of a machine, to which hidden effects are added."""
+"""Nominal numbers of a machine, and what is hidden in it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Generator = np.random.Generator
+# Effects by name with their parameters in SI, as in a machine file; one that is not given is off.
+Hidden = Mapping[str, Mapping[str, float]]
 
 INCH_M = 0.0254
 # The current loop brings a current back to its setpoint within this time (assumed).
@@ -60,3 +69,8 @@ class Nominal:
 
 
 THESIS = Nominal()
+
+
+def of(hidden: Hidden, effect: str, parameter: str, otherwise: float = 0.0) -> float:
+    """The parameter of a hidden effect, or `otherwise` where that is off."""
+    return float(hidden.get(effect, {}).get(parameter, otherwise))

@@ -14,10 +14,7 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
-
-Floats = NDArray[np.float64]
 
 STATES = 9
 X, V, Z, IA, IB, W, H, XM, VM = range(STATES)

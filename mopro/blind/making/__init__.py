@@ -1,1 +1,0 @@
-"""Cases made from their specifications: programs, sizes, data, answers."""
