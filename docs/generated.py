@@ -1,12 +1,16 @@
-"""Text of pages that the program itself states: effects, rules, commands and their options.
+"""Text of pages that the program states, and tables of figures that are kept as data.
 
-A page has `<!-- generated: NAME -->` on a line of its own where the text belongs.
+A page has a mark on a line of its own where the text belongs: `<!-- generated: NAME -->` for effects,
+rules or commands; `<!-- table: data/NAME.csv -->` for a table, or `<!-- table: data/NAME.csv COLUMN=VALUE -->`
+for those rows of it, without that column.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import click
 
@@ -14,6 +18,9 @@ from mopro.cli.main import group
 from mopro.effects.document import markdown as effects
 from mopro.lint.explain import page as rules
 
+_TABLE = re.compile(r"^<!-- table: ([\w/]+\.csv)(?: (\w+)=(\w+))? -->$", re.MULTILINE)
+# Columns that say where a figure comes from; they stay in the file.
+_ORIGIN = {"measured by", "recorded in"}
 _MARK = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 _TITLE = re.compile(r"\A# .*\n+")
 _WIDTH = 90
@@ -42,9 +49,19 @@ def _leaves(context: click.Context) -> Iterator[click.Context]:
         yield from _leaves(_context(child, name, context))
 
 
+def table(name: str, column: str | None = None, value: str | None = None) -> str:
+    """The CSV file `name`, from docs/, as Markdown; KeyError for a column that it does not have."""
+    with open(Path(__file__).parent / name, encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if column is None or row[column] == value]
+    heads = [head for head in rows[0] if head not in _ORIGIN | {column}]
+    lines = [heads, ["---"] * len(heads), *([row[head] for head in heads] for row in rows)]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
 TEXTS = {"commands": commands, "effects": effects, "rules": rules}
 
 
 def expanded(markdown: str) -> str:
     """`markdown` with what its marks name in their place; KeyError for an unknown name."""
+    markdown = _TABLE.sub(lambda mark: table(*mark.groups()), markdown)
     return _MARK.sub(lambda mark: _TITLE.sub("", TEXTS[mark[1]]()), markdown)
