@@ -1,7 +1,7 @@
 """Text of pages that the program states, and tables of figures that are kept as data.
 
 A page has a mark on a line of its own where the text belongs: `<!-- generated: NAME -->` for effects,
-rules or commands; `<!-- table: data/NAME.csv -->` for a table, or `<!-- table: data/NAME.csv COLUMN=VALUE -->`
+rules, commands and others (`TEXTS`); `<!-- table: data/NAME.csv -->` for a table, or `<!-- table: data/NAME.csv COLUMN=VALUE -->`
 for those rows of it, without that column.
 """
 
@@ -9,18 +9,31 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import click
 
+from mopro import stated
 from mopro.cli.main import group
 from mopro.effects.document import markdown as effects
+from mopro.link.course import TABLE, Awaited, Step
+from mopro.link.dialect import STATES
 from mopro.lint.explain import page as rules
 
 _TABLE = re.compile(r"^<!-- table: ([\w/]+\.csv)(?: (\w+)=(\w+))? -->$", re.MULTILINE)
 # Columns that say where a figure comes from; they stay in the file.
 _ORIGIN = {"measured by", "recorded in"}
+_CATALOGUE = Path(stated.__file__).parent / "catalogue"
+_KINDS = {
+    "kinematic": "kinematic",
+    "kinematic, of an effort": "kinematic_effort",
+    "axis": "axis",
+    "thermal": "thermal",
+}
+_AWAITED = {awaited: awaited.value for awaited in Awaited}
+_STEPS = {Step.GO_ON: "go on", Step.END: "**end**", Step.STOP: "**stop, then end**"}
 _MARK = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 _TITLE = re.compile(r"\A# .*\n+")
 _WIDTH = 90
@@ -49,16 +62,46 @@ def _leaves(context: click.Context) -> Iterator[click.Context]:
         yield from _leaves(_context(child, name, context))
 
 
+def course() -> str:
+    """What each state of a controller means to a run; `before / at` its time where these differ."""
+    lines = [["state", *_AWAITED.values()], ["---"] * (1 + len(_AWAITED))]
+    for state in STATES:
+        cells = []
+        for awaited in _AWAITED:
+            early, due = (_STEPS.get(entry, "trouble") for entry in TABLE[awaited][state])
+            cells.append(early if early == due else f"{early} / {due}")
+        lines.append([state, *cells])
+    return _rows(lines)
+
+
+def listed() -> str:
+    """The effects that are listed for each kind of machine beside the motor."""
+    parts = []
+    for title, name in _KINDS.items():
+        entries = tomllib.loads((_CATALOGUE / f"{name}.toml").read_text("utf-8"))["effect"]
+        rows = [
+            f"| {e['name']}{', ' + e['form'] if e.get('form') else ''} | {e['enters']} "
+            f"| `{e['formula']}` |"
+            for e in entries
+        ]
+        parts.append(f"**{title}**\n\n| effect | enters as | formula |\n|---|---|---|\n")
+        parts.append("\n".join(rows).replace("||", "\\|\\|") + "\n\n")
+    return "".join(parts)
+
+
 def table(name: str, column: str | None = None, value: str | None = None) -> str:
     """The CSV file `name`, from docs/, as Markdown; KeyError for a column that it does not have."""
     with open(Path(__file__).parent / name, encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if column is None or row[column] == value]
     heads = [head for head in rows[0] if head not in _ORIGIN | {column}]
-    lines = [heads, ["---"] * len(heads), *([row[head] for head in heads] for row in rows)]
+    return _rows([heads, ["---"] * len(heads), *([row[head] for head in heads] for row in rows)])
+
+
+def _rows(lines: Iterable[Iterable[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-TEXTS = {"commands": commands, "effects": effects, "rules": rules}
+TEXTS = {"commands": commands, "course": course, "effects": effects, "listed": listed, "rules": rules}
 
 
 def expanded(markdown: str) -> str:
