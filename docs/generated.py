@@ -1,16 +1,19 @@
 """Text of pages that the program states, and tables of figures that are kept as data.
 
-A page has a mark on a line of its own where the text belongs: `<!-- generated: NAME -->` for effects,
-rules, commands and others (`TEXTS`); `<!-- table: data/NAME.csv -->` for a table, or `<!-- table: data/NAME.csv COLUMN=VALUE -->`
-for those rows of it, without that column.
+A page has a mark on a line of its own where the text belongs:
+
+    <!-- generated: NAME -->                           one of `TEXTS`
+    <!-- table: data/NAME.csv -->                      a table
+    <!-- table: data/NAME.csv COLUMN=VALUE -->         those rows of it, without that column
 """
 
 from __future__ import annotations
 
 import csv
+import inspect
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import click
@@ -18,6 +21,9 @@ import click
 from mopro import stated
 from mopro.cli.main import group
 from mopro.effects.document import markdown as effects
+from mopro.formula.signals import SIGNALS
+from mopro.language.ast import Statement
+from mopro.language.parse import statement_kinds
 from mopro.link.course import TABLE, Awaited, Step
 from mopro.link.dialect import STATES
 from mopro.lint.explain import page as rules
@@ -62,6 +68,35 @@ def _leaves(context: click.Context) -> Iterator[click.Context]:
         yield from _leaves(_context(child, name, context))
 
 
+def attested() -> str:
+    """The statements that the sources show."""
+    return _statements(statement_kinds("attested"))
+
+
+def extended() -> str:
+    """The statements of the extended grammar alone."""
+    known = statement_kinds("attested")
+    return _statements(kind for kind in statement_kinds("extended") if kind not in known)
+
+
+def _statements(kinds: Iterable[type[Statement]]) -> str:
+    rows = [[f"`{kind.form}`", kind.meaning] for kind in kinds]
+    return _rows([["written", "meaning"], ["---", "---"], *rows])
+
+
+def signals() -> str:
+    """The functions of a signal in time that a formula may call."""
+    rows = [
+        [f"`{name}({', '.join([*inspect.signature(function).parameters][1:])})`", _told(function)]
+        for name, function in SIGNALS.items()
+    ]
+    return _rows([["function", ""], ["---", "---"], *rows])
+
+
+def _told(function: Callable[..., object]) -> str:
+    return " ".join((inspect.getdoc(function) or "").split())
+
+
 def course() -> str:
     """What each state of a controller means to a run; `before / at` its time where these differ."""
     lines = [["state", *_AWAITED.values()], ["---"] * (1 + len(_AWAITED))]
@@ -101,7 +136,16 @@ def _rows(lines: Iterable[Iterable[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-TEXTS = {"commands": commands, "course": course, "effects": effects, "listed": listed, "rules": rules}
+TEXTS = {
+    "attested": attested,
+    "commands": commands,
+    "course": course,
+    "effects": effects,
+    "extended": extended,
+    "listed": listed,
+    "rules": rules,
+    "signals": signals,
+}
 
 
 def expanded(markdown: str) -> str:

@@ -55,7 +55,9 @@ def test_figures_have_a_command_and_a_commit_and_stand_on_a_page(path):
     for row in rows_of(path):
         assert None not in row
         assert None not in row.values()
-        assert re.match(r"python bench/|sh examples/|mopro |OMP_NUM_THREADS=1 mopro ", row["measured by"])
+        assert re.match(
+            r"python bench/|sh examples/|mopro |OMP_NUM_THREADS=1 mopro ", row["measured by"]
+        )
         assert row.get("commit") or re.fullmatch("[0-9a-f]{7}", row["recorded in"])
     mark = f"<!-- table: data/figures/{path.name}"
     assert [text for text in PAGES.values() if mark in text]

@@ -22,7 +22,7 @@ ELSEWHERE = {"docs/lint.md", "docs/commands.md"}
 OF_CI = {"README.md": 2}
 # Blocks that are shown only, each with its reason in the fence.
 MARKS = {
-    "CONTRIBUTING.md": 1, "docs/blind.md": 1, "docs/cookbook.md": 2, "docs/diagnosis.md": 1,
+    "CONTRIBUTING.md": 1, "docs/blind.md": 1, "docs/cookbook.md": 1, "docs/diagnosis.md": 1,
     "docs/index.md": 1,
     "docs/link.md": 2, "docs/viewer.md": 2, "editors/vscode/README.md": 1, "examples/README.md": 1,
 }  # fmt: skip
