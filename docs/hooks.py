@@ -1,10 +1,11 @@
-"""Hooks of MkDocs: pictures of effects, and Markdown as a site wants it."""
+"""Hooks of MkDocs: generated text, pictures of effects, and Markdown as a site wants it."""
 
 from __future__ import annotations
 
 import re
 from typing import Any
 
+from generated import expanded
 from mkdocs.structure.files import File, Files
 from signatures import pictures
 
@@ -25,7 +26,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Take the options off the fences, and put its picture below each effect's heading."""
+    """Put generated text and pictures in their places, and take the options off the fences."""
+    markdown = expanded(markdown)
     if page.file.src_path == "effects.md":
         markdown = _EFFECT.sub(_illustrated, markdown)
     return _FENCE.sub(lambda match: f"```{_LANGUAGES.get(match[1], match[1])}", markdown)

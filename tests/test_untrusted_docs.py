@@ -1,5 +1,6 @@
-"""The table of bounds in docs/untrusted.md is that of the code."""
+"""The tables of docs/untrusted.md, of bounds and of attacks, are those of the code."""
 
+import csv
 import re
 
 import pytest
@@ -84,27 +85,31 @@ BOUNDS = [
 ]
 
 
+def table(name):
+    with open(ROOT / "docs" / "data" / name, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
 @pytest.fixture(scope="module")
 def rows():
-    text = (ROOT / "docs" / "untrusted.md").read_text("utf-8")
-    bounds = text.partition("\n## Bounds\n")[2].partition("\n## ")[0]
-    cells = [line.split("|")[1:3] for line in bounds.splitlines() if line.startswith("| ")]
-    return {name.strip(): bound for name, bound in cells}
+    return {row["input"]: row["bound"] for row in table("bounds.csv")}
 
 
-def test_the_tests_that_the_page_names_are_there():
+def test_the_page_shows_both_tables():
     text = (ROOT / "docs" / "untrusted.md").read_text("utf-8")
-    named = re.findall(r"`([\w/]+\.py)`", text)
-    assert len(named) > 10
-    assert [name for name in named if not (ROOT / "tests" / name).is_file()] == []
+    for name in ("bounds.csv", "figures/attacks.csv"):
+        assert f"<!-- table: data/{name} -->" in text
 
 
 def test_the_table_of_attacks_is_that_of_the_bench():
-    text = (ROOT / "docs" / "untrusted.md").read_text("utf-8")
-    tried = text.partition("\n## Tried\n")[2].partition("\n## ")[0]
-    rows = [line.strip("| ").split(" | ") for line in tried.splitlines() if line.startswith("| ")]
-    shown = {attack: re.findall(r"`([\w/]+\.py)`", files) for attack, files, *_ in rows[1:]}
+    shown = {
+        row["attack"]: re.findall(r"`([\w/]+\.py)`", row["tests"])
+        for row in table("figures/attacks.csv")
+    }
     assert shown == {attack: files_of(attack) for attack in ATTACKS}
+    named = {name for names in shown.values() for name in names}
+    assert len(named) > 10
+    assert [name for name in named if not (ROOT / "tests" / name).is_file()] == []
 
 
 @pytest.mark.parametrize("attack", ATTACKS)
@@ -123,5 +128,5 @@ def test_the_table_states_the_bound_of_the_code(rows, name, bounds):
 def test_every_row_but_those_without_a_constant_is_compared(rows):
     compared = {name for name, _ in BOUNDS}
     assert rows.keys() - compared == {
-        "input", "`--payload`", "a quantity of a machine", "a conversation", "`serve`: clients",
+        "`--payload`", "a quantity of a machine", "a conversation", "`serve`: clients",
     }  # fmt: skip

@@ -136,7 +136,7 @@ def toml_text(name: str) -> str:
 def effects() -> None:
     """Print all effects that a machine file may switch on, as Markdown.
 
-    Example: mopro machine effects > docs/effects.md
+    Example: mopro machine effects > effects.md
     """
     from mopro.effects.document import markdown
 

@@ -1,4 +1,4 @@
-"""Writes the page docs/effects.md from the catalogue."""
+"""The list of effects as Markdown, from the catalogue."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ is tried after that one has been found, unless it may come first. A free form ca
 other effects, and is accepted only if it leaves nothing unexplained. Where there are sensors
 on both axes, effects of the measurement are also fitted on each axis alone.
 
-This page is printed by `mopro machine effects`.
+This list is printed by `mopro machine effects`.
 """
 
 

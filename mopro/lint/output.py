@@ -14,7 +14,7 @@ from mopro.source import Source
 from mopro.text import visible
 
 # -- explanations -----------------------------------------------------------------------------
-# Explanations of the rules, one by one and as the page docs/lint.md.
+# Explanations of the rules as Markdown, one by one and together.
 
 
 _STAGES = {
@@ -26,7 +26,7 @@ _STAGES = {
 _HEAD = """\
 # Rules of `mopro lint`
 
-This page is what `mopro lint --explain all` prints; the tests run its examples. To
+This list is what `mopro lint --explain all` prints; the tests run its examples. To
 suppress a finding that is known and intended, write `; mopro: allow RULE` on its line or on
 a line of its own above.
 """

@@ -5,22 +5,24 @@ import pytest
 
 from helpers.pages import Reader, blocks_of
 from helpers.paths import ROOT
+from helpers.site import module_of_docs
 from helpers.stated import driven, write
 
+EXPANDED = module_of_docs("generated").expanded
 PAGES = {
-    path.relative_to(ROOT).as_posix(): blocks_of(path)
+    path.relative_to(ROOT).as_posix(): blocks_of(path, EXPANDED)
     for path in [
         ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "examples" / "README.md",
         ROOT / "editors" / "vscode" / "README.md", *sorted((ROOT / "docs").glob("*.md")),
     ]
 }  # fmt: skip
-# Its examples are those of `lint --explain`, which tests/lint/test_rules.py runs.
-ELSEWHERE = {"docs/lint.md"}
+# Examples of `lint --explain`, which tests/lint/test_rules.py runs, and the help of commands.
+ELSEWHERE = {"docs/lint.md", "docs/commands.md"}
 # The two blocks that CI runs itself, before there is a mopro to be called.
 OF_CI = {"README.md": 2}
 # Blocks that are shown only, each with its reason in the fence.
 MARKS = {
-    "CONTRIBUTING.md": 1, "docs/blind.md": 1, "docs/cookbook.md": 2, "docs/diagnosis.md": 1,
+    "CONTRIBUTING.md": 1, "docs/blind.md": 1, "docs/cookbook.md": 1, "docs/diagnosis.md": 1,
     "docs/index.md": 1,
     "docs/link.md": 2, "docs/viewer.md": 2, "editors/vscode/README.md": 1, "examples/README.md": 1,
 }  # fmt: skip

@@ -1,6 +1,5 @@
 """The docs as a site: built strictly, links lead somewhere, nothing comes from the network."""
 
-import importlib.util
 import json
 import os
 import re
@@ -14,6 +13,7 @@ import yaml
 from PIL import Image
 
 from helpers.paths import ROOT
+from helpers.site import module_of_docs
 from mopro.effects.registry import own_effects
 
 # Effects that change no reading of cold strokes and of heating by a visible amount.
@@ -96,10 +96,7 @@ def test_links_of_pages_beside_the_site_lead_to_files(name):
 
 @pytest.fixture(scope="module")
 def drawing():
-    spec = importlib.util.spec_from_file_location("pictures", ROOT / "docs" / "pictures.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_of_docs("pictures")
 
 
 def test_the_pictures_show_what_comes_out_today(drawing):

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import mopro
-from helpers.paths import PROGRAMS, TESTS
+from helpers.paths import TESTS
 from mopro.effects import catalogue
 from mopro.effects.base import Effect
-from mopro.effects.document import markdown
 from mopro.effects.registry import OWN, STATED_ELSEWHERE, in_order, own_effects
 from mopro.effects.resolve import with_values
 from mopro.errors import ModelError
@@ -83,11 +82,6 @@ def test_the_catalogue_s_order_is_that_of_acting_but_for_what_acts_last():
         a.name for a in in_order(of("backlash", "cross_axis_coupling", "pitch_scale"), catalogue())
     ]
     assert names == ["pitch_scale", "backlash", "cross_axis_coupling"]
-
-
-def test_the_page_is_what_the_command_prints():
-    page = (PROGRAMS.parent / "docs" / "effects.md").read_text(encoding="utf-8")
-    assert page == markdown()
 
 
 def of(*names):

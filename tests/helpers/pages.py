@@ -46,9 +46,9 @@ class Block:
         return _MARK in self.options
 
 
-def blocks_of(page):
-    """The fenced blocks of the Markdown in file `page`, in order."""
-    text = page.read_text("utf-8")
+def blocks_of(page, expanded=str):
+    """The fenced blocks of the Markdown in file `page`, in order, with what is generated in it."""
+    text = expanded(page.read_text("utf-8"))
     found = []
     for match in _FENCE.finditer(text):
         words = [word.partition("=") for word in shlex.split(match[2])]

@@ -4,6 +4,7 @@ import pytest
 
 import mopro
 from helpers.paths import ROOT
+from helpers.site import module_of_docs
 from mopro.language import ast, parse
 from mopro.language.format import format_source
 from mopro.language.parse import GRAMMARS, grammar_path, statement_kinds
@@ -13,7 +14,7 @@ from mopro.motion import plan
 from mopro.program import statements
 from mopro.source import Source
 
-DOCS = (ROOT / "docs" / "language.md").read_text("utf-8")
+DOCS = module_of_docs("generated").expanded((ROOT / "docs" / "language.md").read_text("utf-8"))
 EACH = pytest.mark.parametrize("kind", statement_kinds("extended"), ids=lambda kind: kind.rule())
 SETUP = ("UU012500/1", "VEL0 5.0", "ACC0 0.25", "WT1", "MR1 1.0")
 TRAVEL_U = dict.fromkeys((1, 2), (-50_000.0, 50_000.0))

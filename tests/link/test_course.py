@@ -6,10 +6,8 @@ import pytest
 
 import mopro
 from helpers.bench_of_link import DIALECTS, SHORT, bench
-from helpers.course_table import rows
 from helpers.endings import trial
 from helpers.model_of_controller import sequences, told
-from helpers.paths import ROOT
 from mopro.link import load_dialect
 from mopro.link.course import TABLE, Awaited, Course, Step, contradiction
 from mopro.link.dialect import STATES
@@ -117,10 +115,6 @@ def test_a_controller_that_is_faster_by_its_own_word_is_in_time():
     joined.station.device.speed = 1000.0
     trouble = joined.run(mopro.compile(SHORT)).run.trouble
     assert trouble is None
-
-
-def test_the_page_shows_the_table():
-    assert "\n".join(rows()) in (ROOT / "docs" / "link.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("late_s", [0.3, 0.6, 0.9])

@@ -10,7 +10,7 @@ from mopro.language import ast, load
 from mopro.language.parse import statement_kinds
 from mopro.lint import Settings, lint
 from mopro.lint.config import lengths
-from mopro.lint.output import explain, page
+from mopro.lint.output import explain
 from mopro.lint.rules import RULES
 from mopro.source import Source
 from mopro.text import visible
@@ -60,10 +60,6 @@ def test_examples_of_the_explanation_do_what_it_says(rule):
     assert lint(Source("good", rule.good), rule_settings(rule)) == []
     assert visible(rule.bad) in explain(rule)
     assert rule.good in explain(rule)
-
-
-def test_docs_page_is_what_explain_prints():
-    assert (ROOT / "docs" / "lint.md").read_text("utf-8") == page()
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "programs").glob("*.CMD")), ids=lambda p: p.stem)
