@@ -71,6 +71,19 @@ def test_the_emulator_s_plant_is_the_reference_plant_where_nothing_is_hidden(mac
     assert emulated == pytest.approx(expected, abs=2e-5 / 20)
 
 
+def test_an_amplitude_below_zero_is_hidden_nearer_to_zero_than_its_range(tmp_path):
+    file = tmp_path / "effects.toml"
+    file.write_text(FILE.replace("[0, 200]", "[-200, -50]"))
+    machine = read_machine("chow1992", effects=str(file))
+    run = ProgramRun("UU012500/1\nVEL1 10.0\nACC1 0.3\nMRI1 1.0\nWX1\n")
+    plant = machine.effects.plant({NAME: {"F1": -10.0}})
+    _, (changed,) = plant.readings(
+        run, case_instruments("laser", "strokes"), np.random.default_rng(0)
+    )
+    assert np.isfinite(changed).all()
+    assert not plant.stalled
+
+
 def test_an_effect_without_a_range_cannot_be_drawn(tmp_path):
     file = tmp_path / "effects.toml"
     file.write_text(FILE.replace(", range = [0, 200]", ""))

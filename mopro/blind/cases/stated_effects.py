@@ -12,27 +12,28 @@ from functools import cached_property
 
 import numpy as np
 
-from mopro import Machine, emulate, load_machine
+from mopro import Machine, load_machine
 from mopro import compile as compile_program
 from mopro.blind.cases.hidden_effects import Drawn, HiddenEffect, Parameters
 from mopro.blind.cases.spec import ENCODER, LASER, CaseSpec
 from mopro.blind.reference.motor import Floats, Generator, Nominal
 from mopro.blind.reference.plant import ProgramRun
 from mopro.blind.reference.sensors import Instrument
-from mopro.emulator import Emulator
+from mopro.effects import Active, catalogue_of
+from mopro.effects.resolve import with_values
 from mopro.errors import RunError
 from mopro.formula.written import AMPLITUDE, WrittenEffect, toml_lines
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor
 from mopro.machine import builtin_machines
 from mopro.machine.file import formulas_in, read_machine
-from mopro.plant import measured_at
+from mopro.plant import Stepping, measured_at, plan_with_effects, simulate
 from mopro.source import Source
 from mopro.tomlfile import Document, read_source
 
 # Sizes and sensors with which each effect is hidden.
 _DRAWN = (("faint", LASER), ("clear", LASER), ("strong", LASER), ("strong", ENCODER))
-_MAX_STEP_S, _DENSE_HZ = 2.5e-5, 4000.0
+_STEPPING, _DENSE_HZ = Stepping(2.5e-5), 4000.0
 
 
 @dataclass(frozen=True)
@@ -118,25 +119,35 @@ class EmulatedPlant:
         self, run: ProgramRun, instruments: Sequence[Instrument], generator: Generator
     ) -> tuple[Floats, list[Floats]]:
         """Time stamps (s) and each instrument's readings (its unit), without noise."""
-        program = compile_program(run.text, "run.CMD")
-        end_s = run.until_s or Emulator(self.machine).plan(program).duration_s
+        known = catalogue_of(self.machine)
+        # A hidden size may be nearer to zero than its range, where a machine file may not state it.
+        active = tuple(with_values(known[name], own) for name, own in self.hidden.items())
+        columns, end_s = self._columns(run, active)
         stamps = np.arange(int(end_s * instruments[0].rate_hz) + 1) / instruments[0].rate_hz
-        try:
-            recording = emulate(
-                program, self.machine, payload_kg=run.payload_kg, for_s=run.until_s,
-                rate_hz=_DENSE_HZ, resolved=False, max_step_s=_MAX_STEP_S, effects=self.hidden,
-                compiled=True, settle_s=2 / _DENSE_HZ,
-            )  # fmt: skip
-        except RunError:
-            self.stalled = True
-            return stamps, [np.zeros_like(stamps) for _ in instruments]
-        assert recording.run is not None, "it was emulated"
-        margins = [m.stall_margin for m in recording.run.moves if m.stall_margin is not None]
-        self.stalled |= min(margins, default=1.0) <= 0.0
         sensors = [
             Sensor(i.name, QUANTITIES[i.quantity], i.column, i.rate_hz, i.axis) for i in instruments
         ]
-        active = Emulator(self.machine, effects=self.hidden).active
-        return stamps, [
-            measured_at(recording.columns, s, self.machine, active, stamps) for s in sensors
-        ]
+        return stamps, [measured_at(columns, s, self.machine, active, stamps) for s in sensors]
+
+    def _columns(
+        self, run: ProgramRun, active: tuple[Active, ...]
+    ) -> tuple[dict[str, Floats], float]:
+        program = compile_program(run.text, "run.CMD")
+        plain = plan_with_effects(program, self.machine, (), run.until_s)
+        schedule = plan_with_effects(program, self.machine, active, run.until_s)
+        end_s = run.until_s or plain.duration_s
+        simulation = simulate(
+            schedule, self.machine, active, _STEPPING, payload_kg=run.payload_kg, resolved=False,
+            compiled=True,
+        )  # fmt: skip
+        times = np.arange(int(end_s * _DENSE_HZ) + 2) / _DENSE_HZ
+        columns = {"time_s": times, "temperature_C": simulation.temperature_C(times)}
+        try:
+            found = simulation.advance(times, float(times[-1]))
+            outcomes = map(simulation.outcome, schedule.moves)
+            margins = [o.stall_margin for o in outcomes if o.stall_margin is not None]
+            self.stalled |= min(margins, default=1.0) <= 0.0
+        except RunError:
+            self.stalled = True
+            found = {f"position_{axis}_m": np.zeros_like(times) for axis in (1, 2)}
+        return columns | {n: v for n, v in found.items() if n.startswith("position_")}, end_s
