@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import click
-from mopro.lint.output import page as rules
 
 from mopro import stated
 from mopro.cli.main import group
@@ -27,6 +26,7 @@ from mopro.language.ast import Statement
 from mopro.language.parse import statement_kinds
 from mopro.link.course import TABLE, Awaited, Step
 from mopro.link.dialect import STATES
+from mopro.lint.output import page as rules
 
 _TABLE = re.compile(r"^<!-- table: ([\w/]+\.csv)(?: (\w+)=(\w+))? -->$", re.MULTILINE)
 # Columns that say where a figure comes from; they stay in the file.
