@@ -21,7 +21,7 @@ ALLOWED = {
     # Hum in a log, whose noise is told; the effect of that name is in the emulated sensor.
     ("cli/logs.py", "hum"),
     ("noise/__init__.py", "hum"),
-    ("noise/lines.py", "hum"),
+    ("noise/spectral.py", "hum"),
     # Examples for a person, in files that are to be edited.
     ("cli/machine_files.py", "viscous_drag"),
     ("cli/starting.py", "viscous_drag"),

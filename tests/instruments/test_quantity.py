@@ -52,9 +52,20 @@ def test_a_steady_force_shows_as_a_deflection_or_as_itself(quantity, shift):
 # -- the code ---------------------------------------------------------------------
 
 
-def is_a_constant(node):
-    named = isinstance(node, ast.Name) and node.id in CONSTANTS
+def is_a_constant(node, others):
+    """True for a quantity by its constant; `others` are names that are imported from elsewhere."""
+    named = isinstance(node, ast.Name) and node.id in CONSTANTS - others
     return named or (isinstance(node, ast.Attribute) and node.attr in CONSTANTS)
+
+
+def imported_from_elsewhere(tree):
+    """Names such as FORCE that mean another thing here, as where a formula enters a model."""
+    return {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and not node.module.startswith("mopro.instruments")
+        for alias in node.names
+    }
 
 
 def says_a_name(node):
@@ -68,6 +79,7 @@ def speaks_of_a_quantity(node):
 
 def asks_which(tree):
     """Lines that compare with a quantity, by its object or by its name."""
+    foreign = imported_from_elsewhere(tree)
     for node in ast.walk(tree):
         match node:
             case ast.Compare(left=left, comparators=others):
@@ -80,7 +92,7 @@ def asks_which(tree):
                 continue
         parts = [n for side in sides for n in ast.walk(side)]
         by_name = any(map(says_a_name, sides)) and any(map(speaks_of_a_quantity, sides))
-        if by_name or any(map(is_a_constant, parts)):
+        if by_name or any(is_a_constant(part, foreign) for part in parts):
             yield node.lineno
 
 
@@ -124,3 +136,9 @@ def test_only_who_makes_sensors_names_a_quantity():
 )
 def test_a_question_is_found_in_whatever_form(code):
     assert list(asks_which(ast.parse(code)))
+
+
+def test_a_constant_of_that_name_from_elsewhere_is_no_quantity():
+    code = "if enters == FORCE: pass"
+    assert list(asks_which(ast.parse(f"from mopro.instruments.quantity import FORCE\n{code}")))
+    assert not list(asks_which(ast.parse(f"from mopro.formula.written import FORCE\n{code}")))
