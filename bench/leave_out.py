@@ -2,9 +2,9 @@
 
     python bench/leave_out.py [PASS ...] [--most 3]
 
-Runs the tests of the whole chain of passes (TESTS) once for each pass, without it wherever it stands,
-and prints the tests that fail, at most --most of a pass. Exits 1 if a pass can be left out without
-any: then it has no test, or does nothing.
+Runs the tests of the whole chain of passes (TESTS) once for each pass, without it wherever it
+stands, and prints the tests that fail, at most --most of a pass. Exits 1 if a pass can be left out
+without any: then it has no test, or does nothing.
 """
 
 from __future__ import annotations
