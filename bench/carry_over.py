@@ -1,4 +1,4 @@
-"""How far a machine file that was fitted to some motions of a machine predicts its other motions.
+"""Residuals of motions of a machine that are predicted by a file fitted to its other motions.
 
     python bench/carry_over.py FOLDER [--joint 0] [--fit 1 2 3] [--most 8] [--jobs 2] [--seed 1]
 

@@ -18,6 +18,8 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import pytest
+
 from mopro.engine.passes import PASSES, Loop, Pass
 
 ROOT = Path(__file__).parents[1]
@@ -27,6 +29,8 @@ PLUGIN = """\
 import os
 from dataclasses import replace
 from mopro.engine import diagnosis
+import pytest
+
 from mopro.engine.passes import Loop
 
 def without(passes, name):
@@ -71,6 +75,9 @@ def told(name: str, most: int) -> bool:
             [sys.executable, "-m", "pytest", *arguments],
             cwd=ROOT, env=environment, capture_output=True, text=True, check=False,
         )  # fmt: skip
+    if done.returncode not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED,
+                               pytest.ExitCode.INTERRUPTED):  # fmt: skip
+        sys.exit(f"{name}: the tests did not run: {done.stdout[-2000:]}{done.stderr[-2000:]}")
     failed = re.findall(r"^FAILED (\S+)", done.stdout, re.MULTILINE)
     print(f"{name}: {', '.join(failed) or 'nothing fails'}", flush=True)
     return bool(failed)

@@ -98,7 +98,7 @@ def _told(function: Callable[..., object]) -> str:
 
 
 def course() -> str:
-    """What each state of a controller means to a run; `before / at` its time where these differ."""
+    """Meaning of each state of a controller to a run; `before / at` its time where these differ."""
     lines = [["state", *_AWAITED.values()], ["---"] * (1 + len(_AWAITED))]
     for state in STATES:
         cells = []

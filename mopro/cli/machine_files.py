@@ -159,7 +159,7 @@ def _checked(machine: str) -> str:
 
 
 def _of_stated(machine: StatedMachine) -> Iterator[dict[str, Any]]:
-    """A row for each number and law of a machine of another kind, and for each effect in it."""
+    """A row for each number and law of a stated machine, and for each effect in it."""
     for number in machine.numbers.values():
         origin = "free" if number.free else "stated"
         row = {"key": f"base.{number.name}", "value": number.value, "unit": number.unit}

@@ -81,7 +81,7 @@ class ExperimentFile:
 
     @cached_property
     def entries(self) -> SawyerEntries | StatedEntries:
-        """What the file states, by the kind of its machine; ModelError."""
+        """The entries of the file, as the reader of its machine's kind gives them; ModelError."""
         return read_stated_entries(self.document) if self._of_stated else read_sawyer(self.document)
 
     @property

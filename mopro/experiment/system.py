@@ -1,4 +1,4 @@
-"""What an experiment knows of its machine, of whatever kind that is.
+"""The protocol of a system: a machine of any kind with the runs that were measured on it.
 
 A comparison, a diagnosis and a conclusion see a `System` alone. A new kind of machine is one class
 with these methods, and a line in `opened`.
@@ -61,7 +61,7 @@ class Predicted:
 
 @dataclass(frozen=True)
 class Question:
-    """What a diagnosis is asked: the arguments of `mopro.engine.reconcile`, by their names there.
+    """The arguments of `mopro.engine.reconcile` for one system, by their names there.
 
     `simulate` predicts the series of `data`.
     """
@@ -157,7 +157,7 @@ class System(Protocol):
         ...
 
     def question(self, left_out: Collection[str]) -> Question:
-        """What a diagnosis is asked, without the effects in `left_out`."""
+        """The arguments of a diagnosis without the effects in `left_out`."""
         ...
 
     def tried(self, left_out: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -190,5 +190,5 @@ class System(Protocol):
         ...
 
     def advice(self, verdict: Verdict) -> str:
-        """What else to do about an ambiguous verdict, where no next experiment is proposed."""
+        """Advice on an ambiguous verdict, where no next experiment is proposed."""
         ...

@@ -1,4 +1,4 @@
-"""What lint says: explanations of its rules, and findings as text, JSON, SARIF or annotations."""
+"""Output of lint: explanations of its rules, and findings as text, JSON, SARIF, annotations."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Machines of other kinds than the motor: axes, thermal nodes, and whatever follows its command."""
+"""Machines whose equations a file states: axes, thermal nodes, and whatever follows its command."""

@@ -1,4 +1,4 @@
-"""The effects of a machine of another kind as candidates, their ranges from the data's sizes."""
+"""The effects of a stated machine as candidates, their ranges from the data's sizes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measured runs of a machine of another kind: signals, sensors and their samples, in SI inside."""
+"""Measured runs of a stated machine: signals, sensors and their samples, in SI inside."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Run:
 
 @dataclass(frozen=True)
 class StatedExperiment:
-    """An experiment on a machine of another kind; `dimensions` are those of the inputs.
+    """An experiment on a stated machine; `dimensions` are those of the inputs.
 
     `units` are the units of the inputs, by name. `notes` are remarks on the data.
     """

@@ -1,4 +1,4 @@
-"""Machine files of kinds other than the motor, and the effects in them and in the catalogue."""
+"""Files of stated machines, and the effects in them and in the catalogue."""
 
 from __future__ import annotations
 

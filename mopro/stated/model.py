@@ -1,4 +1,4 @@
-"""A machine of another kind than the motor: its numbers, its law, and effects as formulas."""
+"""A stated machine: its numbers, its law, and effects as formulas."""
 
 from __future__ import annotations
 

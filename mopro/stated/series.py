@@ -1,4 +1,4 @@
-"""Readings of a machine of another kind as the series that the diagnosis takes."""
+"""Readings of a stated machine as the series that the diagnosis takes."""
 
 from __future__ import annotations
 

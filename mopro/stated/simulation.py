@@ -1,4 +1,4 @@
-"""Predictions of all readings of an experiment on a machine of another kind."""
+"""Predictions of all readings of an experiment on a stated machine."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from mopro.effects.formula import effect_of
 from mopro.errors import ModelError
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.model import Experiment, Reading, Trial
-from mopro.experiment.sawyer.repaired import machine_text, machine_with
+from mopro.experiment.sawyer.repaired import machine_of, machine_text
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine
@@ -130,7 +130,7 @@ def test_a_friction_of_place_is_found_where_it_is_hidden_and_nowhere_else(seed):
         assert found.unit == "N/m"
         low, high = found.ci95
         assert low - (high - low) / 2 < size < high + (high - low) / 2
-        repaired = machine_with(asked, verdict)
+        repaired = machine_of(asked.machine, machine_text(asked, verdict))
         assert repaired.effects[0].values["F1"].number == pytest.approx(found.value)
         assert moved(repaired) == pytest.approx(
             moved(asked.machine, {PLACE: {"F1": found.value}}), abs=1e-12

@@ -63,11 +63,9 @@ def machine_text(experiment: Experiment, verdict: Verdict) -> str:
     return with_effects(Text.of(source).with_value(("name",), name), own, formulas, sections)
 
 
-def machine_with(experiment: Experiment, verdict: Verdict) -> Machine:
-    """Read the machine that `machine_text` describes."""
-    return read_machine(
-        Source(f"{experiment.machine.name} (reconciled)", machine_text(experiment, verdict))
-    )
+def machine_of(machine: Machine, text: str) -> Machine:
+    """The machine of a repaired file; ModelError."""
+    return read_machine(Source(f"{machine.name} (reconciled)", text))
 
 
 def repaired_name(name: str) -> str:

@@ -28,7 +28,7 @@ from mopro.experiment.sawyer.model import Experiment, Reading, SteadyTable
 from mopro.experiment.sawyer.nominal import aligned, planned, predict, predict_table
 from mopro.experiment.sawyer.offsets import with_offset
 from mopro.experiment.sawyer.quantisation import thinned
-from mopro.experiment.sawyer.repaired import machine_text, machine_with, of_runs
+from mopro.experiment.sawyer.repaired import machine_of, machine_text, of_runs
 from mopro.experiment.sawyer.runs import read_runs
 from mopro.experiment.sawyer.steady import rises, series_of_table
 from mopro.experiment.system import Predicted, Proposal, Question, Repaired, Spot, System
@@ -166,10 +166,8 @@ class Sawyer:
         return replace(self, experiment=replace(self.experiment, machine=machine))
 
     def repaired(self, verdict: Verdict) -> Repaired:
-        text, machine = (
-            machine_text(self.experiment, verdict),
-            machine_with(self.experiment, verdict),
-        )
+        text = machine_text(self.experiment, verdict)
+        machine = machine_of(self.experiment.machine, text)
         again = Model(replace(self.experiment, machine=machine), resolved=self.resolved)
         left = Residuals(again, self.series).calibrated_at({}).of_exact_sensors({})
         sizes = tuple(_rms(s, own) for s, own in zip(self.series, left, strict=True))

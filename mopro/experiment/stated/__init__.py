@@ -1,1 +1,1 @@
-"""Experiments on machines of another kind than the motor: read, compared, diagnosed, repaired."""
+"""Experiments on machines whose equations a file states: read, compared, diagnosed, repaired."""

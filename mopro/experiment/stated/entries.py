@@ -1,4 +1,4 @@
-"""Reads the file of an experiment on a machine of another kind: signals, sensors and runs."""
+"""Reads the file of an experiment on a stated machine: signals, sensors and runs."""
 
 from __future__ import annotations
 

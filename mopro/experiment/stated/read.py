@@ -1,4 +1,4 @@
-"""The runs of an experiment on a machine of another kind: its entries, with their data."""
+"""The runs of an experiment on a stated machine: its entries, with their data."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from helpers.diagnosis import diagnose
 from mopro.experiment.sawyer import forward_model as motor
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.model import Experiment, LoggedCommand, Reading, Trial
-from mopro.experiment.sawyer.repaired import machine_with
+from mopro.experiment.sawyer.repaired import machine_of, machine_text
 from mopro.experiment.wording import sentence
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
@@ -358,7 +358,7 @@ def test_a_number_within_its_tolerance_is_calibrated_and_no_finding(tolerance, c
     assert (found.verdict == "none") is calibrated
     assert bool(found.calibration) is calibrated
     assert bool(found.effects) is not calibrated
-    again = machine_with(tried, found)
+    again = machine_of(tried.machine, machine_text(tried, found))
     (stated,) = again.effects
     assert stated.values["e"].number == pytest.approx(-0.05, abs=5e-3)
     assert again.provenance["axis.pull_out_force"].tolerance == tolerance
