@@ -99,12 +99,12 @@ ENCODER = Sensor("encoder", POSITION, "position_1_in", 500.0, 1, 2e-4)
 RIVALS = {"viscous_drag", "coulomb_friction", "umbilical_spring", "payload_mass", PLACE}
 
 
-def experiment(own, truth, seed, sensor=ENCODER):
+def experiment(own, truth, seed, program=PROGRAM, sensor=ENCODER):
     rng = np.random.default_rng(seed)
-    stamps = np.arange(int(plan(PROGRAM).duration_s * sensor.rate_hz)) / sensor.rate_hz
+    stamps = np.arange(int(plan(program).duration_s * sensor.rate_hz)) / sensor.rate_hz
     blank = Reading(sensor, stamps, np.zeros(len(stamps)))
     bare = Experiment(
-        Source("e.toml", ""), own, (Trial("run.csv", PROGRAM, None, 0.0, (blank,)),), ()
+        Source("e.toml", ""), own, (Trial("run.csv", program, None, 0.0, (blank,)),), ()
     )
     (seen,) = ForwardModel(bare)(truth)
     noisy = seen + sensor.noise_rms * rng.standard_normal(len(stamps))
@@ -114,8 +114,8 @@ def experiment(own, truth, seed, sensor=ENCODER):
     return dataclasses.replace(bare, trials=(trial,))
 
 
-def diagnosed(own, truth, seed, rivals=RIVALS):
-    asked = experiment(own, truth, seed)
+def diagnosed(own, truth, seed, rivals=RIVALS, program=PROGRAM):
+    asked = experiment(own, truth, seed, program)
     return asked, diagnose(asked, left_out={*catalogue_of(own)} - rivals).verdict
 
 
@@ -156,6 +156,21 @@ def test_the_shape_of_a_measurement_is_searched():
     (found,) = verdict.effects
     assert found.name == "wave"
     assert found.parameters["P"].value == pytest.approx(9.0, rel=0.01)
+
+
+@pytest.mark.parametrize("period_mm", [0.23, 0.41])
+def test_a_period_much_shorter_than_the_travel_is_found(period_mm):
+    """More than a hundred cycles in the travel of 51 mm; the samples of the motion show them."""
+    slow = mopro.compile("UU012500/1\nVEL1 1.0\nACC1 0.1\nMRI1 1.5\nWX1\nWT100\nMRI1 -2.0\nWX1\n")
+    text = (
+        'enters = "measurement"\nformula = "A * sin(2 * pi * x / P)"\n'
+        'A = { unit = "um" }\nP = { unit = "mm", role = "period" }\n'
+    )
+    truth = {"wave": {"A": 6.0, "P": period_mm}}
+    _, verdict = diagnosed(machine(("wave", text)), truth, 3, {"wave"}, slow)
+    (found,) = verdict.effects
+    assert found.parameters["P"].value == pytest.approx(period_mm, rel=1e-3)
+    assert found.parameters["A"].value == pytest.approx(6.0, rel=0.1)
 
 
 # -- faults ----------------------------------------------------------------------------------
