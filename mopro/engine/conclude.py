@@ -75,6 +75,7 @@ def conclude(state: State) -> Verdict:
         without_drafts=None if sizes.fit.key == fit.key else fit.settings,
         odd_run=state.odd,
         trace=state.trace,
+        held_out_on=None if held is None else held.on,
     )
 
 

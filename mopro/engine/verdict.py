@@ -255,6 +255,7 @@ class Verdict:
     without_drafts: Settings | None = None
     odd_run: OddRun | None = None
     trace: tuple[Taken, ...] = ()
+    held_out_on: str | None = None
 
     @property
     def settings_alone(self) -> Settings:
@@ -322,6 +323,7 @@ class Verdict:
                 "noise_rms": self.gap.noise_rms,
                 "held_out": self.gap.held_out_rms is not None,
                 "held_out_rms": self.gap.held_out_rms,
+                "held_out_on": self.held_out_on,
                 "runs": [vars(run) for run in self.gap.runs],
             },
             "remainder": {

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 from mopro.effects import catalogue
 from mopro.engine.candidate import RUN
+from mopro.engine.fits import OTHER_RUNS
 from mopro.engine.series import Series
 from mopro.engine.tolerances import CLOCK, GAIN, LINEARITY
 from mopro.engine.verdict import Estimate, Named, Verdict
@@ -92,8 +93,15 @@ def _share_words(verdict: Verdict) -> str:
     share, held_out = verdict.explained.share, verdict.explained.held_out_share
     if share is None:
         return ""
-    held = "" if held_out is None else f" ({held_out:.1%} in held-out parts)"
+    held = "" if held_out is None else f" ({held_out:.1%} {_held_where(verdict)})"
     return f", {share:.1%} of the disagreement explained{held}"
+
+
+def _held_where(verdict: Verdict) -> str:
+    """Where the held-out share was found: in other runs, or in parts of the only one."""
+    return (
+        "in runs held out" if verdict.held_out_on == OTHER_RUNS else "in parts held out of one run"
+    )
 
 
 def advice(verdict: Verdict, on_alternatives: str = NO_PROPOSAL) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from operator import or_
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ _SHAPES, _SHAPE_STARTS = (0.01, 1.0), (0.05, 0.25)
 # Samples are even in time: from two of them on, less what tells a line from its mirror image, they
 # show a line as it is.
 MOST_PERIODS_OF_SPAN, _SHORTEST_STEPS, _SHORTEST_INTERVALS = 0.55, 4.0, 2 * (1 + TOLERANCE)
+# A slow motion has rounding errors that are a function of place, with a period of one count.
+_SHORTEST_COUNTS = 2.0
 _PERIOD_STARTS = (0.05, 0.15, 0.4)
 # Share of the span within which two places are one: a place that is visited again is off by
 # rounding.
@@ -50,12 +53,14 @@ class Sized:
 
     `names`: those that formulas of a range may use. `along`: the extent (SI) of each signal along
     the runs, by dimension and name; `read`: that of the samples that a sensor was read at, in
-    whatever order their places were visited.
+    whatever order their places were visited. `counts`: the step (SI) of the finest converter that
+    reads a quantity of a dimension.
     """
 
     names: Mapping[str, float]
     along: Mapping[Dimension, Mapping[str, Extent]]
     read: Mapping[Dimension, Mapping[str, Extent]]
+    counts: Mapping[Dimension, float] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -63,6 +68,7 @@ class Sized:
         runs: Iterable[tuple[Mapping[str, Floats], NDArray[np.intp]]],
         dimensions: Mapping[str, Dimension | None],
         names: Mapping[str, float],
+        counts: Mapping[Dimension, float] = MappingProxyType({}),
     ) -> Sized:
         """Sizes of `runs`: the signals (SI) at the rows of each, and the rows that were read."""
         along: dict[Dimension, dict[str, Extent]] = {}
@@ -77,7 +83,7 @@ class Sized:
                     ):
                         of_unit = extents.setdefault(dimension, {})
                         of_unit[name] = of_unit.get(name, Extent()) | found
-        return cls(names, along, read)
+        return cls(names, along, read, counts)
 
     def extent(self, effect: WrittenEffect, dimension: Dimension) -> Extent:
         """That of the signals of a dimension in the effect's term, or of all if it has none.
@@ -121,7 +127,8 @@ def shape_of(effect: WrittenEffect, p: EffectParameter, sized: Sized) -> Paramet
     starts = tuple(share * span for share in _SHAPE_STARTS)
     if p.role == PERIOD:
         steps = _SHORTEST_INTERVALS if dimension == TIME else _SHORTEST_STEPS
-        low, high = steps * step, MOST_PERIODS_OF_SPAN * span
+        count = _SHORTEST_COUNTS * sized.counts.get(dimension, 0.0) / p.factor
+        low, high = max(steps * step, count), MOST_PERIODS_OF_SPAN * span
         starts = tuple(share * span for share in _PERIOD_STARTS)
     if p.low is not None and p.high is not None:
         low, high = (p.sized(end, sized.names) for end in (p.low, p.high))

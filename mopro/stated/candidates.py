@@ -11,6 +11,7 @@ import numpy as np
 
 from mopro.engine.candidate import RUN, Candidate, Law, Parameter, ResidualView, Role
 from mopro.engine.series import Series, Settings
+from mopro.formula.dimension import Dimension
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.search import Sampled, Search
 from mopro.formula.shapes import MOST_PERIODS_OF_SPAN, Sized, role_of_shape, shape_of
@@ -53,10 +54,21 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
         return found + [_of_foreign(effect) for effect in model.forms]
     sized = _sizes(model, settings)
     for effect in model.forms:
+        if _needs_another_run(effect) and len(model.experiment.trials) == 1:
+            continue
         made = _candidate(model, effect, data, settings, sized)
         found += [made] if made is not None else []
     names = {(c.name, c.form) for c in found}
     return [c for c in found if c.extends is None or (c.name, c.extends) in names]
+
+
+def _needs_another_run(effect: WrittenEffect) -> bool:
+    """True for a listed wave in time, which may be one in what a single run happens to do.
+
+    There a draft describes it. A wave that the user offers is tried.
+    """
+    periodic = any(p.role == PERIOD for p in effect.parameters)
+    return periodic and not effect.own and "t" in effect.term.formula.names
 
 
 def in_one_run(model: Model, every: Sequence[Candidate]) -> dict[str, list[Candidate]]:
@@ -232,7 +244,17 @@ def _sizes(model: Model, settings: Settings) -> Sized:
             for own in (values[s] for s in signals if s in values and np.isfinite(values[s]).all()):
                 names[low] = min(names.get(low, math.inf), float(np.min(own)))
                 names[high] = max(names.get(high, -math.inf), float(np.max(own)))
-    return Sized.of(runs, names_of(model.experiment), names)
+    return Sized.of(runs, names_of(model.experiment), names, _counts(model))
+
+
+def _counts(model: Model) -> dict[Dimension, float]:
+    """The step (SI) of the finest converter of each dimension; 0 where a sensor has none."""
+    found: dict[Dimension, float] = {}
+    for _, reading in model.readings:
+        sensor = reading.sensor
+        step = sensor.step * sensor.factor
+        found[sensor.dimension] = min(found.get(sensor.dimension, step), step)
+    return found
 
 
 def _amplitude(

@@ -51,11 +51,15 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Reading:
-    """Samples of one sensor: `values` (n,) in its unit, at the rows `rows` (n,) of the run."""
+    """Samples of one sensor: `values` (n,) in its unit, at the rows `rows` (n,) of the run.
+
+    `opening`: what the whole record begins with, where these are some of its samples.
+    """
 
     sensor: Sensor
     rows: Indices
     values: Floats
+    opening: float | None = None
 
     @cached_property
     def first(self) -> float:
@@ -63,6 +67,8 @@ class Reading:
 
         The median of three, as one of those may be wild as well.
         """
+        if self.opening is not None:
+            return self.opening
         if not self.first_is_wild:
             return float(self.values[0])
         return float(np.median(2 * self.values[1:4] - self.values[2:7:2]))

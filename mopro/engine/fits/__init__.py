@@ -16,7 +16,7 @@ from mopro.engine.fits.fit import (
     least_squares_fit,
     with_central_jacobian,
 )
-from mopro.engine.fits.heldout import HeldOut, folds, held_out
+from mopro.engine.fits.heldout import OTHER_RUNS, HeldOut, held_out, parts_of
 from mopro.engine.fits.jacobian import SecantJacobian, gauss_newton_step
 from mopro.engine.fits.limit import NO_LIMIT, Limit
 from mopro.engine.fits.tolerated import with_tolerances
@@ -24,6 +24,7 @@ from mopro.engine.fits.uniformity import Spread, spread
 
 __all__ = [
     "NO_LIMIT",
+    "OTHER_RUNS",
     "Descent",
     "Evidence",
     "Fit",
@@ -34,11 +35,11 @@ __all__ = [
     "SecantJacobian",
     "Spread",
     "explained_by",
-    "folds",
     "gauss_newton_step",
     "growing_fit",
     "held_out",
     "least_squares_fit",
+    "parts_of",
     "spread",
     "with_central_jacobian",
     "with_tolerances",

@@ -28,15 +28,20 @@ from mopro.engine.series import Floats, Mask
 _FEW_SAMPLES = MOST_FOLDS * LEAST_SAMPLES
 
 
+# What was held out: whole runs, of several, or parts of the only one, which share its accidents.
+OTHER_RUNS, ONE_RUN = "other runs", "within one run"
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """Parts that were not fitted: how well they are predicted with and without each effect.
 
-    `residual`: whitened residual of the fit (samples); `before`: its mean square for the null
-    model, `after` for the fit. `gains`: fall of the deviance of the held-out parts by each
-    effect, by how well the others tell its numbers.
+    `on`: what they are, OTHER_RUNS or ONE_RUN. `residual`: whitened residual of the fit (samples);
+    `before`: its mean square for the null model, `after` for the fit. `gains`: fall of the deviance
+    of the held-out parts by each effect, by how well the others tell its numbers.
     """
 
+    on: str
     before: float
     after: float
     gains: Mapping[str, float]
@@ -52,17 +57,15 @@ def held_out(
 ) -> HeldOut | None:
     """Each fold predicted from the others, by the null model, `fit`, and `fit` `without` each.
 
-    A single fold is cut in time; None where that has too few samples.
+    None where there are too few samples for two.
     """
-    masks = folds(residuals)
-    if len(masks) == 1:
-        masks = list(_chunks(masks[0], np.ones(len(masks[0]))))
+    masks = list(_folds(residuals, fit))
     if len(masks) == 1:
         return None
-    masks = list(_divided(residuals, masks, fit))
     after = _predicted(residuals, fit, masks)
     own = _scaled(fit, masks, after)
     return HeldOut(
+        on=OTHER_RUNS if len(_whole_runs(residuals)) > 1 else ONE_RUN,
         before=_mean_square(_predicted(residuals, null, masks)),
         after=_mean_square(after),
         gains={
@@ -137,11 +140,10 @@ def _gain(noise: Noise, masks: Sequence[Mask], without: _Scaled, after: _Scaled)
     return gain if fall > 0 else min(gain, fall)
 
 
-def folds(residuals: Residuals, most: int = MOST_FOLDS) -> list[Mask]:
-    """Masks (samples) of the folds: the moves of each run, or whole runs, as given.
+def parts_of(residuals: Residuals, most: int = MOST_FOLDS) -> list[Mask]:
+    """Masks (samples) of the parts of the data: the moves of each run, as given.
 
-    All sensors of a run hold out the same moves together. Moves are joined so that there are
-    `most` folds at the most.
+    All sensors of a run have the same parts, which are joined so that there are `most` at the most.
     """
     labels: list[NDArray[np.int64]] = []
     numbers: dict[tuple[str, int], int] = {}
@@ -156,27 +158,57 @@ def folds(residuals: Residuals, most: int = MOST_FOLDS) -> list[Mask]:
     return [joined == label for label in np.unique(joined)]
 
 
+def _whole_runs(residuals: Residuals) -> list[Mask]:
+    """Masks (samples) of the runs, joined so that there are MOST_FOLDS at the most."""
+    runs = dict.fromkeys(series.run for series in residuals.data)
+    number = {run: i % MOST_FOLDS for i, run in enumerate(runs)}
+    labels = np.concatenate([np.full(len(s), number[s.run]) for s in residuals.data])
+    return [labels == label for label in np.unique(labels)]
+
+
+def _folds(residuals: Residuals, fit: Fit) -> Iterator[Mask]:
+    """Masks (samples) of what is held out: whole runs, of several, and parts of the only one.
+
+    A run that nearly alone tells of a parameter is held out by its parts: no other run predicts
+    what the effect does there.
+    """
+    runs, parts = _whole_runs(residuals), parts_of(residuals)
+    for run in runs:
+        own = [part & run for part in parts if (part & run).any()]
+        if len(runs) > 1 and _told_alone(residuals, fit, run) is None:
+            yield run
+        elif len(runs) == len(own) == 1:
+            yield from _chunks(run, np.ones(len(run)))
+        else:
+            yield from _divided(residuals, own, fit)
+
+
 def _divided(residuals: Residuals, masks: Sequence[Mask], fit: Fit) -> Iterator[Mask]:
-    """The folds; one that holds nearly all information on a parameter is cut in time.
+    """The parts; one that nearly alone tells of a parameter is cut in time.
 
     An effect that shows in a single move can only be predicted from the rest of that move.
+    """
+    for mask in masks:
+        few = len(mask) <= _FEW_SAMPLES
+        slope = None if few else _told_alone(residuals, fit, mask)
+        yield from [mask] if slope is None else _chunks(mask, slope)
+
+
+def _told_alone(residuals: Residuals, fit: Fit, mask: Mask) -> Floats | None:
+    """The slope (samples) of the parameter that next to nothing outside `mask` tells of, if any.
+
     Flexible effects do not count.
     """
     rigid = {c.name for c in fit.candidates if not c.flexible}
     columns = [i for i, (effect, _) in enumerate(fit.order) if effect in rigid]
+    if not columns:
+        return None
     jacobian = fit.jacobian[:, columns]
-    if not columns or len(jacobian) <= _FEW_SAMPLES:
-        yield from masks
-        return
     whole = np.maximum(np.sum(jacobian**2, axis=0), TINY)
-    for mask in masks:
-        others = projected_out(residuals.nuisance_basis(~mask), jacobian[~mask])
-        information = np.sum(others**2, axis=0) / whole
-        least = int(np.argmin(information))
-        if information[least] <= LEAST_SHARE:
-            yield from _chunks(mask, jacobian[:, least])
-        else:
-            yield mask
+    others = projected_out(residuals.nuisance_basis(~mask), jacobian[~mask])
+    information = np.sum(others**2, axis=0) / whole
+    least = int(np.argmin(information))
+    return jacobian[:, least] if information[least] <= LEAST_SHARE else None
 
 
 def _chunks(mask: Mask, slope: Floats) -> Iterator[Mask]:

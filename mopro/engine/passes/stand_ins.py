@@ -10,7 +10,7 @@ from scipy import linalg
 
 from mopro.engine.assumed import FEWEST, MAJORITY, MOST_FOLDS, ROUNDING, VERY_STRONG
 from mopro.engine.candidate import Candidate, Parameter, Role
-from mopro.engine.fits import Fit, folds, spread
+from mopro.engine.fits import Fit, parts_of, spread
 from mopro.engine.passes.loops import a_pass
 from mopro.engine.residuals import projected_out
 from mopro.engine.search.hypotheses import Hypotheses
@@ -37,7 +37,7 @@ def expose_stand_ins(state: State) -> State:
     that nobody listed. The free-form term that describes most of what is left takes its place.
     """
     hypotheses = state.hypotheses
-    parts = folds(hypotheses.residuals, _MOST_PARTS)
+    parts = parts_of(hypotheses.residuals, _MOST_PARTS)
     while not hypotheses.is_noise(state.fit):
         reasons = _of_several_sizes(hypotheses, parts, state.fit)
         for name in _at_their_ends(hypotheses, state.fit) - reasons.keys():

@@ -18,6 +18,7 @@ from mopro.engine.series import Floats, Series, Settings
 from mopro.engine.verdict import Verdict, rms
 from mopro.experiment.comparison import STEADY
 from mopro.experiment.noise_tests import quantile_residual
+from mopro.experiment.quantisation import SEED, dithered, thinned
 from mopro.experiment.sawyer.candidates import candidates, in_one_run, unlisted
 from mopro.experiment.sawyer.consistency import check
 from mopro.experiment.sawyer.design import propose
@@ -27,7 +28,6 @@ from mopro.experiment.sawyer.labels import PHASES, Labels, labels, labels_of
 from mopro.experiment.sawyer.model import Experiment, Reading, SteadyTable
 from mopro.experiment.sawyer.nominal import aligned, planned, predict, predict_table
 from mopro.experiment.sawyer.offsets import with_offset
-from mopro.experiment.sawyer.quantisation import thinned
 from mopro.experiment.sawyer.repaired import machine_of, machine_text, of_runs
 from mopro.experiment.sawyer.runs import read_runs
 from mopro.experiment.sawyer.steady import rises, series_of_table
@@ -144,9 +144,9 @@ class Sawyer:
     ) -> tuple[System, Verdict]:
         """The model without microsteps is diagnosed first, then the one with them if they show.
 
-        Readings whose noise is below a converter's step are `thinned`.
+        Readings whose noise is below a converter's step are thinned.
         """
-        smooth = replace(self, experiment=thinned(self.experiment))
+        smooth = replace(self, experiment=thinned_experiment(self.experiment))
         verdict = smooth._judged(asked, left_out)
         if not any(trial.follows_motion for trial in smooth.experiment.trials):
             return smooth, verdict
@@ -181,6 +181,22 @@ class Sawyer:
 
     def advice(self, verdict: Verdict) -> str:
         return advice(verdict)
+
+
+def thinned_experiment(experiment: Experiment) -> Experiment:
+    """`experiment` with coarse readings thinned, their noise increased accordingly."""
+    generator = np.random.default_rng(SEED)
+
+    def own(reading: Reading) -> Reading:
+        sensor = reading.sensor
+        kept = thinned(reading.values, sensor.adc_step, sensor.noise_rms, generator)
+        if kept is None:
+            return reading
+        noise = dithered(sensor.noise_rms, sensor.adc_step)
+        return Reading(replace(sensor, noise_rms=noise), reading.time_s[kept.kept], kept.values)
+
+    trials = (replace(t, readings=tuple(map(own, t.readings))) for t in experiment.trials)
+    return replace(experiment, trials=tuple(trials))
 
 
 def _show(smooth: Sawyer, verdict: Verdict, stepped: Sawyer) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import operator
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,6 +16,7 @@ from mopro.engine.residuals import Residuals
 from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import Verdict
 from mopro.errors import DataError
+from mopro.experiment.quantisation import SEED, dithered, thinned
 from mopro.experiment.stated.entries import StatedEntries
 from mopro.experiment.stated.from_kind import completed
 from mopro.experiment.stated.noisy_inputs import beside_noise
@@ -31,7 +34,7 @@ from mopro.formula.written import WrittenEffect
 from mopro.source import Source
 from mopro.stated.base import BaseFit, base_of, fitted_base
 from mopro.stated.candidates import candidates, in_one_run, unlisted
-from mopro.stated.data import StatedExperiment
+from mopro.stated.data import Reading, Run, StatedExperiment
 from mopro.stated.file import HOSTS
 from mopro.stated.input_noise import beside_input_noise, stated_noise
 from mopro.stated.names import check, effects_of, unlisted_of
@@ -119,13 +122,16 @@ class Stated:
     def judged(
         self, asked: Callable[[System], Verdict], left_out: Collection[str]
     ) -> tuple[System, Verdict]:
+        """Readings whose noise is below a converter's step are thinned."""
+        coarse = thinned_experiment(self.stated)
+        own = self if coarse is self.stated else studied(coarse, self.model.foreign)
         series, verdict, notes = beside_noise(
-            self.model, self.series, self.base.settings,
-            lambda series: asked(replace(self, series=tuple(series))),
+            own.model, own.series, own.base.settings,
+            lambda series: asked(replace(own, series=tuple(series))),
         )  # fmt: skip
-        experiment = replace(self.experiment, notes=(*self.experiment.notes, *notes))
-        verdict = at_one_speed(self.model, series, verdict)
-        return replace(self, experiment=experiment, series=tuple(series)), verdict
+        experiment = replace(own.experiment, notes=(*own.experiment.notes, *notes))
+        verdict = at_one_speed(own.model, series, verdict)
+        return replace(own, experiment=experiment, series=tuple(series)), verdict
 
     def beside(self, stated: Source) -> System:
         host = HOSTS[self.experiment.machine.kind]
@@ -186,6 +192,33 @@ def stated_system(entries: StatedEntries, allow_python: bool = False) -> Stated:
     """
     foreign = foreign_model(entries, allow_python)
     return studied(completed(read_stated_experiment(entries)), foreign)
+
+
+def thinned_experiment(stated: StatedExperiment) -> StatedExperiment:
+    """`stated` with coarse readings thinned, their noise increased accordingly; itself without."""
+    generator = np.random.default_rng(SEED)
+    trials = tuple(
+        replace(run, readings=tuple(_thinned(reading, generator) for reading in run.readings))
+        for run in stated.trials
+    )
+    same = all(map(operator.is_, _readings(trials), _readings(stated.trials)))
+    return stated if same else replace(stated, trials=trials)
+
+
+def _readings(trials: Sequence[Run]) -> list[Reading]:
+    return [reading for run in trials for reading in run.readings]
+
+
+def _thinned(reading: Reading, generator: np.random.Generator) -> Reading:
+    sensor, rms = reading.sensor, reading.sensor.noise_rms
+    if not sensor.step:
+        return reading
+    noise = None if rms is None else math.sqrt(max(rms**2 - sensor.step**2 / 12, 0.0))
+    kept = thinned(reading.values, sensor.step, noise, generator)
+    if kept is None:
+        return reading
+    sensor = replace(sensor, noise_rms=None if rms is None else dithered(rms, sensor.step))
+    return Reading(sensor, reading.rows[kept.kept], kept.values, reading.first)
 
 
 def studied(stated: StatedExperiment, foreign: Simulate | None) -> Stated:

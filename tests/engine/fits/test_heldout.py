@@ -7,17 +7,17 @@ import pytest
 
 from mopro.engine import Candidate, Parameter, Series
 from mopro.engine.candidate import Role
-from mopro.engine.fits import folds, held_out
+from mopro.engine.fits import held_out, parts_of
 from mopro.engine.residuals import Residuals
 from mopro.engine.search.hypotheses import Hypotheses
 
 
-def test_all_sensors_of_a_run_hold_out_the_same_moves():
+def test_all_sensors_of_a_run_have_the_same_parts():
     parts = np.repeat([0, 1, 2], 20)
     one = Series("run", "force", "N", np.zeros(60), 1.0, folds=parts)
     other = Series("run", "speed", "m/s", np.zeros(60), 1.0, folds=parts[::-1])
     third = Series("next run", "force", "N", np.zeros(60), 1.0, folds=parts)
-    masks = folds(Residuals(lambda _: [np.zeros(60)] * 3, [one, other, third]))
+    masks = parts_of(Residuals(lambda _: [np.zeros(60)] * 3, [one, other, third]))
     assert len(masks) == 6
     together = [mask for mask in masks if mask[:120].any()]
     assert len(together) == 3

@@ -8,7 +8,7 @@ import pytest
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.engine import Parameter
-from mopro.engine.fits import folds, spread
+from mopro.engine.fits import parts_of, spread
 from mopro.engine.residuals import Residuals
 from mopro.engine.search.hypotheses import Hypotheses
 
@@ -36,7 +36,7 @@ def spread_of(truth, seed=0, sigma=0.05, beside=0.0):
     hypotheses = Hypotheses(residuals, [wave])
     fit = hypotheses.fitted([wave], of_size(wave=1.0))
     return spread(
-        residuals, hypotheses.evidence.noise, folds(residuals), fit, "wave", fit.rss - fit.count
+        residuals, hypotheses.evidence.noise, parts_of(residuals), fit, "wave", fit.rss - fit.count
     )
 
 
@@ -80,7 +80,7 @@ def test_the_spread_is_the_same_without_nuisances():
     (wave,) = candidates("wave")
     hypotheses = Hypotheses(residuals, [wave])
     fit = hypotheses.fitted([wave], of_size(wave=1.0))
-    found = spread(residuals, hypotheses.evidence.noise, folds(residuals), fit, "wave", 1.0)
+    found = spread(residuals, hypotheses.evidence.noise, parts_of(residuals), fit, "wave", 1.0)
     assert found.share == pytest.approx(spread_of(of_size(varying=1.0)).share, rel=0.01)
 
 
@@ -98,7 +98,7 @@ def test_what_is_slow_is_taken_for_an_offset_and_not_for_another_size():
     hypotheses = Hypotheses(residuals, [candidate])
     fit = hypotheses.fitted([candidate], of_size(slope=1.0))
     found = spread(
-        residuals, hypotheses.evidence.noise, folds(residuals), fit, "slope", fit.rss - fit.count
+        residuals, hypotheses.evidence.noise, parts_of(residuals), fit, "slope", fit.rss - fit.count
     )
     assert found.of_remainder < 0.3
     assert not found.of_a_stand_in

@@ -11,8 +11,8 @@ from helpers.thermal_table import MACHINE, table
 from mopro.experiment.sawyer.candidates import candidates
 from mopro.experiment.sawyer.forward_model import FINE, ForwardModel
 from mopro.experiment.sawyer.model import Experiment, Reading, Trial
-from mopro.experiment.sawyer.quantisation import thinned
 from mopro.experiment.sawyer.steady import rises
+from mopro.experiment.sawyer.system import thinned_experiment
 from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine
@@ -166,7 +166,7 @@ class TestAConverterCoarserThanTheNoise:
     def test_tells_one_thing_once(self):
         encoder = dataclasses.replace(LASER, noise_rms=0.0, adc_step=1e-4)
         data = measured({}, (encoder,))
-        (whole,), (kept,) = data.trials[0].readings, thinned(data).trials[0].readings
+        (whole,), (kept,) = data.trials[0].readings, thinned_experiment(data).trials[0].readings
         assert len(kept.values) < 0.7 * len(whole.values)
         assert kept.time_s[-1] == whole.time_s[-1]
         assert np.isin(kept.time_s, whole.time_s).all()
@@ -182,9 +182,9 @@ class TestAConverterCoarserThanTheNoise:
             for r in trial.readings
         )
         data = dataclasses.replace(data, trials=(dataclasses.replace(trial, readings=readings),))
-        assert thinned(data) == data
+        assert thinned_experiment(data) == data
 
     def test_with_noise_enough_is_read_whole(self):
         encoder = dataclasses.replace(LASER, noise_rms=5e-5, adc_step=1e-4)
         data = measured({}, (encoder,))
-        assert thinned(data) == data
+        assert thinned_experiment(data) == data
