@@ -365,6 +365,13 @@ def test_before_and_after_are_on_one_axis_with_the_noise_band(why_page):
     assert "Effects found" in why_page.value("document.body.textContent")
 
 
+def test_a_page_in_millimetres_opens_where_nobody_has_chosen_units(chromium, why_page):
+    why_page.value("localStorage.clear()")
+    page = chromium.open(why_page.value("location.href"))
+    assert titles(page)[0] == "scale: measured and simulated (mm)"
+    page.close()
+
+
 ODD_NAME = "<script>window.hit=1</script>'$\\frac{$\u202e\x1b"
 
 
