@@ -69,8 +69,9 @@ class Conclusion:
     def glance(self) -> Glance:
         """What a person reads first."""
         return glance_of(
-            self.verdict, self.system, self.next_experiment, self.advice, self.left_out, self.tried
-        )
+            self.verdict, self.system, self.repaired, self.next_experiment, self.advice,
+            self.left_out, self.tried,
+        )  # fmt: skip
 
     def _repr_html_(self) -> str:
         """The verdict, and the program that would distinguish its alternatives."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from mopro.engine.series import Series
 from mopro.engine.verdict import RunGap, Verdict
-from mopro.experiment.system import Proposal, System
+from mopro.experiment.system import Proposal, Repaired, System
 from mopro.experiment.wording import (
     AFTER,
     BEFORE,
@@ -31,7 +31,11 @@ from mopro.units import residual_unit
 
 # The heading under which the page and the terminal have the text of the next experiment.
 NEXT_EXPERIMENT = "The next experiment"
-_WITHIN_ONE_RUN = "within one run"
+_OTHER_RUNS, _WITHIN_ONE_RUN = "other runs", "within one run"
+_HELD_OUT = {
+    _OTHER_RUNS: "held out in other runs",
+    _WITHIN_ONE_RUN: "held out within one run",
+}
 _MOST_FAINT = 6
 _TRY = (
     "Try the machine file (--out) on a run that was not fitted: "
@@ -47,6 +51,10 @@ _LOOK = (
     "readings, and reconcile again."
 )
 _STATE_NOISE = "State the noise that the data show (mopro noise DATA.csv), and reconcile again."
+_MEND = (
+    "Mend the machine's file: --out would write none that predicts what the verdict says, and "
+    "tells why."
+)
 _NOTHING = "Nothing is to be repaired."
 _KEEP_FITTED = "Nothing is to be added: the machine file (--out) gets the numbers as fitted."
 
@@ -120,6 +128,7 @@ class Glance:
 def glance_of(
     verdict: Verdict,
     system: System,
+    repaired: Repaired,
     proposal: Proposal | None,
     advice: str,
     left_out: Collection[str] = (),
@@ -146,7 +155,11 @@ def glance_of(
         ),
         gap=tuple(_chains(verdict, system.series)),
         cannot_tell=tuple(_cannot_tell(verdict)),
-        next=tuple(_next(verdict, system, proposal, advice)),
+        next=(
+            *odd_run_words(verdict),
+            *([] if repaired.fault is None else [_MEND]),
+            _next(verdict, system, proposal, advice),
+        ),
     )
 
 
@@ -177,7 +190,7 @@ def _steps(verdict: Verdict, unit: str, runs: Sequence[tuple[RunGap, int]]) -> I
     if repaired:
         yield step(AFTER, [run.after_rms for run, _ in runs])
     if repaired and verdict.gap.held_out_rms is not None:
-        yield step(f"held out {held_out_on(verdict)}", [run.held_out_rms for run, _ in runs])
+        yield step(_HELD_OUT[held_out_on(verdict)], [run.held_out_rms for run, _ in runs])
     yield step("noise alone", [run.noise_rms for run, _ in runs])
 
 
@@ -206,23 +219,18 @@ def _cannot_tell(verdict: Verdict) -> Iterator[str]:
         yield "how much of what is left is noise: its size is unknown"
 
 
-def _next(
-    verdict: Verdict, system: System, proposal: Proposal | None, advice: str
-) -> Iterator[str]:
-    """What to do, by the verdict; first of all look at a run that alone disagrees."""
-    yield from odd_run_words(verdict)
+def _next(verdict: Verdict, system: System, proposal: Proposal | None, advice: str) -> str:
+    """What to do, by the verdict."""
     match verdict.verdict:
-        case "ambiguous" if proposal is not None:
-            yield _run_words(proposal)
         case "ambiguous":
-            yield advice
+            return advice if proposal is None else _run_words(proposal)
         case "unexplained":
-            yield _after_unexplained(verdict, system)
+            return _after_unexplained(verdict, system)
         case "named":
             filed = [e for e in verdict.fitted if not reservation(e, verdict, system.runs)]
-            yield _TRY if filed else _AGAIN
+            return _TRY if filed else _AGAIN
         case _:
-            yield _after_none(verdict)
+            return _after_none(verdict)
 
 
 def _run_words(proposal: Proposal) -> str:

@@ -11,8 +11,9 @@ import pytest
 from mopro.engine import Estimate, Named, Series, Verdict
 from mopro.engine.residuals.remainder import Remainder
 from mopro.engine.verdict import BelowResolution, Draft, Gap, OddRun, RunGap
-from mopro.experiment.glance import glance_of, held_out_on
-from mopro.experiment.system import Proposal
+from mopro.errors import DataError
+from mopro.experiment.glance import glance_of
+from mopro.experiment.system import Proposal, Repaired
 
 DRAG = Named(
     "viscous_drag", "", {"b": Estimate(9.0, "N s/m", (8.5, 9.5), False)}, [], {}, {}, 10.0, 8.0,
@@ -31,19 +32,26 @@ AS_IT_IS = RunGap("a.csv", "laser", "in", 2e-5, 2e-5, None, 2e-5)
 REPAIRED = RunGap("a.csv", "laser", "in", 3e-4, 2e-5, 4e-5, 2e-5)
 
 
+@dataclasses.dataclass(frozen=True)
+class Told(Verdict):
+    """A verdict that says what its held-out figures are of."""
+
+    held_out_on: str | None = None
+
+
 def glance(word, *effects, runs=(REPAIRED,), counts=(100,), left=None, proposal=None, **more):
     """The glance of a verdict on `runs` of so many samples; `left` is what stays unexplained."""
-    terms = more.pop("terms", {})
+    terms, repaired = more.pop("terms", {}), Repaired("", (), (), more.pop("fault", None))
     held_out = runs[0].held_out_rms
     gap = Gap("in", runs[0].before_rms, runs[0].after_rms, runs[0].noise_rms, held_out, runs)
     remainder = left or Remainder(False, None, 0.5)
-    verdict = Verdict(word, effects, (), more.pop("faint", ()), (), gap, remainder, {}, **more)
+    verdict = Told(word, effects, (), more.pop("faint", ()), (), gap, remainder, {}, **more)
     data = tuple(
         Series(run.run, run.sensor, run.unit, np.zeros(count), run.noise_rms)
         for run, count in zip(runs, counts, strict=True)
     )
     system = SimpleNamespace(series=data, terms=terms, runs=("a.csv", "b.csv"))
-    return glance_of(verdict, system, proposal, "Measure something else.")
+    return glance_of(verdict, system, repaired, proposal, "Measure something else.")
 
 
 def told(*args, **more):
@@ -115,6 +123,12 @@ def test_a_run_that_alone_disagrees_is_looked_at_first():
     assert second.startswith("Try the machine file")
 
 
+def test_a_machine_s_file_that_cannot_be_written_is_to_be_mended_first():
+    first, second = told("named", DRAG, fault=DataError("w2 was not written"))["Next"]
+    assert first.startswith("Mend the machine's file")
+    assert second.startswith("Try the machine file")
+
+
 def test_what_is_no_property_of_the_machine_is_measured_again():
     (said,) = told("named", dataclasses.replace(STEPS, run="c.csv"))["Next"]
     assert said.startswith("Measure again")
@@ -145,7 +159,7 @@ def test_samples_that_do_not_count_have_no_weight_in_the_gap():
     verdict = Verdict("none", (), (), (), (), Gap("in", 1.0, 1.0, 1.0, None, runs),
                       Remainder(False, None, 0.5), {})  # fmt: skip
     system = SimpleNamespace(series=(one, two), terms={}, runs=())
-    (chain,) = glance_of(verdict, system, None, "").gap
+    (chain,) = glance_of(verdict, system, Repaired("", (), ()), None, "").gap
     assert chain.steps[0].rms == f"{math.sqrt((4 * 1 + 1 * 4) / 5):.3g} in"
 
 
@@ -157,9 +171,14 @@ def test_what_was_nearly_seen_comes_first_of_what_was_too_faint():
     ]
 
 
-def test_figures_of_other_runs_are_told_as_such():
-    assert held_out_on(SimpleNamespace(held_out_on="other runs")) == "other runs"
-    assert held_out_on(SimpleNamespace(held_out_on=None)) == "within one run"
+@pytest.mark.parametrize(
+    ("on", "said"),
+    [("other runs", "held out in other runs"), ("within one run", "held out within one run"),
+     (None, "held out within one run")],
+)  # fmt: skip
+def test_what_the_held_out_figure_is_of_is_told(on, said):
+    (chain,) = glance("named", DRAG, held_out_on=on).gap
+    assert [str(step) for step in chain.steps][2] == f"{said} 4e-05 in"
 
 
 def test_the_json_has_the_words_of_the_lines():
