@@ -196,6 +196,7 @@ def _discard(stream: TextIO) -> None:
 # Tables and Markdown on the terminal.
 
 _PIPED_WIDTH = 160
+# Columns of a line beside its label, however narrow the terminal is.
 _NARROWEST = 24
 # Spaces between columns: as many as leave the table within the terminal. Left and right of the
 # one that is always there.

@@ -36,6 +36,7 @@ _HELD_OUT = {
     _OTHER_RUNS: "held out in other runs",
     _WITHIN_ONE_RUN: "held out within one run",
 }
+# Effects below resolution that are told by name: more of them would hide the rest.
 _MOST_FAINT = 6
 _TRY = (
     "Try the machine file (--out) on a run that was not fitted: "
@@ -195,7 +196,10 @@ def _steps(verdict: Verdict, unit: str, runs: Sequence[tuple[RunGap, int]]) -> I
 
 
 def held_out_on(verdict: Verdict) -> str:
-    """What the held-out figures are of: `other runs`, or parts `within one run`."""
+    """What the held-out figures are of: `other runs`, or parts `within one run`.
+
+    The latter for a verdict that does not say it (`held_out_on`).
+    """
     return getattr(verdict, "held_out_on", None) or _WITHIN_ONE_RUN
 
 
