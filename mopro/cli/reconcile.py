@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,19 +13,21 @@ import click
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
 from mopro.cli.options import OutputFile, allow_python_option, effect_names
 from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
-from mopro.cli.say import print_table, say, say_json
+from mopro.cli.say import print_rows, print_table, say, say_json
 from mopro.errors import DataError
 from mopro.files import write
 from mopro.units import residual_unit
 
 if TYPE_CHECKING:
-    from mopro.engine.verdict import Named, Verdict
+    from mopro.engine.verdict import Verdict
+    from mopro.experiment.comparison import Place
     from mopro.experiment.conclusion import Conclusion
 
 _MOST_ROWS = 40
+_MOST_CANDIDATES = 200
 _PASSES = ("pass", "effects", "EBIC", "why")
-_EFFECTS = ("effect", "parameter", "95 % interval", "σ in all", "log10 Bayes", "held out")
-_GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise")
+_TRIED = ("candidate", "status", "σ in all", "reason")
+_EFFECTS = ("effect", "σ in all", "log10 Bayes", "held out")
 
 
 @click.command()
@@ -52,7 +53,9 @@ _GAPS = ("run", "sensor", "before", "after", "held out", "machine file", "noise"
     "--with-drafts", is_flag=True, help="Write terms that nobody listed into --out as well."
 )
 @allow_python_option()
-@click.option("--explain", is_flag=True, help="Print how the answer came about, pass by pass.")
+@click.option(
+    "--explain", is_flag=True, help="Print how the answer came about: passes, candidates."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
     experiment: str,
@@ -97,6 +100,8 @@ def command(
         _tell(conclusion)
         if explain:
             _explain(conclusion.verdict)
+        _tell_next(conclusion)
+        _tell_glance(conclusion)
     return max(code, EXIT_FAILED if conclusion.verdict.verdict == "unexplained" else 0)
 
 
@@ -154,79 +159,61 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
 
 def _tell(conclusion: Conclusion) -> None:
-    from mopro.experiment.wording import (
-        calibration_words,
-        draft_words,
-        faint_words,
-        left_out_words,
-        odd_run_words,
-        place_words,
-        sentence,
-        undecided_words,
-    )
+    """Say the evidence: that of each effect, the gap by run, its largest place and remarks."""
+    from mopro.experiment.wording import AFTER, BEFORE, note_words
 
     verdict = conclusion.verdict
     if verdict.fitted:
-        rows = [row for effect in verdict.fitted for row in _effect_rows(effect, verdict)]
-        print_table(_EFFECTS, rows, _MOST_ROWS)
-    print_table(_GAPS, _gap_rows(conclusion), _MOST_ROWS)
-    say(sentence(verdict))
-    if conclusion.where:
-        worst = conclusion.where[0]
-        size = f"{worst.rms:.3g} {residual_unit(worst.unit)}"
-        size += f", {worst.sigma:.3g} σ" if worst.sigma else ""
-        say(f"Largest disagreement: {worst.run}, {place_words(worst)}: {size}.")
-    for note in (
-        *odd_run_words(verdict),
-        *draft_words(verdict),
-        *calibration_words(verdict),
-        *undecided_words(verdict),
-        *conclusion.reservations(),
-        *left_out_words(conclusion.left_out, conclusion.tried),
-    ):
-        say(note)
-    if verdict.below_resolution:
-        say("Below the resolution of these data, so neither confirmed nor excluded:")
-        for faint in faint_words(verdict):
-            say(f"  {faint}")
-    if conclusion.next_experiment:
-        say(f"This program would distinguish them ({conclusion.next_experiment.summary}):\n")
-        say(conclusion.next_experiment.text)
-    elif verdict.verdict == "ambiguous":
-        say(conclusion.advice)
+        print_table(_EFFECTS, list(_effect_rows(verdict)), _MOST_ROWS)
+    columns = ("run", "sensor", BEFORE, AFTER, "held out", "machine file", "noise")
+    print_table(columns, _gap_rows(conclusion), _MOST_ROWS)
+    worst = map(_place_words, conclusion.where[:1])
+    if remarks := [*worst, *note_words(verdict), *conclusion.reservations()]:
+        say("\n".join(remarks) + "\n")
+
+
+def _place_words(worst: Place) -> str:
+    from mopro.experiment.wording import BEFORE, place_words
+
+    size = f"{worst.rms:.3g} {residual_unit(worst.unit)}"
+    size += f", {worst.sigma:.3g} σ" if worst.sigma else ""
+    return f"Largest disagreement {BEFORE}: {worst.run}, {place_words(worst)}: {size}."
 
 
 def _explain(verdict: Verdict) -> None:
-    from mopro.experiment.wording import trace_rows
+    from mopro.experiment.wording import candidate_rows, trace_rows
 
-    say("\nHow the answer came about, by the passes that decided something:")
+    say("How the answer came about, by the passes that decided something:")
     print_table(_PASSES, list(trace_rows(verdict)), _MOST_ROWS)
+    say("All candidates:")
+    print_table(_TRIED, candidate_rows(verdict), _MOST_CANDIDATES)
 
 
-def _effect_rows(effect: Named, verdict: Verdict) -> Iterator[list[str]]:
-    """A row for each parameter; the form is below the name, as terminals are narrow."""
-    from mopro.experiment.wording import (
-        form_words,
-        held_out_words,
-        interval_words,
-        parameters_shown,
-        value_words,
-    )
+def _tell_next(conclusion: Conclusion) -> None:
+    from mopro.experiment.glance import NEXT_EXPERIMENT
 
-    form = form_words(effect, verdict)
-    names = [effect.name, f"({form})"] if form else [effect.name]
-    numbers = [
-        [f"{parameter} = {value_words(e)}", interval_words(e)]
-        for parameter, e in parameters_shown(effect).items()
-    ]
-    evidence = [
-        f"{effect.sigmas:.3g}",
-        f"{effect.log10_bayes_factor:.3g}",
-        held_out_words(effect, verdict),
-    ]
-    for name, number in zip_longest(names, numbers):
-        yield [name or "", *(number or ("", "")), *evidence]
-        evidence = ["", "", ""]
+    if conclusion.next_experiment:
+        say(f"{NEXT_EXPERIMENT}\n")
+        say(conclusion.next_experiment.text)
+
+
+def _tell_glance(conclusion: Conclusion) -> None:
+    """Say the answer at a glance, as the last lines."""
+    glance = conclusion.glance
+    say(glance.sentence)
+    print_rows((label, list(map(str, lines))) for label, lines in glance.rows())
+
+
+def _effect_rows(verdict: Verdict) -> Iterator[list[str]]:
+    from mopro.experiment.wording import effect_words, held_out_words
+
+    for effect in verdict.fitted:
+        yield [
+            effect_words(effect, verdict),
+            f"{effect.sigmas:.3g}",
+            f"{effect.log10_bayes_factor:.3g}",
+            held_out_words(effect, verdict),
+        ]
 
 
 def _gap_rows(conclusion: Conclusion) -> Iterator[list[str]]:

@@ -196,6 +196,8 @@ def _discard(stream: TextIO) -> None:
 # Tables and Markdown on the terminal.
 
 _PIPED_WIDTH = 160
+# Columns of a line beside its label, however narrow the terminal is.
+_NARROWEST = 24
 # Spaces between columns: as many as leave the table within the terminal. Left and right of the
 # one that is always there.
 _GAPS = ((0, 1), (0, 1, 0, 0), (0, 0))
@@ -248,6 +250,25 @@ def _table(
             style = styles[index] if styles else None
             table.add_row(*(Text(visible(cell)) for cell in row), style=style)
     return table
+
+
+def print_rows(rows: Iterable[tuple[str, Sequence[str]]]) -> None:
+    """Print lines beside the label of each row; on a terminal they end where it ends.
+
+    Elsewhere a line is as long as it is, so that a program finds it whole.
+    """
+    from rich.text import Text
+
+    rows, on_terminal = list(rows), sys.stdout.isatty()
+    console = _console(None)
+    indent = 4 + max(len(label) for label, _ in rows)
+    for label, lines in rows:
+        head = f"  {label}".ljust(indent)
+        for line in map(visible, lines):
+            width = max(console.width - indent, _NARROWEST) if on_terminal else sys.maxsize
+            for part in Text(line).wrap(console, width):
+                say(f"{head}{part.plain.rstrip()}")
+                head = " " * indent
 
 
 def print_markdown(text: str) -> None:

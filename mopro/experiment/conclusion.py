@@ -14,6 +14,7 @@ from mopro.engine import reconcile
 from mopro.engine.verdict import Draft, Named, Verdict
 from mopro.errors import DataError
 from mopro.experiment.comparison import Place, compare, worst
+from mopro.experiment.glance import Glance, glance_of
 from mopro.experiment.system import Proposal, Repaired, System
 from mopro.experiment.wording import file_words, reservations, unconfirmed_words
 from mopro.formula.written import WrittenEffect
@@ -64,6 +65,14 @@ class Conclusion:
         named = quoted(f"{Path(found).as_posix()}:{function}")
         return f"{Text.of(source).with_value(('python',), named)}\n"
 
+    @property
+    def glance(self) -> Glance:
+        """What a person reads first."""
+        return glance_of(
+            self.verdict, self.system, self.repaired, self.next_experiment, self.advice,
+            self.left_out, self.tried,
+        )  # fmt: skip
+
     def _repr_html_(self) -> str:
         """The verdict, and the program that would distinguish its alternatives."""
         shown = self.verdict._repr_html_()
@@ -84,6 +93,7 @@ class Conclusion:
 
     def as_json(self) -> dict[str, Any]:
         answer = self.verdict.as_json()
+        answer["glance"] = self.glance.as_json()
         answer["left_out"] = list(self.left_out)
         answer["where"] = [asdict(place) for place in self.where]
         answer["reservations"] = list(self.reservations())

@@ -22,6 +22,8 @@ _MORE_DATA = (
     "More data of this kind, such as a longer run, may tell the effects from the term that is not "
     "listed."
 )
+# The two states of a machine, wherever their figures stand.
+BEFORE, AFTER = "before the repair", "after the repair"
 _FEWEST_DIGITS, _MOST_DIGITS = 4, 15
 _OF_SENSORS = {
     LINEARITY: "linearity", GAIN: "gain", CLOCK: "clock",
@@ -110,7 +112,7 @@ def advice(verdict: Verdict, on_alternatives: str = NO_PROPOSAL) -> str:
 
 
 def draft_words(verdict: Verdict) -> Iterator[str]:
-    """A line for each free-form term, for each free number of the model and each note."""
+    """A line for each free-form term."""
     standing = ", would do as well" if verdict.verdict == "ambiguous" else ""
     for draft in verdict.drafts:
         held = ", held out" if draft.held_out else ""
@@ -119,6 +121,10 @@ def draft_words(verdict: Verdict) -> Iterator[str]:
             f"Not listed{standing}: a term of {draft.of} in the {where}, {draft.law} "
             f"{draft.unit} ({draft.sigmas:.3g} σ in all{held})."
         )
+
+
+def note_words(verdict: Verdict) -> Iterator[str]:
+    """A line for each free number of the model and each note."""
     for name, estimate in verdict.base.items():
         yield f"Fitted: {name} = {value_words(estimate)} ({interval_words(estimate)})."
     for note in verdict.notes:
@@ -216,15 +222,29 @@ def place_words(place: Place) -> str:
     return ", ".join(parts)
 
 
-def faint_words(verdict: Verdict) -> list[str]:
-    """Effects below the resolution of the data, the one nearest to detection first."""
-    nearest = sorted(
-        verdict.below_resolution, key=lambda faint: faint.needed_sigmas - faint.expected_sigmas
-    )
-    return [
-        f"{f.name} (at most {f.expected_sigmas:.2g} σ in all, {f.needed_sigmas:.2g} σ are needed)"
-        for f in nearest
-    ]
+def candidate_rows(verdict: Verdict) -> Iterator[list[str]]:
+    """A row for each candidate: its name, status, size in σ and the reason of the status.
+
+    First those supported, then those rejected or alternatives, then those below resolution.
+    """
+    alternative_to = {name: e.name for e in verdict.fitted for name in e.rivals}
+    for effect in verdict.fitted:
+        status = "calibrated" if effect in verdict.calibration else "supported"
+        yield [effect.name, status, f"{effect.sigmas:.3g}", "lowers the extended BIC"]
+    for rejected in sorted(verdict.rejected, key=lambda r: -r.gain):
+        status, reason = "rejected", rejected.reason
+        if rejected.name in alternative_to:
+            status = f"alternative to {alternative_to[rejected.name]}"
+            reason = f"fits as well in its place, but not in addition: {reason}"
+        yield [rejected.name, status, f"{math.sqrt(max(rejected.gain, 0.0)):.2g}", reason]
+    for faint in verdict.below_resolution:
+        most, needed = f"{faint.expected_sigmas:.2g}", f"{faint.needed_sigmas:.2g}"
+        yield [
+            faint.name,
+            "below resolution",
+            f"at most {most}",
+            f"the largest plausible effect gives {most} σ; {needed} σ are needed to detect it",
+        ]
 
 
 def left_out_words(left_out: Collection[str], tried: Collection[str]) -> Iterator[str]:
@@ -233,13 +253,6 @@ def left_out_words(left_out: Collection[str], tried: Collection[str]) -> Iterato
         yield f"No effects were tried but {', '.join(tried)}."
     elif left_out:
         yield f"Not tried, as asked: {', '.join(sorted(left_out))}."
-
-
-def undecided_words(verdict: Verdict) -> Iterator[str]:
-    """A line for each effect that the data cannot distinguish from others."""
-    for effect in verdict.fitted:
-        if effect.rivals:
-            yield f"These data cannot distinguish {effect.name} from {alternatives_words(effect)}."
 
 
 def reservation(effect: Named, verdict: Verdict, runs: tuple[str, ...]) -> str | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import platform
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -10,31 +9,32 @@ from pathlib import Path
 
 from mopro.engine.verdict import Verdict
 from mopro.experiment.conclusion import Conclusion
+from mopro.experiment.glance import NEXT_EXPERIMENT
+from mopro.experiment.system import Proposal
 from mopro.experiment.wording import (
-    calibration_words,
-    draft_words,
+    AFTER,
+    BEFORE,
+    candidate_rows,
     effect_words,
     held_out_words,
     interval_words,
-    left_out_words,
-    odd_run_words,
+    note_words,
     parameters_shown,
     place_words,
     remainder_words,
-    sentence,
     trace_rows,
-    undecided_words,
     value_words,
 )
 from mopro.markup import heading, listing, paragraph, section, table
 from mopro.units import residual_unit
+from mopro.viewer.glance import strip
 from mopro.viewer.page import document
 from mopro.viewer.series import Residuals, beside_of, own_units, series_views, source_lines
 
 _EFFECTS = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes factor", "held out",
 )  # fmt: skip
-_GAPS = ("run", "sensor", "before", "after", "held out", "machine file rerun", "noise",
+_GAPS = ("run", "sensor", BEFORE, AFTER, "held out", "machine file rerun", "noise",
          "source lines")  # fmt: skip
 _PLACES = ("run", "where", "sensor", "samples", "mean", "RMS", "σ of the sensor")
 _TRIED = ("candidate", "status", "σ in all", "reason")
@@ -43,19 +43,19 @@ _UNDECIDED = "No effect of the catalogue is supported by the data."
 
 
 def conclusion_page(conclusion: Conclusion) -> str:
-    """The page: the series, verdict, evidence, gap, all candidates and the next experiment."""
-    verdict = conclusion.verdict
+    """The page: the answer at a glance, the series, and the evidence."""
+    verdict, glance = conclusion.verdict, conclusion.glance
     found = _residuals(conclusion)
     return document(
-        sentence(verdict),
-        [paragraph(f"{_name(conclusion)} on the machine {conclusion.system.name}.")],
+        glance.sentence,
+        [strip(glance), paragraph(f"{_name(conclusion)} on the machine {conclusion.system.name}.")],
         series_views(found, beside_of(conclusion.system, conclusion.where)),
         [
             section("Effects found", _effects(conclusion)),
             section("The gap", _gap(conclusion)),
             section("Where simulation and data disagreed", _where(conclusion)),
             section("Remaining residual", [paragraph(_remainder(verdict))]),
-            section("All candidates", _all_candidates(conclusion)),
+            section("All candidates", _all_candidates(verdict), opened=False),
             section("How the answer came about", _passes(verdict), opened=False),
             *_next(conclusion),
             section("Provenance", _provenance(conclusion), opened=False),
@@ -69,7 +69,7 @@ def _residuals(conclusion: Conclusion) -> list[Residuals]:
     return [
         Residuals(
             series,
-            {"before": verdict.before[index], "after": verdict.after[index]},
+            {BEFORE: verdict.before[index], AFTER: verdict.after[index]},
             {s.name: s.changes[index] for s in verdict.signatures},
         )
         for index, series in enumerate(conclusion.system.series)
@@ -81,15 +81,11 @@ def _name(conclusion: Conclusion) -> str:
 
 
 def _effects(conclusion: Conclusion) -> Iterator[str]:
-    yield from map(paragraph, odd_run_words(conclusion.verdict))
-    yield from map(paragraph, draft_words(conclusion.verdict))
-    if not conclusion.verdict.fitted:
+    if conclusion.verdict.fitted:
+        yield table(_EFFECTS, _effect_rows(conclusion.verdict), "Effects supported by the data")
+    else:
         yield paragraph(_UNDECIDED)
-        yield from map(paragraph, calibration_words(conclusion.verdict))
-        return
-    yield table(_EFFECTS, _effect_rows(conclusion.verdict), "Effects supported by the data")
-    yield from map(paragraph, calibration_words(conclusion.verdict))
-    yield from map(paragraph, undecided_words(conclusion.verdict))
+    yield from map(paragraph, note_words(conclusion.verdict))
     yield from map(paragraph, conclusion.reservations())
 
 
@@ -142,7 +138,7 @@ def _where(conclusion: Conclusion) -> Iterator[str]:
             ]
             for place in conclusion.where
         ),
-        "The largest first, before any effect was added",
+        f"The largest first, {BEFORE}",
     )
 
 
@@ -155,44 +151,16 @@ def _remainder(verdict: Verdict) -> str:
     return f"White noise: {remainder.scatter:.3g} σ RMS."
 
 
-def _all_candidates(conclusion: Conclusion) -> Iterator[str]:
-    yield from map(paragraph, left_out_words(conclusion.left_out, conclusion.tried))
-    yield table(_TRIED, _candidates(conclusion.verdict), "All effects that were tried")
-
-
-def _candidates(verdict: Verdict) -> Iterator[list[str]]:
-    """Rows of all candidates: supported, alternatives, rejected, below resolution."""
-    alternative_to = {name: e.name for e in verdict.fitted for name in e.rivals}
-    for effect in verdict.fitted:
-        status = "calibrated" if effect in verdict.calibration else "supported"
-        yield [effect.name, status, f"{effect.sigmas:.3g}", "lowers the extended BIC"]
-    for rejected in sorted(verdict.rejected, key=lambda r: -r.gain):
-        status, reason = "rejected", rejected.reason
-        if rejected.name in alternative_to:
-            status = f"alternative to {alternative_to[rejected.name]}"
-            reason = f"fits as well in its place, but not in addition: {reason}"
-        yield [rejected.name, status, f"{math.sqrt(max(rejected.gain, 0.0)):.2g}", reason]
-    for faint in verdict.below_resolution:
-        most, needed = f"{faint.expected_sigmas:.2g}", f"{faint.needed_sigmas:.2g}"
-        yield [
-            faint.name,
-            "below resolution",
-            f"at most {most}",
-            f"the largest plausible effect gives {most} σ; {needed} σ are needed to detect it",
-        ]
+def _all_candidates(verdict: Verdict) -> Iterator[str]:
+    yield table(_TRIED, candidate_rows(verdict), "All effects that were tried")
 
 
 def _next(conclusion: Conclusion) -> Iterator[str]:
-    if conclusion.verdict.verdict == "ambiguous":
-        yield section("The next experiment", _proposal(conclusion))
+    if conclusion.next_experiment is not None:
+        yield section(NEXT_EXPERIMENT, _proposal(conclusion.next_experiment))
 
 
-def _proposal(conclusion: Conclusion) -> Iterator[str]:
-    proposal = conclusion.next_experiment
-    if proposal is None:
-        yield paragraph(conclusion.advice)
-        return
-    yield paragraph(f"This program would distinguish the alternatives: {proposal.summary}.")
+def _proposal(proposal: Proposal) -> Iterator[str]:
     yield listing(proposal.text)
     rows = [[" / ".join(pair), f"{sigmas:.3g}"] for pair, sigmas in proposal.pairs.items()]
     yield table(("alternatives", "σ"), rows, "Separation of the alternatives")

@@ -71,7 +71,7 @@ def series_views(found: Sequence[Residuals], beside: Mapping[str, Beside]) -> li
 def own_units(found: Sequence[Residuals]) -> dict[str, str]:
     """What the page's scripts are told: the system of units that the data are in."""
     inches = any(own.series.unit in _OF_INCHES for own in found)
-    return {"units": "inch" if inches else "si"}
+    return {"units": "inch" if inches else "SI"}
 
 
 def track_name(sensor: str) -> str:

@@ -13,33 +13,16 @@ from fcntl import ioctl
 from html.parser import HTMLParser
 
 import jsonschema
-import numpy as np
 import pytest
 
 from helpers.commands import LIMIT_S, run_here, wait_for
-from helpers.laboratory import Lab
+from helpers.laboratory import DRAG, laboratory
 from helpers.paths import PROGRAMS, ROOT
-from mopro.instruments.quantity import POSITION
-from mopro.instruments.sensor import Sensor
 
 TABLE_3_2 = PROGRAMS / "thermal" / "experiment.toml"
-SETUP = "UU012500/1\nVEL1 15.0\nACC1 0.2\n"
-TEXTS = {
-    "fast": f"{SETUP}MRI1 2.0\nWX1\nWT200\nMRI1 -2.0\nWX1\nWT200\n",
-    "slow": "UU012500/1\nVEL1 6.0\nACC1 0.1\nMRI1 2.0\nWX1\nWT250\nMRI1 -1.0\nWX1\nWT250\n",
-}
-SENSOR = """
-[[sensor]]
-name = "laser"
-quantity = "position"
-axis = 1
-column = "position_1_in"
-rate_hz = 1000.0
-noise_rms = {noise}
-"""
-DRAG = {"viscous_drag": {"b": 9.0}}
-
+REPAIR = ["before the repair", "after the repair"]
 NUMBER, WORD = {"type": "number"}, {"type": "string"}
+LIST = {"type": "array"}
 NUMBER_OR_NONE = {"type": ["number", "null"]}
 
 
@@ -91,6 +74,15 @@ ANSWER = record(
         held_out={"type": "boolean"},
     ),
     remainder=record(significant={"type": "boolean"}, description={"type": ["string", "null"]}),
+    glance=record(
+        verdict=WORD,
+        sentence=WORD,
+        effects=LIST,
+        beside=LIST,
+        gap=LIST,
+        cannot_tell=LIST,
+        next=LIST,
+    ),
     next_experiment={"type": ["string", "null"]},
 )
 
@@ -102,25 +94,6 @@ def reconciled(folder, *args, experiment="experiment.toml"):
     answer = json.loads(done.stdout, parse_constant=pytest.fail)
     jsonschema.validate(answer, ANSWER)
     return {**answer, "exit": done.returncode}
-
-
-def laboratory(folder, effects, runs=("fast",), noise=2e-5, bump=0.0, machine="chow1992"):
-    """An experiment in `folder`: what a laser of `noise` inches saw of runs with `effects`.
-
-    `effects` may differ by run. A `bump` (in) is in no catalogue; it is at 1.0 in.
-    """
-    lab = Lab(folder)
-    sensor = Sensor("laser", POSITION, "position_1_in", 1000.0, 1, noise)
-    for run in runs:
-        lab.program(f"{run}.CMD", TEXTS[run])
-        own = effects.get(run, effects)
-        time_s, (seen,) = lab.measured(f"{run}.CMD", [sensor], effects=own)
-        _, (place,) = lab.measured(f"{run}.CMD", [sensor], noise=False)
-        seen = seen + bump * np.exp(-(((place - 1.0) / 0.15) ** 2))
-        lab.csv(f"{run}.csv", {"time_s": time_s, "position_1_in": seen})
-    entries = [f'program = "{run}.CMD"\ndata = "{run}.csv"' for run in runs]
-    lab.experiment(entries, SENSOR.format(noise=noise), machine)
-    return lab.path("e.toml").rename(lab.path("experiment.toml"))
 
 
 class Page(HTMLParser):
@@ -249,9 +222,9 @@ class TestADrag:
         for view in views:
             _, residual, signatures = view["panels"]
             assert residual["title"] == "laser: residual"
-            assert [trace["label"] for trace in residual["traces"]] == ["before", "after"]
+            assert [trace["label"] for trace in residual["traces"]] == REPAIR
             labels = [trace["label"] for trace in signatures["traces"]]
-            assert labels == ["residual before", "viscous_drag"]
+            assert labels == ["residual before the repair", "viscous_drag"]
             assert "MRI1 2.0" in view["program"]
             assert {mark["line"] for mark in view["marks"]} == {4, 7}
         # The two MRI1 of the program: their lines go all the way to the page.
@@ -372,7 +345,7 @@ class TestTheSourcesTable:
         assert view["rows"]
         labels = [[trace["label"] for trace in panel["traces"]] for panel in view["panels"][1:]]
         effects = ("platen_conduction", "speed_dependent_heat")
-        assert labels == [["before", "after"], ["residual before", *effects]]
+        assert labels == [REPAIR, ["residual before the repair", *effects]]
 
     def test_prints_what_the_docs_show(self):
         docs = (ROOT / "docs" / "reconcile.md").read_text()
@@ -394,6 +367,9 @@ class TestTheSourcesTable:
         assert "…" not in narrow
         for words in ("speed_dependent_heat", "0.1423", "3.507", "4.566", "1.46 K", "30.5 K"):
             assert words in narrow
+        glance = narrow[narrow.index("Named: ") :].splitlines()
+        assert len(glance) > 6, "lines go on below themselves"
+        assert max(map(len, glance)) <= 80
 
 
 def words_of(text):

@@ -90,3 +90,39 @@ class Lab:
 
     def load(self):
         return load_experiment(self.path("e.toml"))
+
+
+_SETUP = "UU012500/1\nVEL1 15.0\nACC1 0.2\n"
+_STROKES = {
+    "fast": f"{_SETUP}MRI1 2.0\nWX1\nWT200\nMRI1 -2.0\nWX1\nWT200\n",
+    "slow": "UU012500/1\nVEL1 6.0\nACC1 0.1\nMRI1 2.0\nWX1\nWT250\nMRI1 -1.0\nWX1\nWT250\n",
+}
+_COARSE_LASER = """
+[[sensor]]
+name = "laser"
+quantity = "position"
+axis = 1
+column = "position_1_in"
+rate_hz = 1000.0
+noise_rms = {noise}
+"""
+DRAG = {"viscous_drag": {"b": 9.0}}
+
+
+def laboratory(folder, effects, runs=("fast",), noise=2e-5, bump=0.0, machine="chow1992"):
+    """An experiment in `folder`: what a laser of `noise` inches saw of runs with `effects`.
+
+    `effects` may differ by run. A `bump` (in) is in no catalogue; it is at 1.0 in.
+    """
+    lab = Lab(folder)
+    sensor = Sensor("laser", POSITION, "position_1_in", 1000.0, 1, noise)
+    for run in runs:
+        lab.program(f"{run}.CMD", _STROKES[run])
+        own = effects.get(run, effects)
+        time_s, (seen,) = lab.measured(f"{run}.CMD", [sensor], effects=own)
+        _, (place,) = lab.measured(f"{run}.CMD", [sensor], noise=False)
+        seen = seen + bump * np.exp(-(((place - 1.0) / 0.15) ** 2))
+        lab.csv(f"{run}.csv", {"time_s": time_s, "position_1_in": seen})
+    entries = [f'program = "{run}.CMD"\ndata = "{run}.csv"' for run in runs]
+    lab.experiment(entries, _COARSE_LASER.format(noise=noise), machine)
+    return lab.path("e.toml").rename(lab.path("experiment.toml"))

@@ -74,7 +74,7 @@ def array(block, reference):
     return np.frombuffer(block, kind, reference["count"], reference["at"])
 
 
-@pytest.mark.parametrize(("unit", "system"), [("mm", "si"), ("um", "si"), ("in", "inch")])
+@pytest.mark.parametrize(("unit", "system"), [("mm", "SI"), ("um", "SI"), ("in", "inch")])
 def test_a_page_has_the_break_the_whole_command_and_the_units_of_the_log(tmp_path, unit, system):
     experiment(tmp_path, unit)
     done = run_here(tmp_path, "compare", "experiment.toml", "--report", "page.html")

@@ -347,10 +347,10 @@ def why_page(chromium, tmp_path_factory):
 def test_before_and_after_are_on_one_axis_with_the_noise_band(why_page):
     assert titles(why_page)[1].startswith("scale: residual")
     labels = why_page.value("Mopro.state.view.panels[1].traces.map(t => t.label)")
-    assert labels == ["before", "after"]
+    assert labels == ["before the repair", "after the repair"]
     assert titles(why_page)[2].startswith("scale: signatures of the effects")
     labels = why_page.value("Mopro.state.view.panels[2].traces.map(t => t.label)")
-    assert labels == ["residual before", "friction of place"]
+    assert labels == ["residual before the repair", "friction of place"]
     scale, band = why_page.value(
         "(({plot, panel}) => [[plot.scales.y.min, plot.scales.y.max], panel.band])"
         "(Mopro.plots.plots[1])"
@@ -363,6 +363,85 @@ def test_before_and_after_are_on_one_axis_with_the_noise_band(why_page):
     assert scale[0] < low < high < scale[1]
     assert why_page.value("document.querySelector('aside').hidden")
     assert "Effects found" in why_page.value("document.body.textContent")
+
+
+def test_a_page_in_millimetres_opens_where_nobody_has_chosen_units(chromium, why_page):
+    why_page.value("localStorage.clear()")
+    page = chromium.open(why_page.value("location.href"))
+    assert titles(page)[0] == "scale: measured and simulated (mm)"
+    page.close()
+
+
+# Least contrast of the strip's texts against its card (WCAG 2.1, AA asks for 4.5).
+CONTRAST = """(() => {
+    const light = (colour) => colour.match(/[\\d.]+/g).slice(0, 3).map((c) => c / 255)
+        .map((c) => c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4)
+        .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0.05);
+    const card = light(getComputedStyle(document.querySelector(".glance")).backgroundColor);
+    return Math.min(...[...document.querySelectorAll(".glance h2, .glance li, .glance strong")]
+        .map((e) => light(getComputedStyle(e).color) / card).map((r) => Math.max(r, 1 / r)));
+})()"""
+ENDS = "[...document.querySelectorAll('#head *')].map(e => e.getBoundingClientRect().right)"
+
+
+def region(page, name):
+    """Headings and whole text of a region, as a screen reader has them; [level, heading]."""
+    nodes = {n["nodeId"]: n for n in page.call("Accessibility.getFullAXTree")["nodes"]}
+
+    def below(node):
+        for child in map(nodes.get, node.get("childIds", ())):
+            if child is not None:
+                yield child
+                yield from below(child)
+
+    (found,) = (n for n in nodes.values() if n.get("name", {}).get("value") == name)
+    assert found["role"]["value"] == "region"
+    headings = [n for n in below(found) if n["role"]["value"] == "heading"]
+    texts = [n["name"]["value"] for n in below(found) if n["role"]["value"] == "StaticText"]
+    levels = [next(p for p in n["properties"] if p["name"] == "level") for n in headings]
+    told = [
+        [p["value"]["value"], n["name"]["value"]] for p, n in zip(levels, headings, strict=True)
+    ]
+    return told, "".join(texts)
+
+
+def test_the_answer_is_a_region_with_headings_above_the_plots(why_page):
+    headings, text = region(why_page, "The answer at a glance")
+    assert headings == [[2, "Effects"], [2, "Gap, RMS"], [2, "Next"]]
+    effect = r"friction of place: F1 = [\d.]+ N/m \(95 %: [\d.]+ to [\d.]+\)"
+    assert re.search(effect, text)
+    assert re.search(r"before the repair [\d.]+ mm ?→ after the repair .*noise alone 0.2 mm", text)
+    bottom, top = why_page.value(
+        "[document.querySelector('.glance').getBoundingClientRect().bottom,"
+        " document.querySelector('#viewer').getBoundingClientRect().top]"
+    )
+    assert 0 < bottom < top
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_the_answer_has_the_contrast_that_is_asked_of_text(chromium, why_page, dark):
+    page = chromium.open(why_page.value("location.href"), dark=dark)
+    assert page.value(CONTRAST) > 4.5
+    page.close()
+
+
+def test_nothing_of_a_diagnosis_is_wider_than_a_narrow_window(chromium, why_page):
+    page = chromium.open(why_page.value("location.href"), width=360, height=800)
+    page.until("innerWidth === 360 && Mopro.plots.plots[0].plot.width < 360")
+    assert page.value("document.documentElement.scrollWidth") <= 360
+    assert max(page.value(ENDS)) <= 360
+    page.close()
+
+
+def test_a_printed_page_has_the_answer_and_no_buttons(chromium, why_page):
+    page = chromium.open(why_page.value("location.href"), width=700)
+    page.call("Emulation.setEmulatedMedia", media="print")
+    shown = "getComputedStyle(document.querySelector('{}')).display"
+    assert page.value(shown.format(".player")) == "none"
+    assert page.value(shown.format(".glance")) == "block"
+    assert page.value("document.documentElement.scrollWidth") <= 700
+    assert page.value("document.querySelector('.glance').innerText").count("\n") >= 5
+    page.close()
 
 
 ODD_NAME = "<script>window.hit=1</script>'$\\frac{$\u202e\x1b"

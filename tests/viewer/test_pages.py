@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 
 from helpers.commands import run_here
 from helpers.stated import DRIVE, FRICTION_OF_PLACE, drive_folder
+from mopro.experiment.glance import Chain, Found, Glance, Step
 from mopro.markup import table
 from mopro.recording.moves import MoveReport
+from mopro.viewer.glance import strip
 from mopro.viewer.page import FOLDER, PLOTTER, SCRIPTS, data_block, document
 from mopro.viewer.run import moves_json
 from mopro.viewer.view import Lines, Pack, Scale
@@ -177,3 +179,14 @@ def test_compare_does_not_write_its_page_over_what_it_reads(drive):
     done = run_here(drive, "compare", "of-page.toml", "--report", "data.html")
     assert done.returncode == 2
     assert "--report would overwrite" in done.stderr
+
+
+def test_names_from_outside_are_text_in_the_answer_on_top():
+    odd = "<script>1</script>&\x1b"
+    answer = Glance(
+        "named", odd, (Found(odd, (odd, odd)),), (odd,), (Chain(odd, (Step(odd, odd),)),), (odd,),
+        (odd,),
+    )  # fmt: skip
+    shown = strip(answer)
+    assert "<script" not in shown
+    assert shown.count("&lt;script&gt;1&lt;/script&gt;&amp;\\x1b") == 9

@@ -7,21 +7,19 @@ import pytest
 
 from mopro.engine import Estimate, Named, Verdict
 from mopro.engine.residuals.remainder import Remainder
-from mopro.engine.verdict import BelowResolution, Draft, Gap
+from mopro.engine.verdict import Draft, Gap
 from mopro.experiment.comparison import Place
 from mopro.experiment.wording import (
     advice,
     calibration_words,
     draft_words,
     effect_words,
-    faint_words,
     interval_words,
     origin_words,
     parameters_shown,
     place_words,
     reservations,
     sentence,
-    undecided_words,
     value_words,
 )
 
@@ -107,13 +105,6 @@ def test_a_term_that_would_do_as_well_is_told_with_what_may_decide():
     ]
 
 
-def test_alternatives_are_listed_with_their_ebic():
-    assert list(undecided_words(verdict("ambiguous", STEPS, EITHER))) == [
-        "These data cannot distinguish viscous_drag from current_loop_lag (ΔEBIC +0.25), "
-        "trigger_delay (ΔEBIC +4)."
-    ]
-
-
 @pytest.mark.parametrize(
     ("interval", "at_bound", "words", "origin"),
     [
@@ -167,14 +158,6 @@ def test_what_happened_in_one_run_is_reserved_with_its_name():
     always = verdict("named", DRAG, STEPS, settings={"lost_steps": {"run": -1.0}})
     assert not list(reservations(always, runs))
     assert list(parameters_shown(STEPS)) == ["n"]
-
-
-def test_what_was_nearly_seen_comes_first_of_what_was_too_faint():
-    faint = (BelowResolution("constant_force", 0.5, 4.0), BelowResolution("backlash", 3.0, 4.0))
-    assert faint_words(verdict("none", faint=faint)) == [
-        "backlash (at most 3 σ in all, 4 σ are needed)",
-        "constant_force (at most 0.5 σ in all, 4 σ are needed)",
-    ]
 
 
 @pytest.mark.parametrize(
