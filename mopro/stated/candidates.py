@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mopro.engine.assumed import LEAST_SHARE
 from mopro.engine.candidate import RUN, Candidate, Law, Parameter, ResidualView, Role
 from mopro.engine.series import Series, Settings
 from mopro.formula.dimension import Dimension
@@ -54,7 +55,7 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
         return found + [_of_foreign(effect) for effect in model.forms]
     sized = _sizes(model, settings)
     for effect in model.forms:
-        if _needs_another_run(effect) and len(model.experiment.trials) == 1:
+        if _of_time(effect) and not _shows_waves_in_time(model, settings):
             continue
         made = _candidate(model, effect, data, settings, sized)
         found += [made] if made is not None else []
@@ -62,13 +63,27 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
     return [c for c in found if c.extends is None or (c.name, c.extends) in names]
 
 
-def _needs_another_run(effect: WrittenEffect) -> bool:
-    """True for a listed wave in time, which may be one in what a single run happens to do.
-
-    There a draft describes it. A wave that the user offers is tried.
-    """
+def _of_time(effect: WrittenEffect) -> bool:
+    """True for a listed wave in time; one that the user offers is tried in any case."""
     periodic = any(p.role == PERIOD for p in effect.parameters)
     return periodic and not effect.own and "t" in effect.term.formula.names
+
+
+def _shows_waves_in_time(model: Model, settings: Settings) -> bool:
+    """True if the data can tell a wave in time from one in what a single run happens to do.
+
+    Several runs can. In a single one such a wave is a draft, but at one speed, where it is one in
+    place as well and is told with that, and where the command was made from the readings.
+    """
+    runs = model.experiment.trials
+    return len(runs) > 1 or runs[0].feedback or _at_one_speed(model, runs[0], settings)
+
+
+def _at_one_speed(model: Model, run: Run, settings: Settings) -> bool:
+    """True if the place goes with time in a straight line, but for a tenth of its deviation."""
+    x = model.values_in(run, settings)["x"]
+    line = np.polynomial.Polynomial.fit(run.time_s, x, 1)
+    return bool(np.std(x - line(run.time_s)) <= LEAST_SHARE * np.std(x))
 
 
 def in_one_run(model: Model, every: Sequence[Candidate]) -> dict[str, list[Candidate]]:

@@ -43,7 +43,7 @@ def test_of_effects_that_held_out_parts_deny_the_one_that_is_missed_least_goes(m
 
     def held_out(hypotheses, fit):
         own = gains.get(fit.names, dict.fromkeys(fit.names, 1.0))
-        return HeldOut(2.0, 1.0, own, fit.residual)
+        return HeldOut("other runs", 2.0, 1.0, own, fit.residual)
 
     monkeypatch.setattr(drop, "held_of", held_out)
     answer = hold_out(replace(state, fit=fit))

@@ -67,10 +67,18 @@ def test_harmonics_of_a_period_in_place_are_one_effect(tmp_path, sizes, form, se
 
 
 def test_harmonics_of_a_period_in_time_are_one_effect_beside_one_in_place(tmp_path):
-    verdict = verdict_of(tmp_path, [stops(3)], (0.01, 0, 0.004), (0.006, 0, 0.003))
+    motions = [stops(3), stops(5)]
+    verdict = verdict_of(tmp_path, motions, (0.01, 0, 0.004), (0.006, 0, 0.003))
     assert verdict.verdict == "named"
     periods = {effect.name: effect.parameters["P"].value for effect in verdict.effects}
     assert periods == pytest.approx({"periodic_error": 5.0, "periodic_in_time": 0.9}, rel=1e-3)
+
+
+def test_a_wave_in_the_time_of_a_single_run_is_a_draft(tmp_path):
+    verdict = verdict_of(tmp_path, [stops(3)], (0.01,), (0.006,))
+    assert {effect.name for effect in verdict.effects} <= {"periodic_error"}
+    assert verdict.verdict == "unexplained"
+    assert any(draft.of == "t" for draft in verdict.drafts)
 
 
 def test_no_harmonic_is_named_where_there_is_no_wave(tmp_path):
