@@ -65,6 +65,7 @@ COMMANDS = {
     "reconcile": "mopro.cli.reconcile:command",
     "run": "mopro.cli.run:command",
     "serve": "mopro.cli.serve:command",
+    "sweep": "mopro.cli.sweep:command",
     "thesis": "mopro.cli.machine_files:thesis",
 }
 
