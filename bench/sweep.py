@@ -3,12 +3,13 @@
     python bench/sweep.py [POINTS]
 
 One process and two take turns in one printout (compare only within it); wall and CPU time of
-10,000 runs unless another number is given, results on the disk included. Then what parts of a
-run take, of the CPU time of one process: the kernel, and the rest of the figures.
+10,000 runs unless another number is given, results on the disk included. Beside them a loop that
+shares nothing: what two processes can gain on this machine just then.
 """
 
 import os
 import resource
+import statistics
 import sys
 import tempfile
 import time
@@ -16,6 +17,7 @@ from pathlib import Path
 
 from mopro.machine import load_machine
 from mopro.plant.engine import Engine
+from mopro.process.jobs import in_processes
 from mopro.program.compile import compile_file
 from mopro.sweeps import Sweep
 from mopro.sweeps.designs import Design
@@ -25,6 +27,7 @@ from mopro.sweeps.targets import Variant
 
 ROOT = Path(__file__).resolve().parent.parent
 TURNS = 3
+SPINS = 10_000_000
 PROFILED = 200
 
 
@@ -47,6 +50,24 @@ def timed(sweep: Sweep, jobs: int) -> tuple[float, float]:
         begun_s, begun_cpu_s = time.perf_counter(), cpu_s()
         sweep.run(local(jobs), jobs, Path(folder) / "sweep.parquet")
         return time.perf_counter() - begun_s, cpu_s() - begun_cpu_s
+
+
+def spin(count: int) -> int:
+    """A loop in plain Python."""
+    total = 0
+    for number in range(count):
+        total += number
+    return total
+
+
+def gained() -> float:
+    """How many times as fast two processes are as one, in a loop that shares nothing."""
+    times = []
+    for jobs in (1, 2):
+        begun_s = time.perf_counter()
+        assert len(list(in_processes(spin, [SPINS] * 4, jobs))) == 4
+        times.append(time.perf_counter() - begun_s)
+    return times[0] / times[1]
 
 
 def profiled(sweep: Sweep) -> None:
@@ -89,7 +110,9 @@ def main() -> None:
     sweep = sweep_of(max(points // TURNS, 1))
     wall = {1: 0.0, 2: 0.0}
     cpu = {1: 0.0, 2: 0.0}
+    loop = []
     for _ in range(TURNS):
+        loop.append(gained())
         for jobs in (1, 2):
             turn_s, turn_cpu_s = timed(sweep, jobs)
             wall[jobs] += turn_s
@@ -100,7 +123,9 @@ def main() -> None:
             f"{runs} runs by {jobs}: {wall[jobs]:.1f} s, {runs / wall[jobs]:.0f} runs/s, "
             f"CPU time {cpu[jobs]:.1f} s"
         )
-    print(f"two are {wall[1] / wall[2]:.2f} times as fast as one")
+    by_cpu = 2 * cpu[1] / cpu[2]
+    print(f"two are {wall[1] / wall[2]:.2f} times as fast as one, by CPU time {by_cpu:.2f}")
+    print(f"two loops that share nothing: {statistics.median(loop):.2f}")
 
 
 if __name__ == "__main__":

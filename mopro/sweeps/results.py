@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 PARQUET, CSV = SUFFIXES = (".parquet", ".csv")
-# Bytes of a row, on the disk; the longest that can be written has a third.
+# Bytes of a row on the disk; none that is written has as many.
 MOST_ROW_BYTES = 4096
 _AGAIN = "choose another name for the results (--out), or remove it"
 _OTHER = "other-results"

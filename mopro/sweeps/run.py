@@ -56,7 +56,7 @@ class Sweep:
         """Raises VaryError for what cannot be varied, and for no points or too many."""
         varied = all_varied(vary, base.program, base.machine)
         made = cls(Subject(base, varied, for_s), design)
-        assert made.tasks
+        _ = made.tasks
         return made
 
     @cached_property
