@@ -53,11 +53,12 @@ def _column(table: pa.Table, name: str) -> Any:
 
 def _draw_map(figure: ShownFigure, panel: Axes, varied: Sequence[Varied], table: pa.Table) -> None:
     """The first quantity to the right, the second one upwards; refused runs are left white."""
-    shape = [len(each.levels) for each in varied]
-    outcome = _column(table, "outcome").reshape(shape).T
-    margin = 100 * _numbers(table, "force_margin").reshape(shape).T
-    margin[(outcome != OK) & (outcome != REFUSED)] = 0.0
     x, y = (_places(each) for each in varied)
+    shown = np.ix_(np.argsort(x), np.argsort(y))
+    outcome = _column(table, "outcome").reshape(len(x), len(y))[shown].T
+    margin = 100 * _numbers(table, "force_margin").reshape(len(x), len(y))[shown].T
+    margin[(outcome != OK) & (outcome != REFUSED)] = 0.0
+    x, y = np.sort(x), np.sort(y)
     drawn = panel.pcolormesh(x, y, margin, shading="nearest", cmap="viridis", vmin=0, vmax=100)
     figure.colorbar(drawn, ax=panel, label=_MARGIN)
     failed = (outcome != OK).astype(float)
@@ -90,13 +91,8 @@ def _draw_margins(panel: Axes, table: pa.Table) -> None:
     failed = ~ok & (outcome != REFUSED) & np.isfinite(time_s)
     panel.plot(time_s[ok], margin[ok], ".", color=BLUE, label="a run")
     if failed.any():
-        panel.plot(
-            time_s[failed],
-            np.zeros(int(failed.sum())),
-            "x",
-            color=VERMILLION,
-            label="stalled, tripped",
-        )
+        at_0 = np.zeros(int(failed.sum()))
+        panel.plot(time_s[failed], at_0, "x", color=VERMILLION, label="stalled, tripped")
     best = _unbeaten(time_s[ok], margin[ok])
     panel.step(
         time_s[ok][best], margin[ok][best], where="post", color=BLACK, marker="o", markersize=3,

@@ -9,7 +9,7 @@ import numpy as np
 
 from mopro.effects.base import Domain
 from mopro.emulator import Emulator
-from mopro.errors import LocatedError, ModelError, MoproError
+from mopro.errors import LocatedError, ModelError, MoproError, MotionError
 from mopro.motion import Schedule
 from mopro.plant import Simulation
 from mopro.recording import Stall
@@ -61,11 +61,8 @@ def _reason(error: MoproError) -> str:
     if not isinstance(error, LocatedError):
         return str(error)
     first = error.diagnostics[0]
-    return (
-        first.message
-        if isinstance(error, ModelError)
-        else f"line {first.span.line}: {first.message}"
-    )
+    place = "" if isinstance(error, ModelError) else f"line {first.span.line}: "
+    return place + first.message
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -122,8 +119,13 @@ def _temperature_C(simulation: Simulation, at_s: float) -> float | None:
 def _after_an_hour_C(emulator: Emulator, variant: Variant, for_s: float | None) -> float | None:
     """The temperature after an hour of runs; None where there would be too many moves."""
     program = variant.program
-    once = emulator.plan(program, _HOUR_S if program.loops_forever else for_s)
-    hour = once if program.loops_forever else _repeated(once)
+    if not program.loops_forever:
+        hour = _repeated(emulator.plan(program, for_s))
+    else:
+        try:
+            hour = emulator.plan(program, _HOUR_S)
+        except MotionError:  # more statements than a run may have
+            return None
     return None if hour is None else _temperature_C(emulator.begin(hour), _HOUR_S)
 
 

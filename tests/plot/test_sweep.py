@@ -37,6 +37,14 @@ def test_a_grid_of_two_is_a_map_with_the_border_of_stalls():
     ]
 
 
+def test_values_in_any_order_give_the_same_map():
+    maps = []
+    for velocities in ("10,20,30", "30,10,20", "30:10:-10"):
+        panel = drawn({"VEL1": velocities, "ACC1": "1,0.5"})[1].axes[0]
+        maps.append(panel.collections[0].get_array().tolist())
+    assert maps[0] == maps[1] == maps[2]
+
+
 def test_choices_are_named_on_an_axis():
     _, figure = drawn({"PARA1": "+,-", "VEL1": "10,20"})
     panel = figure.axes[0]

@@ -135,8 +135,15 @@ def test_an_hour_of_runs_is_as_warm_as_an_hour_of_the_loop():
     assert repeated.hour_temperature_C == pytest.approx(looped.hour_temperature_C, abs=0.01)
 
 
-def test_too_many_moves_in_an_hour_have_no_temperature():
-    tiny = "UU012500/1\nVEL1 1\nACC1 100\nMRI1 0.0001\nWX1\n"
-    found = figures(mopro.compile(tiny), MACHINE.with_effects(HEAT))
+@pytest.mark.parametrize(
+    "text",
+    [
+        "UU012500/1\nVEL1 1\nACC1 100\nMRI1 0.0001\nWX1\n",
+        ":A\nWT1\nJUMP A\n",
+    ],
+    ids=["moves", "statements"],
+)
+def test_more_than_an_hour_may_have_gives_no_temperature(text):
+    found = figures(mopro.compile(text), MACHINE.with_effects(HEAT), for_s=1.0)
     assert found.hour_temperature_C is None
     assert math.isfinite(found.end_temperature_C)
