@@ -61,6 +61,7 @@ COMMANDS = {
     "machine": "mopro.cli.machine_files:machine",
     "measure": "mopro.cli.measure:command",
     "noise": "mopro.cli.logs:noise",
+    "optimize": "mopro.cli.optimize:command",
     "ports": "mopro.cli.link:ports",
     "reconcile": "mopro.cli.reconcile:command",
     "run": "mopro.cli.run:command",

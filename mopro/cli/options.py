@@ -200,6 +200,27 @@ def machine_option() -> Callable[[Any], Any]:
     )
 
 
+def vary_option() -> Callable[[Any], Any]:
+    return click.option(
+        "--vary",
+        multiple=True,
+        required=True,
+        metavar="NAME=VALUES",
+        shell_complete=varied_names,
+        help="What to vary, and over which values; once for each (VEL1=10:60:2, payload=0,5lb).",
+    )
+
+
+def varied_pair(text: str) -> tuple[str, str]:
+    """Name and values of one `--vary`."""
+    name, equals, values = text.partition("=")
+    if not equals:
+        raise click.BadParameter(
+            f"'{text}': expected NAME=VALUES, such as VEL1=10:60:2", param_hint="--vary"
+        )
+    return name.strip(), values
+
+
 def program_argument() -> Callable[[Any], Any]:
     return click.argument("file", type=click.Path())
 

@@ -18,7 +18,8 @@ from mopro.cli.options import (
     payload_type,
     program_argument,
     tell_of_runs,
-    varied_names,
+    varied_pair,
+    vary_option,
 )
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
 from mopro.cli.program_files import compiled_program
@@ -35,14 +36,7 @@ if TYPE_CHECKING:
 @click.command()
 @program_argument()
 @machine_option()
-@click.option(
-    "--vary",
-    multiple=True,
-    required=True,
-    metavar="NAME=VALUES",
-    shell_complete=varied_names,
-    help="What to vary, and over which values; once for each (VEL1=10:60:2, payload=0,2,5lb).",
-)
+@vary_option()
 @click.option(
     "--design",
     type=click.Choice(["grid", "random", "sobol"]),
@@ -116,7 +110,7 @@ def command(
     keep_inputs(outputs, [("FILE", file), ("--machine", machine_file(machine))])
     base = Variant(compiled_program(file, grammar), load_machine(machine), payload)
     tell_of_runs(base.machine)
-    sweep = Sweep.of(base, map(_named, vary), Design(design, points, seed), for_s)
+    sweep = Sweep.of(base, map(varied_pair, vary), Design(design, points, seed), for_s)
     jobs = jobs or os.cpu_count() or 1
     executor = local(jobs) if scheduler is None else by_scheduler(scheduler)
     with claimed(picture), counted("sweeping", len(sweep.tasks), "runs") as tell:
@@ -135,15 +129,6 @@ def command(
     else:
         _tell(sweep, table, out)
     return 0 if all_drawn and counts.keys() != {"refused"} else EXIT_FAILED
-
-
-def _named(text: str) -> tuple[str, str]:
-    name, equals, values = text.partition("=")
-    if not equals:
-        raise click.BadParameter(
-            f"'{text}': expected NAME=VALUES, such as VEL1=10:60:2", param_hint="--vary"
-        )
-    return name.strip(), values
 
 
 def _title(sweep: Sweep) -> str:
