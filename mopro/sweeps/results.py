@@ -11,7 +11,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -92,7 +92,8 @@ def journal(out: Path | None, subject: Subject, tasks: Sequence[Task]) -> Iterat
     except OSError as error:
         reason = error.strerror or str(error)
         raise DataError(f"{path}: cannot be written: {reason}", "unwritable-output") from error
-    with file:
+    # An open file cannot be removed everywhere.
+    with ExitStack() as closed, file:
         if not locked(file):
             raise DataError(f"{path}: another process works on this sweep; await it", "in-use")
         kept = Journal(tasks, len(subject.columns), file)
@@ -101,9 +102,9 @@ def journal(out: Path | None, subject: Subject, tasks: Sequence[Task]) -> Iterat
             yield kept
         except BaseException:
             if not kept.rows:
-                path.unlink()
+                closed.callback(path.unlink)
             raise
-        path.unlink()
+        closed.callback(path.unlink)
 
 
 def _opened(path: Path) -> BinaryIO:
@@ -181,7 +182,7 @@ def read_table(out: Path, subject: Subject, tasks: Sequence[Task]) -> pa.Table |
     schema, table = _schema(subject), None
     if out.is_file() and out.stat().st_size <= MOST_ROW_BYTES * (len(tasks) + 10):
         try:
-            table = _table_in(out, schema)
+            table = _table_in(out, schema, len(tasks))
         except (pa.ArrowException, OSError, ValueError, LookupError):
             table = None
     if table is None or table["task"].to_pylist() != [task.name for task in tasks]:
@@ -189,7 +190,7 @@ def read_table(out: Path, subject: Subject, tasks: Sequence[Task]) -> pa.Table |
     return table
 
 
-def _table_in(out: Path, schema: pa.Schema) -> Any:
+def _table_in(out: Path, schema: pa.Schema, rows: int) -> Any:
     import pyarrow.csv
     import pyarrow.parquet
 
@@ -201,4 +202,7 @@ def _table_in(out: Path, schema: pa.Schema) -> Any:
             quoted_strings_can_be_null=False,
         )
         return pyarrow.csv.read_csv(out, convert_options=types)
-    return pyarrow.parquet.read_table(out, columns=schema.names).cast(schema)
+    with pyarrow.parquet.ParquetFile(out) as file:
+        if file.metadata.num_rows != rows:
+            raise ValueError("it has another number of rows")
+        return file.read(columns=schema.names).select(schema.names).cast(schema)
