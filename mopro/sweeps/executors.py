@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from functools import partial
+from importlib.metadata import version
 from itertools import islice
 from typing import Any
 
@@ -21,6 +22,8 @@ Rows = list[Row]
 Executor = Callable[[Callable[[Chunk], Rows], Iterable[Chunk]], Iterator[Rows]]
 
 _CONNECTED_WITHIN_S = 10.0
+# Where nothing is done for so long, it is asked whether there are workers at all.
+_LOOKED_AFTER_S = 30.0
 # Chunks that the scheduler has at once: enough for workers that come later too.
 _UNDER_WAY = 256
 
@@ -39,25 +42,31 @@ def by_scheduler(address: str) -> Executor:
 
     def run(function: Callable[[Chunk], Rows], chunks: Iterable[Chunk]) -> Iterator[Rows]:
         waiting = iter(chunks)
-        with _client(address) as (client, as_completed):
+        with _client(address) as (client, wait):
 
-            def begun(count: int) -> list[Any]:
+            def begun(count: int) -> set[Any]:
                 several = list(islice(waiting, count))
                 names = [f"mopro-{chunk.name}" for chunk in several]
-                return client.map(function, several, key=names) if several else []
+                return set(client.map(function, several, key=names)) if several else set()
 
-            done = as_completed(begun(_UNDER_WAY), loop=client.loop)
-            for future in done:
-                yield future.result()
-                future.release()
-                done.update(begun(1))
+            under_way = begun(_UNDER_WAY)
+            while under_way:
+                try:
+                    with client.as_current():
+                        done, under_way = wait(under_way, _LOOKED_AFTER_S, "FIRST_COMPLETED")
+                except TimeoutError:
+                    _await_workers(client, address)
+                    continue
+                for future in done:
+                    yield future.result()
+                under_way |= begun(len(done))
 
     return run
 
 
 @contextmanager
 def _client(address: str) -> Iterator[tuple[Any, Any]]:
-    """A client of the scheduler, and how to await what it does."""
+    """A client of the scheduler, and the function to wait for what it does."""
     try:
         import distributed
         from distributed.scheduler import KilledWorker, NoValidWorkerError
@@ -77,7 +86,8 @@ def _client(address: str) -> Iterator[tuple[Any, Any]]:
     try:
         with client:
             _await_workers(client, address)
-            yield client, distributed.as_completed
+            _compare_versions(client)
+            yield client, distributed.wait
     except (KilledWorker, NoValidWorkerError) as error:
         message = f"workers of {address} are ended again and again, as for lack of memory: {error}"
         raise DataError(message, "no-memory") from error
@@ -92,3 +102,15 @@ def _await_workers(client: Any, address: str) -> None:
     except TimeoutError as error:
         message = f"the scheduler at {address} has no workers: start some, `dask worker {address}`"
         raise DataError(message, "no-scheduler") from error
+
+
+def _compare_versions(client: Any) -> None:
+    """DataError unless all workers have this mopro: one without it would end at its first task."""
+    own = version("mopro")
+    for worker, found in client.run(version, "mopro", on_error="return").items():
+        if found != own:
+            what = f"mopro {found}" if isinstance(found, str) else "no mopro"
+            raise DataError(
+                f"the worker {worker} has {what}, and this is {own}: install the same there",
+                "other-version",
+            )

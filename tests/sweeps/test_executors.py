@@ -1,6 +1,7 @@
 """Who does the work makes no difference: processes here, or workers of a scheduler."""
 
 import builtins
+from types import SimpleNamespace
 
 import pytest
 
@@ -64,6 +65,16 @@ def test_a_scheduler_that_goes_is_told_and_costs_no_row(tmp_path, whole):
     assert small_sweep().run(local(1), out=out) == whole
 
 
+def test_the_loss_of_all_workers_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(executors, "_CONNECTED_WITHIN_S", 1.0)
+    monkeypatch.setattr(executors, "_LOOKED_AFTER_S", 0.5)
+    with (
+        pytest.raises(DataError, match="has no workers: start some"),
+        dask.scheduler(tmp_path, 1) as (address, processes),
+    ):
+        small_sweep().run(by_scheduler(address), told=lambda *_: processes[1].kill())
+
+
 def test_no_scheduler_and_no_workers_are_told(tmp_path, monkeypatch):
     monkeypatch.setattr(executors, "_CONNECTED_WITHIN_S", 0.5)
     with pytest.raises(DataError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9: "):
@@ -88,6 +99,16 @@ def test_without_the_library_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(DataError, match=r"pip install 'mopro\[dask\]'"):
         small_sweep().run(by_scheduler("tcp://127.0.0.1:9"))
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [("0.0.1", "the worker tcp://w has mopro 0.0.1, and this is"), (KeyError(), "has no mopro")],
+)
+def test_a_worker_with_another_mopro_or_none_is_told(found, expected):
+    client = SimpleNamespace(run=lambda *args, on_error: {"tcp://w": found})
+    with pytest.raises(DataError, match=expected):
+        executors._compare_versions(client)
 
 
 def test_another_version_of_mopro_gives_no_rows(monkeypatch):
