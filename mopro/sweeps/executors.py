@@ -58,7 +58,7 @@ def by_scheduler(address: str) -> Executor:
                     _await_workers(client, address)
                     continue
                 for future in done:
-                    yield future.result()
+                    yield _result(client, future, address)
                 under_way |= begun(len(done))
 
     return run
@@ -94,6 +94,17 @@ def _client(address: str) -> Iterator[tuple[Any, Any]]:
     except (CancelledError, OSError) as error:
         message = f"the connection to the scheduler at {address} is lost"
         raise DataError(message, "no-scheduler") from error
+
+
+def _result(client: Any, future: Any, address: str) -> Rows:
+    """The result of what is done; it is done again where its worker is lost with it."""
+    while True:
+        try:
+            rows: Rows = future.result(timeout=_LOOKED_AFTER_S)
+        except TimeoutError:
+            _await_workers(client, address)
+        else:
+            return rows
 
 
 def _await_workers(client: Any, address: str) -> None:

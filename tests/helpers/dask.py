@@ -4,24 +4,34 @@ import os
 import subprocess
 import sys
 from contextlib import ExitStack, contextmanager
+from itertools import count
+
+from helpers.commands import wait_for
 
 _QUIET = {"PYTHONWARNINGS": "ignore", "OPENBLAS_NUM_THREADS": "1"}
+_NUMBERS = count()
 
 
 def _begun(stack, words, awaited, folder):
-    """A process that has said `awaited` on standard error, and is ended with `stack`."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", *words], cwd=folder, env=os.environ | _QUIET,
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    """A process that has said `awaited`, with that line; it is ended with `stack`.
+
+    What it says goes to a file: a pipe that nobody reads any more would stop it.
+    """
+    said = folder / f"said{next(_NUMBERS)}"
+    with open(said, "wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", *words], cwd=folder, env=os.environ | _QUIET,
+            stdout=subprocess.DEVNULL, stderr=log,
+        )  # fmt: skip
     stack.enter_context(process)
     stack.callback(process.kill)
-    said = []
-    for line in process.stderr:
-        said.append(line)
-        if awaited in line:
-            return process, line
-    raise AssertionError(f"{words} ended: {''.join(said)}")
+
+    def line():
+        lines = said.read_text("utf-8", "replace").splitlines(keepends=True)
+        return next((x for x in lines if awaited in x and x.endswith("\n")), None)
+
+    wait_for(line, process)
+    return process, line()
 
 
 @contextmanager
