@@ -24,6 +24,9 @@ Executor = Callable[[Callable[[Chunk], Rows], Iterable[Chunk]], Iterator[Rows]]
 _CONNECTED_WITHIN_S = 10.0
 # Where nothing is done for so long, it is asked whether there are workers at all.
 _LOOKED_AFTER_S = 30.0
+# A result that is done comes within so long, or is lost with its worker: then the client is not
+# told when it has been done again, and has to ask once more.
+_FETCHED_WITHIN_S = 2.0
 # Chunks that the scheduler has at once: enough for workers that come later too.
 _UNDER_WAY = 256
 
@@ -100,7 +103,7 @@ def _result(client: Any, future: Any, address: str) -> Rows:
     """The result of what is done; it is done again where its worker is lost with it."""
     while True:
         try:
-            rows: Rows = future.result(timeout=_LOOKED_AFTER_S)
+            rows: Rows = future.result(timeout=_FETCHED_WITHIN_S)
         except TimeoutError:
             _await_workers(client, address)
         else:
