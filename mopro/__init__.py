@@ -1,9 +1,9 @@
 """mopro: the MoPro motion-control language, compiled, emulated and checked.
 
 `compile` or `compile_file` makes a `Program`, `emulate` a `Recording` of it, `read` one of a
-file; `open_experiment` compares measured data with a `Machine`, and `reconcile` finds what any
-model lacks. Recordings, programs, machines, comparisons and verdicts show themselves in a
-notebook.
+file, and `sweep` a table of many runs; `open_experiment` compares measured data with a `Machine`,
+and `reconcile` finds what any model lacks. Recordings, programs, machines, comparisons and
+verdicts show themselves in a notebook.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mopro.program import Program
     from mopro.program.compile import compile, compile_file  # noqa: A004
     from mopro.recording import Recording, read
+    from mopro.sweeps import sweep
 
 # Each name comes with what it needs when it is first used: a text tool loads no numpy.
 _HOMES = {
@@ -36,6 +37,7 @@ _HOMES = {
     "open_experiment": "mopro.experiment.opened",
     "read": "mopro.recording",
     "reconcile": "mopro.engine",
+    "sweep": "mopro.sweeps",
 }
 
 __all__ = [
@@ -51,6 +53,7 @@ __all__ = [
     "open_experiment",
     "read",
     "reconcile",
+    "sweep",
 ]
 
 

@@ -113,7 +113,7 @@ def _make_folder(folder: Path) -> None:
         return
     _make_folder(folder.parent)
     folder.mkdir(exist_ok=True)
-    _flush_folder(folder.parent)
+    flush_folder(folder.parent)
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,7 @@ def _claimed(folder: Path, name: str, mode: int) -> Iterator[tuple[Path, BinaryI
     draft = folder / _draft_name(name)
     try:
         with open(draft, "xb", opener=lambda p, flags: os.open(p, flags, mode)) as claim:
-            if _locked(claim):
+            if locked(claim):
                 yield draft, claim
                 return
             # Another process saw it before it was locked and took it for a dead one's.
@@ -216,8 +216,8 @@ def _claimed(folder: Path, name: str, mode: int) -> Iterator[tuple[Path, BinaryI
         draft.unlink(missing_ok=True)
 
 
-def _locked(claim: BinaryIO) -> bool:
-    """True if the draft is locked by this process, or locks are not available."""
+def locked(claim: BinaryIO) -> bool:
+    """True if the file is locked by this process, or locks are not available, and not removed."""
     if sys.platform != "win32":
         try:
             fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -284,10 +284,10 @@ def _replace(draft: Path, claim: BinaryIO, target: Path) -> None:
     if sys.platform == "win32":
         claim.close()  # an open file cannot be renamed there
     draft.replace(target)
-    _flush_folder(target.parent)
+    flush_folder(target.parent)
 
 
-def _flush_folder(folder: Path) -> None:
+def flush_folder(folder: Path) -> None:
     """A rename is on the disk only when the folder is, which not all systems can be asked for."""
     if sys.platform == "win32":
         return

@@ -159,7 +159,7 @@ def test_the_oldest_versions_are_those_that_are_tried():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     wanted = [*project["dependencies"], *extras["lsp"], *extras["pandas"]]
-    wanted += [*extras["hdf5"], *extras["mcap"], *extras["web"]]
+    wanted += [*extras["dask"], *extras["hdf5"], *extras["mcap"], *extras["web"]]
     bounds = dict(requirement.split(">=") for requirement in wanted)
     lines = (ROOT / ".ci" / "lowest.txt").read_text().splitlines()
     pins = dict(line.split("==") for line in lines if not line.startswith("#"))

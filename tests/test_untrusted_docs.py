@@ -29,6 +29,7 @@ from mopro.motion.planner import LONGEST_RUN_S, MOST_STATEMENTS
 from mopro.program.lower import MOST_DWELL_MS
 from mopro.recording import reading
 from mopro.stated import file as rigs
+from mopro.sweeps import results, varied
 from mopro.tomlfile import MOST_BYTES as MOST_TOML_BYTES
 from mopro.tomlfile.scan import MOST_LEVELS
 from mopro.viewer import server
@@ -75,6 +76,8 @@ BOUNDS = [
     ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_COLUMNS} columns"]),
     ("recording (Parquet, NPZ, CSV)", [f"{reading.MOST_VALUES} values"]),
     ("its header (Arrow metadata)", [f"{reading.MOST_HEADER_BYTES} bytes"]),
+    ("a sweep", [f"{varied.MOST_POINTS} points", f"{varied.MOST_VARIED} quantities"]),
+    ("a sweep", [f"{results.MOST_ROW_BYTES} bytes a row"]),
     ("a message of an editor", [f"{MOST_MESSAGE_BYTES} bytes"]),
     ("a text in an editor", [f"{MOST_CHARACTERS} characters"]),
     ("a controller's answer", [f"{MOST_DIGITS} digits"]),

@@ -61,10 +61,12 @@ COMMANDS = {
     "machine": "mopro.cli.machine_files:machine",
     "measure": "mopro.cli.measure:command",
     "noise": "mopro.cli.logs:noise",
+    "optimize": "mopro.cli.optimize:command",
     "ports": "mopro.cli.link:ports",
     "reconcile": "mopro.cli.reconcile:command",
     "run": "mopro.cli.run:command",
     "serve": "mopro.cli.serve:command",
+    "sweep": "mopro.cli.sweep:command",
     "thesis": "mopro.cli.machine_files:thesis",
 }
 

@@ -52,6 +52,25 @@ def effect_names(context: click.Context, param: click.Parameter, incomplete: str
     return _items({name: effect.equation() for name, effect in catalogue().items()}, "", incomplete)
 
 
+def varied_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
+    """What a sweep can vary of the built-in machine, up to the equals sign."""
+    from mopro.effects import catalogue
+    from mopro.machine import load_machine
+    from mopro.program import AXES
+    from mopro.program.settings import SETTINGS
+
+    of_effects = (
+        (f"effects.{name}.{p.name}", p.meaning)
+        for name, effect in catalogue().items()
+        for p in effect.parameters
+    )
+    words = {f"{setting}{axis}": "of the program" for setting in SETTINGS for axis in AXES}
+    words |= {"payload": "mass carried by the motor"}
+    words |= {place.name: place.unit for place in load_machine("chow1992").places()}
+    words |= dict(of_effects)
+    return _items({f"{word}=": text for word, text in words.items()}, "", incomplete)
+
+
 def rule_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
     """The rules of lint, after the last comma."""
     from mopro.lint.rules import RULES
@@ -179,6 +198,27 @@ def machine_option() -> Callable[[Any], Any]:
         help="Built-in name or file.",
         shell_complete=machine_names,
     )
+
+
+def vary_option() -> Callable[[Any], Any]:
+    return click.option(
+        "--vary",
+        multiple=True,
+        required=True,
+        metavar="NAME=VALUES",
+        shell_complete=varied_names,
+        help="What to vary, and over which values; once for each (VEL1=10:60:2, payload=0,5lb).",
+    )
+
+
+def varied_pair(text: str) -> tuple[str, str]:
+    """Name and values of one `--vary`."""
+    name, equals, values = text.partition("=")
+    if not equals:
+        raise click.BadParameter(
+            f"'{text}': expected NAME=VALUES, such as VEL1=10:60:2", param_hint="--vary"
+        )
+    return name.strip(), values
 
 
 def program_argument() -> Callable[[Any], Any]:

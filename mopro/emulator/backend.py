@@ -105,13 +105,8 @@ class Emulator:
         duration stays the program's. `told` hears of each chunk. Raises MotionError for
         motion that must be refused, RunError if a value is not finite.
         """
-        if for_s is None and program.loops_forever:
-            for_s = DEFAULT_LOOP_S
-        planned = self.plan(program, for_s)
-        self._check_length(planned.duration_s, settle_s)
-        simulation = self._simulation(_lengthened(planned, settle_s), trips=True)
+        simulation, ended_s = self.prepared(program, for_s, settle_s)
         lasting_s = simulation.schedule.duration_s
-        ended_s = lasting_s if simulation.trip else planned.duration_s
         hottest_C = self.machine.heat.ambient_C
         for columns in self._recorded(simulation, settle_s):
             during = np.searchsorted(columns["time_s"], ended_s, side="right")
@@ -120,6 +115,23 @@ class Emulator:
             told(_progress(columns, lasting_s))
         simulation.settle()
         return self._report(simulation, ended_s, hottest_C)
+
+    def prepared(
+        self, program: Program, for_s: float | None = None, settle_s: float = 0.0
+    ) -> tuple[Simulation, float]:
+        """The machine at rest before `program`, and the time (s) at which the run will end.
+
+        Its schedule goes on until `settle_s` after the last move. Arguments and errors are those
+        of `run`.
+        """
+        if for_s is None and program.loops_forever:
+            for_s = DEFAULT_LOOP_S
+        planned = self.plan(program, for_s)
+        self._check_length(planned.duration_s, settle_s)
+        simulation = self._simulation(_lengthened(planned, settle_s), trips=True)
+        return simulation, (
+            simulation.schedule.duration_s if simulation.trip else planned.duration_s
+        )
 
     def _recorded(self, simulation: Simulation, settle_s: float) -> Iterator[Columns]:
         """The samples of the schedule; with `settle_s` then on until no axis can slip."""

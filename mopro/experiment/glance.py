@@ -15,6 +15,7 @@ from mopro.experiment.system import Proposal, Repaired, System
 from mopro.experiment.wording import (
     AFTER,
     BEFORE,
+    HELD_OUT,
     alternatives_words,
     calibration_words,
     draft_words,
@@ -31,11 +32,6 @@ from mopro.units import residual_unit
 
 # The heading under which the page and the terminal have the text of the next experiment.
 NEXT_EXPERIMENT = "The next experiment"
-_OTHER_RUNS, _WITHIN_ONE_RUN = "other runs", "within one run"
-_HELD_OUT = {
-    _OTHER_RUNS: "held out in other runs",
-    _WITHIN_ONE_RUN: "held out within one run",
-}
 # Effects below resolution that are told by name: more of them would hide the rest.
 _MOST_FAINT = 6
 _TRY = (
@@ -191,16 +187,8 @@ def _steps(verdict: Verdict, unit: str, runs: Sequence[tuple[RunGap, int]]) -> I
     if repaired:
         yield step(AFTER, [run.after_rms for run, _ in runs])
     if repaired and verdict.gap.held_out_rms is not None:
-        yield step(_HELD_OUT[held_out_on(verdict)], [run.held_out_rms for run, _ in runs])
+        yield step(HELD_OUT[verdict.held_out_on], [run.held_out_rms for run, _ in runs])
     yield step("noise alone", [run.noise_rms for run, _ in runs])
-
-
-def held_out_on(verdict: Verdict) -> str:
-    """What the held-out figures are of: `other runs`, or parts `within one run`.
-
-    The latter for a verdict that does not say it (`held_out_on`).
-    """
-    return getattr(verdict, "held_out_on", None) or _WITHIN_ONE_RUN
 
 
 def _cannot_tell(verdict: Verdict) -> Iterator[str]:

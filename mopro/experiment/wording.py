@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 from mopro.effects import catalogue
 from mopro.engine.candidate import RUN
-from mopro.engine.fits import OTHER_RUNS
+from mopro.engine.fits import ONE_RUN, OTHER_RUNS
 from mopro.engine.series import Series
 from mopro.engine.tolerances import CLOCK, GAIN, LINEARITY
 from mopro.engine.verdict import Estimate, Named, Verdict
@@ -24,6 +24,12 @@ _MORE_DATA = (
 )
 # The two states of a machine, wherever their figures stand.
 BEFORE, AFTER = "before the repair", "after the repair"
+# By what was held out of a verdict's fits.
+HELD_OUT = {
+    None: "held out",
+    OTHER_RUNS: "held out in other runs",
+    ONE_RUN: "held out within one run",
+}
 _FEWEST_DIGITS, _MOST_DIGITS = 4, 15
 _OF_SENSORS = {
     LINEARITY: "linearity", GAIN: "gain", CLOCK: "clock",
@@ -95,15 +101,8 @@ def _share_words(verdict: Verdict) -> str:
     share, held_out = verdict.explained.share, verdict.explained.held_out_share
     if share is None:
         return ""
-    held = "" if held_out is None else f" ({held_out:.1%} {_held_where(verdict)})"
+    held = "" if held_out is None else f" ({held_out:.1%} {HELD_OUT[verdict.held_out_on]})"
     return f", {share:.1%} of the disagreement explained{held}"
-
-
-def _held_where(verdict: Verdict) -> str:
-    """Where the held-out share was found: in other runs, or in parts of the only one."""
-    return (
-        "in runs held out" if verdict.held_out_on == OTHER_RUNS else "in parts held out of one run"
-    )
 
 
 def advice(verdict: Verdict, on_alternatives: str = NO_PROPOSAL) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import Field
@@ -11,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mopro.machine.model import (
-    FASTEST_1_S,
     Axis,
     Drive,
     Forcers,
@@ -22,6 +20,8 @@ from mopro.machine.model import (
     Provenance,
     StatedEffect,
     StatedValue,
+    rate_fault,
+    travel_faults,
 )
 from mopro.machine.runs import RUNS, read_runs, states_runs
 from mopro.program import AXES
@@ -205,23 +205,14 @@ def _provenance(root: Value) -> dict[str, Provenance]:
 
 
 def _check_rate(section: Value, axis: Axis) -> None:
-    if axis.fastest_rate_1_s > FASTEST_1_S:
-        natural_Hz, most_Hz = (
-            rate / (2 * math.pi) for rate in (axis.natural_rate_1_s, FASTEST_1_S)
-        )
-        message = (
-            f"pitch, pull_out_force and moving_mass give a natural frequency of {natural_Hz:.4g} "
-            f"Hz at a damping ratio of {axis.damping_ratio:g}, too fast for the emulator's steps"
-        )
-        hint = f"expected at most {most_Hz:.4g} Hz, divided by twice a large damping ratio"
+    if fault := rate_fault(axis):
+        message, hint = fault
         section.report(message, "too-fast", hint)
 
 
 def _check_travel(section: Value, platen: Platen, forcer_side_m: float) -> None:
-    for key, size_m in (("length", platen.length_m), ("width", platen.width_m)):
-        if size_m <= forcer_side_m:
-            message = f"the platen's {key} leaves no travel to a forcer of {forcer_side_m:g} m"
-            section.report(message, "no-travel", at=key)
+    for key, message in travel_faults(platen, forcer_side_m).items():
+        section.report(message, "no-travel", at=key)
 
 
 # -- effects -----------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +47,56 @@ def _quantity(
 def _choice(key: str, *choices: str) -> Any:
     """A field that a machine file states as one of `choices`; the first is the default."""
     return field(default=choices[0], metadata={"key": key, "choices": choices})
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a machine has one of its quantities: `section.key`, as its file states it.
+
+    `dimension` is that of units.py, with the bounds `low` and `high` (SI); a quantity that is one
+    of `choices` has neither.
+    """
+
+    section: str
+    key: str
+    attribute: str
+    dimension: str | None
+    low: float
+    high: float
+    choices: tuple[str, ...]
+
+    @classmethod
+    def all_of(cls, section: str, kind: type[Any]) -> Iterator[Place]:
+        """The places of a section whose content is a `kind`."""
+        for own in fields(kind):
+            about = own.metadata
+            bounds = about.get("low", 0.0), about.get("high", 0.0)
+            dimension, choices = about.get("dimension"), about.get("choices", ())
+            yield cls(section, about["key"], own.name, dimension, *bounds, choices)
+
+    @property
+    def name(self) -> str:
+        return f"{self.section}.{self.key}"
+
+    @property
+    def unit(self) -> str:
+        """The SI unit; empty for a choice."""
+        return units_of(self.dimension)[0] if self.dimension else ""
+
+    def fault(self, value: float) -> str | None:
+        """Error message for a `value` (SI) out of bounds; None if it is valid."""
+        if self.low <= value <= self.high:
+            return None
+        return f"{self.key} must be from {self.low:g} to {self.high:g} {self.unit}"
+
+    def of(self, machine: Machine) -> Any:
+        """The value (SI, or a choice) in `machine`."""
+        return getattr(getattr(machine, self.section), self.attribute)
+
+    def changed(self, machine: Machine, value: Any) -> Machine:
+        """`machine` with another value here; the result has no source file."""
+        part = replace(getattr(machine, self.section), **{self.attribute: value})
+        return replace(machine, source=None, **{self.section: part})
 
 
 @dataclass(frozen=True)
@@ -191,6 +241,28 @@ class StatedEffect:
     runs: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
+def rate_fault(axis: Axis) -> tuple[str, str] | None:
+    """Message and hint for an axis whose free motion is too fast for the emulator's steps."""
+    if axis.fastest_rate_1_s <= FASTEST_1_S:
+        return None
+    natural_Hz, most_Hz = (rate / (2 * math.pi) for rate in (axis.natural_rate_1_s, FASTEST_1_S))
+    message = (
+        f"pitch, pull_out_force and moving_mass give a natural frequency of {natural_Hz:.4g} "
+        f"Hz at a damping ratio of {axis.damping_ratio:g}, too fast for the emulator's steps"
+    )
+    return message, f"expected at most {most_Hz:.4g} Hz, divided by twice a large damping ratio"
+
+
+def travel_faults(platen: Platen, forcer_side_m: float) -> dict[str, str]:
+    """A message for each size of the platen (by its key) that leaves the forcer no travel."""
+    sizes = {"length": platen.length_m, "width": platen.width_m}
+    return {
+        key: f"the platen's {key} leaves no travel to a forcer of {forcer_side_m:g} m"
+        for key, size_m in sizes.items()
+        if size_m <= forcer_side_m
+    }
+
+
 @dataclass(frozen=True)
 class Machine:
     """A machine file's content; `provenance` is keyed by `section.key`.
@@ -214,23 +286,33 @@ class Machine:
     def quantities(self) -> list[dict[str, Any]]:
         """A row for each number: key, value (SI), unit, origin, place and tolerance."""
         rows = []
+        for place in self.places():
+            source = self.provenance.get(place.name)
+            rows.append(
+                {
+                    "key": place.name,
+                    "value": place.of(self),
+                    "unit": place.unit,
+                    "origin": source.origin if source else "assumed",
+                    "place": source.place if source else "default",
+                    "tolerance": source.tolerance if source else 0.0,
+                }
+            )
+        return rows
+
+    def places(self) -> Iterator[Place]:
+        """The places of all its quantities, in the order of the file."""
         for section in _SECTIONS:
             part = getattr(self, section)
-            for own in fields(part) if part is not None else ():
-                key = f"{section}.{own.metadata['key']}"
-                dimension = own.metadata.get("dimension")
-                source = self.provenance.get(key)
-                rows.append(
-                    {
-                        "key": key,
-                        "value": getattr(part, own.name),
-                        "unit": units_of(dimension)[0] if dimension else "",
-                        "origin": source.origin if source else "assumed",
-                        "place": source.place if source else "default",
-                        "tolerance": source.tolerance if source else 0.0,
-                    }
-                )
-        return rows
+            if part is not None:
+                yield from Place.all_of(section, type(part))
+
+    def fault(self) -> str | None:
+        """Why no run can be done on it, though each of its numbers is within its bound."""
+        rate = rate_fault(self.axis)
+        faults = [rate[0]] if rate else []
+        faults += travel_faults(self.platen, self.heat.forcer_side_m).values()
+        return faults[0] if faults else None
 
     def _repr_html_(self) -> str:
         """Name, effects, and all numbers with their origins."""
@@ -265,6 +347,17 @@ class Machine:
             for name, values in effects.items()
         )
         return replace(self, effects=others + added, source=None)
+
+    def with_parameter(self, effect: str, parameter: str, value: float) -> Machine:
+        """This machine with one parameter of an effect, in the effect's own unit.
+
+        The others stay as stated; an effect that it does not have is switched on in all runs.
+        """
+        own = next((e for e in self.effects if e.name == effect), StatedEffect(effect, {}))
+        values = {**own.values, parameter: StatedValue(float(value))}
+        others = tuple(e for e in self.effects if e.name != effect)
+        changed = replace(own, values=values, runs={})
+        return replace(self, effects=(*others, changed), source=None)
 
     @property
     def runs(self) -> dict[str, Mapping[str, str]]:

@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mopro.plant.axis import MOST_SETTLING_S
+    from mopro.plant.axis import MOST_SETTLING_S, SETTLED_M
     from mopro.plant.command_table import CommandTable, change_schedule, plan_with_effects
     from mopro.plant.engine import Stepping
     from mopro.plant.heat import HeatIntervals, heat_balance, heat_intervals
@@ -31,6 +31,7 @@ _HOMES = {
     "COMPILE_FROM_STEPS": "simulation",
     "MAX_STEP_S": "simulation",
     "MOST_SETTLING_S": "axis",
+    "SETTLED_M": "axis",
     "CommandTable": "command_table",
     "HeatIntervals": "heat",
     "Simulation": "simulation",
@@ -56,6 +57,7 @@ __all__ = [
     "COMPILE_FROM_STEPS",
     "MAX_STEP_S",
     "MOST_SETTLING_S",
+    "SETTLED_M",
     "CommandTable",
     "HeatIntervals",
     "Simulation",

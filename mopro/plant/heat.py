@@ -91,7 +91,7 @@ class HeatHistory:
         intervals: HeatIntervals | None = None,
     ) -> None:
         self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
-        known = intervals or heat_intervals(machine, moves)
+        self.intervals = known = intervals or heat_intervals(machine, moves)
         rises = np.array([b.rise_K for b in known.balances])
         rates = np.array([b.conductance_W_K for b in known.balances]) / self._capacity_J_K
         self._starts_s = known.starts_s

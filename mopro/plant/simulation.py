@@ -29,7 +29,7 @@ from mopro.plant.engine import Engine, Stepping, is_nominal
 from mopro.plant.heat import HeatHistory, HeatIntervals
 from mopro.plant.kernel.terms import TermSet
 from mopro.plant.platen import yaw_rad
-from mopro.plant.stepped_heat import SteppedHeat
+from mopro.plant.stepped_heat import SteppedHeat, coil_energy_J
 from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, line_at, platen_edges, switches_u
 from mopro.program import AXES
 from mopro.recording import MoveOutcome, Stall
@@ -91,6 +91,8 @@ _RINGING_S = 0.7
 _TRIP_STEP_S = 1.0
 _SHOWN_AFTER_S = 0.5
 _FEW_CHANGES = 20
+# Samples that `follow` has in memory at once.
+_CHUNK = 65536
 
 Heat = HeatHistory | SteppedHeat
 Scalings = Mapping[int, DriveScaling]
@@ -209,10 +211,14 @@ class Simulation:
         For those who ask how the moves went and for no column.
         """
         end_s = self.schedule.duration_s if end_s is None else end_s
-        times = np.arange(int(end_s * rate_hz + 1e-6) + 1) / rate_hz
+        samples = int(end_s * rate_hz + 1e-6) + 1
         with self._finite():
-            for axis in self._axes.values():
-                axis.advance(times, max(end_s, float(times[-1])))
+            for first in range(0, samples, _CHUNK):
+                last = min(first + _CHUNK, samples)
+                times = np.arange(first, last) / rate_hz
+                until_s = max(end_s if last == samples else 0.0, float(times[-1]))
+                for axis in self._axes.values():
+                    axis.follow(times, until_s)
 
     def positions_m(self, axis: int, times: Floats, end_s: float) -> Floats:
         """As `advance`, but the positions of one axis only, without outcomes of its moves.
@@ -279,6 +285,19 @@ class Simulation:
     def outcome(self, move: PlannedMove) -> MoveOutcome:
         """Outcome of `move`; final once its axes have begun another, or after `settle`."""
         return MoveOutcome.worst([self._axis(n).outcomes.of(move) for n in move.axes])
+
+    def settling_s(self, move: PlannedMove) -> float | None:
+        """Time (s) after `move` from which its axes stay within SETTLED_M of their command.
+
+        None for a move after which they do not, before the next one or the time reached.
+        """
+        times = [self._axis(n).outcomes.settling_s(move) for n in move.axes]
+        return None if any(map(math.isnan, times)) else max(times)
+
+    def coil_energy_J(self, end_s: float) -> float:
+        """The energy (J) that the coils turn into heat from the start until `end_s` (eq. 3.12)."""
+        run = self._run
+        return coil_energy_J(self._settings.machine, run.heat.intervals, run.scalings, end_s)
 
     def stalls(self, move: PlannedMove) -> list[Stall]:
         """A stall for each axis of `move` that slipped; final when its outcome is."""

@@ -60,7 +60,7 @@ class SteppedHeat:
         self._machine = machine
         self._effects = effects
         self._capacity_J_K = machine.axis.moving_mass_kg * machine.heat.specific_heat_J_kg_K
-        known = intervals or heat_intervals(machine, moves)
+        self.intervals = known = intervals or heat_intervals(machine, moves)
         until_s = max(until_s, 1e-3)
         changes = _changes(known.starts_s, scalings, until_s)
         steps = _steps(changes, until_s)
@@ -93,16 +93,9 @@ class SteppedHeat:
         kinds = []
         for i in first.tolist():
             own = intervals.balances[balance[i]]
-            kinds.append(_Conditions(own, self._coil_W(own, [float(gain[i]) for gain in gains])))
+            coil_W = _coil_W(self._machine, own, [float(gain[i]) for gain in gains])
+            kinds.append(_Conditions(own, coil_W))
         return kind, kinds
-
-    def _coil_W(self, balance: HeatBalance, gains: Sequence[float]) -> float:
-        """Eq. 3.12 with each axis' own share of the current."""
-        drive = self._machine.drive
-        squares = [gain**2 for gain in gains]
-        at_rest = _PAIRS_PER_AXIS * drive.phase_current_A**2 * sum(squares)
-        moving = balance.moving_axes * self._machine.heat.moving_current_A**2 * max(squares)
-        return (at_rest + moving) * drive.coil_resistance_ohm
 
     def _integrate(
         self, steps: Floats, step: Indices, kind: Indices, kinds: Sequence[_Conditions]
@@ -167,6 +160,32 @@ class SteppedHeat:
         except OverflowError:  # plain Python raises it at a power
             return math.nan
         return now.flow_W / self._capacity_J_K
+
+
+def _coil_W(machine: Machine, balance: HeatBalance, gains: Sequence[float]) -> float:
+    """Eq. 3.12 with each axis' own share of the current."""
+    drive = machine.drive
+    squares = [gain**2 for gain in gains]
+    at_rest = _PAIRS_PER_AXIS * drive.phase_current_A**2 * sum(squares)
+    moving = balance.moving_axes * machine.heat.moving_current_A**2 * max(squares)
+    return (at_rest + moving) * drive.coil_resistance_ohm
+
+
+def coil_energy_J(
+    machine: Machine,
+    intervals: HeatIntervals,
+    scalings: Mapping[int, DriveScaling],
+    until_s: float,
+) -> float:
+    """Heat (J) of the coils up to `until_s`, at the resistance that the machine states."""
+    starts = _changes(intervals.starts_s, scalings, until_s)
+    rows = np.searchsorted(intervals.starts_s, starts, side="right") - 1
+    gains = np.array([scaling.at(starts)[0] for scaling in scalings.values()])
+    powers_W = [
+        _coil_W(machine, intervals.balances[number], own)
+        for number, own in zip(intervals.number[rows].tolist(), gains.T.tolist(), strict=True)
+    ]
+    return float(np.dot(powers_W, np.diff(starts, append=until_s)))
 
 
 def _led_through(time_s: Floats, rises: Floats, steps: Floats, coarse: Floats) -> Floats:

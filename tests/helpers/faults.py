@@ -103,6 +103,10 @@ COMMANDS = {
     "measure, csv": Command("measure P.CMD --out m.csv", ("m.csv",)),
     "fmt": Command("fmt P.CMD", ("P.CMD",), UNTIDY),
     "lint --fix": Command("lint --fix P.CMD", ("P.CMD",), FIXABLE),
+    "sweep": Command(
+        "sweep P.CMD --vary VEL1=10,20 --jobs 1 --out s.csv --picture s.png", ("s.csv", "s.png"),
+        fresh=True, growing=("s.csv.rows",),
+    ),
     "limits": Command("limits --velocities 10 --plot l.svg", ("l.svg",), loose=("l.svg",)),
     "flash to a store": Command("flash-to-store MAIN", ("store/MAIN.CMD",)),
     "compare": Command(

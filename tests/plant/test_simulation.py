@@ -135,3 +135,17 @@ def test_a_heat_balance_loads_no_kernel():
     loaded = set(done.stdout.split())
     assert "mopro.plant.heat" in loaded
     assert not loaded & {"mopro.plant.simulation", "scipy", "numba"}
+
+
+@pytest.mark.parametrize("effects", [(), (active("coulomb_friction", 5.0, 5e-6),)], ids=len)
+def test_to_follow_is_to_advance_without_columns(effects, monkeypatch):
+    """The outcomes of the moves have the same bits, in however many parts it goes."""
+    monkeypatch.setattr("mopro.plant.simulation._CHUNK", 100)
+    followed, advanced = (simulate(SCHEDULE, MACHINE, effects) for _ in range(2))
+    followed.follow(RATE_HZ)
+    advanced.advance(grid(0.0, SCHEDULE.duration_s + 1e-3)[:-1], SCHEDULE.duration_s)
+    for simulation in (followed, advanced):
+        simulation.settle()
+    for move in SCHEDULE.moves:
+        assert followed.outcome(move) == advanced.outcome(move)
+        assert followed.settling_s(move) == advanced.settling_s(move)

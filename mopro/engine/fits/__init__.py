@@ -16,7 +16,7 @@ from mopro.engine.fits.fit import (
     least_squares_fit,
     with_central_jacobian,
 )
-from mopro.engine.fits.heldout import OTHER_RUNS, HeldOut, held_out, parts_of
+from mopro.engine.fits.heldout import ONE_RUN, OTHER_RUNS, HeldOut, held_out, parts_of
 from mopro.engine.fits.jacobian import SecantJacobian, gauss_newton_step
 from mopro.engine.fits.limit import NO_LIMIT, Limit
 from mopro.engine.fits.tolerated import with_tolerances
@@ -24,6 +24,7 @@ from mopro.engine.fits.uniformity import Spread, spread
 
 __all__ = [
     "NO_LIMIT",
+    "ONE_RUN",
     "OTHER_RUNS",
     "Descent",
     "Evidence",

@@ -32,20 +32,13 @@ AS_IT_IS = RunGap("a.csv", "laser", "in", 2e-5, 2e-5, None, 2e-5)
 REPAIRED = RunGap("a.csv", "laser", "in", 3e-4, 2e-5, 4e-5, 2e-5)
 
 
-@dataclasses.dataclass(frozen=True)
-class Told(Verdict):
-    """A verdict that says what its held-out figures are of."""
-
-    held_out_on: str | None = None
-
-
 def glance(word, *effects, runs=(REPAIRED,), counts=(100,), left=None, proposal=None, **more):
     """The glance of a verdict on `runs` of so many samples; `left` is what stays unexplained."""
     terms, repaired = more.pop("terms", {}), Repaired("", (), (), more.pop("fault", None))
     held_out = runs[0].held_out_rms
     gap = Gap("in", runs[0].before_rms, runs[0].after_rms, runs[0].noise_rms, held_out, runs)
     remainder = left or Remainder(False, None, 0.5)
-    verdict = Told(word, effects, (), more.pop("faint", ()), (), gap, remainder, {}, **more)
+    verdict = Verdict(word, effects, (), more.pop("faint", ()), (), gap, remainder, {}, **more)
     data = tuple(
         Series(run.run, run.sensor, run.unit, np.zeros(count), run.noise_rms)
         for run, count in zip(runs, counts, strict=True)
@@ -173,8 +166,7 @@ def test_what_was_nearly_seen_comes_first_of_what_was_too_faint():
 
 @pytest.mark.parametrize(
     ("on", "said"),
-    [("other runs", "held out in other runs"), ("within one run", "held out within one run"),
-     (None, "held out within one run")],
+    [("other runs", "held out in other runs"), ("within one run", "held out within one run")],
 )  # fmt: skip
 def test_what_the_held_out_figure_is_of_is_told(on, said):
     (chain,) = glance("named", DRAG, held_out_on=on).gap
