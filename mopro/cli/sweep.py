@@ -89,7 +89,7 @@ def command(
     """Run a program many times, with settings and the machine varied; a row a run.
 
     --vary names VEL, ACC or PARA of an axis (VEL1; VEL1@14 is the one in line 14), payload, a key
-    of the machine file (axis.moving_mass) or of an effect (effects.viscous_drag.b). VALUES are
+    of the machine file (axis.moving_mass) or of an effect (effects.NAME.PARAMETER). VALUES are
     START:STOP:STEP or numbers with commas, with the unit behind; START:STOP to draw from.
 
     A command that was interrupted goes on from there when it is given again. Exits with 1 if all

@@ -38,6 +38,7 @@ def glance(word, *effects, runs=(REPAIRED,), counts=(100,), left=None, proposal=
     held_out = runs[0].held_out_rms
     gap = Gap("in", runs[0].before_rms, runs[0].after_rms, runs[0].noise_rms, held_out, runs)
     remainder = left or Remainder(False, None, 0.5)
+    more.setdefault("held_out_on", "within one run")
     verdict = Verdict(word, effects, (), more.pop("faint", ()), (), gap, remainder, {}, **more)
     data = tuple(
         Series(run.run, run.sensor, run.unit, np.zeros(count), run.noise_rms)
