@@ -113,3 +113,41 @@ def test_a_part_that_alone_tells_of_an_effect_has_no_veto(share):
 def test_parts_do_not_support_what_is_not_there(share):
     assert sum(supported(share, 0.0, seed) for seed in range(40)) <= 8
     assert sum(supported(share, 0.0, seed, freedom=3) for seed in range(20)) <= 1
+
+
+def of_runs(*sizes):
+    """What whole runs held out say of a wave that has these sizes in them, sampled 4:1 or alike."""
+    rng = np.random.default_rng(4)
+    lengths = [800] + [200] * (len(sizes) - 1)
+    waves = [np.sin(np.arange(length) / 7) for length in lengths]
+
+    def model(settings):
+        size = settings.get("wave", {"a": 0.0})["a"]
+        return [size * wave for wave in waves]
+
+    data = [
+        Series(
+            f"run {nth}", "probe", "V", size * wave + 0.1 * rng.standard_normal(len(wave)), 0.1,
+            folds=np.arange(len(wave)) // 100,
+        )
+        for nth, (size, wave) in enumerate(zip(sizes, waves, strict=True))
+    ]  # fmt: skip
+    residuals = Residuals(model, data)
+    wave = Candidate("wave", (Parameter("a", "V", -9.0, 9.0, (1.0,)),))
+    hypotheses = Hypotheses(residuals, [wave])
+    fit = hypotheses.fitted([wave], {"wave": {"a": 1.0}})
+    return held_out(
+        residuals, hypotheses.evidence.noise, hypotheses.null, fit, {"wave": hypotheses.null}
+    )
+
+
+def test_an_accident_of_one_run_is_not_borne_out_by_its_own_parts():
+    """Parts of the longer run predict each other, and the other run the contrary."""
+    held = of_runs(1.0, -0.9)
+    assert not held.supports("wave")
+    assert held.on == "other runs"
+
+
+def test_what_is_in_all_runs_is_borne_out_by_each_of_them():
+    assert of_runs(1.0, 1.0).supports("wave")
+    assert of_runs(1.0).on == "within one run"
