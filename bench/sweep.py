@@ -32,20 +32,20 @@ PROFILED = 200
 
 
 def sweep_of(points: int) -> Sweep:
-    """So many runs of LVDT3, of velocities, accelerations and payloads."""
+    """A sweep of LVDT3 over `points` velocities, accelerations and payloads."""
     base = Variant(compile_file(ROOT / "programs" / "LVDT3.CMD"), load_machine("chow1992"), 0.0)
     vary = {"VEL1": "10:60", "ACC1": "0.2:1.2", "payload": "0:5lb"}
     return Sweep.of(base, vary.items(), Design("sobol", points))
 
 
 def cpu_s() -> float:
-    """CPU time of this process and of those that it has ended."""
+    """CPU time (s) of this process and of those that it has ended."""
     both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(used.ru_utime + used.ru_stime for used in both)
 
 
 def timed(sweep: Sweep, jobs: int) -> tuple[float, float]:
-    """Wall and CPU time of the sweep by so many processes."""
+    """Wall and CPU time (s) of the sweep by `jobs` processes."""
     with tempfile.TemporaryDirectory() as folder:
         begun_s, begun_cpu_s = time.perf_counter(), cpu_s()
         sweep.run(local(jobs), jobs, Path(folder) / "sweep.parquet")
@@ -61,7 +61,7 @@ def spin(count: int) -> int:
 
 
 def gained() -> float:
-    """How many times as fast two processes are as one, in a loop that shares nothing."""
+    """Speed-up of a loop that shares nothing, from one process to two (a ratio of times)."""
     times = []
     for jobs in (1, 2):
         begun_s = time.perf_counter()

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mopro.cli.main import EXIT_BAD_INPUT, EXIT_FAILED
-from mopro.cli.options import OutputFile, machine_names, machine_option, payload_type, tell_of_runs
+from mopro.cli.options import (
+    OutputFile,
+    machine_names,
+    machine_option,
+    payload_option,
+    tell_of_runs,
+)
 from mopro.cli.outputs import claimed, drawn, keep_inputs, machine_file
 from mopro.cli.say import print_table, say, say_json
 from mopro.errors import ModelError
@@ -220,7 +226,7 @@ class Velocities(click.ParamType[list[float]]):
 
 @click.command()
 @machine_option()
-@click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
+@payload_option()
 @click.option(
     "--velocities",
     type=Velocities(),

@@ -13,7 +13,7 @@ from mopro.cli.options import (
     grammar_option,
     instrument_names,
     machine_option,
-    payload_type,
+    payload_option,
     program_argument,
     tell_of_runs,
 )
@@ -48,7 +48,7 @@ _LABORATORY = ("lvdt", "thermocouple")
     "--axis", type=click.IntRange(1, 2), default=1, show_default=True, help="The measured axis."
 )
 @machine_option()
-@click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
+@payload_option()
 @click.option("--for", "for_s", type=duration_type(), metavar="DURATION")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the noise.")
 @click.option("--no-ripple", is_flag=True, help="An instrument without noise.")

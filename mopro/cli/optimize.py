@@ -8,10 +8,10 @@ import click
 
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import (
-    duration_type,
+    for_option,
     grammar_option,
     machine_option,
-    payload_type,
+    payload_option,
     program_argument,
     tell_of_runs,
     varied_pair,
@@ -41,14 +41,8 @@ _FIGURES = ("time", "margin", "lag", "settling", "energy", "temperature")
     "--runs", type=click.IntRange(1, 100_000), default=2000, show_default=True, help="At most."
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the search.")
-@click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
-@click.option(
-    "--for",
-    "for_s",
-    type=duration_type(),
-    metavar="DURATION",
-    help="End each run after this much time; 60 s for a program that loops for ever.",
-)
+@payload_option()
+@for_option()
 @grammar_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(

@@ -53,7 +53,7 @@ def effect_names(context: click.Context, param: click.Parameter, incomplete: str
 
 
 def varied_names(context: click.Context, param: click.Parameter, incomplete: str) -> Items:
-    """What a sweep can vary of the built-in machine, up to the equals sign."""
+    """Completions of --vary: quantities of the built-in machine and its effects, with `=`."""
     from mopro.effects import catalogue
     from mopro.machine import load_machine
     from mopro.program import AXES
@@ -208,6 +208,26 @@ def vary_option() -> Callable[[Any], Any]:
         metavar="NAME=VALUES",
         shell_complete=varied_names,
         help="What to vary, and over which values; once for each (VEL1=10:60:2, payload=0,5lb).",
+    )
+
+
+def payload_option() -> Callable[[Any], Any]:
+    return click.option(
+        "--payload",
+        type=payload_type(),
+        default=0.0,
+        metavar="MASS",
+        help="Mass carried by the motor (5lb, 2kg).",
+    )
+
+
+def for_option() -> Callable[[Any], Any]:
+    return click.option(
+        "--for",
+        "for_s",
+        type=duration_type(),
+        metavar="DURATION",
+        help="Stop after this much time (10s, 2min); 60 s for a program that loops for ever.",
     )
 
 

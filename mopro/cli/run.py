@@ -17,10 +17,10 @@ from mopro.cli.options import (
     STANDARD,
     OutputFile,
     Quantity,
-    duration_type,
+    for_option,
     grammar_option,
     machine_option,
-    payload_type,
+    payload_option,
     program_argument,
     tell_of_runs,
 )
@@ -49,20 +49,8 @@ DEFAULT_OUT = "run.parquet"
     "--port", metavar="URL", help="Run on the controller there (/dev/ttyUSB0, socket://)."
 )
 @machine_option()
-@click.option(
-    "--for",
-    "for_s",
-    type=duration_type(),
-    metavar="DURATION",
-    help="Stop after this much time (10s, 2min); 60 s for a program that loops for ever.",
-)
-@click.option(
-    "--payload",
-    type=payload_type(),
-    default=0.0,
-    metavar="MASS",
-    help="Mass carried by the motor (5lb, 2kg).",
-)
+@for_option()
+@payload_option()
 @click.option(
     "--rate",
     type=Quantity("frequency", "Hz", positive=True, says_unit=False),

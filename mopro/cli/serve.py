@@ -9,7 +9,7 @@ import click
 
 from mopro.cli.link import baud_option, dialect_option, token
 from mopro.cli.live import controller_panel
-from mopro.cli.options import Quantity, grammar_option, machine_option, payload_type, tell_of_runs
+from mopro.cli.options import Quantity, grammar_option, machine_option, payload_option, tell_of_runs
 from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.say import say
 
@@ -43,9 +43,7 @@ _PLAIN_SPEED = 1.0
 @dialect_option()
 @baud_option()
 @machine_option()
-@click.option(
-    "--payload", type=payload_type(), default=0.0, help="Mass carried by the motor (5lb)."
-)
+@payload_option()
 @click.option(
     "--speed",
     type=click.FloatRange(0, 1000, min_open=True),

@@ -12,10 +12,10 @@ import click
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import (
     OutputFile,
-    duration_type,
+    for_option,
     grammar_option,
     machine_option,
-    payload_type,
+    payload_option,
     program_argument,
     tell_of_runs,
     varied_pair,
@@ -46,14 +46,8 @@ if TYPE_CHECKING:
 )
 @click.option("--points", type=click.IntRange(1), help="How many are drawn.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the draw.")
-@click.option("--payload", type=payload_type(), default=0.0, metavar="MASS")
-@click.option(
-    "--for",
-    "for_s",
-    type=duration_type(),
-    metavar="DURATION",
-    help="End each run after this much time; 60 s for a program that loops for ever.",
-)
+@payload_option()
+@for_option()
 @click.option(
     "--out",
     type=OutputFile(".parquet", ".csv"),
@@ -137,7 +131,7 @@ def _title(sweep: Sweep) -> str:
 
 
 def _counts(table: pa.Table) -> dict[str, int]:
-    """How many runs have each outcome."""
+    """Number of runs by outcome."""
     return {row["values"]: row["counts"] for row in table["outcome"].value_counts().to_pylist()}
 
 

@@ -228,6 +228,7 @@ class Verdict:
     well. `notes`: remarks on the noise, and on that set. `nuisances`: the fitted coefficients of
     each series' nuisances, in its unit. `correlations` of the estimates, by `effect.parameter`.
     `odd_run`: the run that alone disagrees with all runs' model. `trace`: what each pass did.
+    `held_out_on`: what was held out, `other runs` or parts `within one run`; None if nothing was.
     """
 
     verdict: str

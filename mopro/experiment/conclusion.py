@@ -67,7 +67,7 @@ class Conclusion:
 
     @property
     def glance(self) -> Glance:
-        """What a person reads first."""
+        """The answer at a glance: verdict, effects, gap, what is undecided, and the next step."""
         return glance_of(
             self.verdict, self.system, self.repaired, self.next_experiment, self.advice,
             self.left_out, self.tried,

@@ -192,7 +192,7 @@ def _steps(verdict: Verdict, unit: str, runs: Sequence[tuple[RunGap, int]]) -> I
 
 
 def _cannot_tell(verdict: Verdict) -> Iterator[str]:
-    """What the data leave open: rivals, unlisted terms, effects too small to see, the noise."""
+    """A line for each thing that the data leave undecided: alternatives, drafts, small effects."""
     for effect in verdict.fitted:
         if effect.rivals:
             yield f"{effect.name} from {alternatives_words(effect)}"
@@ -212,7 +212,7 @@ def _cannot_tell(verdict: Verdict) -> Iterator[str]:
 
 
 def _next(verdict: Verdict, system: System, proposal: Proposal | None, advice: str) -> str:
-    """What to do, by the verdict."""
+    """The next step, by the verdict."""
     match verdict.verdict:
         case "ambiguous":
             return advice if proposal is None else _run_words(proposal)

@@ -51,9 +51,9 @@ def _choice(key: str, *choices: str) -> Any:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a machine has one of its quantities: `section.key`, as its file states it.
+    """The place of a quantity in a machine file, `section.key`, with its dimension and bounds.
 
-    `dimension` is that of units.py, with the bounds `low` and `high` (SI); a quantity that is one
+    `dimension` is one of units.py; `low` and `high` are in SI. A quantity that is one
     of `choices` has neither.
     """
 

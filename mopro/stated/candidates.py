@@ -80,7 +80,7 @@ def _shows_waves_in_time(model: Model, settings: Settings) -> bool:
 
 
 def _at_one_speed(model: Model, run: Run, settings: Settings) -> bool:
-    """True if the place goes with time in a straight line, but for a tenth of its deviation."""
+    """True if a straight line in time leaves at most a tenth of the place's standard deviation."""
     x = model.values_in(run, settings)["x"]
     line = np.polynomial.Polynomial.fit(run.time_s, x, 1)
     return bool(np.std(x - line(run.time_s)) <= LEAST_SHARE * np.std(x))

@@ -1,4 +1,4 @@
-"""Who does the chunks of a sweep: processes of this machine, or a scheduler's workers.
+"""Executors of the chunks of a sweep: processes of this machine, or a scheduler's workers.
 
 An executor applies a function to chunks and gives the results as they come, in any order; a
 result may come twice.
@@ -32,7 +32,7 @@ _UNDER_WAY = 256
 
 
 def local(jobs: int) -> Executor:
-    """So many processes of this machine, or this one."""
+    """An executor of `jobs` processes on this machine; one works in this process."""
     return partial(in_processes, jobs=jobs)
 
 

@@ -28,7 +28,7 @@ from mopro.engine.series import Floats, Mask
 _FEW_SAMPLES = MOST_FOLDS * LEAST_SAMPLES
 
 
-# What was held out: whole runs, of several, or parts of the only one, which share its accidents.
+# What was held out: whole runs alone, or parts of runs too, which share the accidents of their run.
 OTHER_RUNS, ONE_RUN = "other runs", "within one run"
 
 
@@ -36,9 +36,10 @@ OTHER_RUNS, ONE_RUN = "other runs", "within one run"
 class HeldOut:
     """Parts that were not fitted: how well they are predicted with and without each effect.
 
-    `on`: what they are, OTHER_RUNS or ONE_RUN. `residual`: whitened residual of the fit (samples);
-    `before`: its mean square for the null model, `after` for the fit. `gains`: fall of the deviance
-    of the held-out parts by each effect, by how well the others tell its numbers.
+    `on`: OTHER_RUNS if all of them are whole runs, else ONE_RUN. `residual`: whitened residual of
+    the fit (samples); `before`: its mean square for the null model, `after` for the fit. `gains`:
+    fall of the deviance of the held-out parts by each effect, by how well the others tell its
+    numbers.
     """
 
     on: str
@@ -65,7 +66,7 @@ def held_out(
     after = _predicted(residuals, fit, masks)
     own = _scaled(fit, masks, after)
     return HeldOut(
-        on=OTHER_RUNS if len(_whole_runs(residuals)) > 1 else ONE_RUN,
+        on=OTHER_RUNS if len(masks) == len(_whole_runs(residuals)) else ONE_RUN,
         before=_mean_square(_predicted(residuals, null, masks)),
         after=_mean_square(after),
         gains={

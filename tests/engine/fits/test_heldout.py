@@ -115,11 +115,17 @@ def test_parts_do_not_support_what_is_not_there(share):
     assert sum(supported(share, 0.0, seed, freedom=3) for seed in range(20)) <= 1
 
 
-def of_runs(*sizes):
-    """What whole runs held out say of a wave that has these sizes in them, sampled 4:1 or alike."""
+def of_runs(*sizes, shown=None):
+    """What runs held out tell of a wave of these sizes, the first run four times as long.
+
+    `shown`: the share of the wave that each run shows at all.
+    """
+    shown = shown or [1.0] * len(sizes)
     rng = np.random.default_rng(4)
     lengths = [800] + [200] * (len(sizes) - 1)
-    waves = [np.sin(np.arange(length) / 7) for length in lengths]
+    waves = [
+        share * np.sin(np.arange(length) / 7) for share, length in zip(shown, lengths, strict=True)
+    ]
 
     def model(settings):
         size = settings.get("wave", {"a": 0.0})["a"]
@@ -151,3 +157,9 @@ def test_an_accident_of_one_run_is_not_borne_out_by_its_own_parts():
 def test_what_is_in_all_runs_is_borne_out_by_each_of_them():
     assert of_runs(1.0, 1.0).supports("wave")
     assert of_runs(1.0).on == "within one run"
+
+
+def test_what_a_single_run_shows_is_borne_out_within_that_run():
+    held = of_runs(1.0, 1.0, shown=[1.0, 0.0])
+    assert held.supports("wave")
+    assert held.on == "within one run"
