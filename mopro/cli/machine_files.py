@@ -138,7 +138,7 @@ def effects() -> None:
 
     Example: mopro machine effects > effects.md
     """
-    from mopro.effects.document import markdown
+    from mopro.effects.catalogue_page import markdown
 
     say(markdown(), nl=False)
 

@@ -25,7 +25,7 @@ from mopro.units import INCH_M
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
-    from mopro.experiment.sawyer.model import Floats
+    from mopro.experiment.sawyer.trials import Floats
     from mopro.instruments.sensor import Sensor
     from mopro.recording import Recording
 
@@ -105,7 +105,7 @@ def command(
 
 def _sensor(instrument: str, axis: int, out: Path) -> Sensor:
     """The instrument by its name or file; it has no raw format."""
-    from mopro.experiment.sawyer.file import instrument as read_instrument
+    from mopro.experiment.sawyer.entries import instrument as read_instrument
 
     sensor = read_instrument(instrument, axis)
     if out.suffix.lower() == ".dat":

@@ -201,7 +201,7 @@ def grammar_option() -> Callable[[Any], Any]:
 
 def tell_of_runs(machine: Machine) -> None:
     """Tell on standard error which effects are off in a simulation, which is a run of its own."""
-    from mopro.machine.runs import left_out
+    from mopro.machine.run_effects import left_out
 
     for line in left_out(machine.name, machine.runs):
         say(line, err=True)

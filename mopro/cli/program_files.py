@@ -150,7 +150,7 @@ def lsp() -> int:
     Example: mopro lsp
     """
     try:
-        from mopro.lsp.server import Messages, Told, server
+        from mopro.lsp.language_server import Messages, Told, server
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise

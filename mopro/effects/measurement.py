@@ -10,8 +10,8 @@ from itertools import combinations, product
 
 import numpy as np
 
-from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View, angle_in, phase
-from mopro.effects.search import Values, residual_m, strongest_lines
+from mopro.effects.effect import Domain, Effect, Floats, Parameter, Scene, View, angle_in, phase
+from mopro.effects.starts import Values, residual_m, strongest_lines
 from mopro.engine.candidate import Candidate, FindStarts, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted
 from mopro.engine.play import follow

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from difflib import get_close_matches
 
-from mopro.effects.base import Active, Effect, Parameter, angle_in
+from mopro.effects.effect import Active, Effect, Parameter, angle_in
 from mopro.effects.registry import Catalogue, in_order
 from mopro.errors import MOST_SHOWN, Diagnostic, ModelError
 from mopro.machine import Machine, StatedEffect, StatedValue
-from mopro.machine.runs import NO_DATA, Data, nth_of
+from mopro.machine.run_effects import NO_DATA, Data, nth_of
 from mopro.program import AXES
 from mopro.source import Source, Span
 

@@ -12,7 +12,7 @@ from mopro.engine.residuals import Corrected, whiteness_p
 from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import rms
 from mopro.experiment.allowed import Allowed, allowed
-from mopro.experiment.noise_tests import (
+from mopro.experiment.scaled_residuals import (
     chi2_p,
     larger_noise,
     mean_p,

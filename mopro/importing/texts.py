@@ -10,9 +10,9 @@ import numpy as np
 from scipy import signal as signals
 
 from mopro.formula import dimension_of_unit, factor_of, inverse, product
+from mopro.importing.imported_runs import file_of, rows_text
 from mopro.importing.propose import Proposal
 from mopro.importing.roles import Signal, decision_of
-from mopro.importing.runs import file_of, rows_text
 from mopro.logs import Decision, Rows
 from mopro.stated.rough import Sampled, axis_lines, thermal_lines, unit_of_speed
 from mopro.text import visible

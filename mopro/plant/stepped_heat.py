@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.effects import Active
-from mopro.effects.base import Surroundings
+from mopro.effects.effect import Surroundings
 from mopro.engine.series import RUN_AWAY
 from mopro.machine import Machine
 from mopro.motion import PlannedMove

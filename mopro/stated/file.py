@@ -20,10 +20,10 @@ from mopro.formula.entry import (
     read_range,
     read_unit,
 )
-from mopro.formula.language import PI
+from mopro.formula.expressions import PI
 from mopro.formula.written import MEASUREMENT, Written, WrittenEffect
 from mopro.instruments.quantity import AXIS_UNITS
-from mopro.machine.runs import read_runs, states_runs
+from mopro.machine.run_effects import read_runs, states_runs
 from mopro.source import Source, Span
 from mopro.stated.model import (
     AXIS,

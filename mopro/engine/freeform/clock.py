@@ -11,7 +11,7 @@ from scipy import fft
 
 from mopro.engine.assumed import FEWEST, FITTED, ROUNDING
 from mopro.engine.candidate import Candidate, Law, Parameter, ResidualView, Role
-from mopro.engine.freeform.motion import LARGEST, Values, motion_of, step_of, values_of
+from mopro.engine.freeform.series_motion import LARGEST, Values, motion_of, step_of, values_of
 from mopro.engine.residuals import projected_out
 from mopro.engine.series import Floats, Series
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mopro.engine.assumed import FEWEST, ROUNDING
 from mopro.engine.candidate import Candidate, Law, Parameter, ResidualView, Role
-from mopro.engine.freeform.motion import LARGEST, Values, span_of, values_of
+from mopro.engine.freeform.series_motion import LARGEST, Values, span_of, values_of
 from mopro.engine.series import Floats, Series
 
 

@@ -8,7 +8,6 @@ from itertools import groupby
 from mopro.engine.candidate import Candidate
 from mopro.engine.freeform.clock import stepping_clock
 from mopro.engine.freeform.lines import bump, line_in_position, line_in_time
-from mopro.engine.freeform.motion import POSITION, labelled, values_of
 from mopro.engine.freeform.proportional import (
     FADING,
     LATE,
@@ -20,6 +19,7 @@ from mopro.engine.freeform.proportional import (
     proportional,
 )
 from mopro.engine.freeform.resonance import resonance
+from mopro.engine.freeform.series_motion import POSITION, labelled, values_of
 from mopro.engine.freeform.step import step_in_time
 from mopro.engine.series import Series
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from mopro.errors import Diagnostic, ModelError
 from mopro.experiment.sawyer.feasible import Suspect, check_motion, too_long, too_short
-from mopro.experiment.sawyer.model import Experiment, Floats, Reading
 from mopro.experiment.sawyer.nominal import compiling_pays, planned
+from mopro.experiment.sawyer.trials import Experiment, Floats, Reading
 from mopro.experiment.steps import step_note
 from mopro.instruments.sensor import FOLD_SLIPS, Sensor
 from mopro.machine import Machine

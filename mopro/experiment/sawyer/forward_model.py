@@ -16,7 +16,7 @@ import numpy as np
 from cachetools import LRUCache, cachedmethod
 
 from mopro.effects import Active, Domain, Effect, catalogue_of, on_axis
-from mopro.effects.base import AXIS, angle_in
+from mopro.effects.effect import AXIS, angle_in
 from mopro.effects.registry import in_order
 from mopro.effects.resolve import active_effects, with_values
 from mopro.effects.unlisted import with_unlisted
@@ -24,10 +24,10 @@ from mopro.engine.candidate import RUN
 from mopro.engine.series import Settings
 from mopro.errors import RunError
 from mopro.experiment.sawyer.logged import schedule_of
-from mopro.experiment.sawyer.model import Experiment, Floats, Reading, Trial
+from mopro.experiment.sawyer.trials import Experiment, Floats, Reading, Trial
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
-from mopro.machine.runs import NO_DATA, known_off
+from mopro.machine.run_effects import NO_DATA, known_off
 from mopro.motion import Schedule
 from mopro.plant import (
     CommandTable,

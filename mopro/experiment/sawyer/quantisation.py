@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.experiment.sawyer.model import Experiment, Reading
+from mopro.experiment.sawyer.trials import Experiment, Reading
 from mopro.instruments.sensor import Sensor
 
 # Noise as a share of a step, above which rounding errors are independent of each other.

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.experiment.data_file import TIME, DataFile
-from mopro.experiment.sawyer.model import Floats, Reading
+from mopro.experiment.sawyer.trials import Floats, Reading
 from mopro.instruments.sensor import Sensor
 
 # Share of all samples, and samples in a row, that may be missing.

@@ -17,26 +17,26 @@ from mopro.engine.residuals import Residuals, without_wild
 from mopro.engine.series import Floats, Series, Settings
 from mopro.engine.verdict import Verdict, rms
 from mopro.experiment.comparison import STEADY
-from mopro.experiment.noise_tests import quantile_residual
 from mopro.experiment.sawyer.candidates import candidates, in_one_run, unlisted
 from mopro.experiment.sawyer.consistency import check
 from mopro.experiment.sawyer.design import propose
-from mopro.experiment.sawyer.file import SawyerEntries, read_sawyer
+from mopro.experiment.sawyer.entries import SawyerEntries, read_sawyer
 from mopro.experiment.sawyer.forward_model import COARSE, FINE, ROUGH, ForwardModel
 from mopro.experiment.sawyer.labels import PHASES, Labels, labels, labels_of
-from mopro.experiment.sawyer.model import Experiment, Reading, SteadyTable
 from mopro.experiment.sawyer.nominal import aligned, planned, predict, predict_table
 from mopro.experiment.sawyer.offsets import with_offset
 from mopro.experiment.sawyer.quantisation import thinned
 from mopro.experiment.sawyer.repaired import machine_of, machine_text, of_runs
 from mopro.experiment.sawyer.runs import read_runs
 from mopro.experiment.sawyer.steady import rises, series_of_table
+from mopro.experiment.sawyer.trials import Experiment, Reading, SteadyTable
+from mopro.experiment.scaled_residuals import quantile_residual
 from mopro.experiment.system import Predicted, Proposal, Question, Repaired, Spot, System
 from mopro.experiment.wording import advice
 from mopro.formula.written import WrittenEffect
 from mopro.machine import Machine
 from mopro.machine.formulas import read_formulas
-from mopro.machine.runs import left_out as off_in
+from mopro.machine.run_effects import left_out as off_in
 from mopro.plant import Stepping
 from mopro.program import AXES
 from mopro.source import Source

@@ -11,7 +11,7 @@ from mopro.engine.assumed import VERY_STRONG
 from mopro.engine.series import Series, Settings
 from mopro.engine.verdict import Named, Verdict, rms
 from mopro.formula.evaluate import Floats
-from mopro.formula.language import parse, substituted
+from mopro.formula.expressions import parse, substituted
 from mopro.formula.written import AMPLITUDE, MEASUREMENT, PERIOD, WrittenEffect
 from mopro.stated.model import KINEMATIC
 from mopro.stated.simulation import Known, Model, term_of

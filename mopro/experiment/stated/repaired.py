@@ -16,7 +16,7 @@ from mopro.engine.verdict import Estimate, Named, Verdict
 from mopro.experiment.machine_file import rounded, runs_lines, with_effects
 from mopro.experiment.wording import interval_words, value_words
 from mopro.formula.written import WrittenEffect
-from mopro.machine.runs import files_of, known_off, left_out, others
+from mopro.machine.run_effects import files_of, known_off, left_out, others
 from mopro.source import Source
 from mopro.stated.data import StatedExperiment
 from mopro.stated.file import read_stated

@@ -16,7 +16,7 @@ from mopro.instruments.sensor import FOLD_SLIPS, UNIT_SLIPS
 from mopro.stated.base import BaseFit, base_of, fitted_base, slope_of
 from mopro.stated.data import Reading
 from mopro.stated.model import KINEMATIC, THERMAL
-from mopro.stated.series import plain_series
+from mopro.stated.reading_series import plain_series
 from mopro.stated.simulation import START, Model
 
 # Factors by which a reading may be off, and what they stand for.

@@ -18,7 +18,7 @@ from mopro.experiment.stated.entries import StatedEntries
 from mopro.experiment.stated.from_kind import completed
 from mopro.experiment.stated.noisy_inputs import beside_noise
 from mopro.experiment.stated.one_speed import at_one_speed
-from mopro.experiment.stated.program import foreign_model
+from mopro.experiment.stated.python_model import foreign_model
 from mopro.experiment.stated.read import read_stated_experiment
 from mopro.experiment.stated.repaired import effects_of_runs, kept_to_their_runs, machine_text
 from mopro.experiment.stated.rerun import rerun
@@ -36,7 +36,7 @@ from mopro.stated.file import HOSTS
 from mopro.stated.input_noise import beside_input_noise, stated_noise
 from mopro.stated.names import check, effects_of, unlisted_of
 from mopro.stated.origin import with_one_origin
-from mopro.stated.series import plain_series, series_of
+from mopro.stated.reading_series import plain_series, series_of
 from mopro.stated.simulation import Model, Simulate
 from mopro.stated.switched import as_stated
 from mopro.tomlfile import Document

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, exp, sin
 
-from mopro.plant.kernel.terms import Numbers, Pair, Prepare, Setpoints, TermSet, setpoints
+from mopro.plant.kernel.effect_terms import Numbers, Pair, Prepare, Setpoints, TermSet, setpoints
 
 # How fast the voltage loop takes a deviation of the current back, and the longest step that
 # resolves it, in s.

@@ -12,7 +12,8 @@ from collections.abc import Callable, MutableSequence, Sequence
 from math import ceil, cos, floor, nan, sin, sqrt
 
 from mopro.plant.kernel.drive import LOOP_STEP_S, DriveNumbers
-from mopro.plant.kernel.motion import (
+from mopro.plant.kernel.effect_terms import Numbers, Pair, Prepare
+from mopro.plant.kernel.equation_of_motion import (
     AxisNumbers,
     Parts,
     Segment,
@@ -21,7 +22,6 @@ from mopro.plant.kernel.motion import (
     pull_of_currents,
     step_of,
 )
-from mopro.plant.kernel.terms import Numbers, Pair, Prepare
 
 # The speed (m/s) beyond which an axis has run away, as under a drag that drives it: its motion is
 # NaN from there on, as its steps would never end. Fifty times that of the fastest such motors;

@@ -12,9 +12,9 @@ import numpy as np
 from mopro.engine.series import Series
 from mopro.experiment.breaks import drawn
 from mopro.experiment.comparison import Place
-from mopro.experiment.sawyer.model import Experiment, Trial
 from mopro.experiment.sawyer.nominal import planned
 from mopro.experiment.sawyer.system import Sawyer
+from mopro.experiment.sawyer.trials import Experiment, Trial
 from mopro.experiment.system import System
 from mopro.experiment.wording import place_words
 from mopro.recording.envelope import Floats

@@ -15,9 +15,9 @@ from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.drive_scaling import DriveScaling
 from mopro.plant.kernel.build import kernel, rates
 from mopro.plant.kernel.drive import CURRENT_LOOP_S
+from mopro.plant.kernel.effect_terms import TermSet
+from mopro.plant.kernel.equation_of_motion import State, start_of
 from mopro.plant.kernel.integrate import Plant, axis_and_drive
-from mopro.plant.kernel.motion import State, start_of
-from mopro.plant.kernel.terms import TermSet
 
 # An axis this close to its tooth, and as slow, is at rest. Its remaining oscillation would
 # stay within a nanometre.
@@ -54,7 +54,7 @@ class Stepping:
     max_m: float = math.inf
 
 
-class Engine:
+class Integration:
     """Integrates the motion of one axis; `x` and `v` are its present state (m, m/s).
 
     The axis starts where it has come to rest under its forces. A nominal one, without
@@ -97,8 +97,8 @@ class Engine:
     def v(self) -> float:
         return self._state[1]
 
-    def take_over(self, other: Engine) -> None:
-        """Begin in the present state of `other`, an engine for the same effects."""
+    def take_over(self, other: Integration) -> None:
+        """Begin in the present state of `other`, an integration with the same effects."""
         self._state = other._state
 
     def through(self, knots: Floats, recorded: bool = True) -> Trace:

@@ -23,7 +23,7 @@ from math import cos, floor, sin
 from typing import Any
 
 from mopro.plant.kernel.drive import Drive, DriveNumbers, Electric, charge_end, drive_of
-from mopro.plant.kernel.terms import (
+from mopro.plant.kernel.effect_terms import (
     Forces,
     Numbers,
     Pair,
