@@ -89,12 +89,12 @@ def command(
         loaded = stated.opened(allow_python=allow_python)
     else:
         loaded = stated.before(applied, allow_python)
-    told = _tell(loaded.notes)
+    said = _tell(loaded.notes)
     with claimed(plot, report):
         comparison, before = loaded.compare(seed), None
         if applied is not None:
             loaded, before = stated.opened(applied, allow_python), comparison
-            _tell(note for note in loaded.notes if note not in told)
+            _tell(note for note in loaded.notes if note not in said)
             comparison = loaded.compare(seed)
     gaps = [] if before is None else list(_gaps(before, comparison))
     if as_json:
@@ -120,10 +120,10 @@ def command(
 
 def _tell(notes: Iterable[str]) -> tuple[str, ...]:
     """Say the notes on standard error, and give them."""
-    told = tuple(notes)
-    for note in told:
+    said = tuple(notes)
+    for note in said:
         say(note, err=True)
-    return told
+    return said
 
 
 def _figure_of(comparison: Comparison, before: Comparison | None, title: str, form: str) -> bytes:

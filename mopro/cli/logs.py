@@ -182,11 +182,11 @@ def noise(
     from mopro.noise import TooShort
 
     log = read_log(data, asked_of(time, time_unit, rate, missing))
-    told: list[dict[str, Any]] = []
+    entries: list[dict[str, Any]] = []
     found = 0
     for column in _chosen(log, wanted):
         if is_command(column.name) and not wanted:
-            told.append({"column": column.raw, "reason": "it is a command by its name"})
+            entries.append({"column": column.raw, "reason": "it is a command by its name"})
             continue
         try:
             rows, noise = _noise_of(log, column, start_s, end_s)
@@ -195,17 +195,17 @@ def noise(
         else:
             entry = as_data(column, log, rows, noise)
             found += 1
-        told.append(entry | {"ends": _ends(column, log)})
+        entries.append(entry | {"ends": _ends(column, log)})
     if as_json:
         answer = {
             "file": str(data),
-            "columns": told,
+            "columns": entries,
             "decisions": list(map(str, log.decisions)),
             "rows": log.rows.as_json(),
         }
         say_json(answer)
     else:
-        _print(log, told)
+        _print(log, entries)
     return 0 if found else EXIT_FAILED
 
 
@@ -321,11 +321,11 @@ def _state(noise: NoiseReport) -> dict[str, float]:
     return stated
 
 
-def _print(log: Log, told: list[dict[str, Any]]) -> None:
+def _print(log: Log, entries: list[dict[str, Any]]) -> None:
     for decision in log.decisions:
         say(f"{'CHECK: ' if decision.check else ''}{decision}")
     say(f"{'CHECK: ' if log.rows.to_check else ''}rows: {log.rows}")
-    for entry in told:
+    for entry in entries:
         say()
         if "reason" in entry:
             say(f"{entry['column']}: no noise told: {entry['reason']}")

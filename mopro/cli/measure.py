@@ -90,8 +90,8 @@ def command(
     if instrument == "lvdt" and for_s is None:
         for_s = _lvdt_duration_s()
     sink = MemorySink()
-    with claimed(out), simulated() as told:
-        run = emulator.run(program, sink, for_s, told=told)
+    with claimed(out), simulated() as on_progress:
+        run = emulator.run(program, sink, for_s, on_progress=on_progress)
     recording = sink.recording(emulator.header(program), run)
     noise_seed = None if no_ripple else seed
     if sensor is not None:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
     from mopro.machine import Machine
-    from mopro.machine.backend import Told
+    from mopro.machine.backend import OnProgress
     from mopro.program import Program
     from mopro.recording import Header, Run, Sink
     from mopro.recording.record import Columns
@@ -160,8 +160,9 @@ def command(
         else:
             backend = _linked(outer, files, (port, dialect, baud, trace), plant, deadline, page)
             reporting = backend.signals.released_in_time()
-        with simulated() if port is None else in_motion(length_unit(program, plant)) as told:
-            run = _recorded(backend, program, (for_s, settle_s), out, pictures, (told, reporting))
+        with simulated() if port is None else in_motion(length_unit(program, plant)) as shown:
+            during = (shown, reporting)
+            run = _recorded(backend, program, (for_s, settle_s), out, pictures, during)
         run = _closed(files, run, program, page)
         all_drawn = pictures.draw(backend.header(program), run, plant, machine)
         tell(run, program, Written(out, replaces), for_s, as_json)
@@ -236,7 +237,7 @@ def _recorded(
     lasting_s: tuple[float | None, float],
     out: Path,
     pictures: _Pictures,
-    during: tuple[Told, AbstractContextManager[None]],
+    during: tuple[OnProgress, AbstractContextManager[None]],
 ) -> Run:
     """The run of `program` on either back end, its recording in `out`.
 
@@ -247,12 +248,12 @@ def _recorded(
     """
     from mopro.errors import DataError
 
-    told, reporting = during
+    on_progress, reporting = during
     header = backend.header(program)
     run = None
     try:
         with recording_sink(out, header, apart=header.clock == "host") as sink:
-            run = backend.run(program, pictures.beside(sink), *lasting_s, told)
+            run = backend.run(program, pictures.beside(sink), *lasting_s, on_progress)
             click.get_current_context().with_resource(reporting)
             tell_trouble(program, run.trouble)
             sink.header, sink.run = header.after(run), run

@@ -370,11 +370,11 @@ class Hum(Effect):
         lines = {n: _line(f"A{n}", f"phi{n}", runs) for n in _HARMONICS}
         main = _line("A", "phi", runs)
         for mains, harmonics in product(_MAINS_HZ, ((), _HARMONICS, *combinations(_HARMONICS, 1))):
-            off = {f"A{n}": 0.0 for n in _HARMONICS if n not in harmonics}
+            zeros = {f"A{n}": 0.0 for n in _HARMONICS if n not in harmonics}
             yield self.form(
                 *main, *(p for n in harmonics for p in lines[n]),
                 form=f"{' and '.join(f'{n * mains:g}' for n in (1, *harmonics))} Hz",
-                fixed={"f": mains, **off}, extends=f"{mains:g} Hz" if harmonics else None,
+                fixed={"f": mains, **zeros}, extends=f"{mains:g} Hz" if harmonics else None,
                 can_enter_first=harmonics == _HARMONICS,
                 find_starts=_search(view, mains, harmonics),
             )  # fmt: skip

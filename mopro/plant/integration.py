@@ -146,13 +146,13 @@ class Integration:
             return state
         plant = self._plant
         stiffness = plant.wave_number_1_m * plant.pull_out_force_N
-        rates_now = rates(terms)
+        state_rates = rates(terms)
         axis, drive = axis_and_drive(_plant(plant), self._strengths[0].tolist())
         smallest = REST_M * REST_M
         for _ in range(_MOST_RELAXATIONS):
             x, v, z, (lagged, coil) = state
             try:
-                a, of_lag, of_coil = rates_now(0.0, 0.0, state, axis, drive, self._numbers)
+                a, of_lag, of_coil = state_rates(0.0, 0.0, state, axis, drive, self._numbers)
             except _NO_NUMBER:
                 return math.nan, v, z, (lagged, coil)
             step = a * plant.mass_kg / stiffness

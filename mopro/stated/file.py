@@ -207,7 +207,7 @@ def _number(value: Value) -> Number:
     free = table.get("free", flag, False)
     if number is None:
         raise value.refused(f"expected {value.key} = {{ value = number, unit = ... }}")
-    tolerance, doubt = table.get("tolerance", tolerance_of(number, unit), (0.0, ""))
+    tolerance, note = table.get("tolerance", tolerance_of(number, unit), (0.0, ""))
     if free and tolerance:
         value.report(f"{value.key} is free, and has a tolerance: state one of them")
     low, high = table.get("range", read_range, (None, None))
@@ -218,7 +218,7 @@ def _number(value: Value) -> Number:
     if free and not low <= number <= high:
         value.report(f"{value.key} is outside of its range")
     before = number_in(table.data.get("before"))
-    return Number(value.key, unit, number, free, tolerance, low, high, before, doubt)
+    return Number(value.key, unit, number, free, tolerance, low, high, before, note)
 
 
 def _check_inertia(root: Value, unit: str, numbers: Mapping[str, Number]) -> None:

@@ -158,8 +158,8 @@ def _explained(runs: list[_Run], every: float, begun: float) -> tuple[float, flo
     """The fall of chi-squared by steps of the best size, and that size (s)."""
     parts = [run.part(every, begun) for run in runs]
     product, square = map(float, _products(runs, parts))
-    told = square > ROUNDING * sum(float(part @ part) for part in parts)
-    return (product**2 / square, product / square) if told else (0.0, 0.0)
+    distinct = square > ROUNDING * sum(float(part @ part) for part in parts)
+    return (product**2 / square, product / square) if distinct else (0.0, 0.0)
 
 
 def _products(runs: list[_Run], parts: list[Floats]) -> tuple[Floats, Floats]:

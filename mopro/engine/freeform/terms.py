@@ -67,5 +67,5 @@ def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
 
 def _with_rests(series: Sequence[Series]) -> bool:
     """True if the labels tell of moves with rests between them."""
-    told = all("velocity" in s.labels and "acceleration" in s.labels for s in series)
-    return told and any(bool((values_of(s, "velocity") == 0).any()) for s in series)
+    known = all("velocity" in s.labels and "acceleration" in s.labels for s in series)
+    return known and any(bool((values_of(s, "velocity") == 0).any()) for s in series)

@@ -56,7 +56,7 @@ def check(experiment: Experiment) -> list[str]:
     compiled = compiling_pays(experiment)
     for suspect in suspects:
         check_motion(suspect, machine, compiled)
-    return [*_doubts(suspects, machine), *_unstated_steps(suspects)]
+    return [*_unlikely(suspects, machine), *_unstated_steps(suspects)]
 
 
 def _unstated_steps(suspects: Sequence[Suspect]) -> list[str]:
@@ -191,7 +191,7 @@ def _scale_finding(suspect: Suspect, sensor: Sensor, scale: float) -> Iterator[D
             yield Diagnostic("wrong-scale", message, suspect.trial.span, hint=hint)
 
 
-def _doubts(suspects: Sequence[Suspect], machine: Machine) -> Iterator[str]:
+def _unlikely(suspects: Sequence[Suspect], machine: Machine) -> Iterator[str]:
     """Notes on data that correlate poorly with their command: perhaps the wrong column or run."""
     for suspect in suspects:
         for reading in suspect.positions():

@@ -27,7 +27,7 @@ from mopro.experiment.sawyer.logged import schedule_of
 from mopro.experiment.sawyer.trials import Experiment, Floats, Reading, Trial
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
-from mopro.machine.run_effects import NO_DATA, known_off
+from mopro.machine.run_effects import NO_DATA, known_absent
 from mopro.motion import Schedule
 from mopro.plant import (
     CommandTable,
@@ -88,7 +88,7 @@ class ForwardModel:
             active_effects(experiment.machine, self._catalogue, data)
             for data in (*(trial.data for trial in experiment.trials), NO_DATA)
         ]
-        self._off = known_off(experiment.machine.runs, experiment.trials)
+        self._absent = known_absent(experiment.machine.runs, experiment.trials)
         self._grouped = tuple(e for e in self._catalogue.values() if e.kernel_group)
         # Two threads may compute the same result; the lock guards the caches only.
         self._lock = Lock()
@@ -157,7 +157,7 @@ class ForwardModel:
         """The machine's effects and those in `settings`, as they are in run `index`."""
         chosen = {a.name: a for a in self._own[index]}
         for name, values in settings.items():
-            if values.get(RUN, -1) in (-1, index) and name not in self._off[index]:
+            if values.get(RUN, -1) in (-1, index) and name not in self._absent[index]:
                 chosen[name] = _active(self._catalogue[name], values, index)
         return in_order(chosen.values(), self._catalogue)
 

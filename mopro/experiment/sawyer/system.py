@@ -36,7 +36,7 @@ from mopro.experiment.wording import advice
 from mopro.formula.written import WrittenEffect
 from mopro.machine import Machine
 from mopro.machine.formulas import read_formulas
-from mopro.machine.run_effects import left_out as off_in
+from mopro.machine.run_effects import absence_notes
 from mopro.plant import Stepping
 from mopro.program import AXES
 from mopro.source import Source
@@ -61,10 +61,10 @@ def loaded(entries: SawyerEntries, machine: Machine | None = None) -> Experiment
     units and columns are not guessed.
     """
     experiment = read_runs(entries)
-    doubts = check(experiment)
+    found = check(experiment)
     machine = machine or experiment.machine
-    off = off_in(machine.name, machine.runs, experiment.trials)
-    return replace(experiment, machine=machine, notes=(*experiment.notes, *doubts, *off))
+    absent = absence_notes(machine.name, machine.runs, experiment.trials)
+    return replace(experiment, machine=machine, notes=(*experiment.notes, *found, *absent))
 
 
 @dataclass(frozen=True)

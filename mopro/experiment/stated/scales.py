@@ -94,13 +94,13 @@ def unstated_steps(model: Model) -> list[str]:
 # -- levels, where little changes ----------------------------------------------------------
 
 
-def _levels(model: Model, predicted: Sequence[Floats], told: Collection[str]) -> Iterator[str]:
+def _levels(model: Model, predicted: Sequence[Floats], reported: Collection[str]) -> Iterator[str]:
     """Notes on sensors that stand at a known multiple of where they should stand."""
     for run in model.experiment.trials:
         rows = [i for i, (own, _) in enumerate(model.readings) if own is run]
         for i in rows:
             reading = model.readings[i][1]
-            if reading.sensor.name in told or reading.sensor.scale is None:
+            if reading.sensor.name in reported or reading.sensor.scale is None:
                 continue
             if model.machine.kind == KINEMATIC:
                 found = _level(reading.values, predicted[i], "the command")

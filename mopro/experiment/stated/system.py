@@ -200,8 +200,9 @@ def studied(stated: StatedExperiment, foreign: Simulate | None) -> Stated:
     data = plain_series(model)
     _check_runs(model, parameters)
     base = fitted_base(model, data, parameters)
-    doubts = (f"{n.name}: {n.doubt}" for n in experiment.machine.numbers.values() if n.doubt)
-    notes = [*doubts, *check_scales(model, data, base), *base.notes, *unstated_steps(model)]
+    numbers = experiment.machine.numbers.values()
+    own = (f"{number.name}: {number.note}" for number in numbers if number.note)
+    notes = [*own, *check_scales(model, data, base), *base.notes, *unstated_steps(model)]
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
     if not foreign and (noises := stated_noise(model)):
         series = beside_input_noise(model, base.settings, series, noises)

@@ -425,13 +425,13 @@ def _unit(_: Path) -> Take:
 
 
 def _quantity(_: Path) -> Take:
-    from mopro.units import UNITS, is_bare_number, parse_quantity
+    from mopro.units import UNITS, is_number_without_unit, parse_quantity
 
     kinds = [(kind, unit) for unit, (kind, _) in UNITS.items()]
 
     def take(data: bytes) -> None:
         text = data[1:].decode("utf-8", "replace")
-        is_bare_number(text)
+        is_number_without_unit(text)
         kind, unit = kinds[(data[0] if data else 0) % len(kinds)]
         try:
             parse_quantity(text, kind, unit)
