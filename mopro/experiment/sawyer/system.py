@@ -68,30 +68,14 @@ def loaded(entries: SawyerEntries, machine: Machine | None = None) -> Experiment
 
 
 @dataclass(frozen=True)
-class Sawyer:
-    """A Sawyer motor with its runs; a `System`.
+class Sawyer(System):
+    """A Sawyer motor with its runs.
 
     `resolved`: its model has the drive's microsteps, else its angle moves smoothly.
     """
 
     experiment: Experiment
     resolved: bool = False
-
-    @property
-    def name(self) -> str:
-        return self.experiment.machine.name
-
-    @property
-    def source(self) -> Source:
-        return self.experiment.source
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return self.experiment.notes
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        return tuple(trial.name for trial in self.experiment.trials)
 
     @cached_property
     def model(self) -> Model:

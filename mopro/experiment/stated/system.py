@@ -48,8 +48,8 @@ _ADVICE = (
 
 
 @dataclass(frozen=True)
-class Stated:
-    """A stated machine with its runs; a `System`.
+class Stated(System):
+    """A stated machine with its runs.
 
     `stated`: the experiment as its file has it, before signs and zeros were chosen. `base`: the
     free numbers as they fit without effects.
@@ -60,22 +60,6 @@ class Stated:
     model: Model
     base: BaseFit
     series: tuple[Series, ...]
-
-    @property
-    def name(self) -> str:
-        return self.experiment.machine.name
-
-    @property
-    def source(self) -> Source:
-        return self.experiment.source
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return self.experiment.notes
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        return tuple(run.name for run in self.experiment.trials)
 
     @property
     def effects(self) -> frozenset[str]:
