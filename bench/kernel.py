@@ -25,7 +25,7 @@ from mopro.effects.resolve import active_effects
 from mopro.machine import load_machine
 from mopro.motion import plan
 from mopro.plant import Stepping, simulate
-from mopro.plant.engine import Engine
+from mopro.plant.integration import Integration
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -50,22 +50,22 @@ SETS = (
 FIRST = ((), ("coulomb_friction",), SETS[-1])
 
 
-def engine(names: tuple[str, ...], compiled: bool) -> Engine:
+def integration(names: tuple[str, ...], compiled: bool) -> Integration:
     """The engine of the axis of PROGRAM with these effects at their defaults."""
     machine = load_machine("chow1992")
     active = active_effects(machine.with_effects({name: {} for name in names}), catalogue())
     run = simulate(plan(PROGRAM), machine, active, Stepping(STEP_S), compiled=compiled)
-    return run._axes[1]._engine
+    return run._axes[1]._integration
 
 
 def nanoseconds_per_step(names: tuple[str, ...], compiled: bool) -> float:
     """The median time of a step of STEP_S, from rest into even acceleration and on."""
     lasting_s = 0.8 if compiled else 0.05
     knots = np.arange(0.0, lasting_s, KNOT_S)
-    engine(names, compiled).through(knots[:3])
+    integration(names, compiled).through(knots[:3])
     times = []
     for _ in range(REPEATS):
-        moving = engine(names, compiled)
+        moving = integration(names, compiled)
         start = time.process_time()
         moving.through(knots)
         times.append(time.process_time() - start)

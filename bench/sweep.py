@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from mopro.machine import load_machine
-from mopro.plant.engine import Engine
+from mopro.plant.integration import Integration
 from mopro.process.jobs import in_processes
 from mopro.program.compile import compile_file
 from mopro.sweeps import Sweep
@@ -73,7 +73,7 @@ def gained() -> float:
 def profiled(sweep: Sweep) -> None:
     """Print the time of a run, and the kernel's share of it."""
     variants = [sweep.subject.variant(task.values) for task in sweep.tasks[:PROFILED]]
-    in_kernel, through = [0.0], Engine.through
+    in_kernel, through = [0.0], Integration.through
 
     def measured(engine, *args):
         kernel = engine._kernel
@@ -90,12 +90,12 @@ def profiled(sweep: Sweep) -> None:
         finally:
             engine._kernel = kernel
 
-    Engine.through = measured
+    Integration.through = measured
     begun_s = time.process_time()
     for variant in variants:
         figures_of(variant, None, True)
     spent_s = time.process_time() - begun_s
-    Engine.through = through
+    Integration.through = through
     print(
         f"a run {1e3 * spent_s / len(variants):.2f} ms of CPU time, of these "
         f"{1e3 * in_kernel[0] / len(variants):.2f} in the kernel"

@@ -21,7 +21,7 @@ from helpers.stated import DRIVE, FRICTION_OF_PLACE, drive_folder, write
 from mopro.effects import catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.experiment.opened import open_experiment
-from mopro.experiment.sawyer.file import instrument
+from mopro.experiment.sawyer.entries import instrument
 from mopro.machine.file import read_machine
 from mopro.plant import measure
 from mopro.source import Source

@@ -20,7 +20,7 @@ import click
 
 from mopro import stated
 from mopro.cli.main import group
-from mopro.effects.document import markdown as effects
+from mopro.effects.catalogue_page import markdown as effects
 from mopro.formula.signals import SIGNALS
 from mopro.language.ast import Statement
 from mopro.language.parse import statement_kinds

@@ -116,7 +116,7 @@ def parse_quantity(text: str, dimension: str, default_unit: str) -> float:
     return quantity
 
 
-def is_bare_number(text: str) -> bool:
+def is_number_without_unit(text: str) -> bool:
     """True for a number other than 0 without a unit."""
     match = _QUANTITY.fullmatch(text)
     return match is not None and match[2] is None and float(match[1]) != 0

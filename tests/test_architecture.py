@@ -4,6 +4,7 @@ import ast
 import pkgutil
 import re
 import sys
+from collections import Counter
 
 import grimp
 import pytest
@@ -132,3 +133,34 @@ def test_the_architecture_page_names_functions():
 @pytest.mark.parametrize("name", NAMED)
 def test_what_the_architecture_page_names_is_there(name):
     assert pkgutil.resolve_name(name) is not None
+
+
+# -- names ------------------------------------------------------------------------
+
+# Names of several modules that mean the same thing in each, by why that is so.
+SAME_MEANING = {
+    "a command, a page or a figure has the name of what it runs or shows": {
+        "blind", "comparison", "conclusion", "limits", "link", "lint", "live", "logs", "run",
+        "serve",
+    },
+    "a rule has the name of what it judges": {"language", "motion", "text"},
+    "one protocol, and those that keep it": {"backend", "system"},
+    "the same step for a Sawyer motor and for a machine whose equations a file states": {
+        "candidates", "entries", "file", "integrate", "model", "repaired", "simulation",
+    },
+    "machines whose equations a file states, and the experiments on them": {"stated"},
+    "effects have the name of the part of the plant that they act on": {"heat", "measurement"},
+    "the reference plant has the parts of the plant that it judges": {"axis", "heat", "plant"},
+    "the search for them, and the passes that decide on its finds": {"alternatives"},
+    "numba is asked for in one place of the engine, which stands alone, and of the kernel": {
+        "compiled"
+    },
+}  # fmt: skip
+
+
+def test_a_name_of_a_module_stands_once(graph):
+    counts = Counter(module.rpartition(".")[2] for module in graph.modules if "mopro" in module)
+    several = {name for name, count in counts.items() if count > 1}
+    same = set().union(*SAME_MEANING.values())
+    assert sorted(several - same) == [], "another thing has this name: call it by what it is"
+    assert sorted(same - several) == [], "stands once by now: take it from the exceptions"

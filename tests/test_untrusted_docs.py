@@ -12,7 +12,7 @@ from mopro.controller.serve import IDLE_S
 from mopro.emulator.backend import MOST_SAMPLES
 from mopro.experiment import data_file as data
 from mopro.formula import entry as entries
-from mopro.formula import language as formulas
+from mopro.formula import expressions as formulas
 from mopro.formula.dimension import LARGEST_EXPONENT, MOST_FACTORS
 from mopro.instruments import laboratory
 from mopro.language.load import MOST_BYTES as MOST_PROGRAM_BYTES
@@ -22,8 +22,8 @@ from mopro.link.template import MOST_DIGITS
 from mopro.lint.stall_margins import MOST_EMULATED_S
 from mopro.logs import containers, layout, log
 from mopro.logs.hdf5 import LEAST_S, S_PER_MB
-from mopro.lsp.server import MOST_BYTES as MOST_MESSAGE_BYTES
-from mopro.lsp.server import MOST_CHARACTERS
+from mopro.lsp.language_server import MOST_BYTES as MOST_MESSAGE_BYTES
+from mopro.lsp.language_server import MOST_CHARACTERS
 from mopro.machine.model import FASTEST_1_S
 from mopro.motion.planner import LONGEST_RUN_S, MOST_STATEMENTS
 from mopro.program.lower import MOST_DWELL_MS
@@ -32,7 +32,7 @@ from mopro.stated import file as rigs
 from mopro.sweeps import results, varied
 from mopro.tomlfile import MOST_BYTES as MOST_TOML_BYTES
 from mopro.tomlfile.scan import MOST_LEVELS
-from mopro.viewer import server
+from mopro.viewer import page_server
 
 MIB = 1 << 20
 BOUNDS = [
@@ -52,7 +52,7 @@ BOUNDS = [
     ),
     ("a unit", [f"exponents of {MOST_FACTORS}"]),
     ("a log (HDF5)", [f"within {LEAST_S:g} s and {S_PER_MB:g} s for each MB"]),
-    ("a live page", [f"{server.MOST_CONNECTIONS} connections, {server.PATIENCE_S:g} s"]),
+    ("a live page", [f"{page_server.MOST_CONNECTIONS} connections, {page_server.PATIENCE_S:g} s"]),
     ("program", [f"{MOST_PROGRAM_BYTES // MIB} MiB", f"{MOST_COLUMNS} characters a line"]),
     ("program", [f"{MOST_LINES} lines"]),
     ("program", [f"{MOST_DIGITS_OF_PROGRAM} characters a number"]),

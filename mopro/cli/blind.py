@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,6 +14,10 @@ from mopro.cli.outputs import claimed, drawn, keep_inputs, page_bytes
 from mopro.cli.progress import each_counted
 from mopro.cli.say import print_markdown, say, say_json
 from mopro.errors import DataError
+
+if TYPE_CHECKING:
+    from mopro.blind.scoring.scored_cases import CaseFolder
+    from mopro.blind.scoring.verdict_source import VerdictSource
 
 _GRIDS = (
     "smoke", "small", "full", "deleted", "foreign", "short", "constants", "noise", "base",
@@ -116,13 +121,10 @@ def score(
     jobs: int,
     cases: str | None,
     sample: int | None,
-    again: bool,
     follow: bool,
-    patience: float,
-    allow_python: bool,
-    answers_from: Path | None,
     as_json: bool,
     report: Path | None,
+    **asking: Any,
 ) -> int:
     """Ask `mopro reconcile` about each case of FOLDER and compare with the answers.
 
@@ -134,21 +136,12 @@ def score(
     """
     from mopro.blind.scoring.score import Score, page
     from mopro.blind.scoring.scored_cases import CaseFolder, follow_up_cases, judge_cases
-    from mopro.blind.scoring.verdict_source import VerdictSource
 
     found = CaseFolder.read(folder, _case_numbers(cases), sample)
     keep_inputs([("--report", report)], [("FOLDER", file) for file in found.files])
     if follow:
         found.refuse_foreign_follow_ups()
-    # The processes share the cores: more threads than those would only wait for each other.
-    simulations = max((os.cpu_count() or 1) // jobs, 1)
-    source = VerdictSource(again, patience, allow_python, answers_from, simulations)
-    if not (allow_python or answers_from) and (programs := found.programs):
-        raise DataError(
-            f"{programs[0]}: a program, which is run only with --allow-python: look at it first, "
-            "if you did not make these cases",
-            "not-allowed",
-        )
+    source = _source(found, jobs, **asking)
     with claimed(report):
         asked = judge_cases(found, source, jobs)
         judged = each_counted(asked, len(found.cases), "asking", "cases")
@@ -161,3 +154,25 @@ def score(
     else:
         print_markdown(page(result))
     return 0 if all_drawn else EXIT_FAILED
+
+
+def _source(
+    cases: CaseFolder,
+    jobs: int,
+    again: bool,
+    patience: float,
+    allow_python: bool,
+    answers_from: Path | None,
+) -> VerdictSource:
+    """Where verdicts come from, for `jobs` asked at once; DataError for programs not allowed."""
+    from mopro.blind.scoring.verdict_source import VerdictSource
+
+    if not (allow_python or answers_from) and (programs := cases.programs):
+        raise DataError(
+            f"{programs[0]}: a program, which is run only with --allow-python: look at it first, "
+            "if you did not make these cases",
+            "not-allowed",
+        )
+    # The processes share the cores: more threads than those would only wait for each other.
+    simulations = max((os.cpu_count() or 1) // jobs, 1)
+    return VerdictSource(again, patience, allow_python, answers_from, simulations)

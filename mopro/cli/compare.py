@@ -16,7 +16,7 @@ from mopro.units import residual_unit
 
 if TYPE_CHECKING:
     from mopro.experiment.comparison import Comparison, Place, SeriesTest
-    from mopro.experiment.opened import Opened
+    from mopro.experiment.opened import ExperimentFile, Opened
 
 _MOST_ROWS = 40
 _PLACES = (
@@ -79,51 +79,58 @@ def command(
     from mopro.experiment.comparison import DISAGREEMENT
     from mopro.experiment.opened import experiment_file
 
-    inputs: list[Named] = [("EXPERIMENT", experiment)]
     stated = experiment_file(experiment)
+    inputs: list[Named] = [("EXPERIMENT", experiment), ("--apply", machine_file(applied))]
     inputs += [("EXPERIMENT", file) for file in stated.files]
-    keep_inputs(
-        [("--plot", plot), ("--report", report)], [*inputs, ("--apply", machine_file(applied))]
-    )
+    keep_inputs([("--plot", plot), ("--report", report)], inputs)
+    loaded, comparison, before = _compared(stated, applied, allow_python, seed, (plot, report))
+    gaps = [] if before is None else list(_gaps(before, comparison))
+    if as_json:
+        answer = {"experiment": experiment, "machine": loaded.machine_name, **comparison.as_json()}
+        answer |= {} if applied is None else {"applied": gaps}
+        say_json(answer | ({} if loaded.rows is None else {"rows": loaded.rows.rows.as_json()}))
+    else:
+        _print(comparison, gaps)
+    title = f"{experiment} on {loaded.machine_name}"
+    # A list, so that both are drawn even if the first fails.
+    both = [
+        drawn(plot, lambda form: _figure_of(comparison, before, title, form)),
+        drawn(report, lambda _: _page(loaded, comparison, before)),
+    ]
+    return EXIT_FAILED if comparison.verdict == DISAGREEMENT or not all(both) else 0
+
+
+def _compared(
+    stated: ExperimentFile,
+    applied: str | None,
+    allow_python: bool,
+    seed: int,
+    outputs: tuple[Path | None, ...],
+) -> tuple[Opened, Comparison, Comparison | None]:
+    """The experiment, its comparison, and that before the machine `applied`, if one is.
+
+    The `outputs` are claimed meanwhile, so that a place that cannot be written is told before.
+    """
     if applied is None:
         loaded = stated.opened(allow_python=allow_python)
     else:
         loaded = stated.before(applied, allow_python)
-    told = _tell(loaded.notes)
-    with claimed(plot, report):
-        comparison, before = loaded.compare(seed), None
-        if applied is not None:
-            loaded, before = stated.opened(applied, allow_python), comparison
-            _tell(note for note in loaded.notes if note not in told)
-            comparison = loaded.compare(seed)
-    gaps = [] if before is None else list(_gaps(before, comparison))
-    if as_json:
-        answer = {"experiment": experiment, "machine": loaded.machine_name, **comparison.as_json()}
-        if applied is not None:
-            answer["applied"] = gaps
-        if loaded.rows is not None:
-            answer["rows"] = loaded.rows.rows.as_json()
-        say_json(answer)
-    else:
-        _print(comparison)
-        _print_gaps(gaps)
-    title = f"{experiment} on {loaded.machine_name}"
-    # A list, so that both are drawn even if the first fails.
-    all_drawn = all(
-        [
-            drawn(plot, lambda form: _figure_of(comparison, before, title, form)),
-            drawn(report, lambda _: _page(loaded, comparison, before)),
-        ]
-    )
-    return EXIT_FAILED if comparison.verdict == DISAGREEMENT or not all_drawn else 0
+    said = _tell(loaded.notes)
+    with claimed(*outputs):
+        comparison = loaded.compare(seed)
+        if applied is None:
+            return loaded, comparison, None
+        loaded, before = stated.opened(applied, allow_python), comparison
+        _tell(note for note in loaded.notes if note not in said)
+        return loaded, loaded.compare(seed), before
 
 
 def _tell(notes: Iterable[str]) -> tuple[str, ...]:
     """Say the notes on standard error, and give them."""
-    told = tuple(notes)
-    for note in told:
+    said = tuple(notes)
+    for note in said:
         say(note, err=True)
-    return told
+    return said
 
 
 def _figure_of(comparison: Comparison, before: Comparison | None, title: str, form: str) -> bytes:
@@ -154,7 +161,6 @@ def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, object]]:
 
 
 def _print_gaps(gaps: Sequence[dict[str, object]]) -> None:
-
     if gaps:
         keys = ("before_rms", "after_rms", "noise_rms")
         rows = [
@@ -173,8 +179,7 @@ def _size(value: object, unit: str, form: str = ".3g") -> str:
     return "-" if value is None else f"{value:{form}} {residual_unit(unit)}"
 
 
-def _print(comparison: Comparison) -> None:
-
+def _print(comparison: Comparison, gaps: Sequence[dict[str, object]]) -> None:
     print_table(_SERIES, map(_series_cells, comparison.series), _MOST_ROWS)
     print_table(_PLACES, map(_place_cells, comparison.where), _MOST_ROWS)
     for own in comparison.calibration:
@@ -184,6 +189,7 @@ def _print(comparison: Comparison) -> None:
     for note in comparison.notes:
         say(f"{note[0].upper()}{note[1:]}.")
     say(f"{comparison.verdict}{_reason(comparison)}")
+    _print_gaps(gaps)
 
 
 def _reason(comparison: Comparison) -> str:

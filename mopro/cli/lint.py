@@ -58,14 +58,9 @@ _EXPLAIN_ALL = "all"
 )
 @click.option("--strict", is_flag=True, help="Exit with 1 for notes too.")
 def command(
-    files: tuple[str, ...],
-    form: str,
-    fix: bool,
-    diff: bool,
-    explain: str | None,
-    strict: bool,
+    files: tuple[str, ...], form: str, fix: bool, diff: bool, explain: str | None, strict: bool,
     **chosen: Any,
-) -> int:
+) -> int:  # fmt: skip
     """Tell what is wrong or dangerous in programs, before a machine moves.
 
     FILE may be - for standard input. Options win over `mopro.toml` and `[tool.mopro]` of
@@ -79,10 +74,7 @@ def command(
     if not files:
         raise click.UsageError("name a file, or - for standard input")
     if fix:
-        from mopro.cli.outputs import keep_inputs, machine_file
-
-        machine = machine_file(chosen["machine"])
-        keep_inputs([("--fix", file) for file in files], [("--machine", machine)])
+        _keep_machine(files, chosen["machine"])
     # Files of one folder have the same.
     settings_in = cache(partial(_settings, chosen))
     tell_of = cache(_tell_of_runs)
@@ -102,6 +94,13 @@ def command(
     if not diff:
         _tell(reports, form, fix and "-" in files)
     return code
+
+
+def _keep_machine(files: tuple[str, ...], machine: str | None) -> None:
+    """UsageError if --fix would write the machine's file."""
+    from mopro.cli.outputs import keep_inputs, machine_file
+
+    keep_inputs([("--fix", file) for file in files], [("--machine", machine_file(machine))])
 
 
 def _fails(report: Report, strict: bool) -> bool:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mopro.recording import Run
     from mopro.recording.record import Columns
     from mopro.viewer.live import ControllerPanel, LiveRun
-    from mopro.viewer.server import Page
+    from mopro.viewer.page_server import Page
 
 # A run waits so long for its page to be looked at.
 _LOOKED_AT_S = 10.0
@@ -76,8 +76,8 @@ def live_run(program: Program, machine: Machine, for_s: float | None) -> Iterato
     _need_the_extra()
     from mopro.link import Signals
     from mopro.viewer.live import LiveRun
+    from mopro.viewer.page_server import Page
     from mopro.viewer.run import schedule_of
-    from mopro.viewer.server import Page
 
     run, signals = LiveRun(program, machine, schedule_of(machine, program, for_s)), Signals()
     stop = {"stop": lambda body: _ask(signals)}
@@ -100,7 +100,7 @@ def controller_panel(station: Station, machine: Machine) -> Iterator[ControllerP
     """The page of a virtual controller during the block."""
     _need_the_extra()
     from mopro.viewer.live import FAULTS, ControllerPanel
-    from mopro.viewer.server import Page
+    from mopro.viewer.page_server import Page
 
     panel = ControllerPanel(station, machine)
     acts = {"stop": panel.stop, "fault": panel.fault}
@@ -112,7 +112,7 @@ def controller_panel(station: Station, machine: Machine) -> Iterator[ControllerP
 @contextmanager
 def _served(page: Page) -> Iterator[None]:
     """Serve `page`, tell its address, and open it where a person sits at a terminal."""
-    from mopro.viewer.server import in_browser, serving
+    from mopro.viewer.page_server import in_browser, serving
 
     with serving(page) as address:
         say(f"Page: {address}", err=True)
@@ -122,7 +122,7 @@ def _served(page: Page) -> Iterator[None]:
 
 def _need_the_extra() -> None:
     try:
-        import mopro.viewer.server  # noqa: F401
+        import mopro.viewer.page_server  # noqa: F401
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in _OF_THE_EXTRA:
             raise

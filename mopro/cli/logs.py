@@ -12,8 +12,10 @@ from mopro.cli.main import EXIT_FAILED
 from mopro.cli.say import say, say_json
 
 if TYPE_CHECKING:
+    from mopro.importing import Imported
     from mopro.logs import Asked, Column, Log
     from mopro.noise import NoiseReport
+    from mopro.noise.spectral import Line, Memory
 
 
 _TIME_UNITS = ("s", "ms", "us", "ns", "min", "h")
@@ -80,11 +82,8 @@ def import_logs(
     commands: tuple[str, ...],
     measured: tuple[str, ...],
     units: tuple[str, ...],
-    time: str | None,
-    time_unit: str | None,
-    rate: float | None,
-    missing: tuple[str, ...],
     as_json: bool,
+    **stated: Any,
 ) -> None:
     """Make an experiment of a log: its data, a machine file and an experiment file.
 
@@ -97,31 +96,37 @@ def import_logs(
     from mopro.importing import Wishes, import_logs
 
     wishes = Wishes(kind, commands, measured, dict(map(_column_and_unit, units)))
-    done = import_logs(logs, folder, wishes, asked_of(time, time_unit, rate, missing))
-    checks = _checks(done.files[0])
+    done = import_logs(logs, folder, wishes, asked_of(**stated))
     if as_json:
-        answer = {
-            "kind": done.proposal.kind,
-            "files": [str(file) for file in done.files],
-            "command": done.proposal.command and done.proposal.command.raw,
-            "inputs": [s.raw for s in done.proposal.inputs],
-            "sensors": [s.raw for s in done.proposal.sensors],
-            "unused": {s.raw: s.reason for s in done.proposal.unused},
-            "decisions": [
-                {"subject": d.subject, "taken_as": d.taken_as, "reason": d.reason, "check": d.check}
-                for d in done.decisions
-            ],
-            "check": checks,
-            "rows": done.rows.as_json(),
-        }
-        say_json(answer)
-        return
+        say_json(_as_json(done))
+    else:
+        _print_import(done)
+
+
+def _as_json(done: Imported) -> dict[str, Any]:
+    return {
+        "kind": done.proposal.kind,
+        "files": [str(file) for file in done.files],
+        "command": done.proposal.command and done.proposal.command.raw,
+        "inputs": [s.raw for s in done.proposal.inputs],
+        "sensors": [s.raw for s in done.proposal.sensors],
+        "unused": {s.raw: s.reason for s in done.proposal.unused},
+        "decisions": [
+            {"subject": d.subject, "taken_as": d.taken_as, "reason": d.reason, "check": d.check}
+            for d in done.decisions
+        ],
+        "check": _checks(done.files[0]),
+        "rows": done.rows.as_json(),
+    }
+
+
+def _print_import(done: Imported) -> None:
     for decision in done.decisions:
         say(str(decision))
     for signal in done.proposal.signals:
         role = "not used" if signal.role == "unused" else signal.role
         say(f"column {signal.raw}: {role} ({signal.reason})")
-    for words in checks:
+    for words in _checks(done.files[0]):
         say(f"CHECK: {words}")
     say(f"written: {', '.join(map(str, done.files))}")
     say(f"next: mopro compare {done.files[0]}")
@@ -163,11 +168,8 @@ def noise(
     wanted: tuple[str, ...],
     start_s: float | None,
     end_s: float | None,
-    time: str | None,
-    time_unit: str | None,
-    rate: float | None,
-    missing: tuple[str, ...],
     as_json: bool,
+    **stated: Any,
 ) -> int:
     """Tell the noise of a log's columns at standstill, and what to state of it.
 
@@ -178,35 +180,40 @@ def noise(
     Example: mopro noise standstill.csv --column position_1_in
     """
     from mopro.logs import read_log
-    from mopro.logs.column_names import is_command
-    from mopro.noise import TooShort
 
-    log = read_log(data, asked_of(time, time_unit, rate, missing))
-    told: list[dict[str, Any]] = []
-    found = 0
-    for column in _chosen(log, wanted):
-        if is_command(column.name) and not wanted:
-            told.append({"column": column.raw, "reason": "it is a command by its name"})
-            continue
-        try:
-            rows, noise = _noise_of(log, column, start_s, end_s)
-        except TooShort as error:
-            entry: dict[str, Any] = {"column": column.raw, "reason": str(error)}
-        else:
-            entry = as_data(column, log, rows, noise)
-            found += 1
-        told.append(entry | {"ends": _ends(column, log)})
+    log = read_log(data, asked_of(**stated))
+    entries = [
+        _entry(log, column, start_s, end_s, named=bool(wanted)) for column in _chosen(log, wanted)
+    ]
     if as_json:
         answer = {
             "file": str(data),
-            "columns": told,
+            "columns": entries,
             "decisions": list(map(str, log.decisions)),
             "rows": log.rows.as_json(),
         }
         say_json(answer)
     else:
-        _print(log, told)
-    return 0 if found else EXIT_FAILED
+        _print(log, entries)
+    return 0 if any("reason" not in entry for entry in entries) else EXIT_FAILED
+
+
+def _entry(
+    log: Log, column: Column, start_s: float | None, end_s: float | None, named: bool
+) -> dict[str, Any]:
+    """The noise of a column, or the reason why none is told: that of a command, if not `named`."""
+    from mopro.logs.column_names import is_command
+    from mopro.noise import TooShort
+
+    if is_command(column.name) and not named:
+        return {"column": column.raw, "reason": "it is a command by its name"}
+    try:
+        rows, noise = _noise_of(log, column, start_s, end_s)
+    except TooShort as error:
+        entry: dict[str, Any] = {"column": column.raw, "reason": str(error)}
+    else:
+        entry = as_data(column, log, rows, noise)
+    return entry | {"ends": _ends(column, log)}
 
 
 def _chosen(log: Log, wanted: tuple[str, ...]) -> list[Column]:
@@ -264,7 +271,6 @@ def as_data(column: Column, log: Log, rows: Any, noise: NoiseReport) -> dict[str
             "line": log.line_of(int(rows[first])),
         }
 
-    memory = noise.memory
     return {
         "column": column.raw,
         "unit": column.unit,
@@ -278,29 +284,8 @@ def as_data(column: Column, log: Log, rows: Any, noise: NoiseReport) -> dict[str
             "hidden_by_step": noise.hidden,
         },
         "adc_step": noise.step,
-        "memory": None
-        if memory is None
-        else {
-            "kind": memory.kind,
-            "white_rms": memory.white_rms,
-            "correlation": memory.correlation,
-            "correlation_ci": memory.correlation_ci,
-            "time_constant_s": memory.time_constant_s,
-            "corner_hz": memory.corner_hz,
-            "corner_ci_hz": list(memory.corner_ci_hz),
-            "slope": memory.slope,
-            "slope_ci": memory.slope_ci,
-        },
-        "hum": [
-            {
-                "frequency_hz": line.frequency_hz,
-                "frequency_ci_hz": line.frequency_ci_hz,
-                "amplitude": line.amplitude,
-                "amplitude_ci": line.amplitude_ci,
-                "mains_hz": line.mains_hz,
-            }
-            for line in noise.lines
-        ],
+        "memory": noise.memory and _memory_as_data(noise.memory),
+        "hum": [_line_as_data(line) for line in noise.lines],
         "outliers": [
             {"time_s": float(times[i]), "line": log.line_of(int(rows[i]))} for i in noise.outliers
         ],
@@ -308,6 +293,30 @@ def as_data(column: Column, log: Log, rows: Any, noise: NoiseReport) -> dict[str
         "held_for": noise.held,
         "wanders": noise.wanders,
         "state": _state(noise),
+    }
+
+
+def _memory_as_data(memory: Memory) -> dict[str, Any]:
+    return {
+        "kind": memory.kind,
+        "white_rms": memory.white_rms,
+        "correlation": memory.correlation,
+        "correlation_ci": memory.correlation_ci,
+        "time_constant_s": memory.time_constant_s,
+        "corner_hz": memory.corner_hz,
+        "corner_ci_hz": list(memory.corner_ci_hz),
+        "slope": memory.slope,
+        "slope_ci": memory.slope_ci,
+    }
+
+
+def _line_as_data(line: Line) -> dict[str, Any]:
+    return {
+        "frequency_hz": line.frequency_hz,
+        "frequency_ci_hz": line.frequency_ci_hz,
+        "amplitude": line.amplitude,
+        "amplitude_ci": line.amplitude_ci,
+        "mains_hz": line.mains_hz,
     }
 
 
@@ -321,11 +330,11 @@ def _state(noise: NoiseReport) -> dict[str, float]:
     return stated
 
 
-def _print(log: Log, told: list[dict[str, Any]]) -> None:
+def _print(log: Log, entries: list[dict[str, Any]]) -> None:
     for decision in log.decisions:
         say(f"{'CHECK: ' if decision.check else ''}{decision}")
     say(f"{'CHECK: ' if log.rows.to_check else ''}rows: {log.rows}")
-    for entry in told:
+    for entry in entries:
         say()
         if "reason" in entry:
             say(f"{entry['column']}: no noise told: {entry['reason']}")

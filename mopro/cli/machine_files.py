@@ -144,7 +144,7 @@ def effects() -> None:
 
     Example: mopro machine effects > effects.md
     """
-    from mopro.effects.document import markdown
+    from mopro.effects.catalogue_page import markdown
 
     say(markdown(), nl=False)
 
@@ -267,7 +267,7 @@ def limits(
 
     Example: mopro limits --payload 5lb --plot limits.png
     """
-    from mopro.emulator.limits import PROFILES, find_limits, with_full_drive
+    from mopro.emulator.limits import find_limits, with_full_drive
     from mopro.machine import load_machine
 
     keep_inputs([("--plot", plot)], [("--machine", machine_file(machine))])
@@ -285,13 +285,20 @@ def limits(
 
     print_table(_OF_LIMITS, map(_of_limit, limits), 1000)
     say(f"{loaded.name}, payload {payload:g} kg; the timed move is {distance:g} in.")
+    _print_soonest(limits)
+    return code
+
+
+def _print_soonest(limits: list[Limit]) -> None:
+    """For each profile the duration of its fastest move."""
+    from mopro.emulator.limits import PROFILES
+
     for profile in PROFILES:
         moves = [
             (e.duration_s, e.velocity) for e in limits if e.profile == profile and e.duration_s
         ]
         if moves:
             say(f"Soonest with {profile}: {min(moves)[0]:.4f} s at {min(moves)[1]:g} in/s.")
-    return code
 
 
 def _of_limit(limit: Limit) -> list[str]:

@@ -25,8 +25,9 @@ from mopro.units import INCH_M
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
-    from mopro.experiment.sawyer.model import Floats
+    from mopro.experiment.sawyer.trials import Floats
     from mopro.instruments.sensor import Sensor
+    from mopro.program import Program
     from mopro.recording import Recording
 
 # Instruments of the thesis, with raw files of their own.
@@ -74,38 +75,48 @@ def command(
 
     Example: mopro measure programs/LVDT3.CMD --instrument laser --out pass.csv
     """
-    from mopro.emulator import Emulator
-    from mopro.machine import load_machine
-    from mopro.recording import MemorySink
-
     own = None if instrument in _LABORATORY else instrument
     inputs = [("FILE", file), ("--machine", machine_file(machine)), ("--instrument", own)]
     keep_inputs([("--out", out)], inputs)
     sensor = None if own is None else _sensor(own, axis, out)
     program = compiled_program(file, grammar)
-    rate_hz = 10.0 if _is_slow(instrument, sensor) else 4000.0
-    plant = load_machine(machine)
-    tell_of_runs(plant)
-    emulator = Emulator(plant, payload, rate_hz, seed)
+    emulator = _emulator(machine, payload, _is_slow(instrument, sensor), seed)
     if instrument == "lvdt" and for_s is None:
         for_s = _lvdt_duration_s()
-    sink = MemorySink()
-    with claimed(out), simulated() as told:
-        run = emulator.run(program, sink, for_s, told=told)
-    recording = sink.recording(emulator.header(program), run)
-    noise_seed = None if no_ripple else seed
+    recording = _recorded(emulator, program, for_s, out)
+    noise = None if no_ripple else seed
     if sensor is not None:
-        count = _sampled(recording, emulator, sensor, noise_seed, out)
+        count = _sampled(recording, emulator, sensor, noise, out)
     elif instrument == "lvdt":
-        count = _lvdt(recording, emulator, axis, noise_seed, out)
+        count = _lvdt(recording, emulator, axis, noise, out)
     else:
         count = _thermocouple(recording, emulator, out)
     say(f"{count} readings: {out}")
 
 
+def _emulator(machine: str, payload: float, slow: bool, seed: int) -> Emulator:
+    """The emulator of a machine, which samples as often as a `slow` instrument or another needs."""
+    from mopro.emulator import Emulator
+    from mopro.machine import load_machine
+
+    plant = load_machine(machine)
+    tell_of_runs(plant)
+    return Emulator(plant, payload, 10.0 if slow else 4000.0, seed)
+
+
+def _recorded(emulator: Emulator, program: Program, for_s: float | None, out: Path) -> Recording:
+    """The recording of the emulated run, its progress shown; `out` is claimed meanwhile."""
+    from mopro.recording import MemorySink
+
+    sink = MemorySink()
+    with claimed(out), simulated() as show:
+        run = emulator.run(program, sink, for_s, on_progress=show)
+    return sink.recording(emulator.header(program), run)
+
+
 def _sensor(instrument: str, axis: int, out: Path) -> Sensor:
     """The instrument by its name or file; it has no raw format."""
-    from mopro.experiment.sawyer.file import instrument as read_instrument
+    from mopro.experiment.sawyer.entries import instrument as read_instrument
 
     sensor = read_instrument(instrument, axis)
     if out.suffix.lower() == ".dat":

@@ -11,7 +11,7 @@ import click
 
 from mopro.cli.say import say
 from mopro.language.parse import GRAMMARS
-from mopro.units import is_bare_number, parse_quantity, units_of
+from mopro.units import is_number_without_unit, parse_quantity, units_of
 
 if TYPE_CHECKING:
     from mopro.machine import Machine
@@ -132,7 +132,7 @@ class Quantity(click.ParamType[float]):
         if isinstance(value, float):
             return value
         unit = self._default_unit
-        if self._says_unit and param is not None and is_bare_number(value):
+        if self._says_unit and param is not None and is_number_without_unit(value):
             say(f"{param.opts[0]} {value}: taken as {value} {unit}", err=True)
         try:
             quantity = parse_quantity(value, self._dimension, self._default_unit)
@@ -255,13 +255,13 @@ def grammar_option() -> Callable[[Any], Any]:
     )
 
 
-# -- effects that are off ---------------------------------------------------------------------
+# -- effects of other runs ---------------------------------------------------------------------
 # The note on effects of a machine file that are off in a simulation.
 
 
 def tell_of_runs(machine: Machine) -> None:
     """Tell on standard error which effects are off in a simulation, which is a run of its own."""
-    from mopro.machine.runs import left_out
+    from mopro.machine.run_effects import absence_notes
 
-    for line in left_out(machine.name, machine.runs):
+    for line in absence_notes(machine.name, machine.runs):
         say(line, err=True)

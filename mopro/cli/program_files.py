@@ -150,14 +150,14 @@ def lsp() -> int:
     Example: mopro lsp
     """
     try:
-        from mopro.lsp.server import Messages, Told, server
+        from mopro.lsp.language_server import LibraryWarnings, Messages, server
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
         raise click.UsageError("this needs more: pip install 'mopro[lsp]'") from error
     import logging
 
-    logging.getLogger().addHandler(Told(partial(say, err=True)))
+    logging.getLogger().addHandler(LibraryWarnings(partial(say, err=True)))
     messages = Messages(sys.stdin.buffer)
     server.start_io(messages)  # type: ignore[arg-type]
     if messages.fault is not None:

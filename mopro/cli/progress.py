@@ -15,7 +15,7 @@ from mopro.units import UNITS, length_unit_name
 
 if TYPE_CHECKING:
     from mopro.machine import Machine
-    from mopro.machine.backend import Progress, Told
+    from mopro.machine.backend import OnProgress, Progress
     from mopro.program import Program
 
 T = TypeVar("T")
@@ -96,38 +96,38 @@ def duration(seconds: float) -> str:
 
 
 @contextmanager
-def simulated() -> Iterator[Told]:
+def simulated() -> Iterator[OnProgress]:
     """Shows how much of a run is simulated, and how fast."""
     with counted("simulating", 0, "s") as tell:
         yield lambda progress: tell(progress.time_s, progress.total_s)
 
 
 @contextmanager
-def in_motion(unit: str) -> Iterator[Told]:
+def in_motion(unit: str) -> Iterator[OnProgress]:
     """Shows time, line, positions, speed and time left of a run in real time, in `unit`."""
     metres = float(UNITS[unit][1])
     seen: list[Progress] = []
 
-    def told(progress: Progress) -> None:
+    def show(progress: Progress) -> None:
         say_status(_motion_text(progress, seen[-1] if seen else progress, unit, metres))
         seen[:] = [progress]
 
     try:
-        yield told
+        yield show
     finally:
         end_status()
 
 
-def _motion_text(now: Progress, before: Progress, unit: str, metres: float) -> str:
-    elapsed_s = now.time_s - before.time_s
-    gone = [abs(x - before.position_m[axis]) / metres for axis, x in now.position_m.items()]
+def _motion_text(progress: Progress, before: Progress, unit: str, metres: float) -> str:
+    elapsed_s = progress.time_s - before.time_s
+    gone = [abs(x - before.position_m[axis]) / metres for axis, x in progress.position_m.items()]
     speed = max(gone) / elapsed_s if elapsed_s > 0 else 0.0
-    places = ", ".join(f"axis {axis} {x / metres:.3f}" for axis, x in now.position_m.items())
-    left_s = now.total_s - now.time_s
+    places = ", ".join(f"axis {axis} {x / metres:.3f}" for axis, x in progress.position_m.items())
+    left_s = progress.total_s - progress.time_s
     left = f"{duration(left_s)} left" if left_s > 0 else "settling"
     return (
-        f"{now.time_s:.1f} of {now.total_s:.1f} s, line {now.line}, {places} {unit}, "
-        f"{speed:.1f} {unit}/s, {left}"
+        f"{progress.time_s:.1f} of {progress.total_s:.1f} s, line {progress.line}, "
+        f"{places} {unit}, {speed:.1f} {unit}/s, {left}"
     )
 
 

@@ -6,7 +6,7 @@ import time
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from mopro.emulator import Emulator
     from mopro.link import SerialBackend
     from mopro.machine import Machine
-    from mopro.machine.backend import Told
     from mopro.program import Program
     from mopro.recording import Header, Run, Sink
     from mopro.recording.record import Columns
@@ -92,30 +91,7 @@ DEFAULT_OUT = "run.parquet"
 )
 @grammar_option()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(
-    file: str,
-    emulate: bool,
-    port: str | None,
-    machine: str,
-    for_s: float | None,
-    payload: float,
-    rate: float,
-    settle_s: float,
-    seed: int,
-    out: Path,
-    force: bool,
-    plot: Path | None,
-    report: Path | None,
-    live: bool,
-    dialect: str,
-    baud: int | None,
-    trace: Path | None,
-    from_line: int | None,
-    yes: bool,
-    deadline: float | None,
-    grammar: str,
-    as_json: bool,
-) -> int:
+def command(**options: Any) -> int:
     """Run a program and record the motion of the machine.
 
     FILE may be - for standard input. --out replaces a recording, and no other file. Exits
@@ -124,57 +100,97 @@ def command(
 
     Example: mopro run programs/LVDT3.CMD --emulate --payload 5lb --plot lvdt3.png
     """
-    from mopro.machine import load_machine
-
-    outputs = [("--out", out), ("--plot", plot), ("--report", report), ("--trace", trace)]
-    inputs = [("FILE", file), ("--machine", machine_file(machine)), ("--dialect", dialect)]
-    keep_inputs(outputs, inputs)
-    _refuse_contradictions(emulate, port, out, as_json)
-    replaces = replaces_recording(out, force)
-    program = compiled_program(file, grammar)
-    pictures = _Pictures(plot, report, program, grammar)
-    backend: Emulator | SerialBackend
+    asked = _Asked(**options)
+    asked.check()
+    replaces = replaces_recording(asked.out, asked.force)
+    program = compiled_program(asked.file, asked.grammar)
+    pictures = _Pictures(asked.plot, asked.report, program, asked.grammar)
     with ExitStack() as outer, ExitStack() as files:
-        files.enter_context(claimed(plot, report))
-        plant = load_machine(machine)
-        if port is None:
-            tell_of_runs(plant)
-        else:
-            program = _runnable_from(program, from_line, yes, machine, for_s)
-        page = files.enter_context(live_run(program, plant, for_s)) if live else None
+        files.enter_context(claimed(asked.plot, asked.report))
+        plant, program = _loaded(asked, program)
+        page = files.enter_context(live_run(program, plant, asked.for_s)) if asked.live else None
+        backend: Emulator | SerialBackend
         reporting: AbstractContextManager[None] = nullcontext()
-        if port is None:
-            backend = _emulated(files, (plant, payload, rate, seed), page, pictures)
+        if asked.port is None:
+            backend = _emulated(files, asked, plant, page, pictures)
         else:
-            backend = _linked(outer, files, (port, dialect, baud, trace), plant, deadline, page)
+            backend = _linked(outer, files, asked, plant, page)
             reporting = backend.signals.released_in_time()
-        with simulated() if port is None else in_motion(length_unit(program, plant)) as told:
-            run = _recorded(backend, program, (for_s, settle_s), out, pictures, (told, reporting))
+        run = _recorded(backend, program, asked, pictures, reporting)
         run = _closed(files, run, program, page)
-        all_drawn = pictures.draw(backend.header(program), run, plant, machine)
-        tell(run, program, Written(out, replaces), for_s, as_json)
+        all_drawn = pictures.draw(backend.header(program), run, plant, asked.machine)
+        tell(run, program, Written(asked.out, replaces), asked.for_s, asked.as_json)
     return EXIT_FAILED if run.stalled or run.trip or run.trouble or not all_drawn else 0
 
 
-def _refuse_contradictions(emulate: bool, port: str | None, out: Path, as_json: bool) -> None:
-    """UsageError for two back ends or none, options of the other one, and two standard outputs."""
-    if emulate == (port is not None):
-        raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
-    if out == STANDARD and as_json:
-        raise click.UsageError("--json and --out - would both write to standard output")
-    if emulate:
-        _only_with("--port", "baud", "trace", "from_line", "deadline")
-    else:
-        _only_with("--emulate", "payload", "rate", "seed")
+@dataclass(frozen=True)
+class _Asked:
+    """The arguments of the command; `payload` in kg, `rate` in Hz, `deadline` in s."""
+
+    file: str
+    emulate: bool
+    port: str | None
+    machine: str
+    for_s: float | None
+    payload: float
+    rate: float
+    settle_s: float
+    seed: int
+    out: Path
+    force: bool
+    plot: Path | None
+    report: Path | None
+    live: bool
+    dialect: str
+    baud: int | None
+    trace: Path | None
+    from_line: int | None
+    yes: bool
+    deadline: float | None
+    grammar: str
+    as_json: bool
+
+    def check(self) -> None:
+        """UsageError for an output that is an input, two back ends or none, and the like.
+
+        Options of the other back end are refused, and two standard outputs.
+        """
+        outputs = [
+            ("--out", self.out), ("--plot", self.plot), ("--report", self.report),
+            ("--trace", self.trace),
+        ]  # fmt: skip
+        inputs = [
+            ("FILE", self.file), ("--machine", machine_file(self.machine)),
+            ("--dialect", self.dialect),
+        ]  # fmt: skip
+        keep_inputs(outputs, inputs)
+        if self.emulate == (self.port is not None):
+            raise click.UsageError("say what to run on: --emulate or --port URL, one of them")
+        if self.out == STANDARD and self.as_json:
+            raise click.UsageError("--json and --out - would both write to standard output")
+        if self.emulate:
+            _only_with("--port", "baud", "trace", "from_line", "deadline")
+        else:
+            _only_with("--emulate", "payload", "rate", "seed")
+
+
+def _loaded(asked: _Asked, program: Program) -> tuple[Machine, Program]:
+    """The machine, and what of the program is to run; on a controller only what it can run."""
+    from mopro.machine import load_machine
+
+    plant = load_machine(asked.machine)
+    if asked.port is None:
+        tell_of_runs(plant)
+        return plant, program
+    program = _from_line(program, asked.from_line, asked.yes)
+    refuse_unrunnable(program, asked.machine, asked.for_s)
+    return plant, program
 
 
 def _emulated(
-    files: ExitStack,
-    setup: tuple[Machine, float, float, int],
-    page: Live | None,
-    pictures: _Pictures,
+    files: ExitStack, asked: _Asked, plant: Machine, page: Live | None, pictures: _Pictures
 ) -> Emulator:
-    """The emulator of `setup`: its machine, payload (kg), rate (Hz) and seed.
+    """The emulator of `plant`.
 
     `files` holds the signals of a live `page`, which shows what the pictures take.
     """
@@ -184,18 +200,13 @@ def _emulated(
         pictures.show(page)
         files.enter_context(page.signals)
         files.enter_context(page.signals.raised())
-    return Emulator(*setup)
+    return Emulator(plant, asked.payload, asked.rate, asked.seed)
 
 
 def _linked(
-    outer: ExitStack,
-    files: ExitStack,
-    link: tuple[str, str, int | None, Path | None],
-    plant: Machine,
-    deadline_s: float | None,
-    page: Live | None,
+    outer: ExitStack, files: ExitStack, asked: _Asked, plant: Machine, page: Live | None
 ) -> SerialBackend:
-    """The controller at the end of `link`: its port, dialect, baud rate and trace file.
+    """The controller at the end of the link.
 
     `outer` holds signals back until the run has been reported, `files` the open port. The
     deadline counts from before the port is opened. `page` shows the samples.
@@ -205,11 +216,12 @@ def _linked(
 
     begun_s = time.monotonic()
     signals = outer.enter_context(page.signals if page else Signals())
-    session = files.enter_context(connected_session(*link))
+    link = connected_session(str(asked.port), asked.dialect, asked.baud, asked.trace)
+    session = files.enter_context(link)
     return SerialBackend(
         session,
         plant,
-        deadline_s=deadline_s,
+        deadline_s=asked.deadline,
         begun_s=begun_s,
         signals=signals,
         warn=lambda text: say_if_taken(f"warning: {text} [no-heartbeat]"),
@@ -221,33 +233,33 @@ def _linked(
 def _recorded(
     backend: Emulator | SerialBackend,
     program: Program,
-    lasting_s: tuple[float | None, float],
-    out: Path,
+    asked: _Asked,
     pictures: _Pictures,
-    during: tuple[Told, AbstractContextManager[None]],
+    reporting: AbstractContextManager[None],
 ) -> Run:
-    """The run of `program` on either back end, its recording in `out`.
+    """The run of `program` on either back end, its recording in --out, its progress shown.
 
-    `lasting_s` limits the run, and states how long its settling is recorded. A controller's
-    run is reported even if its recording cannot be written. `during`: who is told of its
-    progress, and a context that is entered after it until the command ends. What went wrong is
-    told before anything else is written.
+    A controller's run is reported even if its recording cannot be written. `reporting`: a context
+    that is entered after the run until the command ends. What went wrong is told before anything
+    else is written.
     """
     from mopro.errors import DataError
 
-    told, reporting = during
-    header = backend.header(program)
+    header, linked = backend.header(program), asked.port is not None
     run = None
-    try:
-        with recording_sink(out, header, apart=header.clock == "host") as sink:
-            run = backend.run(program, pictures.beside(sink), *lasting_s, told)
-            click.get_current_context().with_resource(reporting)
-            tell_trouble(program, run.trouble)
-            sink.header, sink.run = header.after(run), run
-    except DataError as error:
-        if run is None or header.clock != "host":
-            raise
-        return _worse(run, program, f"the run has ended, but its recording is lost: {error}")
+    progress = in_motion(length_unit(program, backend.machine)) if linked else simulated()
+    with progress as show:
+        try:
+            with recording_sink(asked.out, header, apart=linked) as sink:
+                beside = pictures.beside(sink)
+                run = backend.run(program, beside, asked.for_s, asked.settle_s, show)
+                click.get_current_context().with_resource(reporting)
+                tell_trouble(program, run.trouble)
+                sink.header, sink.run = header.after(run), run
+        except DataError as error:
+            if run is None or not linked:
+                raise
+            return _worse(run, program, f"the run has ended, but its recording is lost: {error}")
     return run
 
 
@@ -279,15 +291,6 @@ def _only_with(other: str, *names: str) -> None:
     for name in names:
         if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
             raise click.UsageError(f"--{name.replace('_', '-')} goes with {other} only")
-
-
-def _runnable_from(
-    program: Program, line: int | None, yes: bool, machine: str, for_s: float | None
-) -> Program:
-    """The program from `line` on, which the machine can run for `for_s` seconds."""
-    program = _from_line(program, line, yes)
-    refuse_unrunnable(program, machine, for_s)
-    return program
 
 
 def _from_line(program: Program, line: int | None, yes: bool) -> Program:

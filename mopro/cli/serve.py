@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,8 +15,9 @@ from mopro.cli.outputs import keep_inputs, machine_file
 from mopro.cli.say import say
 
 if TYPE_CHECKING:
-    from mopro.controller import FolderStore, MemoryStore
+    from mopro.controller import FolderStore, MemoryStore, Station
     from mopro.emulator import Emulator
+    from mopro.machine import Machine
 
 # Largest factor of time at which the kernel is fast enough in plain Python, which starts sooner.
 _PLAIN_SPEED = 1.0
@@ -63,20 +65,9 @@ _PLAIN_SPEED = 1.0
 @click.option("--web", is_flag=True, help="Show platen and program in a browser; faults by click.")
 @grammar_option()
 def command(
-    listen: str,
-    allow_remote: bool,
-    idle: float,
-    dialect: str,
-    baud: int | None,
-    machine: str,
-    payload: float,
-    speed: float,
-    store: Path | None,
-    faults: str | None,
-    seed: int | None,
-    web: bool,
-    grammar: str,
-) -> None:
+    listen: str, allow_remote: bool, idle: float, baud: int | None, speed: float, web: bool,
+    **simulated: Any,
+) -> None:  # fmt: skip
     """Run a virtual controller on the emulated machine.
 
     The first line printed is the address for --port of the other commands. Stop it with
@@ -84,10 +75,39 @@ def command(
 
     Example: mopro serve --listen socket://127.0.0.1:0 --store programs.d
     """
-    from dataclasses import replace
-
-    from mopro.controller import Scenario, Station, load_scenario
     from mopro.controller.serve import open_end, serve
+
+    station, plant, line_baud = _station(baud, speed, **simulated)
+    end = open_end(listen, line_baud, allow_remote, token(), idle)
+    try:
+        say(end.address)
+        if not web:
+            serve(station, end, speed)
+            return
+        with controller_panel(station, plant) as panel:
+            serve(station, end, speed, tick=panel.tick)
+    except KeyboardInterrupt:
+        return
+    finally:
+        end.close()
+
+
+def _station(
+    baud: int | None,
+    speed: float,
+    dialect: str,
+    machine: str,
+    payload: float,
+    store: Path | None,
+    faults: str | None,
+    seed: int | None,
+    grammar: str,
+) -> tuple[Station, Machine, int]:
+    """The virtual controller of these options, its machine, and the rate of its line (baud).
+
+    Its kernel is loaded where time runs fast.
+    """
+    from mopro.controller import Scenario, Station, load_scenario
     from mopro.emulator import Emulator
     from mopro.link import load_dialect
     from mopro.machine import load_machine
@@ -106,18 +126,7 @@ def command(
     if emulator.compiled:
         _warm(emulator)
     station = Station(language, emulator, _programs(store), scenario, baud, grammar)
-    end = open_end(listen, baud or language.line.baud, allow_remote, token(), idle)
-    try:
-        say(end.address)
-        if not web:
-            serve(station, end, speed)
-            return
-        with controller_panel(station, emulator.machine) as panel:
-            serve(station, end, speed, tick=panel.tick)
-    except KeyboardInterrupt:
-        return
-    finally:
-        end.close()
+    return station, plant, baud or language.line.baud
 
 
 def _programs(folder: Path | None) -> FolderStore | MemoryStore:

@@ -187,9 +187,9 @@ class Motion:
         pitch_u = self._emulator.machine.axis.pitch_m / self._emulator.machine.microstep_m
         for axis in AXES:
             # An axis that still rings comes to rest in the tooth that it is in.
-            told_u = self.command_u(axis, self.end_s)
+            command_u = self.command_u(axis, self.end_s)
             seen_u = self._begun().position_m(axis) / self._emulator.machine.microstep_m
-            self.seen_u[axis] = told_u - round((told_u - seen_u) / pitch_u) * pitch_u
+            self.seen_u[axis] = command_u - round((command_u - seen_u) / pitch_u) * pitch_u
 
     def expire(self) -> None:
         """End the time given: outcomes are final, axes that still move brake."""

@@ -42,13 +42,13 @@ _LONGEST_STATEMENT = len(STATEMENT) + LONGEST + 2
 class _Guest:
     """A connection that is not the client: it has to state the token, or is turned away.
 
-    `why` is the reason for that, `told` whether it has heard it.
+    `why` is the reason for that, `informed` whether it has been sent it.
     """
 
     socket: socket.socket
     since_s: float
     why: bytes = b""
-    told: bool = False
+    informed: bool = False
     heard: bytes = b""
 
 
@@ -170,8 +170,8 @@ class TcpEnd:
     @staticmethod
     def _tell(guest: _Guest) -> None:
         """Tell `guest` why, and leave it to hang up: a reset would destroy what it was told."""
-        if not guest.told:
-            guest.told = True
+        if not guest.informed:
+            guest.informed = True
             with suppress(OSError):
                 guest.socket.send(NOTICE + guest.why + b"\r\n")
                 guest.socket.shutdown(socket.SHUT_WR)

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mopro.effects.base import Domain, Effect, Parameter, View
-from mopro.effects.search import Values, delay_s, residual_m, step
+from mopro.effects.effect import Domain, Effect, Parameter, View
+from mopro.effects.starts import Values, delay_s, residual_m, step
 from mopro.engine.candidate import RUN, Candidate, FindStarts, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted
 from mopro.motion import PlannedMove, Schedule

@@ -12,8 +12,8 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from mopro.effects.base import Domain, Effect, Floats, Parameter, View, ViewedReading
-from mopro.effects.search import Values
+from mopro.effects.effect import Domain, Effect, Floats, Parameter, View, ViewedReading
+from mopro.effects.starts import Values
 from mopro.engine.candidate import Candidate, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted
 from mopro.machine import Machine

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mopro.effects.base import WIDER, Domain, Effect, Floats, Parameter, Toleranced, View, phase
+from mopro.effects.effect import WIDER, Domain, Effect, Floats, Parameter, Toleranced, View, phase
 from mopro.engine.candidate import Candidate, Role
 from mopro.engine.candidate import Parameter as Fitted
 from mopro.machine import Machine

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mopro.effects.base import Domain, Floats, Parameter, View, phase
+from mopro.effects.effect import Domain, Floats, Parameter, View, phase
 from mopro.effects.forces import (
     PRESLIDING,
     PRESLIDING_FITTED,
@@ -18,7 +18,7 @@ from mopro.effects.forces import (
     with_presliding,
 )
 from mopro.effects.free_form import FreeFormTerm, size
-from mopro.effects.search import FEWEST_PERIODS, Values, force_N, strongest_lines
+from mopro.effects.starts import FEWEST_PERIODS, Values, force_N, strongest_lines
 from mopro.engine.assumed import LEAST_SHARE
 from mopro.engine.candidate import Candidate, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted

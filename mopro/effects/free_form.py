@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from mopro.effects.base import Effect, Parameter
+from mopro.effects.effect import Effect, Parameter
 from mopro.engine.candidate import Law
 from mopro.engine.candidate import Parameter as Fitted
 

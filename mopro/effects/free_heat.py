@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar
 
-from mopro.effects.base import Domain, Surroundings, View
+from mopro.effects.effect import Domain, Surroundings, View
 from mopro.effects.free_form import FreeFormTerm, size
 from mopro.engine.candidate import Candidate
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from mopro.effects.base import Domain, Effect, Parameter, Surroundings, View
+from mopro.effects.effect import Domain, Effect, Parameter, Surroundings, View
 from mopro.engine.candidate import Candidate
 from mopro.instruments.quantity import Quantity
 

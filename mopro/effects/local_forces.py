@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from mopro.effects.base import Floats, Parameter, View
+from mopro.effects.effect import Floats, Parameter, View
 from mopro.effects.forces import PRESLIDING, PRESLIDING_M, DahlFriction
 from mopro.effects.free_forces import Force, motions
 from mopro.effects.free_form import size
-from mopro.effects.search import Values, force_N, targets_m
+from mopro.effects.starts import Values, force_N, targets_m
 from mopro.engine.assumed import LEAST_SHARE
 from mopro.engine.candidate import Candidate, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted

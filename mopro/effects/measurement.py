@@ -10,8 +10,8 @@ from itertools import combinations, product
 
 import numpy as np
 
-from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View, angle_in, phase
-from mopro.effects.search import Values, residual_m, strongest_lines
+from mopro.effects.effect import Domain, Effect, Floats, Parameter, Scene, View, angle_in, phase
+from mopro.effects.starts import Values, residual_m, strongest_lines
 from mopro.engine.candidate import Candidate, FindStarts, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted
 from mopro.engine.play import follow
@@ -370,11 +370,11 @@ class Hum(Effect):
         lines = {n: _line(f"A{n}", f"phi{n}", runs) for n in _HARMONICS}
         main = _line("A", "phi", runs)
         for mains, harmonics in product(_MAINS_HZ, ((), _HARMONICS, *combinations(_HARMONICS, 1))):
-            off = {f"A{n}": 0.0 for n in _HARMONICS if n not in harmonics}
+            zeros = {f"A{n}": 0.0 for n in _HARMONICS if n not in harmonics}
             yield self.form(
                 *main, *(p for n in harmonics for p in lines[n]),
                 form=f"{' and '.join(f'{n * mains:g}' for n in (1, *harmonics))} Hz",
-                fixed={"f": mains, **off}, extends=f"{mains:g} Hz" if harmonics else None,
+                fixed={"f": mains, **zeros}, extends=f"{mains:g} Hz" if harmonics else None,
                 can_enter_first=harmonics == _HARMONICS,
                 find_starts=_search(view, mains, harmonics),
             )  # fmt: skip

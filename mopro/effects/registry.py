@@ -12,7 +12,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
 
-from mopro.effects.base import Active, Effect
+from mopro.effects.effect import Active, Effect
 from mopro.errors import MoproError
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def catalogue_of(machine: Machine) -> Catalogue:
 
 @cache
 def _with_formulas(formulas: tuple[WrittenEffect, ...]) -> Catalogue:
-    from mopro.effects.formula import effect_of  # few machines have any
+    from mopro.effects.formula_effects import effect_of  # few machines have any
 
     return catalogue().beside(map(effect_of, formulas))
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from difflib import get_close_matches
 
-from mopro.effects.base import Active, Effect, Parameter, angle_in
+from mopro.effects.effect import Active, Effect, Parameter, angle_in
 from mopro.effects.registry import Catalogue, in_order
 from mopro.errors import MOST_SHOWN, Diagnostic, ModelError
 from mopro.machine import Machine, StatedEffect, StatedValue
-from mopro.machine.runs import NO_DATA, Data, nth_of
+from mopro.machine.run_effects import NO_DATA, Data, nth_of
 from mopro.program import AXES
 from mopro.source import Source, Span
 
@@ -22,14 +22,14 @@ def active_effects(
     `data`: the run's data file. Those that belong to other runs are off, as they are in a run
     without data. Raises ModelError with all findings.
     """
-    off = {name for name, runs in machine.runs.items() if nth_of(data, runs) is None}
-    return stated_effects(machine, catalogue, data, off)
+    absent = {name for name, runs in machine.runs.items() if nth_of(data, runs) is None}
+    return stated_effects(machine, catalogue, data, absent)
 
 
 def stated_effects(
-    machine: Machine, catalogue: Catalogue, data: Data = NO_DATA, off: Collection[str] = ()
+    machine: Machine, catalogue: Catalogue, data: Data = NO_DATA, absent: Collection[str] = ()
 ) -> tuple[Active, ...]:
-    """The effects that `machine` states, whatever runs they belong to, without those in `off`.
+    """The effects that `machine` states, whatever runs they belong to, without those in `absent`.
 
     Each has the values of the run with this `data`, or else of the first of its runs. An effect
     that the file states outside of `[effects]` is added unless it is listed there as well. Raises
@@ -39,7 +39,7 @@ def stated_effects(
     resolved = [a for stated in machine.effects if (a := resolver.resolve(stated, data))]
     if resolver.faults:
         raise ModelError(machine.source or Source(machine.name, ""), resolver.faults)
-    active = [a for a in resolved if a.name not in off]
+    active = [a for a in resolved if a.name not in absent]
     names = {a.name for a in active}
     for effect in catalogue.stated_elsewhere():
         values = effect.stated_by(machine)

@@ -15,7 +15,7 @@ from mopro.effects import Active, catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
-from mopro.machine.backend import DEFAULT_LOOP_S, Progress, Told, no_one
+from mopro.machine.backend import DEFAULT_LOOP_S, OnProgress, Progress, no_one
 from mopro.motion import LONGEST_RUN_S, Schedule
 from mopro.plant import (
     MAX_STEP_S,
@@ -95,14 +95,14 @@ class Emulator:
         sink: Sink,
         for_s: float | None = None,
         settle_s: float = 0.0,
-        told: Told = no_one,
+        on_progress: OnProgress = no_one,
     ) -> Run:
         """Run `program` and write its samples to `sink` chunk by chunk.
 
         It ends after `for_s` seconds at the latest; one that loops for ever ends after
         a minute unless told otherwise. The samples of a program that ends go on until
         `settle_s` after its last move, and beyond if an axis still slips then; the run's
-        duration stays the program's. `told` hears of each chunk. Raises MotionError for
+        duration stays the program's. `on_progress` hears of each chunk. Raises MotionError for
         motion that must be refused, RunError if a value is not finite.
         """
         simulation, ended_s = self.prepared(program, for_s, settle_s)
@@ -112,7 +112,7 @@ class Emulator:
             during = np.searchsorted(columns["time_s"], ended_s, side="right")
             hottest_C = float(columns["temperature_C"][:during].max(initial=hottest_C))
             sink.write(columns)
-            told(_progress(columns, lasting_s))
+            on_progress(_progress(columns, lasting_s))
         simulation.settle()
         return self._report(simulation, ended_s, hottest_C)
 

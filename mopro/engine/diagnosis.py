@@ -8,8 +8,8 @@ from types import MappingProxyType
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from mopro.engine.answer import conclude
 from mopro.engine.candidate import Candidate, Parameter
-from mopro.engine.conclude import conclude
 from mopro.engine.freeform import WithLaws
 from mopro.engine.passes import PASSES, Pass, in_turn
 from mopro.engine.search.hypotheses import Progress

@@ -93,6 +93,6 @@ class State:
         reasons += [note for note in self.notes if note not in before.notes]
         if not reasons and self.fit.names != before.fit.names:
             reasons = [f"the lowest of {len(self.hypotheses.ranked())} fitted sets"]
-        was, now = (tuple(sorted(state.fit.names)) for state in (before, self))
-        taken = Taken(name, was, now, self.hypotheses.ebic(self.fit), "; ".join(reasons))
+        was, names = (tuple(sorted(state.fit.names)) for state in (before, self))
+        taken = Taken(name, was, names, self.hypotheses.ebic(self.fit), "; ".join(reasons))
         return replace(self, trace=(*self.trace, taken))

@@ -18,13 +18,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Allowed:
-    """`off`: what to take from each residual, in its unit; None where all its sensors are exact.
+    """`corrections`: those of the residuals, in their units; None for those of exact sensors.
 
     `chance`: by sensor, that of terms as large as fitted, by their widths. `corrected`: the
     tolerances that the data call for.
     """
 
-    off: tuple[Floats | None, ...]
+    corrections: tuple[Floats | None, ...]
     chance: dict[str, float]
     corrected: tuple[Corrected, ...]
 
@@ -44,12 +44,12 @@ def allowed(data: Sequence[Series], residuals: Sequence[Floats]) -> Allowed:
     marginal = Marginal(columns)
     mean, covariance = marginal.terms(marginal.white(white))
     parts = np.split(columns @ mean, np.cumsum([len(series) for series in data])[:-1])
-    off = tuple(
+    corrections = tuple(
         part * series.sigma if series.sigma and not series.exact else None
         for series, part in zip(data, parts, strict=True)
     )
     called_for = tuple(corrected(calibration, mean, covariance))
-    return Allowed(off, dict(_chances(calibration, mean)), called_for)
+    return Allowed(corrections, dict(_chances(calibration, mean)), called_for)
 
 
 def _without_offsets(data: Sequence[Series], column: Floats) -> Floats:

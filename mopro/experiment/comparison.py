@@ -12,7 +12,7 @@ from mopro.engine.residuals import Corrected, whiteness_p
 from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import rms
 from mopro.experiment.allowed import Allowed, allowed
-from mopro.experiment.noise_tests import (
+from mopro.experiment.scaled_residuals import (
     chi2_p,
     larger_noise,
     mean_p,
@@ -222,9 +222,9 @@ def _judged(every: Sequence[Predicted]) -> tuple[Allowed, list[Floats], list[Flo
     residuals = [p.residual for p in every]
     z = [p.scaled(own) for p, own in zip(every, residuals, strict=True)]
     within, left = allowed([p.series for p in every], residuals), residuals[:]
-    for i, (p, off) in enumerate(zip(every, within.off, strict=True)):
-        if off is not None:
-            left[i] = p.aligned(p.series, residuals[i] - off)
+    for i, (p, correction) in enumerate(zip(every, within.corrections, strict=True)):
+        if correction is not None:
+            left[i] = p.aligned(p.series, residuals[i] - correction)
             z[i] = p.scaled(left[i])
     return within, left, z
 

@@ -134,7 +134,7 @@ def conclude(
     if verdict.verdict == "ambiguous":
         progress("designing an experiment that distinguishes the alternatives")
         proposal = system.next_experiment(verdict)
-    tried, off = system.tried(left_out)
+    tried, omitted = system.tried(left_out)
     return Conclusion(
         system=judged,
         verdict=verdict,
@@ -142,7 +142,7 @@ def conclude(
         repaired=repaired,
         next_experiment=proposal,
         advice=system.advice(verdict),
-        left_out=off,
+        left_out=omitted,
         tried=tried,
         filed=drafted and named,
     )

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from mopro.formula.written import WrittenEffect, toml_lines
-from mopro.machine.runs import RUNS
+from mopro.machine.run_effects import RUNS
 from mopro.tomlfile.edit import Text, quoted
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")

@@ -11,7 +11,7 @@ from mopro.errors import Diagnostic, ModelError
 from mopro.experiment.comparison import Comparison, compare
 from mopro.experiment.conclusion import Conclusion, conclude
 from mopro.experiment.kept_rows import KeptRows, kept_rows
-from mopro.experiment.sawyer.file import SawyerEntries, read_sawyer
+from mopro.experiment.sawyer.entries import SawyerEntries, read_sawyer
 from mopro.experiment.sawyer.system import Sawyer, loaded
 from mopro.experiment.stated.entries import StatedEntries, read_stated_entries
 from mopro.experiment.stated.system import stated_system

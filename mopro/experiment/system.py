@@ -1,4 +1,4 @@
-"""The protocol of a system: a machine of any kind with the runs that were measured on it.
+"""A system: a machine of any kind with the runs that were measured on it.
 
 A comparison, a diagnosis and a conclusion see a `System` alone. A new kind of machine is one class
 with these methods, and a line in `opened`.
@@ -6,10 +6,11 @@ with these methods, and a line in `opened`.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,67 +107,92 @@ class Proposal:
     pairs: dict[tuple[str, str], float]
 
 
-class System(Protocol):
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+class _Experiment(Protocol):
+    @property
+    def machine(self) -> _Named: ...
+
+    @property
+    def trials(self) -> Sequence[_Named]: ...
+
+    @property
+    def source(self) -> Source: ...
+
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+
+
+class System(ABC):
     """A machine with the runs that were measured on it, read and checked."""
+
+    if TYPE_CHECKING:  # a dataclass would take a property for the default of its field
+
+        @property
+        def experiment(self) -> _Experiment:
+            """The experiment's file, machine, runs that have time series, and notes."""
+
+        @property
+        def series(self) -> Sequence[Series]:
+            """The readings, in the order of the predictions."""
 
     @property
     def name(self) -> str:
         """The machine's name."""
-        ...
+        return self.experiment.machine.name
 
     @property
     def source(self) -> Source:
         """The experiment's file."""
-        ...
+        return self.experiment.source
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks on the data that are no errors."""
-        ...
+        return self.experiment.notes
 
     @property
     def runs(self) -> tuple[str, ...]:
         """The names of the runs that have time series."""
-        ...
+        return tuple(run.name for run in self.experiment.trials)
 
     @property
-    def series(self) -> Sequence[Series]:
-        """The readings, in the order of the predictions."""
-        ...
-
-    @property
+    @abstractmethod
     def effects(self) -> frozenset[str]:
         """The names that effects may be left out by."""
-        ...
 
     @property
+    @abstractmethod
     def terms(self) -> Mapping[str, WrittenEffect]:
         """The free-form terms that a machine file can state as formulas, by name."""
-        ...
 
     @property
+    @abstractmethod
     def program(self) -> Path | None:
         """The file of a model that is a program; None for any other."""
-        ...
 
+    @abstractmethod
     def predicted(self, generator: np.random.Generator) -> Iterable[Predicted]:
         """Each series as the machine's file has it, its free numbers fitted without effects.
 
         `generator` draws the position of a reading within a coarse converter's step.
         """
-        ...
 
+    @abstractmethod
     def question(self, left_out: Collection[str]) -> Question:
         """The arguments of a diagnosis without the effects in `left_out`."""
-        ...
 
+    @abstractmethod
     def tried(self, left_out: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The names of the effects that are candidates without `left_out`, and of those left out.
 
         The latter would be candidates without that.
         """
-        ...
 
+    @abstractmethod
     def judged(
         self, asked: Callable[[System], Verdict], left_out: Collection[str]
     ) -> tuple[System, Verdict]:
@@ -175,20 +201,19 @@ class System(Protocol):
         Of several variants, such as one with the microsteps of its drive, the one that the data
         call for.
         """
-        ...
 
+    @abstractmethod
     def beside(self, stated: Source) -> System:
         """This system with the effects of a text of `[[effect]]` sections; ModelError."""
-        ...
 
+    @abstractmethod
     def repaired(self, verdict: Verdict) -> Repaired:
         """The machine's file with what the verdict names; ModelError."""
-        ...
 
+    @abstractmethod
     def next_experiment(self, verdict: Verdict) -> Proposal | None:
         """The run that best tells the alternatives of the verdict apart; None without any."""
-        ...
 
+    @abstractmethod
     def advice(self, verdict: Verdict) -> str:
         """Advice on an ambiguous verdict, where no next experiment is proposed."""
-        ...

@@ -8,7 +8,7 @@ from mopro.formula.dimension import (
     inverse,
     product,
 )
-from mopro.formula.language import Formula, FormulaError, parse
+from mopro.formula.expressions import Formula, FormulaError, parse
 
 __all__ = [
     "Dimension",

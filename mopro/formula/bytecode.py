@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.formula.language import PI, ZERO_C_IN_K, Formula
+from mopro.formula.expressions import PI, ZERO_C_IN_K, Formula
 from mopro.process.jit import njit
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ import ast
 import math
 from collections.abc import Callable, Sequence
 
-from mopro.formula.language import ZERO_C_IN_K, Formula
+from mopro.formula.expressions import ZERO_C_IN_K, Formula
 
 # The values of the names in their order -> the value of the formula.
 Closure = Callable[[tuple[float, ...]], float]

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from fractions import Fraction
 
-from mopro.formula.language import Formula, FormulaError, place
+from mopro.formula.expressions import Formula, FormulaError, place
 from mopro.units import UNITS
 
 # Exponents of length, mass, time, current, temperature, count. An angle is a plain number.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mopro.formula.dimension import UnitError, dimension_of_unit, product
-from mopro.formula.language import FUNCTIONS, SIGNALS, Formula, FormulaError, parse
+from mopro.formula.expressions import FUNCTIONS, SIGNALS, Formula, FormulaError, parse
 from mopro.formula.written import (
     AMPLITUDE,
     PERIOD,

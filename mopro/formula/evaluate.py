@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mopro.engine.series import unless_run_away
 from mopro.formula import signals
-from mopro.formula.language import PI, ZERO_C_IN_K, Formula
+from mopro.formula.expressions import PI, ZERO_C_IN_K, Formula
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Floats | float]

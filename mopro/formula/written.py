@@ -14,7 +14,7 @@ import numpy as np
 from mopro.errors import ModelError
 from mopro.formula.dimension import Dimension, dimension_in, factor_of, words
 from mopro.formula.evaluate import evaluate
-from mopro.formula.language import Formula, FormulaError, check_names, parse
+from mopro.formula.expressions import Formula, FormulaError, check_names, parse
 from mopro.tomlfile import Value
 
 # Roles of a parameter, as a file states them.

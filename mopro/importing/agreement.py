@@ -115,7 +115,7 @@ def agreement(
         return None
     step = float(grid[1] - grid[0])
     seen = np.interp(grid, measured_s, measured)
-    told = _at(grid, command_s, command, held)
+    commanded = _at(grid, command_s, command, held)
 
     stride = -(-len(measured) // _MOST_POINTS)
     own_s, own = measured_s[::stride], measured[::stride]
@@ -124,7 +124,7 @@ def agreement(
         return _residual(_at(own_s - delay_s, command_s, command, held), own)[0]
 
     # Of shifts that fit as well (a periodic command) the smallest.
-    shifts = _shifts(told, seen, step)
+    shifts = _shifts(commanded, seen, step)
     costs = [cost(shift) for shift in shifts]
     coarse = next(s for s, c in zip(shifts, costs, strict=True) if c <= _AS_GOOD * min(costs))
     coarse = _descended(cost, coarse, step)
@@ -166,9 +166,9 @@ def _at(times_s: Floats, command_s: Floats, command: Floats, held: bool) -> Floa
     return values
 
 
-def _shifts(told: Floats, seen: Floats, step: float) -> list[float]:
+def _shifts(commanded: Floats, seen: Floats, step: float) -> list[float]:
     """Shifts at which the columns, each less its mean, correlate most; and none."""
-    a, b = seen - seen.mean(), told - told.mean()
+    a, b = seen - seen.mean(), commanded - commanded.mean()
     products = np.abs(signal.correlate(a, b, mode="full", method="fft"))
     lags = signal.correlation_lags(len(a), len(b), mode="full")
     overlap = np.minimum(len(a), len(b) + lags) - np.maximum(lags, 0)
@@ -195,13 +195,13 @@ def _descended(cost: Callable[[float], float], start: float, step: float) -> flo
     return best
 
 
-def _residual(told: Floats, seen: Floats) -> tuple[float, float, float, Floats]:
+def _residual(commanded: Floats, seen: Floats) -> tuple[float, float, float, Floats]:
     """Sum of squares, scale, offset and residual of seen = scale * told + offset."""
-    centred = told - told.mean()
+    centred = commanded - commanded.mean()
     power = float(centred @ centred)
     scale = float(centred @ seen) / power if power > 0 else 0.0
-    offset = float(seen.mean() - scale * told.mean())
-    residual = seen - offset - scale * told
+    offset = float(seen.mean() - scale * commanded.mean())
+    residual = seen - offset - scale * commanded
     return float(residual @ residual), scale, offset, residual
 
 

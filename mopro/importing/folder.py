@@ -12,10 +12,10 @@ import numpy as np
 from mopro.errors import DataError
 from mopro.files import make_folder, output, write
 from mopro.importing.agreement import Floats, agreement
+from mopro.importing.imported_runs import file_of, ledger_of, recordings_of, rows_decision, run_of
 from mopro.importing.propose import Proposal, Wishes, propose
 from mopro.importing.ranges import stuck_in, unwrapped
 from mopro.importing.roles import Chosen, Signal, signals_of, stated_unit
-from mopro.importing.runs import file_of, ledger_of, recordings_of, run_of, told
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
 from mopro.logs import Asked, Column, Decision, Log, Rows, read_log
 from mopro.logs.timed import spacing_of
@@ -45,7 +45,7 @@ def import_logs(
     Raises DataError where a log cannot be read or does not say what it is about, and where
     a file would be overwritten: before anything is written.
     """
-    logs = _told_apart([read_log(path, asked) for path in paths], paths)
+    logs = _distinguished([read_log(path, asked) for path in paths], paths)
     logs = [_with_units(log, wishes.units) for log in logs]
     decisions: list[Decision] = [d for log in logs for d in log.decisions]
     recordings = recordings_of(logs)
@@ -63,7 +63,7 @@ def import_logs(
         where = f" of recording {nth + 1}" if len(runs) > 1 else ""
         decisions += stuck_in(run, where, own_noise=nth == longest)
     rows = ledger_of(logs, runs)
-    decisions.append(told(rows))
+    decisions.append(rows_decision(rows))
     files = tuple(folder / name for name in _names(proposal, len(runs)))
     _keep(files)
     _write(folder, [str(path.name) for path in paths], runs, longest, decisions, rows)
@@ -93,7 +93,7 @@ def _keep(files: Sequence[Path]) -> None:
 # -- signals ------------------------------------------------------------------------------
 
 
-def _told_apart(logs: Sequence[Log], paths: Sequence[Path]) -> list[Log]:
+def _distinguished(logs: Sequence[Log], paths: Sequence[Path]) -> list[Log]:
     """The logs; a column whose heading others have as well is named with its file before it."""
     stems = [path.stem for path in paths]
     stems = [f"log{n}" for n, _ in enumerate(stems, 1)] if len(set(stems)) < len(stems) else stems

@@ -104,8 +104,8 @@ def _check_units(source: str, signals: Sequence[Signal]) -> None:
 def _places_in_volts(signals: Sequence[Signal], wishes: Wishes) -> list[Signal]:
     """The signals, with a stated command and measurement in V as places: those of a transducer."""
     stated = [s for s in signals if s.raw in (*wishes.commands, *wishes.sensors)]
-    told = any(s.raw in wishes.commands for s in stated)
-    if not told or any(s.quantity != "voltage" for s in stated) or len(stated) < _A_PAIR:
+    chosen = any(s.raw in wishes.commands for s in stated)
+    if not chosen or any(s.quantity != "voltage" for s in stated) or len(stated) < _A_PAIR:
         return list(signals)
     roles = {s.label: "command" if s.raw in wishes.commands else "sensor" for s in stated}
     return [
@@ -116,11 +116,11 @@ def _places_in_volts(signals: Sequence[Signal], wishes: Wishes) -> list[Signal]:
 
 def _nothing_measured(source: str, kind: str, signals: Sequence[Signal]) -> DataError:
     message = f"{source}: no column is a measurement for a machine of kind {kind}"
-    bare = [s.raw for s in signals if s.unit is None and not s.stands]
-    bare = [raw for raw in bare if not is_command(raw)] or bare
+    unitless = [s.raw for s in signals if s.unit is None and not s.stands]
+    unitless = [raw for raw in unitless if not is_command(raw)] or unitless
     hint = "name one with --measured COLUMN"
-    if bare:
-        hint += f", and state its unit, such as --measured {bare[0]} --unit {bare[0]}=mm"
+    if unitless:
+        hint += f", and state its unit, such as --measured {unitless[0]} --unit {unitless[0]}=mm"
     return DataError(f"{message}; {hint}", "which-columns")
 
 
@@ -201,8 +201,8 @@ def _inputs(kind: str, signals: Sequence[Signal]) -> list[Signal]:
     if kind not in ("axis", "thermal"):
         return []
     inputs = [s for s in signals if s.role == "input"]
-    told = [s for s in signals if s.role == "command" and s.is_speed]
-    return inputs or (told[:1] if kind == "axis" else [])
+    speeds = [s for s in signals if s.role == "command" and s.is_speed]
+    return inputs or (speeds[:1] if kind == "axis" else [])
 
 
 def _unused(signal: Signal, sensors: Sequence[Signal]) -> Signal:
@@ -220,10 +220,11 @@ def _unused(signal: Signal, sensors: Sequence[Signal]) -> Signal:
 
 def _relations(command: Signal, sensors: Sequence[Signal]) -> dict[str, Agreement]:
     relations = {}
-    told_s, told = command.present
+    commanded_s, commanded = command.present
     for sensor in sensors:
         seen_s, seen = sensor.present
-        found = agreement(told_s, told * command.si, seen_s, seen * sensor.si, command.held)
+        pair = (commanded_s, commanded * command.si, seen_s, seen * sensor.si)
+        found = agreement(*pair, command.held)
         if found is not None:
             relations[sensor.label] = found
     return relations

@@ -138,11 +138,12 @@ def _goes_on(steps: Floats, jumps: Indices, span: float, gaps: Indices) -> bool:
     other = np.delete(bends, near[(near >= 0) & (near < len(bends))])
     largest = float(other.max()) if len(other) else 0.0
     tiny = 1e-6 * span
-    off = _sizes(steps, jumps, span) - span
-    alike = float(np.max(np.abs(off))) <= _AS_BENT * largest + tiny
+    deviations = _sizes(steps, jumps, span) - span
+    alike = float(np.max(np.abs(deviations))) <= _AS_BENT * largest + tiny
     # Noise chooses the side of an axis that rests at the end of the range: its mean is not zero.
     usual = float(np.mean(other)) if len(other) else 0.0
-    right = abs(float(np.mean(off))) <= _AS_BENT * largest / math.sqrt(len(jumps)) + usual + tiny
+    most = _AS_BENT * largest / math.sqrt(len(jumps)) + usual + tiny
+    right = abs(float(np.mean(deviations))) <= most
     return alike and right and _moves(steps, own, jumps, float(np.median(bends)))
 
 
@@ -176,15 +177,15 @@ def stuck_in(run: Proposal, where: str = "", own_noise: bool = True) -> Iterator
     for sensor in run.sensors:
         times, values = sensor.present
         subject = f"column {sensor.raw}{where}"
-        told = [end for end in ends_of(values) if _is_end(end, run.command, times, values)]
-        for end in told:
+        at_end = [end for end in ends_of(values) if _is_end(end, run.command, times, values)]
+        for end in at_end:
             reason = (
                 f"first at {times[end.first]:.6g} s; --missing {end.value:.10g} leaves them out"
             )
             yield Decision(subject, end.words(sensor.unit_word), reason, check=True, lasting=True)
         noise = run.noises[sensor.label] if own_noise else noise_of(sensor)
         for first, last in noise.stuck:
-            if values[first] not in {end.value for end in told}:
+            if values[first] not in {end.value for end in at_end}:
                 taken = f"{last - first} readings in a row are exactly {values[first]:.10g} "
                 taken += f"{sensor.unit_word}: is the sensor stuck?"
                 reason = f"from {times[first]:.6g} to {times[last - 1]:.6g} s; others have noise"
@@ -211,10 +212,10 @@ def _beyond(
     others = ~end.at
     if np.count_nonzero(others) < 2:
         return None
-    told = command.present
-    found = agreement(*told, times[others], values[others], command.held)
+    commanded = command.present
+    found = agreement(*commanded, times[others], values[others], command.held)
     if found is None or not found.related:
         return None
-    left = values - followed(found, *told, times, command.held)
+    left = values - followed(found, *commanded, times, command.held)
     excess = float(np.median(left[end.at])) * (-1 if end.largest else 1)
     return excess, left[others]

@@ -208,25 +208,25 @@ def _fits(signal: Signal) -> bool:
 
 
 def _by_name(signal: Signal, column: Column, commands: bool, sensors: bool) -> tuple[str, str]:
-    told = f"{signal.quantity} {signal.reason}" if signal.quantity else signal.reason
+    words = f"{signal.quantity} {signal.reason}" if signal.quantity else signal.reason
     if signal.quantity is None:
-        return "unused", f"{told}: neither its name nor its unit says what it is"
+        return "unused", f"{words}: neither its name nor its unit says what it is"
     if signal.unit is None:
-        return "unused", told
+        return "unused", words
     if not _fits(signal):
-        return "unused", f"{told}: no unit of that"
+        return "unused", f"{words}: no unit of that"
     if is_command(column.name) or signal.quantity == "duty":
         if signal.is_place and commands:
             return "unused", "another column was stated with --command"
         role = "input" if signal.quantity in _INPUTS else "command"
-        return role, f"{told}; its name says that it is what the machine was told"
+        return role, f"{words}; its name says that it is what the machine was told"
     if sensors:
         if signal.quantity in _INPUTS:
-            return "input", told
+            return "input", words
         return "unused", "other columns were stated with --measured"
     if signal.quantity in _INPUTS:
-        return "input", told
-    return "sensor", told
+        return "input", words
+    return "sensor", words
 
 
 def _holds(values: Floats) -> bool:

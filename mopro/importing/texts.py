@@ -10,9 +10,9 @@ import numpy as np
 from scipy import signal as signals
 
 from mopro.formula import dimension_of_unit, factor_of, inverse, product
+from mopro.importing.imported_runs import file_of, rows_text
 from mopro.importing.propose import Proposal
 from mopro.importing.roles import Signal, decision_of
-from mopro.importing.runs import file_of, rows_text
 from mopro.logs import Decision, Rows
 from mopro.stated.rough import Sampled, axis_lines, thermal_lines, unit_of_speed
 from mopro.text import visible
@@ -239,8 +239,8 @@ def _ratio(proposal: Proposal, command: Signal, sensor: Signal, own: str) -> Ite
     """The law of an axis that is commanded in another kind of unit than it is read in."""
     size = _ratio_size(proposal, command, sensor, factor_of(own))
     unit = product(own, inverse(command.unit_word))
-    told = f"the command is in {command.unit_word}, the readings in {sensor.unit_word}"
-    yield f"# CHECK: {told}: the scale between them is fitted"
+    units = f"the command is in {command.unit_word}, the readings in {sensor.unit_word}"
+    yield f"# CHECK: {units}: the scale between them is fitted"
     if own == "count" and command.quantity == "angle":
         turn = factor_of("turn") / command.si
         yield f"# counts of a turn (cpr) = {turn:.6g} * ratio: state the ratio if you know them"
@@ -258,11 +258,11 @@ def _ratio_size(proposal: Proposal, command: Signal, sensor: Signal, own: float)
     relation = proposal.relations.get(sensor.label)
     if sensor.is_place and relation is not None and relation.related:
         return relation.scale * command.si / own
-    told, seen = command.present[1], sensor.present
+    commanded, seen = command.present[1], sensor.present
     values = seen[1] * sensor.si
     if sensor.is_speed:
         values = np.cumsum(values * np.gradient(seen[0]))
-    return float(np.ptp(values)) / own / (float(np.ptp(told)) or 1.0) or 1.0
+    return float(np.ptp(values)) / own / (float(np.ptp(commanded)) or 1.0) or 1.0
 
 
 def _axis(proposal: Proposal) -> Iterator[str]:

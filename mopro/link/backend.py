@@ -19,7 +19,7 @@ from mopro.link.sampling import Sample, Samples
 from mopro.link.session import Refused, Session
 from mopro.link.watch import Watch
 from mopro.machine import DEFAULT_LOOP_S, Machine
-from mopro.machine.backend import Progress, Told, no_one
+from mopro.machine.backend import OnProgress, Progress, no_one
 from mopro.motion import Schedule, plan
 from mopro.program import AXES, Program
 from mopro.recording import Header, MoveOutcome, MoveReport, Run, Sink, Stall
@@ -34,13 +34,13 @@ def reached_s(schedule: Schedule, watch: Watch) -> float:
     if watch.state == "done":
         return schedule.duration_s
     near_s = watch.running_s * watch.speed
-    told = watch.line(watch.statement), watch.line(watch.completed)
+    reported = watch.line(watch.statement), watch.line(watch.completed)
     ends_s = (t for m in schedule.moves for t in (m.start_s, m.end_s))
     times_s = sorted({*ends_s, *(t for t, _ in schedule.activity)})
     fitting = (
         min(max(near_s, begin_s), math.nextafter(end_s, -math.inf))
         for begin_s, end_s in pairwise([*times_s, math.inf])
-        if schedule.lines_at(begin_s) == told
+        if schedule.lines_at(begin_s) == reported
     )
     return min(fitting, key=lambda at_s: abs(at_s - near_s), default=near_s)
 
@@ -107,12 +107,12 @@ class SerialBackend:
         sink: Sink,
         for_s: float | None = None,
         settle_s: float = 0.0,
-        told: Told = no_one,
+        on_progress: OnProgress = no_one,
     ) -> Run:
         """Load `program` into the scratch place, prove it, run it and watch it.
 
         Where the controller measures positions, they are polled until `settle_s` seconds
-        after the last move of a program that ends. `told` hears of each poll.
+        after the last move of a program that ends. `on_progress` hears of each poll.
         Raises MotionError for what must be refused before anything is sent. From then on
         whatever ends the run has been answered with a stop: LinkError or another error
         where no run was started, with the outcome of the stop as a note; after the start
@@ -124,7 +124,7 @@ class SerialBackend:
         whole = self.signals.deferred
         sensed = self.session.dialect.measures
         samples = Samples(sink, schedule, self.machine.microstep_m, sensed, whole, self.seen)
-        tell = self._teller(schedule, told)
+        tell = self._teller(schedule, on_progress)
         watch = Watch(self.session, program, samples, self.poll_hz, tell, self.hold)
         stop_s = _STOP_S + _braking_s(schedule) + _STOP_BYTES * self.session.byte_s
         budget = TimeBudget(self.session, self.deadline_s, stop_s, self.begun_s)
@@ -139,14 +139,15 @@ class SerialBackend:
             trouble = _joined(trouble, _unwritten(samples))
         return replace(self._report(schedule, watch, trouble), rate_hz=samples.rate_hz)
 
-    def _teller(self, schedule: Schedule, told: Told) -> Callable[[Sample], None]:
-        """Tells `told` of samples."""
+    def _teller(self, schedule: Schedule, on_progress: OnProgress) -> Callable[[Sample], None]:
+        """Tells `on_progress` of samples."""
         step_m, first = self.machine.microstep_m, schedule.program.ops[0].span.line
 
         def tell(sample: Sample) -> None:
             place_u = sample.seen_u or sample.command_u
             position_m = {axis: u * step_m for axis, u in place_u.items()}
-            told(Progress(sample.time_s, schedule.duration_s, sample.line or first, position_m))
+            line = sample.line or first
+            on_progress(Progress(sample.time_s, schedule.duration_s, line, position_m))
 
         return tell
 
@@ -266,12 +267,12 @@ class SerialBackend:
         rows = []
         until_s = schedule.duration_s if whole else reached_s(schedule, watch)
         for index, move in enumerate(schedule.moves, start=1):
-            told = watch.moves.get(index)
-            begun = whole or told or (not watch.accounted and move.start_s <= until_s)
+            account = watch.moves.get(index)
+            begun = whole or account or (not watch.accounted and move.start_s <= until_s)
             if begun:
                 outcome = MoveOutcome(complete=move.end_s <= until_s)
-                if told:
-                    outcome = _told(told)
+                if account:
+                    outcome = _outcome_of(account)
                 rows.append(MoveReport.of(move, outcome, self.machine.microstep_m))
         return rows
 
@@ -300,7 +301,7 @@ def _joined(*texts: str | None) -> str | None:
     return "\n".join(text for text in texts if text) or None
 
 
-def _told(row: dict[str, Any]) -> MoveOutcome:
+def _outcome_of(row: dict[str, Any]) -> MoveOutcome:
     return MoveOutcome(
         max_lag_m=row["lag"],
         stall_margin=row["margin"],

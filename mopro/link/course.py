@@ -77,17 +77,17 @@ TABLE: Mapping[Awaited, Mapping[str, tuple[Entry, Entry]]] = {
 }
 
 
-def contradiction(before: str, now: str) -> str | None:
-    """Why a controller that was in the state `before` cannot be in `now`; None if it can.
+def contradiction(before: str, after: str) -> str | None:
+    """Why a controller that was in the state `before` cannot be in `after`; None if it can.
 
     A running one may do anything, a braking one ends in a state of rest, but not at the program's
     end, and a state of rest stays.
     """
-    may_follow = before == now or before == "running"
-    may_follow |= before == "stopping" and now not in ("running", "done")
+    may_follow = before == after or before == "running"
+    may_follow |= before == "stopping" and after not in ("running", "done")
     if may_follow:
         return None
-    return f"the controller says `{now}` after `{before}`, which contradicts: is it another one?"
+    return f"the controller says `{after}` after `{before}`, which contradicts: is it another one?"
 
 
 class Course:

@@ -97,8 +97,8 @@ class Signals:
     def _raise_noted(self) -> None:
         if self._armed and self._noted is not None and not self._raised:
             self._raised, self._armed = True, False
-            told = _KEYBOARD if self._noted == signal.SIGINT else f"ended by {_name(self._noted)}"
-            raise Interrupted(self._asked or told)
+            reason = _KEYBOARD if self._noted == signal.SIGINT else f"ended by {_name(self._noted)}"
+            raise Interrupted(self._asked or reason)
 
     @contextmanager
     def raised(self) -> Iterator[None]:

@@ -42,9 +42,9 @@ class Stop:
     def report(self) -> str:
         """The controller's confirmation of the stop, for a person; empty if none was tried."""
         if self.precaution:
-            told = "acknowledged" if self.acknowledged else "not acknowledged"
+            answer = "acknowledged" if self.acknowledged else "not acknowledged"
             rest = "both axes rest" if self.rested else "standstill was not seen"
-            return f"no run was started; a stop was sent to be sure: {told}, {rest}"
+            return f"no run was started; a stop was sent to be sure: {answer}, {rest}"
         unsure = "NOT CONFIRMED: the machine may still be moving; use its own stop button"
         if not self.tried:
             return ""
@@ -68,14 +68,14 @@ class Watch:
         program: Program,
         samples: Samples,
         poll_hz: float,
-        told: Callable[[Sample], None] = lambda sample: None,
+        on_sample: Callable[[Sample], None] = lambda sample: None,
         hold: Callable[[], None] = lambda: None,
     ) -> None:
         self._hold = hold
         self._session = session
         self._program = program
         self._samples = samples
-        self._told = told
+        self._on_sample = on_sample
         self._sensed = session.dialect.measures
         self._poll_s = 1 / poll_hz
         self._zero_u = dict.fromkeys(AXES, 0)
@@ -194,7 +194,7 @@ class Watch:
         self.elapsed_s = self._session.port.now_s() - self._started_s
         self._samples.add(sample)
         if self._course is not None:
-            self._told(sample)
+            self._on_sample(sample)
         if self.accounts and self.state in UNDER_WAY and isinstance(entry, Step):
             self._ask_moves()
         return entry

@@ -92,8 +92,9 @@ def headings_of(
     if not above:
         if headless:
             names = tuple(f"column {n + 1}" for n in range(width))
-            told = Decision("headings", "none: columns by number", "above the first row is none")
-            return Headings(names, None, max(first, 1), (), (told,))
+            why = "above the first row is none"
+            decision = Decision("headings", "none: columns by number", why)
+            return Headings(names, None, max(first, 1), (), (decision,))
         raise _no_headings(rows, source, first, width, nearest)
     units = None
     if len(above) > 1 and _are_units(fits[above[-1]]):
@@ -120,8 +121,9 @@ def _paired(above: list[list[str]], width: int) -> Headings | None:
     _, stated = facts.get("unit") or (0, [""] * width)
     columns = [cell for name in names for cell in (f"{name} time", name)]
     units = [cell for unit in stated[1::2] for cell in ("ms", unit)]
-    told = Decision("headings", f"those of line {line}, times in ms", "TwinCAT's Scope wrote them")
-    return Headings(tuple(columns), tuple(units), line, tuple(row), (told,))
+    which = f"those of line {line}, times in ms"
+    decision = Decision("headings", which, "TwinCAT's Scope wrote them")
+    return Headings(tuple(columns), tuple(units), line, tuple(row), (decision,))
 
 
 def _named(cells: list[str], source: LogSource, line: int) -> tuple[str, ...]:

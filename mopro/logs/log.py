@@ -130,8 +130,8 @@ class Rows:
 
     def __str__(self) -> str:
         reasons = ", ".join(f"{count} {why}" for why, count in self.left_out.items())
-        told = f"{self.read} read, {self.used} used"
-        return f"{told}, {self.lost} left out: {reasons}" if reasons else f"{told}"
+        counts = f"{self.read} read, {self.used} used"
+        return f"{counts}, {self.lost} left out: {reasons}" if reasons else f"{counts}"
 
 
 # -- the log ----------------------------------------------------------------------------------

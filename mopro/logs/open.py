@@ -35,13 +35,13 @@ def oldest_first(table: Table, stamps: list[Stamp]) -> Table:
     if not stamps or not _descends(table, stamps[0]):
         return table
     reason = "the newest row is the first: rows are counted from the last one"
-    told = Decision(f"column {stamps[0].name}", "read from the end", reason, True, True)
+    from_end = Decision(f"column {stamps[0].name}", "read from the end", reason, True, True)
     every = table.first_line + np.arange(table.rows) if table.lines is None else table.lines
     return replace(
         table,
         columns={name: values[::-1] for name, values in table.columns.items()},
         lines=every[::-1],
-        decisions=(*table.decisions, told),
+        decisions=(*table.decisions, from_end),
     )
 
 

@@ -69,7 +69,7 @@ class _Tidying:
             return None
         data = "\n".join(rows).encode("utf-8", "replace") + b"\n"
         left_out = {why: count for why, count in self._count.items() if count}
-        decisions = (*self._decisions(), *self._told_ends(numbers[-1]))
+        decisions = (*self._decisions(), *self._end_decisions(numbers[-1]))
         return Tidied(data, np.array(numbers, np.int64), left_out, decisions)
 
     def _kept(self, line: str, number: int) -> str | None:
@@ -109,7 +109,7 @@ class _Tidying:
             found.append(Decision("cells without a heading", taken, "they are words"))
         return found
 
-    def _told_ends(self, last: int) -> Iterator[Decision]:
+    def _end_decisions(self, last: int) -> Iterator[Decision]:
         """Each Ctrl-Z that is not behind the last row, which is in line `last`."""
         for line in [line for line, behind in self._ends if behind <= last][:_MOST_TOLD]:
             taken = "a Ctrl-Z (0x1A), at which a text ends under DOS: what follows it is read, too"

@@ -27,7 +27,7 @@ class Progress:
     position_m: Mapping[int, float]
 
 
-Told = Callable[[Progress], None]
+OnProgress = Callable[[Progress], None]
 
 
 def no_one(progress: Progress) -> None:
@@ -43,11 +43,11 @@ class Backend(Protocol):
         sink: Sink,
         for_s: float | None = None,
         settle_s: float = 0.0,
-        told: Told = no_one,
+        on_progress: OnProgress = no_one,
     ) -> Run:
         """Run `program` for at most `for_s` seconds, and write the recording to `sink`.
 
         The recording of a program that ends goes on until `settle_s` seconds after its last
-        move. `told` hears now and then how far the run has got.
+        move. `on_progress` hears now and then how far the run has got.
         """
         ...

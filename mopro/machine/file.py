@@ -23,7 +23,7 @@ from mopro.machine.model import (
     rate_fault,
     travel_faults,
 )
-from mopro.machine.runs import RUNS, read_runs, states_runs
+from mopro.machine.run_effects import RUNS, read_runs, states_runs
 from mopro.program import AXES
 from mopro.source import Source
 from mopro.tomlfile import Document, Refused, Value, read_named, shown

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mopro.errors import ModelError
 from mopro.formula.dimension import Dimension, dimension_of_unit
 from mopro.formula.entry import Host, read_effects
-from mopro.formula.language import PI
+from mopro.formula.expressions import PI
 from mopro.formula.written import COMMAND, FORCE, FRICTION, MEASUREMENT, WrittenEffect
 from mopro.tomlfile import Value
 

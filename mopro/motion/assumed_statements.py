@@ -20,7 +20,7 @@ from mopro.source import Span
 def _(op: ir.Continuous, planner: Planner) -> None:
     for axis in planner.of(op):
         if axis.endless or planner.ready(axis, op):
-            state = _state_now(planner, axis)
+            state = _present_state(planner, axis)
             if not axis.endless:
                 axis.endless_from_u = round(axis.position_u)
                 axis.occupy(op.span, planner.now_s, math.inf)
@@ -30,7 +30,7 @@ def _(op: ir.Continuous, planner: Planner) -> None:
             axis.track.add(change_velocity(planner.now_s, state, velocity_u_s, rate))
 
 
-def _state_now(planner: Planner, axis: AxisRegisters) -> State:
+def _present_state(planner: Planner, axis: AxisRegisters) -> State:
     if axis.endless:
         return axis.track.state(planner.now_s)
     return State(float(round(axis.position_u)), 0.0, 0.0)

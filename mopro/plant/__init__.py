@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mopro.plant.axis import MOST_SETTLING_S, SETTLED_M
     from mopro.plant.command_table import CommandTable, change_schedule, plan_with_effects
-    from mopro.plant.engine import Stepping
     from mopro.plant.heat import HeatIntervals, heat_balance, heat_intervals
+    from mopro.plant.integration import Stepping
     from mopro.plant.measurement import interpolated, measure, measured_at
     from mopro.plant.platen import elongation_m, platen_result
     from mopro.plant.simulation import (
@@ -35,7 +35,7 @@ _HOMES = {
     "CommandTable": "command_table",
     "HeatIntervals": "heat",
     "Simulation": "simulation",
-    "Stepping": "engine",
+    "Stepping": "integration",
     "Trip": "trips",
     "change_schedule": "command_table",
     "compiling_pays": "simulation",

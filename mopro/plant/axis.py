@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mopro.machine.constants import PlantConstants
 from mopro.motion import PlannedMove
 from mopro.plant.command_table import CommandTable, Floats
-from mopro.plant.engine import Engine, Trace
+from mopro.plant.integration import Integration, Trace
 from mopro.recording import MoveOutcome
 
 _SETTLING_S = 0.05
@@ -56,7 +56,7 @@ class EmulatedAxis:
         number: int,
         plant: PlantConstants,
         command: CommandTable,
-        engine: Engine,
+        integration: Integration,
         moves: Sequence[PlannedMove],
         resolved: bool = True,
         corners_s: Sequence[float] = (),
@@ -66,7 +66,7 @@ class EmulatedAxis:
         self.number = number
         self._plant = plant
         self._command = command
-        self._engine = engine
+        self._integration = integration
         self._resolved = resolved
         self._corners_s = np.array(sorted(corners_s))
         self._jumps = sorted(jumps)
@@ -106,7 +106,7 @@ class EmulatedAxis:
             last = np.searchsorted(samples_s, stop_s, side="left" if pitches else "right")
             yield samples_s[:last], stop_s
             samples_s = samples_s[last:]
-            self._engine.x -= pitches * self._plant.pitch_m
+            self._integration.x -= pitches * self._plant.pitch_m
 
     def _stops(self, end_s: float) -> list[tuple[float, float]]:
         """The jumps up to `end_s`, and then the end."""
@@ -130,7 +130,7 @@ class EmulatedAxis:
         return np.insert(samples_s, inserted, others[new]), rows
 
     def _through(self, knots: Floats, recorded: bool = True) -> Trace:
-        trace = self._engine.through(knots, recorded)
+        trace = self._integration.through(knots, recorded)
         self._now_s = float(knots[-1])
         return trace
 
@@ -167,18 +167,18 @@ class EmulatedAxis:
     def take_over(self, other: EmulatedAxis) -> None:
         """Take over the state of `other`, which has followed the same command so far."""
         self._now_s = other._now_s
-        self._engine.take_over(other._engine)
+        self._integration.take_over(other._integration)
         self._jumps = [jump for jump in self._jumps if jump[0] >= self._now_s]
         self.outcomes.take_over(other.outcomes)
 
     @property
     def position_m(self) -> float:
         """Position (m) at the time reached."""
-        return self._engine.x
+        return self._integration.x
 
     def slip(self, pitches: float) -> None:
         """Displace the axis back by whole pitches at once."""
-        self._engine.x -= pitches * self._plant.pitch_m
+        self._integration.x -= pitches * self._plant.pitch_m
 
     def settle(self) -> None:
         """Advance under a command at rest until the axis cannot leave its tooth any more."""
@@ -209,13 +209,13 @@ class EmulatedAxis:
 
     def _lag_m(self) -> float:
         """The lag now."""
-        return float(self._lags(np.array([self._now_s]), np.array([self._engine.x]))[0])
+        return float(self._lags(np.array([self._now_s]), np.array([self._integration.x]))[0])
 
     def _captured(self) -> bool:
         """True if the energy is too small to reach another tooth."""
         plant = self._plant
         depth = plant.pull_out_m_s2 / plant.wave_number_1_m
-        energy = self._engine.v**2 / 2 + depth * (
+        energy = self._integration.v**2 / 2 + depth * (
             1 - math.cos(plant.wave_number_1_m * self._lag_m())
         )
         return energy < 2 * depth

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from mopro.effects import Active, on_axis
-from mopro.effects.base import Scene
+from mopro.effects.effect import Scene
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 from mopro.plant.command_table import Floats, hermite

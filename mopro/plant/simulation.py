@@ -25,9 +25,9 @@ from mopro.motion import PlannedMove, Schedule, Stopping
 from mopro.plant.axis import EmulatedAxis, NotFinite, Samples
 from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.drive_scaling import DriveScaling, hold_scaling, with_heat
-from mopro.plant.engine import Engine, Stepping, is_nominal
 from mopro.plant.heat import HeatHistory, HeatIntervals
-from mopro.plant.kernel.terms import TermSet
+from mopro.plant.integration import Integration, Stepping, is_nominal
+from mopro.plant.kernel.effect_terms import TermSet
 from mopro.plant.platen import yaw_rad
 from mopro.plant.stepped_heat import SteppedHeat, coil_energy_J
 from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, line_at, platen_edges, switches_u
@@ -405,7 +405,7 @@ def _axis(
         number,
         plant,
         command,
-        _engine(settings, schedule, plant, command, active, terms, scaling),
+        _integration(settings, schedule, plant, command, active, terms, scaling),
         schedule.moves,
         settings.resolved,
         scaling.times_s.tolist(),
@@ -422,7 +422,7 @@ def _unusable(machine: Machine, message: str, active: Sequence[Active]) -> Model
     return ModelError(source, [Diagnostic("unstable", message, span)])
 
 
-def _engine(
+def _integration(
     settings: PlantSettings,
     schedule: Schedule,
     plant: PlantConstants,
@@ -430,7 +430,7 @@ def _engine(
     active: Sequence[Active],
     terms: TermSet,
     scaling: DriveScaling,
-) -> Engine:
+) -> Integration:
     """Plain for short work, compiled for long: the same kernel, the same bits."""
     nominal = is_nominal(terms, scaling)
     compiled = settings.compiled
@@ -441,7 +441,9 @@ def _engine(
         compiled = (restless and steps >= COMPILE_WITH_EFFECTS_FROM_STEPS) or compiling_pays(
             schedule, settings.stepping.max_s, not nominal
         )
-    return Engine(plant, command, settings.resolved, settings.stepping, active, scaling, compiled)
+    return Integration(
+        plant, command, settings.resolved, settings.stepping, active, scaling, compiled
+    )
 
 
 def compiling_pays(schedule: Schedule, max_step_s: float, with_effects: bool = False) -> bool:

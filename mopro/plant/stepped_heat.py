@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.effects import Active
-from mopro.effects.base import Surroundings
+from mopro.effects.effect import Surroundings
 from mopro.engine.series import RUN_AWAY
 from mopro.machine import Machine
 from mopro.motion import PlannedMove
@@ -118,23 +118,23 @@ class SteppedHeat:
         """Temperature at the steps, and each kind's slope at both ends of each step."""
         temperature = np.full(len(steps), self._machine.heat.ambient_C)
         after, before = np.zeros(shares.shape), np.zeros(shares.shape)
-        now_C = float(temperature[0])
+        forcer_C = float(temperature[0])
         for i, (t, end) in enumerate(pairwise(steps.tolist())):
             held = [(k, kinds[k], float(shares[i, k])) for k in np.flatnonzero(shares[i]).tolist()]
             h = end - t
-            first = [self._slope(c, t, now_C) for _, c, _ in held]
+            first = [self._slope(c, t, forcer_C) for _, c, _ in held]
             k1 = sum(s * share for s, (_, _, share) in zip(first, held, strict=True))
-            k2 = self._mean_slope(held, t + h / 2, now_C + h / 2 * k1)
-            k3 = self._mean_slope(held, t + h / 2, now_C + h / 2 * k2)
-            k4 = self._mean_slope(held, end, now_C + h * k3)
-            now_C += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-            if not abs(now_C) < RUN_AWAY:
+            k2 = self._mean_slope(held, t + h / 2, forcer_C + h / 2 * k1)
+            k3 = self._mean_slope(held, t + h / 2, forcer_C + h / 2 * k2)
+            k4 = self._mean_slope(held, end, forcer_C + h * k3)
+            forcer_C += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            if not abs(forcer_C) < RUN_AWAY:
                 temperature[i + 1 :] = after[i:] = before[i:] = math.nan
                 break
-            temperature[i + 1] = now_C
+            temperature[i + 1] = forcer_C
             for (k, conditions, _), slope in zip(held, first, strict=True):
                 after[i, k] = slope
-                before[i, k] = self._slope(conditions, end, now_C)
+                before[i, k] = self._slope(conditions, end, forcer_C)
         return temperature, after, before
 
     def _mean_slope(
@@ -144,7 +144,7 @@ class SteppedHeat:
 
     def _slope(self, conditions: _Conditions, time_s: float, temperature_C: float) -> float:
         balance = conditions.balance
-        now = Surroundings(
+        surroundings = Surroundings(
             time_s,
             temperature_C,
             self._machine.heat.ambient_C,
@@ -156,10 +156,10 @@ class SteppedHeat:
         )
         try:
             for active in self._effects:
-                active.effect.heat(now, *active.values)
+                active.effect.heat(surroundings, *active.values)
         except OverflowError:  # plain Python raises it at a power
             return math.nan
-        return now.flow_W / self._capacity_J_K
+        return surroundings.flow_W / self._capacity_J_K
 
 
 def _coil_W(machine: Machine, balance: HeatBalance, gains: Sequence[float]) -> float:

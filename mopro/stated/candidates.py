@@ -14,7 +14,7 @@ from mopro.engine.candidate import RUN, Candidate, Law, Parameter, ResidualView,
 from mopro.engine.series import Series, Settings
 from mopro.formula.dimension import Dimension
 from mopro.formula.evaluate import Floats, evaluate
-from mopro.formula.search import Sampled, Search
+from mopro.formula.shape_search import Sampled, Search
 from mopro.formula.shapes import MOST_PERIODS_OF_SPAN, Sized, role_of_shape, shape_of
 from mopro.formula.written import (
     AMPLITUDE,

@@ -15,7 +15,7 @@ from mopro.formula import Dimension
 from mopro.formula.evaluate import Floats
 from mopro.formula.written import Written
 from mopro.instruments.quantity import Measurable
-from mopro.machine.runs import NO_DATA, Data
+from mopro.machine.run_effects import NO_DATA, Data
 from mopro.source import Source
 from mopro.stated.model import THERMAL, StatedMachine
 from mopro.tomlfile import Value

@@ -20,10 +20,10 @@ from mopro.formula.entry import (
     read_range,
     read_unit,
 )
-from mopro.formula.language import PI
+from mopro.formula.expressions import PI
 from mopro.formula.written import MEASUREMENT, Written, WrittenEffect
 from mopro.instruments.quantity import AXIS_UNITS
-from mopro.machine.runs import read_runs, states_runs
+from mopro.machine.run_effects import read_runs, states_runs
 from mopro.source import Source, Span
 from mopro.stated.model import (
     AXIS,
@@ -207,7 +207,7 @@ def _number(value: Value) -> Number:
     free = table.get("free", flag, False)
     if number is None:
         raise value.refused(f"expected {value.key} = {{ value = number, unit = ... }}")
-    tolerance, doubt = table.get("tolerance", tolerance_of(number, unit), (0.0, ""))
+    tolerance, note = table.get("tolerance", tolerance_of(number, unit), (0.0, ""))
     if free and tolerance:
         value.report(f"{value.key} is free, and has a tolerance: state one of them")
     low, high = table.get("range", read_range, (None, None))
@@ -218,7 +218,7 @@ def _number(value: Value) -> Number:
     if free and not low <= number <= high:
         value.report(f"{value.key} is outside of its range")
     before = number_in(table.data.get("before"))
-    return Number(value.key, unit, number, free, tolerance, low, high, before, doubt)
+    return Number(value.key, unit, number, free, tolerance, low, high, before, note)
 
 
 def _check_inertia(root: Value, unit: str, numbers: Mapping[str, Number]) -> None:

@@ -159,24 +159,24 @@ def nodes(
     """
     stack = np.empty(MOST_STACKED)
     count = states.shape[0]
-    now, first, second = states[:, 0].copy(), np.empty(count), np.empty(count)
+    state, first, second = states[:, 0].copy(), np.empty(count), np.empty(count)
     for i in range(1, len(time_s)):
         span = time_s[i] - time_s[i - 1]
         steps = int(max(1.0, math.ceil(span / longest_s - 1e-6)))
         h = span / steps
         for step in range(steps):
             variables[0] = time_s[i - 1] + step * h
-            variables[1 : 1 + count] = now
+            variables[1 : 1 + count] = state
             _set_inputs(variables, 1 + count, inputs, ends, i, step / steps)
             for j in range(count):
                 first[j] = value_of(codes, segments[j, 0], segments[j, 1], variables, stack)
             variables[0] = time_s[i - 1] + (step + 1) * h
-            variables[1 : 1 + count] = now + h * first
+            variables[1 : 1 + count] = state + h * first
             _set_inputs(variables, 1 + count, inputs, ends, i, (step + 1) / steps)
             for j in range(count):
                 second[j] = value_of(codes, segments[j, 0], segments[j, 1], variables, stack)
-            now = now + h / 2 * (first + second)
-        if not np.all(np.abs(now) < _FARTHEST):
+            state = state + h / 2 * (first + second)
+        if not np.all(np.abs(state) < _FARTHEST):
             states[:, i:] = np.nan
             return
-        states[:, i] = now
+        states[:, i] = state

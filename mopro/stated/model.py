@@ -35,7 +35,7 @@ IN_EQUATIONS = (FORCE, FRICTION, POWER)
 class Number:
     """A number of the model, in `unit`: fixed, known with a tolerance, or free to be fitted.
 
-    `tolerance`: a share of the value; `doubt`: a note on how it was read. `before`: the value that
+    `tolerance`: a share of the value; `note`: a note on how it was read. `before`: the value that
     fitted before effects were found, in a repaired file.
     """
 
@@ -47,7 +47,7 @@ class Number:
     low: float = 0.0
     high: float = 0.0
     before: float | None = None
-    doubt: str = ""
+    note: str = ""
 
     @cached_property
     def factor(self) -> float:

@@ -270,12 +270,12 @@ def check(experiment: StatedExperiment, effects: tuple[WrittenEffect, ...]) -> N
 
 def _check_command(experiment: StatedExperiment) -> None:
     """ModelError where there is no command to follow, or one of another quantity than the place."""
-    told, own = experiment.units.get("command"), experiment.machine.unit or "1"
-    if told is None:
+    command_unit, own = experiment.units.get("command"), experiment.machine.unit or "1"
+    if command_unit is None:
         message = "a kinematic machine needs a command, the place that it is told"
         hint = 'add, with the name of your column: [inputs] command = { column = "target_mm" }'
-    elif dimension_of_unit(told) != axis_dimension(experiment):
-        message = f"the command is in {told}, and the place that is read in {own}"
+    elif dimension_of_unit(command_unit) != axis_dimension(experiment):
+        message = f"the command is in {command_unit}, and the place that is read in {own}"
         hint = 'state the formula of the place in a machine file: position = "ratio * command"'
     else:
         return

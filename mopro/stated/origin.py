@@ -11,7 +11,7 @@ from mopro.engine.assumed import ROUNDING
 from mopro.formula.evaluate import Floats
 from mopro.stated.base import BaseFit, base_of
 from mopro.stated.data import Reading, Run, Sensor, StatedExperiment
-from mopro.stated.series import nuisances
+from mopro.stated.reading_series import nuisances
 from mopro.stated.simulation import BASE, START, Model
 
 _TOLD = (

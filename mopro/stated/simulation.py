@@ -16,7 +16,7 @@ from mopro.errors import DataError
 from mopro.formula import Formula, parse
 from mopro.formula.bytecode import Assembler, jumps
 from mopro.formula.evaluate import Floats, Functions, evaluate
-from mopro.formula.language import substituted
+from mopro.formula.expressions import substituted
 from mopro.formula.signals import BEGINNINGS, ENDS, SIGNALS
 from mopro.formula.written import COMMAND, FORCE, FRICTION, MEASUREMENT, WrittenEffect
 from mopro.stated.data import Reading, Run, Sensor, StatedExperiment

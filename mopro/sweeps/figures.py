@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mopro.effects.base import Domain
+from mopro.effects.effect import Domain
 from mopro.emulator import Emulator
 from mopro.errors import LocatedError, ModelError, MoproError, MotionError
 from mopro.motion import Schedule

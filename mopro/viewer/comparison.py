@@ -11,7 +11,7 @@ from mopro.experiment.wording import place_words
 from mopro.markup import listing, paragraph, section, table
 from mopro.units import residual_unit
 from mopro.viewer.page import document
-from mopro.viewer.series import Residuals, beside_of, own_units, series_views
+from mopro.viewer.series_views import Residuals, beside_of, own_units, series_views
 
 _SERIES = ("run", "sensor", "samples", "RMS", "noise", "σ", "χ² p", "whiteness p", "only noise")
 _PLACES = ("run", "where", "sensor", "samples", "mean", "RMS", "σ", "significant")

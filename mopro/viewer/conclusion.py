@@ -29,7 +29,7 @@ from mopro.markup import heading, listing, paragraph, section, table
 from mopro.units import residual_unit
 from mopro.viewer.glance import strip
 from mopro.viewer.page import document
-from mopro.viewer.series import Residuals, beside_of, own_units, series_views, source_lines
+from mopro.viewer.series_views import Residuals, beside_of, own_units, series_views, source_lines
 
 _EFFECTS = (
     "effect", "parameter", "value", "95 % interval", "σ in all", "log10 Bayes factor", "held out",

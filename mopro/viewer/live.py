@@ -139,8 +139,7 @@ class LiveRun:
             phases=phases_of(shown),
         )  # fmt: skip
         pack = Pack()
-        told = view.as_json(pack)
-        return {"views": [told], "block": pack.text()}
+        return {"views": [view.as_json(pack)], "block": pack.text()}
 
     def _shows(self, name: str) -> bool:
         """True for what can be seen of an axis that moves, and what is of no axis."""
@@ -242,7 +241,7 @@ class ControllerPanel:
         self._asked: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
         self._sink = Envelopes(_MOST_BUCKETS, 0)
         self._due_s = -np.inf
-        self._told: tuple[Any, ...] = ()
+        self._sent: tuple[Any, ...] = ()
         self._program: tuple[str, ...] = ()
         self._suffered: Counter[str] = Counter()
         self.feed = Feed(self.snapshot)
@@ -290,15 +289,15 @@ class ControllerPanel:
         else:
             columns = self._columns(now_s)
             self._sink.write(columns)
-            line = [[now_s, seen.line]] if self._told[:1] != (seen.line,) else []
-            told = samples_json(columns["time_s"], channels_of(columns), TRACK)
-            self.feed.tell("samples", told | {"lines": line})
+            line = [[now_s, seen.line]] if self._sent[:1] != (seen.line,) else []
+            samples = samples_json(columns["time_s"], channels_of(columns), TRACK)
+            self.feed.tell("samples", samples | {"lines": line})
         happened = self._suffered + Counter(self._station.injector.happened)
-        told_now = (seen.line, seen.state, happened)
-        if told_now != self._told:
+        latest = (seen.line, seen.state, happened)
+        if latest != self._sent:
             words = ", ".join(f"{kind} × {count}" for kind, count in happened.items())
             self.feed.tell("status", f"{seen.state}{f' · faults: {words}' if words else ''}")
-        self._told = told_now
+        self._sent = latest
 
     def _columns(self, now_s: float) -> Columns:
         seen = self._station.device.seen()
@@ -322,8 +321,7 @@ class ControllerPanel:
             platen=platen_of(self._machine, self._machine.travel_u(), places_of(self._sink.names)),
         )  # fmt: skip
         pack = Pack()
-        told = view.as_json(pack)
-        return {"views": [told], "block": pack.text()}
+        return {"views": [view.as_json(pack)], "block": pack.text()}
 
 
 def _ignore(rows: object) -> None:

@@ -100,14 +100,14 @@ def document(
     """
     pack = Pack()
     shown = [view.as_json(pack) for view in views]
-    told = {**(options or {}), "views": shown}
+    content = {**(options or {}), "views": shown}
     return _PAGE.format(
         policy=escaped(policy(connect)),
         title=escaped(title),
         lead="\n".join(lead),
         body="\n".join(body),
         styles="\n".join(f"<style>{sheet}</style>" for sheet in styles()),
-        data=data_block("page-data", {**told, "block": pack.text()}),
+        data=data_block("page-data", {**content, "block": pack.text()}),
         scripts="\n".join(f"<script>{script}</script>" for script in scripts()),
     )
 

@@ -10,8 +10,8 @@ from mopro.blind.cases.spec import THERMOCOUPLE, case_instruments
 from mopro.blind.reference.motor import THESIS
 from mopro.blind.reference.plant import ProgramRun, ReferencePlant
 from mopro.experiment.sawyer.forward_model import ForwardModel
-from mopro.experiment.sawyer.model import Experiment, Reading
-from mopro.experiment.sawyer.model import Trial as Measured
+from mopro.experiment.sawyer.trials import Experiment, Reading
+from mopro.experiment.sawyer.trials import Trial as Measured
 from mopro.instruments.quantity import TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine

@@ -203,7 +203,9 @@ def test_a_run_on_a_controller_shows_where_it_is(terminal):
     program, machine = compile_text(SHORT), load_machine("chow1992")
     joined = bench()
     with progress.in_motion(progress.length_unit(program, machine)) as told:
-        SerialBackend(joined.session, machine).run(program, MemorySink(), settle_s=0.3, told=told)
+        SerialBackend(joined.session, machine).run(
+            program, MemorySink(), settle_s=0.3, on_progress=told
+        )
     form = (
         r"\d\.\d of 0\.\d s, line [47], axis 1 -?\d\.\d{3}, axis 2 0\.000 in, "
         r"\d+\.\d in/s, (\d s left|settling)"
@@ -220,7 +222,7 @@ def test_a_simulation_shows_how_far_it_is(terminal, monkeypatch):
     monkeypatch.setattr(progress, "_EVERY_S", 0.0)
     with progress.simulated() as told:
         Emulator(load_machine("chow1992")).run(
-            compile_text(SETUP + "WT50000\n"), MemorySink(), told=told
+            compile_text(SETUP + "WT50000\n"), MemorySink(), on_progress=told
         )
     assert re.fullmatch(
         r"simulating \[#+-*\] [\d.]+ of 50 s, [\d.e+]+ s/s, \d+ s left", terminal.shown[0]

@@ -13,7 +13,7 @@ import pytest
 import mopro
 from helpers.paths import TESTS
 from mopro.effects import catalogue
-from mopro.effects.base import Effect
+from mopro.effects.effect import Effect
 from mopro.effects.registry import OWN, STATED_ELSEWHERE, in_order, own_effects
 from mopro.effects.resolve import with_values
 from mopro.errors import ModelError

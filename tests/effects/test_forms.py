@@ -7,13 +7,13 @@ import pytest
 
 from helpers.one_run import LASER, PROGRAM, of
 from mopro.effects import Domain, Effect, Parameter, catalogue
-from mopro.effects.base import Scene, angle_in
+from mopro.effects.effect import Scene, angle_in
 from mopro.effects.resolve import active_effects
 from mopro.engine import Role
 from mopro.engine.candidate import RUN
 from mopro.experiment.sawyer.candidates import candidates
 from mopro.experiment.sawyer.forward_model import ForwardModel
-from mopro.experiment.sawyer.model import LoggedCommand
+from mopro.experiment.sawyer.trials import LoggedCommand
 from mopro.instruments.quantity import TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine

@@ -8,11 +8,11 @@ import pytest
 import mopro
 from helpers.diagnosis import diagnose
 from mopro.effects import catalogue, catalogue_of
-from mopro.effects.formula import effect_of
+from mopro.effects.formula_effects import effect_of
 from mopro.errors import ModelError
 from mopro.experiment.sawyer.forward_model import ForwardModel
-from mopro.experiment.sawyer.model import Experiment, Reading, Trial
 from mopro.experiment.sawyer.repaired import machine_of, machine_text
+from mopro.experiment.sawyer.trials import Experiment, Reading, Trial
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine

@@ -24,7 +24,7 @@ def refusal(monkeypatch, value):
         ("def broken(:\n", "SyntaxError"),
         ("1 / 0\n", "ZeroDivisionError"),
         ("", "AttributeError"),
-        ("from mopro.effects.base import Effect\nclass Mine(Effect):\n    def __init__(self):\n"
+        ("from mopro.effects.effect import Effect\nclass Mine(Effect):\n    def __init__(self):\n"
          "        raise ValueError('no')\n", "ValueError: no"),
     ],
 )  # fmt: skip

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lsim, lti
 
 from helpers.one_run import LASER
-from mopro.effects.search import delay_s, force_N, peaks, residual_m, step, strongest_lines
+from mopro.effects.starts import delay_s, force_N, peaks, residual_m, step, strongest_lines
 from mopro.engine.candidate import ResidualView
 from mopro.engine.spectrum import sinusoid
 from mopro.machine import load_machine

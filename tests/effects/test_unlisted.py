@@ -20,8 +20,8 @@ from mopro.effects.unlisted import unlisted_terms, with_unlisted
 from mopro.engine.freeform import measurement_laws
 from mopro.experiment import load_experiment
 from mopro.experiment.sawyer.candidates import unlisted
-from mopro.experiment.sawyer.model import Experiment, SteadyTable
 from mopro.experiment.sawyer.system import Model
+from mopro.experiment.sawyer.trials import Experiment, SteadyTable
 from mopro.machine import load_machine
 from mopro.plant import plan_with_effects, simulate
 from mopro.source import Source

@@ -298,7 +298,7 @@ class TestSettling:
         heard = []
         program = mopro.compile("UU012500/1\nVEL1 40.0\nACC1 0.25\nMRI1 8.0\nWX1\nWT50000\n")
         emulator = Emulator(load_machine("chow1992"))
-        run = emulator.run(program, MemorySink(), told=heard.append)
+        run = emulator.run(program, MemorySink(), on_progress=heard.append)
         assert len(heard) >= 2
         assert heard[-1].total_s == run.duration_s
         assert heard[-1].time_s == pytest.approx(run.duration_s, abs=1e-3)

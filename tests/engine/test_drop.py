@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.signals import candidates, measured, of_size, sizes, times
-from mopro.engine.conclude import conclude
+from mopro.engine.answer import conclude
 from mopro.engine.fits import HeldOut
 from mopro.engine.freeform import WithLaws
 from mopro.engine.passes import drop, hold_out, set_laws_apart

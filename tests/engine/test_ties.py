@@ -11,7 +11,7 @@ from helpers.signals import candidates, diagnosed, measured, of_size, sizes, tim
 from mopro.engine.fits import Evidence, Fit
 from mopro.engine.freeform import WithLaws
 from mopro.engine.passes.alternatives import better_alternative, find_alternatives
-from mopro.engine.residuals.noise import Noise
+from mopro.engine.residuals.noise_model import Noise
 from mopro.engine.state import Problem, State
 from mopro.engine.verdict import Rejected
 

@@ -14,9 +14,9 @@ from mopro.experiment.sawyer.candidates import candidates
 from mopro.experiment.sawyer.feasible import too_long
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.labels import PHASES, labels
-from mopro.experiment.sawyer.model import Reading, Trial
 from mopro.experiment.sawyer.nominal import planned
 from mopro.experiment.sawyer.system import Sawyer, series_of
+from mopro.experiment.sawyer.trials import Reading, Trial
 from mopro.instruments.quantity import FORCE, POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.plant import measured_at

@@ -9,7 +9,7 @@ from mopro.formula import FormulaError, UnitError, dimension_of_unit, factor_of,
 from mopro.formula.bytecode import MOST_STACKED, Assembler, value_of
 from mopro.formula.dimension import dimension_in
 from mopro.formula.evaluate import evaluate
-from mopro.formula.language import (
+from mopro.formula.expressions import (
     MOST_CHARACTERS,
     check_names,
     substituted,

@@ -14,8 +14,8 @@ import numpy as np
 import mopro
 from mopro.machine import load_machine
 from mopro.plant.kernel.build import kernel
-from mopro.plant.kernel.motion import start_of
-from mopro.plant.kernel.terms import TermSet
+from mopro.plant.kernel.effect_terms import TermSet
+from mopro.plant.kernel.equation_of_motion import start_of
 
 MACHINE = load_machine("chow1992")
 AXIS = MACHINE.axis

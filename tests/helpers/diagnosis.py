@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from mopro.engine.verdict import Verdict
 from mopro.experiment import conclusion
-from mopro.experiment.sawyer.model import Experiment
 from mopro.experiment.sawyer.system import Sawyer
+from mopro.experiment.sawyer.trials import Experiment
 
 
 @dataclass(frozen=True)

@@ -26,12 +26,13 @@ import traceback
 from functools import partial
 from pathlib import Path
 from random import Random
+from unittest.mock import patch
 
 import click
 
-import mopro.blind.scoring.verdict_source
 import mopro.link
 from helpers.power_loss import Recorder
+from mopro.blind.scoring.verdict_source import VerdictSource
 from mopro.cli import main
 from mopro.cli.main import COMMANDS
 from mopro.controller import FolderStore, LoopbackPort, MemoryStore, Station
@@ -247,8 +248,8 @@ def loopback(url, line, baud, token):
     return LoopbackPort(station)
 
 
-def reconciled(experiment, patience_s, without):
-    """The answer that `mopro reconcile` gives to every case; it proposes an experiment."""
+def reconciled(source, experiment, without, out=None):
+    """The answer that `mopro reconcile` gives to every case at once; it proposes an experiment."""
     return {
         "verdict": "ambiguous", "effects": [], "next_experiment": PROPOSED, "seconds": 1.0,
         "exit_code": 0, "stderr": "",
@@ -257,9 +258,10 @@ def reconciled(experiment, patience_s, without):
 
 def serve():
     COMMANDS["flash-to-store"] = "__main__:command"
-    mopro.link.SerialPort = loopback
-    mopro.link.Session = partial(Session, random=Random(1))
-    mopro.blind.scoring.verdict_source._reconcile = reconciled
+    # Patches refuse a name that is not there.
+    patch.object(mopro.link, "SerialPort", loopback).start()
+    patch.object(mopro.link, "Session", partial(Session, random=Random(1))).start()
+    patch.object(VerdictSource, "_reconciled", reconciled).start()
     for line in sys.stdin:
         trial = json.loads(line)
         for module in NEEDED.get(trial["args"][0], []):

@@ -3,7 +3,7 @@
 import numpy as np
 
 import mopro
-from mopro.experiment.sawyer.model import Experiment, Reading, Trial
+from mopro.experiment.sawyer.trials import Experiment, Reading, Trial
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine

@@ -7,7 +7,7 @@ import numpy as np
 from helpers.paths import PROGRAMS
 from mopro.experiment.sawyer.candidates import candidates
 from mopro.experiment.sawyer.forward_model import ForwardModel
-from mopro.experiment.sawyer.model import Experiment, SteadyTable
+from mopro.experiment.sawyer.trials import Experiment, SteadyTable
 from mopro.machine import load_machine
 from mopro.source import Source
 

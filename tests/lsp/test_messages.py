@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from helpers.commands import LIMIT_S, SETTINGS
-from mopro.lsp.server import MOST_BYTES, Messages
+from mopro.lsp.language_server import MOST_BYTES, Messages
 
 QUIT = ({"jsonrpc": "2.0", "id": 2, "method": "shutdown"}, {"jsonrpc": "2.0", "method": "exit"})
 HELLO = {

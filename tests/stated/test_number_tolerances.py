@@ -41,7 +41,7 @@ def mass(stated):
 def test_a_tolerance_is_a_share_unless_it_cannot_be_one(stated, share, doubtful):
     number = mass(stated)
     assert number.tolerance == pytest.approx(share, rel=1e-2)
-    assert bool(number.doubt) == doubtful
+    assert bool(number.note) == doubtful
 
 
 @pytest.mark.parametrize(

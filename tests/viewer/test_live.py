@@ -17,7 +17,7 @@ from mopro.emulator import Emulator
 from mopro.link import load_dialect
 from mopro.machine import load_machine
 from mopro.viewer.live import FAULTS, ControllerPanel
-from mopro.viewer.server import Page, in_browser, serving
+from mopro.viewer.page_server import Page, in_browser, serving
 
 pytestmark = pytest.mark.browser
 

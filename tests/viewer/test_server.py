@@ -19,10 +19,10 @@ from mopro.controller import Station
 from mopro.emulator import Emulator
 from mopro.link import load_dialect
 from mopro.machine import load_machine
-from mopro.viewer import server as web_server
+from mopro.viewer import page_server as web_server
 from mopro.viewer.live import ControllerPanel, Feed, LiveRun, Paced
+from mopro.viewer.page_server import MOST_CONNECTIONS, Page, in_browser, serving
 from mopro.viewer.run import schedule_of
-from mopro.viewer.server import MOST_CONNECTIONS, Page, in_browser, serving
 
 TEXT = "UU012500/1\nVEL1 8.0\nACC1 0.25\nMRI1 4.0\nWX1\n"
 
@@ -311,7 +311,7 @@ class TestThePanel:
 def test_without_the_extra_it_is_said_what_to_install(tmp_path, monkeypatch, command):
     for name in [n for n in sys.modules if n.partition(".")[0] in ("starlette", "uvicorn")]:
         monkeypatch.delitem(sys.modules, name)
-    for name in [n for n in sys.modules if n == "mopro.viewer.server"]:
+    for name in [n for n in sys.modules if n == "mopro.viewer.page_server"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "starlette", None)
     monkeypatch.setitem(sys.modules, "uvicorn", None)

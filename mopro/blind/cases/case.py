@@ -175,7 +175,8 @@ def draw_case(
     machine the numbers of `nominal` with the names `tolerated` are off.
     """
     if spec.base:
-        nominal = _off(np.random.default_rng([seed, 6, int(number)]), nominal, tolerated)
+        generator = np.random.default_rng([seed, 6, int(number)])
+        nominal = _with_wrong_numbers(generator, nominal, tolerated)
     g = np.random.default_rng([seed, 2, int(number)])
     for _ in range(_ATTEMPTS):
         case = _attempt(g, number, spec, nominal, stated)
@@ -194,7 +195,7 @@ def draw_case(
     return case
 
 
-def _off(g: Generator, nominal: Nominal, names: Sequence[str]) -> Nominal:
+def _with_wrong_numbers(g: Generator, nominal: Nominal, names: Sequence[str]) -> Nominal:
     """The machine with each number of `names` larger or smaller than stated."""
     factors = {name: 1 + DEVIATION * float(g.choice([-1.0, 1.0])) for name in names}
     return replace(nominal, **{n: getattr(nominal, n) * f for n, f in factors.items()})

@@ -30,15 +30,15 @@ TOLERANCE = 0.1
 class Machine:
     """A drawn machine: its kind and true numbers (SI), and what its files state of them.
 
-    `free` are the numbers that are fitted from another start, `off` is the relative error of each
-    that has a tolerance. With `start` the files state where a run begins, with `zero` that the
+    `free` are the numbers that are fitted from another start, `errors` the relative errors of those
+    that have a tolerance. With `start` the files state where a run begins, with `zero` that the
     sensor has no offset.
     """
 
     kind: str
     numbers: dict[str, float]
     free: tuple[str, ...] = ()
-    off: dict[str, float] = field(default_factory=dict)
+    errors: dict[str, float] = field(default_factory=dict)
     start: bool = False
     zero: bool = True
 
@@ -47,9 +47,9 @@ def drawn(g: Generator, kind: str) -> Machine:
     """A machine of a kind."""
     numbers, free = _NUMBERS[kind](g)
     stated = [name for name in numbers if name not in (*free, "nodes", "begin", "spring")]
-    off = {str(g.choice(stated)): TOLERANCE * float(g.uniform(-0.9, 0.9))} if stated else {}
+    errors = {str(g.choice(stated)): TOLERANCE * float(g.uniform(-0.9, 0.9))} if stated else {}
     start, zero = kind == "axis" and bool(g.integers(2)), bool(g.integers(2))
-    return Machine(kind, numbers, free, off, start, zero)
+    return Machine(kind, numbers, free, errors, start, zero)
 
 
 def _axis(g: Generator) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -203,7 +203,7 @@ def visible(machine: Machine, runs: Sequence[Columns], effects: Hidden) -> dict[
     taken = np.array([
         stacked(machine, runs, {**machine.numbers, name: value * (1 + _STEP)}, effects) - every
         for name, value in machine.numbers.items()
-        if name in machine.free or name in machine.off
+        if name in machine.free or name in machine.errors
     ])  # fmt: skip
     base = np.linalg.qr(taken.T)[0] if len(taken) else np.zeros((len(every), 0))
     found = {}
@@ -219,7 +219,7 @@ def left_by(
 ) -> float:
     """Chi-squared that the effects `named`, refitted with the free numbers, leave of `truth`."""
     target = stacked(machine, runs, machine.numbers, truth)
-    fitted = [*machine.free, *machine.off]
+    fitted = [*machine.free, *machine.errors]
     keys = [(name, parameter) for name, own in named.items() for parameter in own]
     start = np.array(
         [machine.numbers[n] for n in fitted] + [named[n][parameter] for n, parameter in keys]

@@ -99,8 +99,8 @@ def _written(
         if not machine.zero:
             readings += sigma * g.uniform(-30.0, 30.0, (len(readings), 1))
         files[name] = texts.log(machine, run, readings)
-    told = texts.per_si(spec.kind) * sigma * _STATED.get(spec.noise, 1.0)
-    noise = '"unknown"' if spec.noise == "unknown" else f"{told:.6g}"
+    stated = texts.per_si(spec.kind) * sigma * _STATED.get(spec.noise, 1.0)
+    noise = '"unknown"' if spec.noise == "unknown" else f"{stated:.6g}"
     begun = {n: machine.numbers[n] * g.uniform(0.7, 1.4) for n in machine.free}
     files["machine.toml"] = texts.machine_text(machine, begun).encode()
     if machine.kind == "python":
@@ -120,7 +120,7 @@ def _written(
         "variables": list(UNLISTED[spec.kind][spec.unlisted][1]) if spec.unlisted else [],
         "machine": {
             "kind": machine.kind, "numbers": machine.numbers, "free": list(machine.free),
-            "off": machine.off, "start": machine.start, "zero": machine.zero,
+            "off": machine.errors, "start": machine.start, "zero": machine.zero,
         },
         "sigma": sigma,
         "noise": spec.noise,

@@ -130,8 +130,10 @@ def _stated(machine: Machine, name: str, starts: dict[str, float]) -> str:
     if name in machine.free:
         ends = f"[{value / 30:.6g}, {value * 30:.6g}]"
         return f"value = {starts[name]:.6g}, {unit}, free = true, range = {ends}"
-    if name in machine.off:
-        return f"value = {value * (1 + machine.off[name]):.6g}, {unit}, tolerance = {TOLERANCE:g}"
+    if name in machine.errors:
+        return (
+            f"value = {value * (1 + machine.errors[name]):.6g}, {unit}, tolerance = {TOLERANCE:g}"
+        )
     return f"value = {value:.9g}, {unit}"
 
 

@@ -166,14 +166,14 @@ def _way_from_rest(law: Law, t: float, state: State, push: float) -> float:
 
 
 def _moved(law: Law, t: float, h: float, state: State, push: float, way: float) -> list[float]:
-    return stepped(lambda now, own: law(now, own, push, way)[0], t, state, h)
+    return stepped(lambda time_s, own: law(time_s, own, push, way)[0], t, state, h)
 
 
 def _held(law: Law, t: float, h: float, state: State, push: float) -> list[float]:
     """A step at rest: what lags goes on."""
 
-    def rates(now: float, own: State) -> State:
-        return (0.0, 0.0, *law(now, own, push, 0.0)[0][2:])
+    def rates(time_s: float, own: State) -> State:
+        return (0.0, 0.0, *law(time_s, own, push, 0.0)[0][2:])
 
     return stepped(rates, t, state, h)
 

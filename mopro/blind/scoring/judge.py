@@ -83,8 +83,8 @@ class Judgement:
 def judge(number: str, answer: Document, reply: Document) -> Judgement:
     """The judgement of `reply` (from reconcile, with `seconds`) by `answer` (from answers.json)."""
     zeros = [e for e in reply.get("calibration") or [] if e["name"] == "sensor_offset"]
-    told = [*(reply.get("effects") or []), *zeros]
-    named = [e for e in told if not _is_true_offset(e, answer)]
+    reported = [*(reply.get("effects") or []), *zeros]
+    named = [e for e in reported if not _is_true_offset(e, answer)]
     truths = {e["name"]: e["parameters"] for e in answer["effects"]}
     return judgement(
         number, answer, reply, named, _noise_rms(answer, reply),
@@ -152,10 +152,10 @@ def interval_checks(
     `unit_si` is the SI value of a unit. The first of the true values is the size of the effect.
     """
     first = next(iter(true), None)
-    for key, told in parameters.items():
-        interval = told.get("ci95")
+    for key, estimate in parameters.items():
+        interval = estimate.get("ci95")
         if key in true and interval and None not in interval:
-            scale = unit_si(told.get("unit") or "")
+            scale = unit_si(estimate.get("unit") or "")
             inside = _inside(true[key], [scale * end for end in interval], key in _ANGLES)
             yield IntervalCheck(name, key, inside, key == first)
 
@@ -172,7 +172,7 @@ def _noise_rms(answer: Document, reply: Document) -> float | None:
     """RMS of the noise in the data: that of the reply's gap, unless the case states another."""
     if "noise_factor" not in answer:
         return (reply.get("gap") or {}).get("noise_rms")
-    sigmas = [Instrument(**told).sigma for told in answer["instruments"]]
+    sigmas = [Instrument(**instrument).sigma for instrument in answer["instruments"]]
     return math.sqrt(sum(sigma**2 for sigma in sigmas) / len(sigmas))
 
 

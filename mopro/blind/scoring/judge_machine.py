@@ -54,18 +54,19 @@ def _of_unlisted(answer: Document, reply: Document) -> str:
 
 def machine_of(answer: Document) -> Machine:
     """The machine that `answer` states."""
-    told = answer["machine"]
+    hidden = answer["machine"]
     return Machine(
-        told["kind"], told["numbers"], tuple(told["free"]), told["off"], told["start"], told["zero"]
-    )
+        hidden["kind"], hidden["numbers"], tuple(hidden["free"]), hidden["off"],
+        hidden["start"], hidden["zero"],
+    )  # fmt: skip
 
 
 def _left(answer: Document, named: list[Mapping[str, Any]], folder: Path) -> float:
     machine = machine_of(answer)
     runs = [columns_of(machine.kind, (folder / name).read_bytes()) for name in answer["runs"]]
     truth = {e["name"]: e["parameters"] for e in answer["effects"]} | answer["unlisted"]
-    told = {e["name"]: {n: _si(p) for n, p in e["parameters"].items()} for e in named}
-    return left_by(machine, runs, truth, told, answer["sigma"])
+    fitted = {e["name"]: {n: _si(p) for n, p in e["parameters"].items()} for e in named}
+    return left_by(machine, runs, truth, fitted, answer["sigma"])
 
 
 def _si(parameter: Mapping[str, Any]) -> float:
@@ -86,10 +87,10 @@ def _coverage(answer: Document, reply: Document) -> Iterator[IntervalCheck]:
 def _of_file(answer: Document, reply: Document) -> dict[str, Any]:
     """Fields of a judgement on the repaired file: `same`, `unseen_before`, `unseen_after`."""
     own, unseen = (reply.get(key) or [] for key in ("applied", "unseen"))
-    told = {(r["run"], r["sensor"]): r for r in (reply.get("gap") or {}).get("runs") or []}
+    gaps = {(r["run"], r["sensor"]): r for r in (reply.get("gap") or {}).get("runs") or []}
     same = None
     if own:
-        pairs = [(r["after_rms"], told[r["run"], r["sensor"]]["rerun_rms"]) for r in own]
+        pairs = [(r["after_rms"], gaps[r["run"], r["sensor"]]["rerun_rms"]) for r in own]
         same = all(b is not None and abs(a - b) <= _EQUAL * abs(b) for a, b in pairs)
     if not unseen:
         return {"same": same}

@@ -59,8 +59,8 @@ def _outcome_listed(answer: Document, reply: Document, named: Sequence[Document]
 
 def _is_alternative(visible: set[str], truths: set[str], reply: Document) -> bool:
     """True if one of the sets of effects that explain the data as well is the hidden one."""
-    sets = [set(names) for names in reply.get("alternatives") or []]
-    return bool(visible) and any(visible <= names <= truths for names in sets)
+    alternatives = [set(names) for names in reply.get("alternatives") or []]
+    return bool(visible) and any(visible <= names <= truths for names in alternatives)
 
 
 def _matched_names(truths: set[str], named: Sequence[Document]) -> dict[str, str]:

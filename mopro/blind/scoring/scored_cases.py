@@ -255,10 +255,10 @@ def with_named_set(answer: Document, reply: Document, folder: Path, seed: int) -
     left = left_by_set(noiseless, hidden_plant(answer), named, generator)
     if left is None:
         return answer
-    sets = [sorted(named)] if left < MARGIN else []
-    return {**answer, "equivalent_sets": sets, "named_leaves": left}
+    equivalent = [sorted(named)] if left < MARGIN else []
+    return {**answer, "equivalent_sets": equivalent, "named_leaves": left}
 
 
-def _run(folder: Path, told: Mapping[str, Any]) -> ProgramRun:
-    text = (folder / told["program"]).read_text(encoding="ascii")
-    return ProgramRun(text, told["payload_kg"], told["until_s"])
+def _run(folder: Path, run: Mapping[str, Any]) -> ProgramRun:
+    text = (folder / run["program"]).read_text(encoding="ascii")
+    return ProgramRun(text, run["payload_kg"], run["until_s"])

@@ -11,7 +11,7 @@ from scipy import fft
 
 from mopro.engine.assumed import FEWEST, FITTED, ROUNDING
 from mopro.engine.candidate import Candidate, Law, Parameter, ResidualView, Role
-from mopro.engine.freeform.motion import LARGEST, Values, motion_of, step_of, values_of
+from mopro.engine.freeform.series_motion import LARGEST, Values, motion_of, step_of, values_of
 from mopro.engine.residuals import projected_out
 from mopro.engine.series import Floats, Series
 
@@ -158,8 +158,8 @@ def _explained(runs: list[_Run], every: float, begun: float) -> tuple[float, flo
     """The fall of chi-squared by steps of the best size, and that size (s)."""
     parts = [run.part(every, begun) for run in runs]
     product, square = map(float, _products(runs, parts))
-    told = square > ROUNDING * sum(float(part @ part) for part in parts)
-    return (product**2 / square, product / square) if told else (0.0, 0.0)
+    distinct = square > ROUNDING * sum(float(part @ part) for part in parts)
+    return (product**2 / square, product / square) if distinct else (0.0, 0.0)
 
 
 def _products(runs: list[_Run], parts: list[Floats]) -> tuple[Floats, Floats]:

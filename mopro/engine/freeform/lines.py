@@ -10,7 +10,7 @@ from scipy import fft
 
 from mopro.engine.assumed import BUMP_BINS, FEWEST
 from mopro.engine.candidate import Candidate, Law, Parameter, ResidualView, Role
-from mopro.engine.freeform.motion import (
+from mopro.engine.freeform.series_motion import (
     LARGEST,
     POSITION,
     Values,

@@ -10,7 +10,7 @@ import numpy as np
 
 from mopro.engine.assumed import FEWEST, LEAST_SHARE
 from mopro.engine.candidate import Candidate, Law, Parameter, ResidualView, Role
-from mopro.engine.freeform.motion import (
+from mopro.engine.freeform.series_motion import (
     LARGEST,
     POSITION,
     Motion,
@@ -188,9 +188,9 @@ def lag_term(sensor: str, series: Sequence[Series]) -> Iterator[Candidate]:
     None where the speed of a place tells the same, where the prediction is made from the readings,
     or where the times do not ascend.
     """
-    told = labelled(series, "velocity") and all(s.of_place for s in series)
+    known = labelled(series, "velocity") and all(s.of_place for s in series)
     ascending = all(len(s) > 1 and bool((np.diff(values_of(s, "")) > 0).all()) for s in series)
-    if told or not ascending or any(s.fed_back for s in series):
+    if known or not ascending or any(s.fed_back for s in series):
         return
     longest = max(float(np.ptp(values_of(s, ""))) for s in series)
 

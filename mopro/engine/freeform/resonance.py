@@ -10,7 +10,7 @@ from scipy import fft
 
 from mopro.engine.assumed import FEWEST, LEAST_SHARE, ROUNDING
 from mopro.engine.candidate import Candidate, Law, Parameter, ResidualView, Role
-from mopro.engine.freeform.motion import (
+from mopro.engine.freeform.series_motion import (
     LARGEST,
     Values,
     labelled,
@@ -111,7 +111,9 @@ def _likeliest(
     gained = (response.conj() @ product).real - shared * product.real.sum()
     whole = np.abs(response) ** 2 @ square
     apart = whole - shared**2 * square.sum()
-    told = apart > ROUNDING * whole
-    gains = np.where(told, gained**2 / np.where(told, apart, 1.0), 0.0)
+    distinct = apart > ROUNDING * whole
+    gains = np.where(distinct, gained**2 / np.where(distinct, apart, 1.0), 0.0)
     best = int(np.argmax(gains))
-    return {"c": float(gained[best] / apart[best]), "f": float(tried[best])} if told[best] else None
+    if not distinct[best]:
+        return None
+    return {"c": float(gained[best] / apart[best]), "f": float(tried[best])}

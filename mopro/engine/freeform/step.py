@@ -8,7 +8,7 @@ import numpy as np
 
 from mopro.engine.assumed import FEWEST, ROUNDING
 from mopro.engine.candidate import Candidate, Law, Parameter, ResidualView, Role
-from mopro.engine.freeform.motion import LARGEST, Values, span_of, values_of
+from mopro.engine.freeform.series_motion import LARGEST, Values, span_of, values_of
 from mopro.engine.series import Floats, Series
 
 
@@ -53,8 +53,8 @@ def _largest(series: Series, residual: Floats, tangent: Floats) -> tuple[int, fl
     product = residual[::-1].cumsum()[::-1]
     samples = np.arange(len(residual), 0, -1.0)
     square = samples - np.sum(absorbed[::-1].cumsum(axis=0)[::-1] ** 2, axis=1)
-    told = square > ROUNDING * samples
-    told[:FEWEST], told[len(told) - FEWEST :] = False, False
-    explained = np.where(told, product**2 / np.where(told, square, 1.0), 0.0)
+    distinct = square > ROUNDING * samples
+    distinct[:FEWEST], distinct[len(distinct) - FEWEST :] = False, False
+    explained = np.where(distinct, product**2 / np.where(distinct, square, 1.0), 0.0)
     first = int(np.argmax(explained))
-    return (first, float(product[first] / square[first])) if told.any() else (0, 0.0)
+    return (first, float(product[first] / square[first])) if distinct.any() else (0, 0.0)

@@ -8,7 +8,6 @@ from itertools import groupby
 from mopro.engine.candidate import Candidate
 from mopro.engine.freeform.clock import stepping_clock
 from mopro.engine.freeform.lines import bump, line_in_position, line_in_time
-from mopro.engine.freeform.motion import POSITION, labelled, values_of
 from mopro.engine.freeform.proportional import (
     FADING,
     LATE,
@@ -20,6 +19,7 @@ from mopro.engine.freeform.proportional import (
     proportional,
 )
 from mopro.engine.freeform.resonance import resonance
+from mopro.engine.freeform.series_motion import POSITION, labelled, values_of
 from mopro.engine.freeform.step import step_in_time
 from mopro.engine.series import Series
 
@@ -67,5 +67,5 @@ def _of_sensor(sensor: str, rows: Mapping[int, Series]) -> Iterator[Candidate]:
 
 def _with_rests(series: Sequence[Series]) -> bool:
     """True if the labels tell of moves with rests between them."""
-    told = all("velocity" in s.labels and "acceleration" in s.labels for s in series)
-    return told and any(bool((values_of(s, "velocity") == 0).any()) for s in series)
+    known = all("velocity" in s.labels and "acceleration" in s.labels for s in series)
+    return known and any(bool((values_of(s, "velocity") == 0).any()) for s in series)

@@ -6,7 +6,7 @@ leave out samples that decide nothing. Knows no model, effect or machine.
 """
 
 from mopro.engine.residuals.calibration import Corrected
-from mopro.engine.residuals.noise import Noise
+from mopro.engine.residuals.noise_model import Noise
 from mopro.engine.residuals.noise_tests import cusum_step, whiteness_p
 from mopro.engine.residuals.remainder import NOTHING_LEFT, Remainder, as_noise, examine, noise_of
 from mopro.engine.residuals.whitened import Residuals, difference_variance, projected_out

@@ -9,9 +9,9 @@ import numpy as np
 from scipy import special
 
 from mopro.engine.assumed import FALSE_ALARMS, LEAST_SAMPLES, LEAST_SHARE, TOLERANCE
-from mopro.engine.residuals.noise import Noise
+from mopro.engine.residuals.noise_model import Noise
 from mopro.engine.residuals.noise_tests import chi2_log_p
-from mopro.engine.residuals.shapes import Finding, shape_findings
+from mopro.engine.residuals.residual_shapes import Finding, shape_findings
 from mopro.engine.residuals.whitened import Residuals, difference_variance
 from mopro.engine.series import Floats
 

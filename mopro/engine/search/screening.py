@@ -33,7 +33,7 @@ def _asked(screening: Screening, base: Fit, at: Fit, candidate: Candidate) -> Ha
 
 
 def _at(screening: Screening, at: Fit, candidate: Candidate) -> Hashable:
-    return screening._sets.null.identity, at.identity, candidate.key
+    return screening._hypotheses.null.identity, at.identity, candidate.key
 
 
 def _bytes_of_groups(groups: Sequence[Group]) -> int:
@@ -56,7 +56,7 @@ class Screening:
     """Score tests of the catalogue of `sets`; each signature is simulated once for each fit."""
 
     def __init__(self, hypotheses: Hypotheses) -> None:
-        self._sets = hypotheses
+        self._hypotheses = hypotheses
         # Asked by several threads at once.
         self._lock = Lock()
         self._tests: LRUCache[Hashable, ScoreTest] = LRUCache(_KEPT_BYTES, _bytes_of)
@@ -82,27 +82,27 @@ class Screening:
         single effect of such a set is simulated beside the others, as it may be that one of them
         has another form: a damping in the presliding of a friction is nothing without that.
         """
-        null = self._sets.null
+        null = self._hypotheses.null
         joining = self.joining(base)
         if base.key != at.key:
             laws = [c for c in joining if c.law and self._substitutes(base, at)]
             others = [c for c in joining if c not in laws]
             scores = [*self.of(base, laws), *self.of(base, others, null)]
             return self._sorted(base, scores)
-        if at.key == null.key or not self._sets.is_noise(at):
+        if at.key == null.key or not self._hypotheses.is_noise(at):
             return self.of(base, joining, at)
         known = self.of(base, joining, null)
-        limit = self._sets.white.ebic(at) + VERY_STRONG
+        limit = self._hypotheses.white.ebic(at) + VERY_STRONG
         likely = sum(self.predicted_ebic(base, s) < limit for s in known)
         count = len(known) if null.far_from_linear else min(likely, 2 * FITTED)
-        closer = self._sets.each(lambda score: self._closer(base, score), known[:count])
+        closer = self._hypotheses.each(lambda score: self._closer(base, score), known[:count])
         return self._sorted(base, [*closer, *known[count:]])
 
     def joining(self, base: Fit) -> list[Candidate]:
         """The candidates that may join `base`: not in it, in forms that need no plainer one."""
         return [
             c
-            for c in self._sets.catalogue
+            for c in self._hypotheses.catalogue
             if c.name not in base.names and (c.extends is None or c.can_enter_first)
         ]
 
@@ -111,7 +111,7 @@ class Screening:
 
         Beside the null model, and beside a set that is expanded again, they are known.
         """
-        hypotheses = self._sets
+        hypotheses = self._hypotheses
         there = at.identity if base.key == at.key else self._substitutes(base, at)
         known = tuple(c.key for c in hypotheses.catalogue), hypotheses.white.noise.stated
         key = (hypotheses.null.identity, base.identity, there, most, known)
@@ -122,17 +122,17 @@ class Screening:
 
     def _substitutes(self, base: Fit, at: Fit) -> bool:
         """True if what joins `base` takes the place of one of several effects that leave noise."""
-        return 0 < len(base.candidates) == len(at.candidates) - 1 and self._sets.is_noise(at)
+        return 0 < len(base.candidates) == len(at.candidates) - 1 and self._hypotheses.is_noise(at)
 
     def _closer(self, at: Fit, known: ScoreTest) -> ScoreTest:
         """A score test at the null model with the best of its probes simulated at `at`."""
-        again = beside(self._sets.residuals, at, known.candidate, known.group)
+        again = beside(self._hypotheses.residuals, at, known.candidate, known.group)
         groups = [*([again] if again else []), *self._found(at, known.candidate)]
         return score_test(at, known.candidate, groups)
 
     @cachedmethod(attrgetter("_tests"), key=_asked, lock=attrgetter("_lock"))
     def _score(self, base: Fit, at: Fit, candidate: Candidate) -> ScoreTest:
-        groups, residuals = list(self._signatures(at, candidate)), self._sets.residuals
+        groups, residuals = list(self._signatures(at, candidate)), self._hypotheses.residuals
         groups += [g for own in groups for g in unabsorbed(residuals, at, base, candidate, own)]
         groups += self._found(base, candidate)
         first = score_test(base, candidate, groups)
@@ -150,7 +150,7 @@ class Screening:
 
         By signatures at `at`, which is `base` unless stated.
         """
-        scores = self._sets.each(lambda c: self._score(base, at or base, c), candidates)
+        scores = self._hypotheses.each(lambda c: self._score(base, at or base, c), candidates)
         return self._sorted(base, scores)
 
     def _sorted(self, base: Fit, scores: Sequence[ScoreTest]) -> list[ScoreTest]:
@@ -162,7 +162,7 @@ class Screening:
         own = score.starts[0][score.candidate.name]
         if not amplitudes or own[amplitudes[0].name] == amplitudes[0].null:
             return score
-        group = probed_at(self._sets.residuals, base, score.candidate, score.starts[0])
+        group = probed_at(self._hypotheses.residuals, base, score.candidate, score.starts[0])
         closer = score_test(base, score.candidate, [group])
         return max(score, closer, key=lambda s: s.predicted_reduction)
 
@@ -190,7 +190,7 @@ class Screening:
 
         Those that do more with it are among them, as a friction with Stribeck's peak.
         """
-        null, listed = self._sets.null, [c for c in self._sets.catalogue if not c.law]
+        null, listed = self._hypotheses.null, [c for c in self._hypotheses.catalogue if not c.law]
         own = self._signatures(null, law)
         same = [
             candidate
@@ -204,17 +204,17 @@ class Screening:
 
     def predicted_ebic(self, base: Fit, score: ScoreTest) -> float:
         """Predicted EBIC of `base` with a candidate added, for white noise."""
-        evidence = self._sets.white
+        evidence = self._hypotheses.white
         left = base.residual - score.explained if len(score.explained) else base.residual
         deviance = evidence.noise.deviance(left)
         return deviance + evidence.penalty(base) + evidence.added_penalty(base, [score.candidate])
 
     @cachedmethod(attrgetter("_groups"), key=_at, lock=attrgetter("_lock"))
     def _signatures(self, at: Fit, candidate: Candidate) -> list[Group]:
-        self._sets.progress(f"simulating the signature of {candidate.name}")
-        return signatures(self._sets.residuals, at, candidate)
+        self._hypotheses.progress(f"simulating the signature of {candidate.name}")
+        return signatures(self._hypotheses.residuals, at, candidate)
 
     @cachedmethod(attrgetter("_searched"), key=_at, lock=attrgetter("_lock"))
     def _found(self, base: Fit, candidate: Candidate) -> list[Group]:
         """Starts from the candidate's own search in the residual of `base`."""
-        return searched(self._sets.residuals, self._sets.null, base, candidate)
+        return searched(self._hypotheses.residuals, self._hypotheses.null, base, candidate)

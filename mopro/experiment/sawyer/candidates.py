@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from mopro.effects import Domain, Effect, catalogue_of
-from mopro.effects.base import AXIS, WIDER
+from mopro.effects.effect import AXIS, WIDER
 from mopro.effects.unlisted import unlisted_terms
 from mopro.engine.assumed import CLEAR
 from mopro.engine.candidate import RUN, Candidate, Parameter, Role

@@ -14,8 +14,8 @@ import numpy as np
 
 from mopro.errors import Diagnostic, ModelError
 from mopro.experiment.sawyer.feasible import Suspect, check_motion, too_long, too_short
-from mopro.experiment.sawyer.model import Experiment, Floats, Reading
 from mopro.experiment.sawyer.nominal import compiling_pays, planned
+from mopro.experiment.sawyer.trials import Experiment, Floats, Reading
 from mopro.experiment.steps import step_note
 from mopro.instruments.sensor import FOLD_SLIPS, Sensor
 from mopro.machine import Machine
@@ -56,7 +56,7 @@ def check(experiment: Experiment) -> list[str]:
     compiled = compiling_pays(experiment)
     for suspect in suspects:
         check_motion(suspect, machine, compiled)
-    return [*_doubts(suspects, machine), *_unstated_steps(suspects)]
+    return [*_unlikely(suspects, machine), *_unstated_steps(suspects)]
 
 
 def _unstated_steps(suspects: Sequence[Suspect]) -> list[str]:
@@ -191,7 +191,7 @@ def _scale_finding(suspect: Suspect, sensor: Sensor, scale: float) -> Iterator[D
             yield Diagnostic("wrong-scale", message, suspect.trial.span, hint=hint)
 
 
-def _doubts(suspects: Sequence[Suspect], machine: Machine) -> Iterator[str]:
+def _unlikely(suspects: Sequence[Suspect], machine: Machine) -> Iterator[str]:
     """Notes on data that correlate poorly with their command: perhaps the wrong column or run."""
     for suspect in suspects:
         for reading in suspect.positions():

@@ -20,7 +20,6 @@ from mopro.effects.resolve import with_values
 from mopro.engine.series import Settings
 from mopro.engine.verdict import Named, Verdict
 from mopro.experiment.sawyer.forward_model import ForwardModel
-from mopro.experiment.sawyer.model import Experiment, Floats, Reading, Trial
 from mopro.experiment.sawyer.test_motions import (
     Bounds,
     Excitation,
@@ -28,6 +27,7 @@ from mopro.experiment.sawyer.test_motions import (
     moving_excitations,
     text_of,
 )
+from mopro.experiment.sawyer.trials import Experiment, Floats, Reading, Trial
 from mopro.experiment.system import Proposal
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor

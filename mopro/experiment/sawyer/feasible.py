@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from mopro.effects import Active, catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.errors import Diagnostic, MotionError
-from mopro.experiment.sawyer.model import Reading, Trial
+from mopro.experiment.sawyer.trials import Reading, Trial
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import limit_trip, plan_with_effects, simulate, switches_u

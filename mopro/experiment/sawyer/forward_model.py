@@ -16,7 +16,7 @@ import numpy as np
 from cachetools import LRUCache, cachedmethod
 
 from mopro.effects import Active, Domain, Effect, catalogue_of, on_axis
-from mopro.effects.base import AXIS, angle_in
+from mopro.effects.effect import AXIS, angle_in
 from mopro.effects.registry import in_order
 from mopro.effects.resolve import active_effects, with_values
 from mopro.effects.unlisted import with_unlisted
@@ -24,10 +24,10 @@ from mopro.engine.candidate import RUN
 from mopro.engine.series import Settings
 from mopro.errors import RunError
 from mopro.experiment.sawyer.logged import schedule_of
-from mopro.experiment.sawyer.model import Experiment, Floats, Reading, Trial
+from mopro.experiment.sawyer.trials import Experiment, Floats, Reading, Trial
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
-from mopro.machine.runs import NO_DATA, known_off
+from mopro.machine.run_effects import NO_DATA, known_absent
 from mopro.motion import Schedule
 from mopro.plant import (
     CommandTable,
@@ -88,7 +88,7 @@ class ForwardModel:
             active_effects(experiment.machine, self._catalogue, data)
             for data in (*(trial.data for trial in experiment.trials), NO_DATA)
         ]
-        self._off = known_off(experiment.machine.runs, experiment.trials)
+        self._absent = known_absent(experiment.machine.runs, experiment.trials)
         self._grouped = tuple(e for e in self._catalogue.values() if e.kernel_group)
         # Two threads may compute the same result; the lock guards the caches only.
         self._lock = Lock()
@@ -157,7 +157,7 @@ class ForwardModel:
         """The machine's effects and those in `settings`, as they are in run `index`."""
         chosen = {a.name: a for a in self._own[index]}
         for name, values in settings.items():
-            if values.get(RUN, -1) in (-1, index) and name not in self._off[index]:
+            if values.get(RUN, -1) in (-1, index) and name not in self._absent[index]:
                 chosen[name] = _active(self._catalogue[name], values, index)
         return in_order(chosen.values(), self._catalogue)
 

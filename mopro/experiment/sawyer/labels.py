@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.experiment.sawyer.model import Floats, Reading
+from mopro.experiment.sawyer.trials import Floats, Reading
 from mopro.motion import Schedule, Segment
 from mopro.plant import CommandTable
 from mopro.program import AXES

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.experiment.sawyer.model import Floats, LoggedCommand
+from mopro.experiment.sawyer.trials import Floats, LoggedCommand
 from mopro.machine import Machine
 from mopro.motion import PlannedMove, Profile, Schedule, Segment, Shape, Stroke
 from mopro.motion.track import Track

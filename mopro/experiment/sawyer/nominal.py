@@ -8,8 +8,8 @@ from mopro.effects import catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.experiment.sawyer.forward_model import ForwardModel
 from mopro.experiment.sawyer.logged import schedule_of
-from mopro.experiment.sawyer.model import Experiment, Floats, SteadyTable, Trial
 from mopro.experiment.sawyer.steady import rises
+from mopro.experiment.sawyer.trials import Experiment, Floats, SteadyTable, Trial
 from mopro.machine import Machine
 from mopro.motion import Schedule
 from mopro.plant import COMPILE_FROM_STEPS, MAX_STEP_S, Stepping, plan_with_effects

@@ -13,7 +13,7 @@ from mopro.effects import Effect, catalogue_of
 from mopro.engine.residuals import Residuals, noise_of
 from mopro.engine.series import Series, Simulate
 from mopro.engine.verdict import Estimate, Named, Verdict
-from mopro.experiment.sawyer.model import Experiment
+from mopro.experiment.sawyer.trials import Experiment
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
 

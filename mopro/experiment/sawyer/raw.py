@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mopro.experiment.sawyer.model import Reading
+from mopro.experiment.sawyer.trials import Reading
 from mopro.instruments import Lvdt, Thermocouple, read_lvdt, read_thermocouple
 from mopro.instruments.laboratory import COUNTS_PER_C, FULL_SCALE_V
 from mopro.instruments.quantity import POSITION, TEMPERATURE, Quantity

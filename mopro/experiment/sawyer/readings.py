@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mopro.experiment.data_file import TIME, DataFile
-from mopro.experiment.sawyer.model import Floats, Reading
+from mopro.experiment.sawyer.trials import Floats, Reading
 from mopro.instruments.sensor import Sensor
 
 # Share of all samples, and samples in a row, that may be missing.
@@ -28,10 +28,10 @@ def clock(file: DataFile) -> Floats:
     wrong = np.flatnonzero(np.diff(time_s) <= 0)
     if len(wrong):
         row = int(wrong[0]) + 1
-        before, now = float(time_s[row - 1]), float(time_s[row])
-        what = "stands still" if now == before else "runs backwards"
+        before, after = float(time_s[row - 1]), float(time_s[row])
+        what = "stands still" if after == before else "runs backwards"
         more = f", and {len(wrong) - 1} more times" if len(wrong) > 1 else ""
-        message = f"the clock {what}: {now:.9g} s after {before:.9g} s{more}"
+        message = f"the clock {what}: {after:.9g} s after {before:.9g} s{more}"
         hint = "expected times that ascend from row to row"
         file.refuse("clock", message, row, TIME, hint)
     start_s, length_s = float(time_s[0]), float(time_s[-1] - time_s[0])

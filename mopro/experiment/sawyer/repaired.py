@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from mopro.effects import catalogue_of
-from mopro.effects.base import AXIS, Effect, Parameter, angle_in
+from mopro.effects.effect import AXIS, Effect, Parameter, angle_in
 from mopro.engine.verdict import Named, Verdict
 from mopro.experiment.machine_file import rounded, runs_lines, with_effects
-from mopro.experiment.sawyer.model import Experiment
+from mopro.experiment.sawyer.trials import Experiment
 from mopro.experiment.wording import origin_words, reservation
 from mopro.machine import Machine
 from mopro.machine.file import read_machine
-from mopro.machine.runs import files_of, known_off, nth_of
+from mopro.machine.run_effects import files_of, known_absent, nth_of
 from mopro.source import Source
 from mopro.tomlfile.edit import Text, quoted
 
@@ -38,10 +38,10 @@ def of_runs(experiment: Experiment, verdict: Verdict) -> dict[str, dict[str, str
     They say nothing of any other run.
     """
     effects, trials = catalogue_of(experiment.machine), experiment.trials
-    off = known_off(experiment.machine.runs, trials)
+    absent = known_absent(experiment.machine.runs, trials)
     return {
         named.name: files_of([
-            t for t, out in zip(trials, off, strict=True)
+            t for t, out in zip(trials, absent, strict=True)
             if named.name not in out and named.run in (None, t.name)
         ])
         for named in lasting(experiment, verdict)

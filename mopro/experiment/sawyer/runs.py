@@ -10,8 +10,10 @@ import numpy as np
 
 from mopro.errors import render_all
 from mopro.experiment.data_file import TIME, DataFile, other_unit, read_data, refused
-from mopro.experiment.sawyer.file import RunEntry, SawyerEntries, SensorEntry
-from mopro.experiment.sawyer.model import (
+from mopro.experiment.sawyer.entries import RunEntry, SawyerEntries, SensorEntry
+from mopro.experiment.sawyer.raw import KINDS, RAW_KINDS, RAW_SUFFIX
+from mopro.experiment.sawyer.readings import clock, reading
+from mopro.experiment.sawyer.trials import (
     Experiment,
     Floats,
     LoggedCommand,
@@ -19,10 +21,8 @@ from mopro.experiment.sawyer.model import (
     SteadyTable,
     Trial,
 )
-from mopro.experiment.sawyer.raw import KINDS, RAW_KINDS, RAW_SUFFIX
-from mopro.experiment.sawyer.readings import clock, reading
 from mopro.instruments.sensor import Sensor
-from mopro.machine.runs import data_of
+from mopro.machine.run_effects import data_of
 from mopro.program import AXES, Program
 from mopro.program.compile import compile_file
 from mopro.units import INCH_M, UNITS

@@ -16,12 +16,12 @@ import numpy as np
 from scipy import optimize
 
 from mopro.effects import Active, Domain, Effect, catalogue_of
-from mopro.effects.base import Surroundings
+from mopro.effects.effect import Surroundings
 from mopro.effects.resolve import active_effects, with_values
 from mopro.effects.unlisted import with_unlisted
 from mopro.engine.series import Series
 from mopro.engine.tolerances import Tolerances
-from mopro.experiment.sawyer.model import Floats, SteadyTable
+from mopro.experiment.sawyer.trials import Floats, SteadyTable
 from mopro.machine import Machine
 from mopro.motion import plan_profile
 from mopro.plant import heat_balance

@@ -17,26 +17,26 @@ from mopro.engine.residuals import Residuals, without_wild
 from mopro.engine.series import Floats, Series, Settings
 from mopro.engine.verdict import Verdict, rms
 from mopro.experiment.comparison import STEADY
-from mopro.experiment.noise_tests import quantile_residual
 from mopro.experiment.quantisation import SEED, dithered, thinned
 from mopro.experiment.sawyer.candidates import candidates, in_one_run, unlisted
 from mopro.experiment.sawyer.consistency import check
 from mopro.experiment.sawyer.design import propose
-from mopro.experiment.sawyer.file import SawyerEntries, read_sawyer
+from mopro.experiment.sawyer.entries import SawyerEntries, read_sawyer
 from mopro.experiment.sawyer.forward_model import COARSE, FINE, ROUGH, ForwardModel
 from mopro.experiment.sawyer.labels import PHASES, Labels, labels, labels_of
-from mopro.experiment.sawyer.model import Experiment, Reading, SteadyTable
 from mopro.experiment.sawyer.nominal import aligned, planned, predict, predict_table
 from mopro.experiment.sawyer.offsets import with_offset
 from mopro.experiment.sawyer.repaired import machine_of, machine_text, of_runs
 from mopro.experiment.sawyer.runs import read_runs
 from mopro.experiment.sawyer.steady import rises, series_of_table
+from mopro.experiment.sawyer.trials import Experiment, Reading, SteadyTable
+from mopro.experiment.scaled_residuals import quantile_residual
 from mopro.experiment.system import Predicted, Proposal, Question, Repaired, Spot, System
 from mopro.experiment.wording import advice
 from mopro.formula.written import WrittenEffect
 from mopro.machine import Machine
 from mopro.machine.formulas import read_formulas
-from mopro.machine.runs import left_out as off_in
+from mopro.machine.run_effects import absence_notes
 from mopro.plant import Stepping
 from mopro.program import AXES
 from mopro.source import Source
@@ -61,37 +61,21 @@ def loaded(entries: SawyerEntries, machine: Machine | None = None) -> Experiment
     units and columns are not guessed.
     """
     experiment = read_runs(entries)
-    doubts = check(experiment)
+    found = check(experiment)
     machine = machine or experiment.machine
-    off = off_in(machine.name, machine.runs, experiment.trials)
-    return replace(experiment, machine=machine, notes=(*experiment.notes, *doubts, *off))
+    absent = absence_notes(machine.name, machine.runs, experiment.trials)
+    return replace(experiment, machine=machine, notes=(*experiment.notes, *found, *absent))
 
 
 @dataclass(frozen=True)
-class Sawyer:
-    """A Sawyer motor with its runs; a `System`.
+class Sawyer(System):
+    """A Sawyer motor with its runs.
 
     `resolved`: its model has the drive's microsteps, else its angle moves smoothly.
     """
 
     experiment: Experiment
     resolved: bool = False
-
-    @property
-    def name(self) -> str:
-        return self.experiment.machine.name
-
-    @property
-    def source(self) -> Source:
-        return self.experiment.source
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return self.experiment.notes
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        return tuple(trial.name for trial in self.experiment.trials)
 
     @cached_property
     def model(self) -> Model:

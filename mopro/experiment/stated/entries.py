@@ -201,11 +201,12 @@ def _with_unit(
     """
     if machine.unit or machine.kind in (THERMAL, PYTHON):
         return machine
-    told = [s.unit for s in sensors if s.quantity.tells_place]
+    place_units = [s.unit for s in sensors if s.quantity.tells_place]
     if machine.kind == KINEMATIC:
         commands = [run.inputs["command"].unit for run in runs if "command" in run.inputs]
-        told += [u for u in commands if dimension_of_unit(u) in map(dimension_of_unit, PLACE_UNITS)]
-    return replace(machine, unit=told[0] if told else "1")
+        dimensions = [dimension_of_unit(unit) for unit in PLACE_UNITS]
+        place_units += [unit for unit in commands if dimension_of_unit(unit) in dimensions]
+    return replace(machine, unit=place_units[0] if place_units else "1")
 
 
 def _check_names(root: Value, key: str, names: list[str]) -> None:

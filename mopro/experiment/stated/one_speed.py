@@ -11,7 +11,7 @@ from mopro.engine.assumed import VERY_STRONG
 from mopro.engine.series import Series, Settings
 from mopro.engine.verdict import Named, Verdict, rms
 from mopro.formula.evaluate import Floats
-from mopro.formula.language import parse, substituted
+from mopro.formula.expressions import parse, substituted
 from mopro.formula.written import AMPLITUDE, MEASUREMENT, PERIOD, WrittenEffect
 from mopro.stated.model import KINEMATIC
 from mopro.stated.simulation import Known, Model, term_of
@@ -38,7 +38,7 @@ def at_one_speed(model: Model, series: Sequence[Series], verdict: Verdict) -> Ve
         return verdict
     exchanged = {n: own for n, own in verdict.settings.items() if n not in twins}
     exchanged |= {twin.name: own for twin, own in twins.values()}
-    told = tuple(
+    effects = tuple(
         _beside(e, twins[e.name][0].name, exchanged) if e.name in twins else e
         for e in verdict.effects
     )
@@ -46,7 +46,7 @@ def at_one_speed(model: Model, series: Sequence[Series], verdict: Verdict) -> Ve
     word = "ambiguous" if verdict.verdict == "named" else verdict.verdict
     pairs = " and ".join(_words(model, verdict, name, twins[name]) for name in sorted(twins))
     return replace(
-        verdict, verdict=word, effects=told, alternatives=tuple(others),
+        verdict, verdict=word, effects=effects, alternatives=tuple(others),
         notes=(*verdict.notes, _NOTE.format(pairs)),
     )  # fmt: skip
 

@@ -14,9 +14,9 @@ from mopro.experiment.data_file import read_data
 from mopro.experiment.stated.entries import RunEntry, StatedEntries
 from mopro.formula import Formula, FormulaError, factor_of
 from mopro.formula.evaluate import Floats, evaluate
-from mopro.formula.language import check_names
+from mopro.formula.expressions import check_names
 from mopro.machine import load_machine
-from mopro.machine.runs import data_of
+from mopro.machine.run_effects import data_of
 from mopro.plant import CommandTable, plan_with_effects
 from mopro.program import AXES
 from mopro.program.compile import compile_file

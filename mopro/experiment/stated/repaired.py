@@ -16,7 +16,7 @@ from mopro.engine.verdict import Estimate, Named, Verdict
 from mopro.experiment.machine_file import rounded, runs_lines, with_effects
 from mopro.experiment.wording import interval_words, value_words
 from mopro.formula.written import WrittenEffect
-from mopro.machine.runs import files_of, known_off, left_out, others
+from mopro.machine.run_effects import absence_notes, files_of, known_absent, others
 from mopro.source import Source
 from mopro.stated.data import StatedExperiment
 from mopro.stated.file import read_stated
@@ -160,15 +160,15 @@ def kept_to_their_runs(experiment: StatedExperiment) -> StatedExperiment:
     Such an effect is no part of the machine where none of those runs is here.
     """
     machine, trials = experiment.machine, experiment.trials
-    notes = (*experiment.notes, *left_out(machine.name, machine.runs, trials))
+    notes = (*experiment.notes, *absence_notes(machine.name, machine.runs, trials))
     active = {
         name: own
         for name, own in machine.active.items()
         if name not in machine.runs or len(others(machine.runs[name], trials)) < len(trials)
     }
     kept = tuple(
-        replace(run, without=run.without | off)
-        for run, off in zip(trials, known_off(machine.runs, trials), strict=True)
+        replace(run, without=run.without | absent)
+        for run, absent in zip(trials, known_absent(machine.runs, trials), strict=True)
     )
     return replace(experiment, machine=replace(machine, active=active), trials=kept, notes=notes)
 

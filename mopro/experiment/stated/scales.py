@@ -16,7 +16,7 @@ from mopro.instruments.sensor import FOLD_SLIPS, UNIT_SLIPS
 from mopro.stated.base import BaseFit, base_of, fitted_base, slope_of
 from mopro.stated.data import Reading
 from mopro.stated.model import KINEMATIC, THERMAL
-from mopro.stated.series import plain_series
+from mopro.stated.reading_series import plain_series
 from mopro.stated.simulation import START, Model
 
 # Factors by which a reading may be off, and what they stand for.
@@ -94,13 +94,13 @@ def unstated_steps(model: Model) -> list[str]:
 # -- levels, where little changes ----------------------------------------------------------
 
 
-def _levels(model: Model, predicted: Sequence[Floats], told: Collection[str]) -> Iterator[str]:
+def _levels(model: Model, predicted: Sequence[Floats], reported: Collection[str]) -> Iterator[str]:
     """Notes on sensors that stand at a known multiple of where they should stand."""
     for run in model.experiment.trials:
         rows = [i for i, (own, _) in enumerate(model.readings) if own is run]
         for i in rows:
             reading = model.readings[i][1]
-            if reading.sensor.name in told or reading.sensor.scale is None:
+            if reading.sensor.name in reported or reading.sensor.scale is None:
                 continue
             if model.machine.kind == KINEMATIC:
                 found = _level(reading.values, predicted[i], "the command")

@@ -21,7 +21,7 @@ from mopro.experiment.stated.entries import StatedEntries
 from mopro.experiment.stated.from_kind import completed
 from mopro.experiment.stated.noisy_inputs import beside_noise
 from mopro.experiment.stated.one_speed import at_one_speed
-from mopro.experiment.stated.program import foreign_model
+from mopro.experiment.stated.python_model import foreign_model
 from mopro.experiment.stated.read import read_stated_experiment
 from mopro.experiment.stated.repaired import effects_of_runs, kept_to_their_runs, machine_text
 from mopro.experiment.stated.rerun import rerun
@@ -39,7 +39,7 @@ from mopro.stated.file import HOSTS
 from mopro.stated.input_noise import beside_input_noise, stated_noise
 from mopro.stated.names import check, effects_of, unlisted_of
 from mopro.stated.origin import with_one_origin
-from mopro.stated.series import plain_series, series_of
+from mopro.stated.reading_series import plain_series, series_of
 from mopro.stated.simulation import Model, Simulate
 from mopro.stated.switched import as_stated
 from mopro.tomlfile import Document
@@ -51,8 +51,8 @@ _ADVICE = (
 
 
 @dataclass(frozen=True)
-class Stated:
-    """A stated machine with its runs; a `System`.
+class Stated(System):
+    """A stated machine with its runs.
 
     `stated`: the experiment as its file has it, before signs and zeros were chosen. `base`: the
     free numbers as they fit without effects.
@@ -63,22 +63,6 @@ class Stated:
     model: Model
     base: BaseFit
     series: tuple[Series, ...]
-
-    @property
-    def name(self) -> str:
-        return self.experiment.machine.name
-
-    @property
-    def source(self) -> Source:
-        return self.experiment.source
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return self.experiment.notes
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        return tuple(run.name for run in self.experiment.trials)
 
     @property
     def effects(self) -> frozenset[str]:
@@ -233,8 +217,9 @@ def studied(stated: StatedExperiment, foreign: Simulate | None) -> Stated:
     data = plain_series(model)
     _check_runs(model, parameters)
     base = fitted_base(model, data, parameters)
-    doubts = (f"{n.name}: {n.doubt}" for n in experiment.machine.numbers.values() if n.doubt)
-    notes = [*doubts, *check_scales(model, data, base), *base.notes, *unstated_steps(model)]
+    numbers = experiment.machine.numbers.values()
+    own = (f"{number.name}: {number.note}" for number in numbers if number.note)
+    notes = [*own, *check_scales(model, data, base), *base.notes, *unstated_steps(model)]
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
     if not foreign and (noises := stated_noise(model)):
         series = beside_input_noise(model, base.settings, series, noises)

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
+from mopro.plant.kernel.effect_terms import TermSet
+from mopro.plant.kernel.equation_of_motion import parts_of
 from mopro.plant.kernel.integrate import Integrate, Rates, integrate_of, rates_of
-from mopro.plant.kernel.motion import parts_of
-from mopro.plant.kernel.terms import TermSet
 
 _T = TypeVar("_T")
 _ONE_AT_A_TIME = threading.Lock()

@@ -16,9 +16,9 @@ from numba.core.registry import cpu_target
 from numba.extending import is_jitted
 
 from mopro.plant.kernel.cache import KernelCache, UnknownCodeError, fingerprint
+from mopro.plant.kernel.effect_terms import TermSet
+from mopro.plant.kernel.equation_of_motion import parts_of, start_of
 from mopro.plant.kernel.integrate import Integrate, integrate_of
-from mopro.plant.kernel.motion import parts_of, start_of
-from mopro.plant.kernel.terms import TermSet
 from mopro.process.cachefolder import cache_folder
 from mopro.process.jit import njit
 

@@ -1,12 +1,12 @@
 """The drive: the currents of the two phases, over I, for a command.
 
-The loop of each current is told a setpoint, behind a lag where there is one
+The loop of each current has a setpoint, behind a lag where there is one
 (`current_loop = "lag"`). An ideal loop follows at once. One with a supply of limited
 voltage (`current_loop = "voltage"`) sets the voltage of its phase,
 
     v_a = R i_a + L di_a/dt - Kf ẋ sin kx,  v_b = R i_b + L di_b/dt + Kf ẋ cos kx,
 
-so that the current follows what it is told, and takes a deviation back within
+so that the current follows its setpoint, and takes a deviation back within
 CURRENT_LOOP_S. As long as the supply suffices the currents are known without integrating.
 """
 
@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, exp, sin
 
-from mopro.plant.kernel.terms import Numbers, Pair, Prepare, Setpoints, TermSet, setpoints
+from mopro.plant.kernel.effect_terms import Numbers, Pair, Prepare, Setpoints, TermSet, setpoints
 
 # How fast the voltage loop takes a deviation of the current back, and the longest step that
 # resolves it, in s.
@@ -30,8 +30,8 @@ Electric = tuple[Currents, Currents]
 # Gain on the currents, Kf = F0/I (N/A), I (A), R (ohm), L (H), microstep (m). Not k, which is the
 # axis's: were it here as well, compiled code would take two sines of one angle.
 DriveNumbers = tuple[float, float, float, float, float, float]
-# What the loops are told at the start, the middle and the end of a step.
-Told = tuple[Pair, Pair, Pair]
+# The setpoints of the loops at the start, the middle and the end of a step.
+StepSetpoints = tuple[Pair, Pair, Pair]
 # Command (m), gain, k (1/m) and the effects' parameters to a pair for the two phases.
 Phasewise = Callable[[Currents, float, float, float, Numbers], Pair]
 
@@ -40,22 +40,22 @@ Phasewise = Callable[[Currents, float, float, float, Numbers], Pair]
 class Drive:
     """The composed functions of a drive; c is the command and x the position in m, k in 1/m.
 
-    now(lagged, c, gain, k, numbers): what the loops are told;
+    loop_setpoints(lagged, c, gain, k, numbers): those of the loops;
     lag_rates(lagged, c, gain, k, numbers): the rates of the lagged currents in 1/s;
-    through(electric, c0, c_mid, c1, u0, u_mid, u1, h, free, k, drive, numbers): what the loops
-    are told in a step of h s, the currents at its start, middle and end, and the states after
+    through(electric, c0, c_mid, c1, u0, u_mid, u1, h, free, k, drive, numbers): the loops'
+    setpoints in a step of h s, the currents at its start, middle and end, and the states after
     it, where no loop is short of voltage;
-    phases(told, c, w, x, v, currents, k, drive, numbers): voltages (V) and the rates of the
+    phases(setpoint, c, w, x, v, currents, k, drive, numbers): voltages (V) and the rates of the
     currents in 1/s;
-    charged(coil, dt, told, c, w, x, v, currents, k, drive, numbers): the coils' currents after
-    dt s at the rates that hold for `currents`;
+    charged(coil, dt, setpoint, c, w, x, v, currents, k, drive, numbers): the coils' currents
+    after dt s at the rates that hold for `currents`;
     suffices(electric, c, fastest, k, drive, numbers): whether the supply does up to `fastest`
     m/s.
     """
 
-    now: Phasewise
+    loop_setpoints: Phasewise
     lag_rates: Phasewise
-    through: Callable[..., tuple[Told, Pair, Pair, Pair, Electric]]
+    through: Callable[..., tuple[StepSetpoints, Pair, Pair, Pair, Electric]]
     phases: Callable[..., tuple[Pair, Pair]]
     charged: Callable[..., Pair]
     suffices: Callable[[Electric, float, float, float, DriveNumbers, Numbers], bool]
@@ -66,28 +66,30 @@ def drive_of(terms: TermSet, prepare: Prepare) -> Drive:
     aims = setpoints(terms, prepare)
     supply = -1 if terms.voltage is None else terms.voltage
     followed = prepare(follow)
-    now: Phasewise
+    loop_setpoints: Phasewise
     rates: Phasewise
     if terms.lag is None:
-        now, rates = prepare(_now(aims)), prepare(no_rates)
-        told = prepare(_told_at_once(aims))
+        loop_setpoints = prepare(_loop_setpoints(aims))
+        rates = prepare(no_rates)
+        in_step = prepare(_setpoints_at_once(aims))
         known = prepare(_known_of_smooth(followed))
         change = prepare(change_of_smooth)
-        off = prepare(_off(aims))
+        deviation_rate = prepare(_deviation_rate(aims))
     else:
-        now, rates = prepare(_now_lagged(aims, terms.lag)), prepare(_lag_rates(aims, terms.lag))
-        told = prepare(_told_behind(aims, followed, terms.lag))
+        loop_setpoints = prepare(_lagged_setpoints(aims, terms.lag))
+        rates = prepare(_lag_rates(aims, terms.lag))
+        in_step = prepare(_setpoints_behind(aims, followed, terms.lag))
         known = prepare(known_of_lagged)
         change = prepare(_change_of_lagged(rates, prepare(change_of_smooth), terms.lag))
-        off = prepare(_off_lagged(aims, terms.lag))
+        deviation_rate = prepare(_lagged_deviation_rate(aims, terms.lag))
     phases = prepare(_phases(change, prepare(one_phase), supply))
     return Drive(
-        now,
+        loop_setpoints,
         rates,
-        prepare(_through(told, known, terms.voltage is not None)),
+        prepare(_through(in_step, known, terms.voltage is not None)),
         phases,
         prepare(_charged(phases)),
-        prepare(_suffices(off, supply)),
+        prepare(_suffices(deviation_rate, supply)),
     )
 
 
@@ -105,25 +107,25 @@ def follow(
     return last + (behind - first) * exp(-t / tau)
 
 
-# -- what the loops are told ------------------------------------------------------
+# -- the setpoints of the loops ---------------------------------------------------
 
 
-def _now(aims: Setpoints) -> Phasewise:
-    def now(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
+def _loop_setpoints(aims: Setpoints) -> Phasewise:
+    def loop_setpoints(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
         """The setpoints themselves."""
         return aims(c, gain, k, numbers)
 
-    return now
+    return loop_setpoints
 
 
-def _now_lagged(aims: Setpoints, place: int) -> Phasewise:
-    def now(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
+def _lagged_setpoints(aims: Setpoints, place: int) -> Phasewise:
+    def loop_setpoints(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
         """The lagged setpoints; a lag of no length is none."""
         if numbers[place][0] > 0.0:
             return lagged[0], lagged[1]
         return aims(c, gain, k, numbers)
 
-    return now
+    return loop_setpoints
 
 
 def no_rates(lagged: Currents, c: float, gain: float, k: float, numbers: Numbers) -> Pair:
@@ -142,25 +144,25 @@ def _lag_rates(aims: Setpoints, place: int) -> Phasewise:
     return rates
 
 
-def _told_at_once(aims: Setpoints) -> Callable[..., tuple[Told, Currents]]:
-    def told(
+def _setpoints_at_once(aims: Setpoints) -> Callable[..., tuple[StepSetpoints, Currents]]:
+    def in_step(
         lagged: Currents, c0: float, c_mid: float, c1: float,
         h: float, gain: float, k: float, numbers: Numbers,
-    ) -> tuple[Told, Currents]:  # fmt: skip
+    ) -> tuple[StepSetpoints, Currents]:  # fmt: skip
         """The setpoints at the start, the middle and the end of a step."""
         start, middle = aims(c0, gain, k, numbers), aims(c_mid, gain, k, numbers)
         return (start, middle, aims(c1, gain, k, numbers)), lagged
 
-    return told
+    return in_step
 
 
-def _told_behind(
+def _setpoints_behind(
     aims: Setpoints, followed: Callable[..., float], place: int
-) -> Callable[..., tuple[Told, Currents]]:
-    def told(
+) -> Callable[..., tuple[StepSetpoints, Currents]]:
+    def in_step(
         lagged: Currents, c0: float, c_mid: float, c1: float,
         h: float, gain: float, k: float, numbers: Numbers,
-    ) -> tuple[Told, Currents]:  # fmt: skip
+    ) -> tuple[StepSetpoints, Currents]:  # fmt: skip
         """The lagged setpoints, exact for setpoints that are parabolas over the step."""
         a0, b0 = aims(c0, gain, k, numbers)
         a_mid, b_mid = aims(c_mid, gain, k, numbers)
@@ -177,32 +179,32 @@ def _told_behind(
         end = followed(la, a0, a_mid, a1, h, h, tau), followed(lb, b0, b_mid, b1, h, h, tau)
         return ((la, lb), middle, end), end
 
-    return told
+    return in_step
 
 
 def _through(
-    told_through: Callable[..., tuple[Told, Currents]],
+    setpoints_through: Callable[..., tuple[StepSetpoints, Currents]],
     known: Callable[..., tuple[Pair, Pair]],
     has_loop: bool,
-) -> Callable[..., tuple[Told, Pair, Pair, Pair, Electric]]:
+) -> Callable[..., tuple[StepSetpoints, Pair, Pair, Pair, Electric]]:
     def through(
         electric: Electric, c0: float, c_mid: float, c1: float,
         u0: float, u_mid: float, u1: float, h: float, free: bool,
         k: float, drive: DriveNumbers, numbers: Numbers,
-    ) -> tuple[Told, Pair, Pair, Pair, Electric]:  # fmt: skip
+    ) -> tuple[StepSetpoints, Pair, Pair, Pair, Electric]:  # fmt: skip
         """Setpoints of the loops, currents through the step, and the states after it.
 
         Loops that are not `free` have only their currents at the start right.
         """
         lagged, coil = electric
-        told, lagged = told_through(lagged, c0, c_mid, c1, h, drive[0], k, numbers)
-        start, middle, end = told
+        in_step, lagged = setpoints_through(lagged, c0, c_mid, c1, h, drive[0], k, numbers)
+        start, middle, end = in_step
         if has_loop:
             start = coil[0], coil[1]
             if free:
-                middle, end = known(coil, told, u0, u_mid, u1, h, k, drive)
+                middle, end = known(coil, in_step, u0, u_mid, u1, h, k, drive)
             coil = end
-        return told, start, middle, end, (lagged, coil)
+        return in_step, start, middle, end, (lagged, coil)
 
     return through
 
@@ -212,7 +214,7 @@ def _through(
 
 def _known_of_smooth(followed: Callable[..., float]) -> Callable[..., tuple[Pair, Pair]]:
     def known(
-        coil: Currents, told: Told, u0: float, u_mid: float, u1: float,
+        coil: Currents, in_step: StepSetpoints, u0: float, u_mid: float, u1: float,
         h: float, k: float, drive: DriveNumbers,
     ) -> tuple[Pair, Pair]:  # fmt: skip
         """The loop knows how ideal setpoints change, and is behind with the rest by its time.
@@ -224,8 +226,8 @@ def _known_of_smooth(followed: Callable[..., float]) -> Callable[..., tuple[Pair
         qa0, qa_mid, qa1 = gain * cos(t0), gain * cos(t_mid), gain * cos(t1)
         qb0, qb_mid, qb1 = gain * sin(t0), gain * sin(t_mid), gain * sin(t1)
         da, db = coil[0] - qa0, coil[1] - qb0
-        ra0, ra_mid, ra1 = told[0][0] - qa0, told[1][0] - qa_mid, told[2][0] - qa1
-        rb0, rb_mid, rb1 = told[0][1] - qb0, told[1][1] - qb_mid, told[2][1] - qb1
+        ra0, ra_mid, ra1 = in_step[0][0] - qa0, in_step[1][0] - qa_mid, in_step[2][0] - qa1
+        rb0, rb_mid, rb1 = in_step[0][1] - qb0, in_step[1][1] - qb_mid, in_step[2][1] - qb1
         half = h / 2
         a_mid = qa_mid + followed(da, ra0, ra_mid, ra1, half, h, CURRENT_LOOP_S)
         b_mid = qb_mid + followed(db, rb0, rb_mid, rb1, half, h, CURRENT_LOOP_S)
@@ -237,18 +239,18 @@ def _known_of_smooth(followed: Callable[..., float]) -> Callable[..., tuple[Pair
 
 
 def known_of_lagged(
-    coil: Currents, told: Told, u0: float, u_mid: float, u1: float,
+    coil: Currents, in_step: StepSetpoints, u0: float, u_mid: float, u1: float,
     h: float, k: float, drive: DriveNumbers,
 ) -> tuple[Pair, Pair]:  # fmt: skip
     """The loop knows how lagged setpoints change; its deviation decays with its time."""
-    da, db = coil[0] - told[0][0], coil[1] - told[0][1]
+    da, db = coil[0] - in_step[0][0], coil[1] - in_step[0][1]
     mid, end = exp(-(h / 2) / CURRENT_LOOP_S), exp(-h / CURRENT_LOOP_S)
-    middle = told[1][0] + da * mid, told[1][1] + db * mid
-    return middle, (told[2][0] + da * end, told[2][1] + db * end)
+    middle = in_step[1][0] + da * mid, in_step[1][1] + db * mid
+    return middle, (in_step[2][0] + da * end, in_step[2][1] + db * end)
 
 
 def change_of_smooth(
-    told: Pair, c: float, w: float, gain: float, k: float, numbers: Numbers
+    setpoint: Pair, c: float, w: float, gain: float, k: float, numbers: Numbers
 ) -> Pair:
     """Rates of change (1/s) of ideal setpoints at the command's speed w (m/s)."""
     return -k * w * gain * sin(k * c), k * w * gain * cos(k * c)
@@ -257,25 +259,25 @@ def change_of_smooth(
 def _change_of_lagged(
     rates: Callable[..., Pair], smooth: Callable[..., Pair], place: int
 ) -> Callable[..., Pair]:
-    def change(told: Pair, c: float, w: float, gain: float, k: float, numbers: Numbers) -> Pair:
+    def change(setpoint: Pair, c: float, w: float, gain: float, k: float, numbers: Numbers) -> Pair:
         """Rates of change (1/s) of lagged setpoints."""
         if numbers[place][0] > 0.0:
-            return rates(told, c, gain, k, numbers)
-        return smooth(told, c, w, gain, k, numbers)
+            return rates(setpoint, c, gain, k, numbers)
+        return smooth(setpoint, c, w, gain, k, numbers)
 
     return change
 
 
 def one_phase(
-    told: float, change: float, i: float, emf: float, limit: float,
+    setpoint: float, change: float, i: float, emf: float, limit: float,
     amps: float, ohms: float, henries: float,
 ) -> Pair:  # fmt: skip
     """The voltage (V) that one loop gets of what it asks for, and di/dt (1/s), i over I.
 
-    told, change: what the loop is told, and its rate (1/s); emf, limit: in V.
+    setpoint, change: of the loop, and its rate (1/s); emf, limit: in V.
     """
-    wanted = henries * amps * (change + (told - i) / CURRENT_LOOP_S)
-    voltage = ohms * amps * i + emf + wanted
+    inductive = henries * amps * (change + (setpoint - i) / CURRENT_LOOP_S)
+    voltage = ohms * amps * i + emf + inductive
     if voltage > limit:
         voltage = limit
     elif voltage < -limit:
@@ -287,16 +289,16 @@ def _phases(
     change: Callable[..., Pair], phase: Callable[..., Pair], place: int
 ) -> Callable[..., tuple[Pair, Pair]]:
     def phases(
-        told: Pair, c: float, w: float, x: float, v: float,
+        setpoint: Pair, c: float, w: float, x: float, v: float,
         coil: Currents, k: float, drive: DriveNumbers, numbers: Numbers,
     ) -> tuple[Pair, Pair]:  # fmt: skip
         """Both phases' voltages (V) and rates (1/s) at position x (m) and speed v (m/s)."""
         gain, kf, amps, ohms, henries, _ = drive
         limit = numbers[place][0]
-        da, db = change(told, c, w, gain, k, numbers)
+        da, db = change(setpoint, c, w, gain, k, numbers)
         emf_a, emf_b = -kf * v * sin(k * x), kf * v * cos(k * x)
-        va, ja = phase(told[0], da, coil[0], emf_a, limit, amps, ohms, henries)
-        vb, jb = phase(told[1], db, coil[1], emf_b, limit, amps, ohms, henries)
+        va, ja = phase(setpoint[0], da, coil[0], emf_a, limit, amps, ohms, henries)
+        vb, jb = phase(setpoint[1], db, coil[1], emf_b, limit, amps, ohms, henries)
         return (va, vb), (ja, jb)
 
     return phases
@@ -304,11 +306,11 @@ def _phases(
 
 def _charged(phases: Callable[..., tuple[Pair, Pair]]) -> Callable[..., Pair]:
     def charged(
-        coil: Pair, dt: float, told: Pair, c: float, w: float, x: float, v: float,
+        coil: Pair, dt: float, setpoint: Pair, c: float, w: float, x: float, v: float,
         currents: Pair, k: float, drive: DriveNumbers, numbers: Numbers,
     ) -> Pair:  # fmt: skip
         """The currents `coil` after dt s at the rates that hold for `currents` at x and v."""
-        da, db = phases(told, c, w, x, v, currents, k, drive, numbers)[1]
+        da, db = phases(setpoint, c, w, x, v, currents, k, drive, numbers)[1]
         return coil[0] + dt * da, coil[1] + dt * db
 
     return charged
@@ -325,39 +327,39 @@ def charge_end(coil: Pair, second: Pair, third: Pair, fourth: Pair, fifth: Pair)
     )
 
 
-def _off(aims: Setpoints) -> Callable[..., tuple[bool, float]]:
-    def off(
+def _deviation_rate(aims: Setpoints) -> Callable[..., tuple[bool, float]]:
+    def deviation_rate(
         electric: Electric, c: float, gain: float, k: float, numbers: Numbers
     ) -> tuple[bool, float]:
         """Rate of change (1/s) that corrects the currents' deviation from their setpoints."""
         ia, ib = aims(c, gain, k, numbers)
         coil = electric[1]
-        off_a, off_b = abs(ia - coil[0]), abs(ib - coil[1])
-        return True, (off_a if off_a > off_b else off_b) / CURRENT_LOOP_S
+        deviation_a, deviation_b = abs(ia - coil[0]), abs(ib - coil[1])
+        return True, (deviation_a if deviation_a > deviation_b else deviation_b) / CURRENT_LOOP_S
 
-    return off
+    return deviation_rate
 
 
-def _off_lagged(aims: Setpoints, place: int) -> Callable[..., tuple[bool, float]]:
-    def off(
+def _lagged_deviation_rate(aims: Setpoints, place: int) -> Callable[..., tuple[bool, float]]:
+    def deviation_rate(
         electric: Electric, c: float, gain: float, k: float, numbers: Numbers
     ) -> tuple[bool, float]:
         """As above behind a lag; the loop of a lag of zero length is integrated."""
         tau = numbers[place][0]
         (la, lb), coil = electric
-        off_a, off_b = abs(la - coil[0]), abs(lb - coil[1])
-        of_loop = (off_a if off_a > off_b else off_b) / CURRENT_LOOP_S
+        deviation_a, deviation_b = abs(la - coil[0]), abs(lb - coil[1])
+        of_loop = (deviation_a if deviation_a > deviation_b else deviation_b) / CURRENT_LOOP_S
         if tau <= 0.0:
             return False, of_loop
         ia, ib = aims(c, gain, k, numbers)
-        off_a, off_b = abs(ia - la), abs(ib - lb)
-        return True, of_loop + (off_a if off_a > off_b else off_b) / tau
+        deviation_a, deviation_b = abs(ia - la), abs(ib - lb)
+        return True, of_loop + (deviation_a if deviation_a > deviation_b else deviation_b) / tau
 
-    return off
+    return deviation_rate
 
 
 def _suffices(
-    off: Callable[..., tuple[bool, float]], place: int
+    deviation_rate: Callable[..., tuple[bool, float]], place: int
 ) -> Callable[[Electric, float, float, float, DriveNumbers, Numbers], bool]:
     def suffices(
         electric: Electric, c: float, fastest: float,
@@ -368,7 +370,7 @@ def _suffices(
         R I gain + L I off + (Kf + L I k gain) v_max < Vb, in V.
         """
         gain, kf, amps, ohms, henries, _ = drive
-        known, rate = off(electric, c, gain, k, numbers)
+        known, rate = deviation_rate(electric, c, gain, k, numbers)
         asked = amps * (ohms * gain + henries * rate)
         asked += (kf + henries * amps * k * gain) * fastest
         return known and asked < numbers[place][0]

@@ -12,7 +12,8 @@ from collections.abc import Callable, MutableSequence, Sequence
 from math import ceil, cos, floor, nan, sin, sqrt
 
 from mopro.plant.kernel.drive import LOOP_STEP_S, DriveNumbers
-from mopro.plant.kernel.motion import (
+from mopro.plant.kernel.effect_terms import Numbers, Pair, Prepare
+from mopro.plant.kernel.equation_of_motion import (
     AxisNumbers,
     Parts,
     Segment,
@@ -21,7 +22,6 @@ from mopro.plant.kernel.motion import (
     pull_of_currents,
     step_of,
 )
-from mopro.plant.kernel.terms import Numbers, Pair, Prepare
 
 # The speed (m/s) beyond which an axis has run away, as under a drag that drives it: its motion is
 # NaN from there on, as its steps would never end. Fifty times that of the fastest such motors;
@@ -64,7 +64,8 @@ def axis_and_drive(plant: Plant, factors: Sequence[float]) -> tuple[AxisNumbers,
 def rates_of(parts: Parts) -> Rates:
     """The function for the rates of change of a state."""
     acceleration = parts.acceleration
-    now, lag_rates, phases = parts.drive.now, parts.drive.lag_rates, parts.drive.phases
+    drives = parts.drive
+    loop_setpoints, lag_rates, phases = drives.loop_setpoints, drives.lag_rates, drives.phases
     direct, saturable = parts.direct, parts.saturable
 
     def rates(
@@ -75,7 +76,7 @@ def rates_of(parts: Parts) -> Rates:
         k, gain = axis[0], drive[0]
         if direct:
             return acceleration(c, w, x, v, z, 0.0, axis, numbers), (0.0, 0.0), (0.0, 0.0)
-        field = now(lagged, c, gain, k, numbers)
+        field = loop_setpoints(lagged, c, gain, k, numbers)
         of_lag, of_coil = lag_rates(lagged, c, gain, k, numbers), (0.0, 0.0)
         if saturable:
             of_coil = phases(field, c, w, x, v, coil, k, drive, numbers)[1]
@@ -116,7 +117,8 @@ def rests_of(parts: Parts, rates: Rates) -> Callable[..., bool]:
 
 def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
     """The function that records the drive's quantities."""
-    now, phases, pull = parts.drive.now, parts.drive.phases, prepare(pull_of_currents)
+    loop_setpoints, phases = parts.drive.loop_setpoints, parts.drive.phases
+    pull = prepare(pull_of_currents)
     saturable = parts.saturable
 
     def record(
@@ -127,7 +129,7 @@ def record_of(parts: Parts, prepare: Prepare) -> Callable[..., None]:
         c = (floor(u + 0.5) if resolved else u) * plant[4]
         x, v, _, (lagged, coil) = state
         k = axis[0]
-        currents, volts = now(lagged, c, drive[0], k, numbers), (0.0, 0.0)
+        currents, volts = loop_setpoints(lagged, c, drive[0], k, numbers), (0.0, 0.0)
         if saturable:
             volts = phases(currents, c, w, x, v, coil, k, drive, numbers)[0]
             currents = (coil[0], coil[1])

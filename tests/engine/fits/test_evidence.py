@@ -12,7 +12,7 @@ from helpers.signals import candidates, diagnosed, measured, names, sizes, times
 from mopro.engine import Candidate, Parameter, Role, Series
 from mopro.engine.fits import Evidence, least_squares_fit
 from mopro.engine.residuals import Residuals
-from mopro.engine.residuals.noise import Noise, effective_samples
+from mopro.engine.residuals.noise_model import Noise, effective_samples
 
 
 def noise_of(*sigmas, samples):

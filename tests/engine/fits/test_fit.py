@@ -19,7 +19,7 @@ from mopro.engine.fits import (
     with_central_jacobian,
 )
 from mopro.engine.residuals import Residuals
-from mopro.engine.residuals.noise import Noise
+from mopro.engine.residuals.noise_model import Noise
 from mopro.engine.search.hypotheses import Hypotheses
 
 TIME_S = np.linspace(0.0, 2.0, 400)

@@ -12,7 +12,7 @@ from helpers.servo import CATALOGUE, Servo
 from helpers.signals import family, names
 from mopro.engine import Series
 from mopro.engine.residuals import Residuals, difference_variance
-from mopro.engine.residuals.noise import Noise
+from mopro.engine.residuals.noise_model import Noise
 from mopro.engine.residuals.noise_tests import (
     bartlett_log_p,
     cumulative_periodogram,

@@ -8,7 +8,7 @@ from scipy import signal
 
 from mopro.engine import Series
 from mopro.engine.residuals import Residuals
-from mopro.engine.residuals.noise import Noise
+from mopro.engine.residuals.noise_model import Noise
 from mopro.engine.residuals.noise_tests import chi2_log_p, line_log_p
 from mopro.engine.residuals.remainder import as_noise, examine, noise_of
 

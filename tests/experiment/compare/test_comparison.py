@@ -16,10 +16,10 @@ from mopro.engine.residuals.noise_tests import whiteness_p
 from mopro.errors import DataError
 from mopro.experiment import load_experiment
 from mopro.experiment.comparison import compare
-from mopro.experiment.noise_tests import quantile_residual
 from mopro.experiment.sawyer import system
 from mopro.experiment.sawyer.nominal import predict
 from mopro.experiment.sawyer.system import Sawyer
+from mopro.experiment.scaled_residuals import quantile_residual
 from mopro.instruments import Thermocouple, read_lvdt, write_thermocouple
 from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor

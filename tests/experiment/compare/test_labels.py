@@ -7,7 +7,7 @@ import mopro
 from mopro.emulator import Emulator
 from mopro.experiment.sawyer.labels import labels
 from mopro.experiment.sawyer.logged import schedule_of
-from mopro.experiment.sawyer.model import LoggedCommand
+from mopro.experiment.sawyer.trials import LoggedCommand
 from mopro.machine import load_machine
 from mopro.motion import plan
 

@@ -11,13 +11,13 @@ from mopro.engine import Estimate, Named, Verdict
 from mopro.engine.residuals.remainder import Remainder
 from mopro.engine.verdict import Gap
 from mopro.experiment.sawyer.design import propose
-from mopro.experiment.sawyer.model import Experiment, Reading, Trial
 from mopro.experiment.sawyer.test_motions import (
     Bounds,
     heating_excitations,
     moving_excitations,
     text_of,
 )
+from mopro.experiment.sawyer.trials import Experiment, Reading, Trial
 from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine import load_machine

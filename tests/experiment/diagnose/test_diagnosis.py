@@ -11,8 +11,8 @@ import mopro
 from helpers.diagnosis import diagnose
 from mopro.experiment.sawyer import forward_model as motor
 from mopro.experiment.sawyer.forward_model import ForwardModel
-from mopro.experiment.sawyer.model import Experiment, LoggedCommand, Reading, Trial
 from mopro.experiment.sawyer.repaired import machine_of, machine_text
+from mopro.experiment.sawyer.trials import Experiment, LoggedCommand, Reading, Trial
 from mopro.experiment.wording import sentence
 from mopro.instruments.quantity import POSITION
 from mopro.instruments.sensor import Sensor

@@ -10,9 +10,9 @@ from helpers.diagnosis import diagnose
 from helpers.thermal_table import MACHINE, table
 from mopro.experiment.sawyer.candidates import candidates
 from mopro.experiment.sawyer.forward_model import FINE, ForwardModel
-from mopro.experiment.sawyer.model import Experiment, Reading, Trial
 from mopro.experiment.sawyer.steady import rises
 from mopro.experiment.sawyer.system import thinned_experiment
+from mopro.experiment.sawyer.trials import Experiment, Reading, Trial
 from mopro.instruments.quantity import POSITION, TEMPERATURE
 from mopro.instruments.sensor import Sensor
 from mopro.machine.file import read_machine

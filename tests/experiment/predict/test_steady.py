@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from helpers.thermal_table import AIR, CYCLE_M, INCH, MACHINE, offered, source_table, table
-from mopro.experiment.sawyer.model import SteadyTable
 from mopro.experiment.sawyer.steady import HOTTEST_RISE_K, rises
 from mopro.experiment.sawyer.steady import series_of_table as series
+from mopro.experiment.sawyer.trials import SteadyTable
 from mopro.thesis.printed import THERMAL
 
 NOT_REPRODUCIBLE = 4

@@ -270,7 +270,7 @@ def _told() -> list[bytes]:
 
 
 def _framing(_: Path) -> Take:
-    from mopro.lsp.server import Messages
+    from mopro.lsp.language_server import Messages
 
     def take(data: bytes) -> None:
         messages = Messages(io.BytesIO(data))
@@ -312,7 +312,7 @@ class _Nowhere:
 
 def _editor(_: Path) -> Take:
     """Bodies of messages, one a line, to the server in this process."""
-    from mopro.lsp.server import server
+    from mopro.lsp.language_server import server
 
     faults, protocol = _Faults(), server.protocol
     logger = logging.getLogger("pygls")
@@ -426,7 +426,7 @@ def _request(_: Path) -> Take:
     from mopro.link import load_dialect
     from mopro.machine import load_machine
     from mopro.viewer.live import ControllerPanel
-    from mopro.viewer.server import Page, _application
+    from mopro.viewer.page_server import Page, _application
 
     machine = load_machine("chow1992")
     panel = ControllerPanel(Station(load_dialect("checked"), Emulator(machine)), machine)
@@ -525,7 +525,7 @@ LINES = (
     Parser("token", ("mopro.link.token",), _token, lambda: [b"correct-horse-battery"], (), 80, 150),
     Parser(
         "editor, framing",
-        ("mopro.lsp.server",),
+        ("mopro.lsp.language_server",),
         _framing,
         lambda: [b"Content-Length: 2\r\n\r\n{}", b"content-length:3\r\nA: b\r\n\r\n[1]"],
         ("Content-Length: ", "\r\n\r\n", "99999999999", "-1"),
@@ -543,7 +543,7 @@ LINES = (
     ),
     Parser(
         "requests to a live page",
-        ("mopro.viewer.server", "mopro.viewer.live"),
+        ("mopro.viewer.page_server", "mopro.viewer.live"),
         _request,
         lambda: _REQUESTS,
         ("token=token", "%ff", "[", '"'),

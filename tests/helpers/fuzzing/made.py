@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from random import Random
 
-from mopro.formula.language import FUNCTIONS, MOST_CHARACTERS, SIGNALS
+from mopro.formula.expressions import FUNCTIONS, MOST_CHARACTERS, SIGNALS
 
 _DIGITS = {"": "0123456789", "0x": "0123456789abcdef", "0b": "01", "0o": "01234567"}
 _ODD = ("inf", "nan", "1e999", "1e-999", "9**9**9", "0", "1e30", "1e31", "0777", "1__0", "True")

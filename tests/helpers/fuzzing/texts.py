@@ -219,7 +219,7 @@ def _machine(folder: Path) -> Take:
 
 def _experiment(folder: Path) -> Take:
     from mopro.experiment.opened import experiment_file
-    from mopro.experiment.sawyer.file import read_sawyer
+    from mopro.experiment.sawyer.entries import read_sawyer
     from mopro.experiment.sawyer.runs import read_runs
 
     _beside(folder, "time_s,position_1_mm,temperature_C,x")
@@ -254,7 +254,7 @@ def _beside(folder: Path, columns: str) -> None:
 
 
 def _instrument(folder: Path) -> Take:
-    from mopro.experiment.sawyer.file import instrument
+    from mopro.experiment.sawyer.entries import instrument
 
     return in_file(folder, "fuzz.toml", lambda path: instrument(str(path), 1))
 
@@ -379,7 +379,7 @@ def _formula(_: Path) -> Take:
     from mopro.formula.closures import closure_of
     from mopro.formula.dimension import dimension_in, dimension_of_unit
     from mopro.formula.evaluate import evaluate
-    from mopro.formula.language import check_names, substituted
+    from mopro.formula.expressions import check_names, substituted
 
     time_s = np.linspace(0.0, 1.0, 5)
     names = {"x": np.sin(time_s), "v": time_s * 0 + 1e300, "T": time_s - 1, "t": time_s}
@@ -425,13 +425,13 @@ def _unit(_: Path) -> Take:
 
 
 def _quantity(_: Path) -> Take:
-    from mopro.units import UNITS, is_bare_number, parse_quantity
+    from mopro.units import UNITS, is_number_without_unit, parse_quantity
 
     kinds = [(kind, unit) for unit, (kind, _) in UNITS.items()]
 
     def take(data: bytes) -> None:
         text = data[1:].decode("utf-8", "replace")
-        is_bare_number(text)
+        is_number_without_unit(text)
         kind, unit = kinds[(data[0] if data else 0) % len(kinds)]
         try:
             parse_quantity(text, kind, unit)
@@ -546,7 +546,7 @@ _TEXTS = (
     ),
     Parser(
         "experiment file",
-        ("mopro.experiment.sawyer.file", "mopro.experiment.sawyer.runs"),
+        ("mopro.experiment.sawyer.entries", "mopro.experiment.sawyer.runs"),
         _experiment,
         lambda: [_SAWYER, *_tomls()],
         _TOML,
@@ -564,7 +564,7 @@ _TEXTS = (
     ),
     Parser(
         "instrument file",
-        ("mopro.experiment.sawyer.file",),
+        ("mopro.experiment.sawyer.entries",),
         _instrument,
         lambda: [_SENSOR, *_tomls()],
         _TOML,
@@ -620,7 +620,7 @@ _TEXTS = (
     Parser(
         "formula",
         # Without `signals`: numba cannot compile what is instrumented.
-        ("mopro.formula.language", "mopro.formula.evaluate", "mopro.formula.dimension"),
+        ("mopro.formula.expressions", "mopro.formula.evaluate", "mopro.formula.dimension"),
         _formula,
         lambda: [b"A * sin(x)", b"lag(x, 1) + min(v, T)", b"x if v > 0 else -x ** 2"],
         _FORMULA,

@@ -19,14 +19,14 @@ from mopro.effects import Active, Domain, Effect, Parameter, catalogue
 from mopro.plant.kernel import cache
 from mopro.plant.kernel.build import kernel
 from mopro.plant.kernel.cache import KernelCache, UnknownCodeError, fingerprint
-from mopro.plant.kernel.terms import TermSet
+from mopro.plant.kernel.effect_terms import TermSet
 
 BODY = "UU012500/1\nVEL1 15.0\nACC1 50.0\nMRI1 0.1\nWX1\n"
 SCRIPT = f"""
 import hashlib, sys, mopro
 from mopro.effects import Active, catalogue
 from mopro.plant.kernel.build import kernel
-from mopro.plant.kernel.terms import TermSet
+from mopro.plant.kernel.effect_terms import TermSet
 for name in sys.argv[1:]:
     run = mopro.emulate(mopro.compile({BODY!r}), effects={{name: {{}}}}, compiled=True)
     terms = TermSet.of([Active(catalogue()[name], (), (1,))])

@@ -12,9 +12,9 @@ from mopro.machine.constants import PlantConstants
 from mopro.motion.track import Track
 from mopro.plant.command_table import CommandTable
 from mopro.plant.drive_scaling import DriveScaling
-from mopro.plant.engine import Engine, Stepping
+from mopro.plant.integration import Integration, Stepping
 from mopro.plant.kernel.build import kernel
-from mopro.plant.kernel.terms import TermSet
+from mopro.plant.kernel.effect_terms import TermSet
 
 MACHINE = load_machine("chow1992")
 PLANT = PlantConstants.of(MACHINE, 0.0)
@@ -32,9 +32,9 @@ def positions(active, x0, compiled=False):
     """Free motion from `x0` at a command at rest, undamped but by `active`."""
     plant = PlantConstants(**vars(PLANT) | {"damping_N_s_m": 0.0})
     how = (plant, CommandTable(Track()), False, Stepping(2e-5), active, DriveScaling.full())
-    engine = Engine(*how, compiled)
-    engine.x = x0
-    return engine.through(TIMES).position
+    integration = Integration(*how, compiled)
+    integration.x = x0
+    return integration.through(TIMES).position
 
 
 @pytest.mark.parametrize("compiled", [False, True])

@@ -33,7 +33,7 @@ def plain_series(model: Model) -> list[Series]:
 
 def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Floats]) -> Series:
     sensor, time_s = reading.sensor, run.time_s[reading.rows]
-    motion = _motion(model, run, reading, states) if _told(model, run, reading) else {}
+    motion = _motion(model, run, reading, states) if _has_motion(model, run, reading) else {}
     labels = {name: values[reading.rows] for name, values in motion.items()}
     return Series(
         run=run.name,
@@ -57,7 +57,7 @@ def _place_unit(model: Model, sensor: Sensor) -> str:
     return sensor.unit if sensor.quantity.tells_place else place_unit(model.experiment)
 
 
-def _told(model: Model, run: Run, reading: Reading) -> bool:
+def _has_motion(model: Model, run: Run, reading: Reading) -> bool:
     """True if the motion of the model describes what is left of a reading.
 
     The place that an axis takes under its forces does not describe its own error.

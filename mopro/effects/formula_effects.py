@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mopro.effects.base import Domain, Effect, Floats, Parameter, Scene, View
-from mopro.effects.search import targets_m
+from mopro.effects.effect import Domain, Effect, Floats, Parameter, Scene, View
+from mopro.effects.starts import targets_m
 from mopro.engine.candidate import Candidate, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted
 from mopro.formula.closures import closure_of
 from mopro.formula.dimension import dimension_of_unit, factor_of, words
-from mopro.formula.search import Sampled, Search
+from mopro.formula.shape_search import Sampled, Search
 from mopro.formula.shapes import MOST_PERIODS_OF_SPAN, Sized, role_of_shape, shape_of
 from mopro.formula.written import (
     AMPLITUDE,
@@ -165,14 +165,14 @@ class FormulaEffect(Effect):
 
     def _largest(self, p: EffectParameter, shapes: Mapping[str, Fitted], sizes: _Sizes) -> float:
         """The largest change (SI) by the term in the runs, for one unit of an amplitude."""
-        off = [shapes[q.name].starts[0] if q.name in shapes else 0.0
+        at_null = [shapes[q.name].starts[0] if q.name in shapes else 0.0
                for q in self.written.parameters]  # fmt: skip
         one = [1.0 if q.name == p.name else value
-               for q, value in zip(self.written.parameters, off, strict=True)]  # fmt: skip
+               for q, value in zip(self.written.parameters, at_null, strict=True)]  # fmt: skip
         largest = 0.0
         for names in sizes.runs:
             time_s = names["t"]
-            change = np.abs(self.value(names, time_s, one) - self.value(names, time_s, off))
+            change = np.abs(self.value(names, time_s, one) - self.value(names, time_s, at_null))
             if not np.isfinite(change).all():
                 at = int(np.flatnonzero(~np.isfinite(change))[0])
                 raise self._not_finite(time_s[at], names["x"][at])

@@ -38,7 +38,7 @@ from mopro.text import visible
 MOST_BYTES = 32 << 20
 _MOST_LINES = 32
 _MOST_LINE = 1024
-_MOST_TOLD = 300
+_MOST_SAID = 300
 _LENGTH = re.compile(rb"content-length[ \t]*:[ \t]*([0-9]{1,10})[ \t]*", re.IGNORECASE)
 
 
@@ -86,7 +86,7 @@ class Messages(BufferedIOBase):
         return []
 
 
-class Told(logging.Handler):
+class LibraryWarnings(logging.Handler):
     """Hands warnings of the protocol's library to `tell`, a line each and without tracebacks."""
 
     def __init__(self, tell: Callable[[str], None]) -> None:
@@ -97,7 +97,7 @@ class Told(logging.Handler):
         words = record.getMessage().partition("\n")[0]
         error = record.exc_info[1] if record.exc_info else None
         reason = f": {type(error).__name__}: {error}".partition("\n")[0] if error else ""
-        self._tell(f"mopro: {words[:_MOST_TOLD]}{reason[:_MOST_TOLD]}")
+        self._tell(f"mopro: {words[:_MOST_SAID]}{reason[:_MOST_SAID]}")
 
 
 # -- the server -------------------------------------------------------------------------------

@@ -70,8 +70,8 @@ class Motion:
 def motion_of(series: Series, predicted: Floats) -> Motion:
     """Motion that is predicted, of places at ascending times; else that of the labels."""
     time_s = series.time_s
-    told = series.of_place and time_s is not None and bool((np.diff(time_s) > 0).all())
-    return Motion(series, predicted if told and len(series) > 1 else None)
+    has_place = series.of_place and time_s is not None and bool((np.diff(time_s) > 0).all())
+    return Motion(series, predicted if has_place and len(series) > 1 else None)
 
 
 def labelled(series: Sequence[Series], label: str) -> bool:

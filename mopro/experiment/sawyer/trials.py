@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mopro.instruments.sensor import Sensor
 from mopro.machine import Machine
-from mopro.machine.runs import NO_DATA, Data
+from mopro.machine.run_effects import NO_DATA, Data
 from mopro.program import Program
 from mopro.source import Source, Span
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mopro.engine.candidate import Parameter, ResidualView, Role
 from mopro.engine.spectrum import position_spectrum
 from mopro.formula.evaluate import Floats, evaluate, over_grid
-from mopro.formula.language import without_products
+from mopro.formula.expressions import without_products
 from mopro.formula.written import WrittenEffect
 
 # Points of a grid along a shape, twice as many along one that may be 0; along a period so many for

@@ -23,7 +23,7 @@ from math import cos, floor, sin
 from typing import Any
 
 from mopro.plant.kernel.drive import Drive, DriveNumbers, Electric, charge_end, drive_of
-from mopro.plant.kernel.terms import (
+from mopro.plant.kernel.effect_terms import (
     Forces,
     Numbers,
     Pair,
@@ -145,25 +145,25 @@ def step_of(parts: Parts, prepare: Prepare) -> Callable[..., State]:
             f1, f2, f4 = c0, c_mid, c1
         else:
             k = axis[0]
-            told, f1, f2, f4, electric = through(
+            in_step, f1, f2, f4, electric = through(
                 electric, c0, c_mid, c1, u0, u_mid, u1, h, free, k, drive, numbers
             )
         f3 = f2
         a1 = acceleration(f1, w0, x, v, z, 0.0, axis, numbers)
         if saturable and not free:
-            f2 = charged(f1, half, told[0], c0, w0, x, v, f1, k, drive, numbers)
+            f2 = charged(f1, half, in_step[0], c0, w0, x, v, f1, k, drive, numbers)
         dx, v2 = half * v, v + half * a1
         a2 = acceleration(f2, w_mid, x + dx, v2, z, dx, axis, numbers)
         if saturable and not free:
-            f3 = charged(f1, half, told[1], c_mid, w_mid, x + dx, v2, f2, k, drive, numbers)
+            f3 = charged(f1, half, in_step[1], c_mid, w_mid, x + dx, v2, f2, k, drive, numbers)
         dx, v3 = half * v2, v + half * a2
         a3 = acceleration(f3, w_mid, x + dx, v3, z, dx, axis, numbers)
         if saturable and not free:
-            f4 = charged(f1, h, told[1], c_mid, w_mid, x + dx, v3, f3, k, drive, numbers)
+            f4 = charged(f1, h, in_step[1], c_mid, w_mid, x + dx, v3, f3, k, drive, numbers)
         dx, v4 = h * v3, v + h * a3
         a4 = acceleration(f4, w1, x + dx, v4, z, dx, axis, numbers)
         if saturable and not free:
-            f5 = charged(f1, h, told[2], c1, w1, x + dx, v4, f4, k, drive, numbers)
+            f5 = charged(f1, h, in_step[2], c1, w1, x + dx, v4, f4, k, drive, numbers)
             electric = electric[0], combined(f1, f2, f3, f4, f5)
         # As h/6 (v1 + 2 v2 + 2 v3 + v4).
         sixth = h / 6

@@ -12,9 +12,9 @@ import numpy as np
 from mopro.engine.series import Series
 from mopro.experiment.breaks import drawn
 from mopro.experiment.comparison import Place
-from mopro.experiment.sawyer.model import Experiment, Trial
 from mopro.experiment.sawyer.nominal import planned
 from mopro.experiment.sawyer.system import Sawyer
+from mopro.experiment.sawyer.trials import Experiment, Trial
 from mopro.experiment.system import System
 from mopro.experiment.wording import place_words
 from mopro.recording.envelope import Floats
@@ -122,8 +122,8 @@ def _panels(own: Residuals) -> Iterator[Panel]:
     several = len(own.by_model) > 1
     models = dict(zip(own.by_model, (_BEFORE, _AFTER), strict=False))
     marked = "points" if rows else "line"
-    told = drawn(series).command is not None
-    command = [Trace("command", "command", style="command")] if told else []
+    has_command = drawn(series).command is not None
+    command = [Trace("command", "command", style="command")] if has_command else []
     yield Panel(
         f"{name}: measured and simulated", track_name(series.sensor), Scale.of(series.unit),
         [
@@ -164,10 +164,10 @@ def _signatures(own: Residuals) -> Panel:
 
 def _lines(found: Sequence[Residuals]) -> Lines | None:
     """The source lines by time, from the series that has the most samples."""
-    told = [r.series for r in found if r.series.time_s is not None and source_lines(r.series)]
-    if not told:
+    with_lines = [r.series for r in found if r.series.time_s is not None and source_lines(r.series)]
+    if not with_lines:
         return None
-    series = max(told, key=len)
+    series = max(with_lines, key=len)
     assert series.time_s is not None, "chosen for its times"
     return Lines.of(series.time_s, np.asarray(series.labels["line"]))
 

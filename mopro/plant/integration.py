@@ -15,9 +15,9 @@ from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.drive_scaling import DriveScaling
 from mopro.plant.kernel.build import kernel, rates
 from mopro.plant.kernel.drive import CURRENT_LOOP_S
+from mopro.plant.kernel.effect_terms import TermSet
+from mopro.plant.kernel.equation_of_motion import State, start_of
 from mopro.plant.kernel.integrate import Plant, axis_and_drive
-from mopro.plant.kernel.motion import State, start_of
-from mopro.plant.kernel.terms import TermSet
 
 # An axis this close to its tooth, and as slow, is at rest. Its remaining oscillation would
 # stay within a nanometre.
@@ -54,7 +54,7 @@ class Stepping:
     max_m: float = math.inf
 
 
-class Engine:
+class Integration:
     """Integrates the motion of one axis; `x` and `v` are its present state (m, m/s).
 
     The axis starts where it has come to rest under its forces. A nominal one, without
@@ -97,8 +97,8 @@ class Engine:
     def v(self) -> float:
         return self._state[1]
 
-    def take_over(self, other: Engine) -> None:
-        """Begin in the present state of `other`, an engine for the same effects."""
+    def take_over(self, other: Integration) -> None:
+        """Begin in the present state of `other`, an integration with the same effects."""
         self._state = other._state
 
     def through(self, knots: Floats, recorded: bool = True) -> Trace:
@@ -146,13 +146,13 @@ class Engine:
             return state
         plant = self._plant
         stiffness = plant.wave_number_1_m * plant.pull_out_force_N
-        rates_now = rates(terms)
+        state_rates = rates(terms)
         axis, drive = axis_and_drive(_plant(plant), self._strengths[0].tolist())
         smallest = REST_M * REST_M
         for _ in range(_MOST_RELAXATIONS):
             x, v, z, (lagged, coil) = state
             try:
-                a, of_lag, of_coil = rates_now(0.0, 0.0, state, axis, drive, self._numbers)
+                a, of_lag, of_coil = state_rates(0.0, 0.0, state, axis, drive, self._numbers)
             except _NO_NUMBER:
                 return math.nan, v, z, (lagged, coil)
             step = a * plant.mass_kg / stiffness

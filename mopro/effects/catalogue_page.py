@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mopro.effects.base import AXIS, Effect, Floats, Parameter, ViewedReading, ViewedRun
+from mopro.effects.effect import AXIS, Effect, Floats, Parameter, ViewedReading, ViewedRun
 from mopro.effects.registry import own_effects
 from mopro.engine.candidate import RUN, Candidate, Role
 from mopro.engine.candidate import Parameter as Fitted

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 if TYPE_CHECKING:
-    from mopro.effects.base import Active, Effect
+    from mopro.effects.effect import Active, Effect
 
 Numbers = tuple[tuple[float, ...], ...]
 Pair = tuple[float, float]

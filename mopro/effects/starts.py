@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.effects.base import Floats, View
+from mopro.effects.effect import Floats, View
 from mopro.engine.candidate import ResidualView
 from mopro.machine.constants import PlantConstants
 

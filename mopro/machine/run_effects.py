@@ -94,16 +94,16 @@ def others(runs: Mapping[str, str], trials: Sequence[_Run]) -> list[_Run]:
     return [trial for trial in trials if nth_of(trial.data, runs) is None]
 
 
-def known_off(
+def known_absent(
     effects: Mapping[str, Mapping[str, str]], trials: Sequence[_Run]
 ) -> list[frozenset[str]]:
     """Those of `effects` that are off in each of `trials`, as they belong to others of them."""
-    off = {name: others(runs, trials) for name, runs in effects.items()}
-    here = [name for name, own in off.items() if len(own) < len(trials)]
-    return [frozenset(name for name in here if trial in off[name]) for trial in trials]
+    absent = {name: others(runs, trials) for name, runs in effects.items()}
+    here = [name for name, own in absent.items() if len(own) < len(trials)]
+    return [frozenset(name for name in here if trial in absent[name]) for trial in trials]
 
 
-def left_out(
+def absence_notes(
     machine: str, effects: Mapping[str, Mapping[str, str]], trials: Sequence[_Run] = ()
 ) -> Iterator[str]:
     """A line for each effect that is off in some of `trials`; for each if there are none.
@@ -111,11 +111,12 @@ def left_out(
     `effects`: those of `machine` that belong to certain runs, each with these.
     """
     for name, runs in effects.items():
-        off = others(runs, trials)
-        here = {_name(trial.data[0]) for trial in off}
+        absent = others(runs, trials)
+        here = {_name(trial.data[0]) for trial in absent}
         files = ", ".join(f"another {own}" if _name(own) in here else own for own in runs)
-        where = "here" if len(off) == len(trials) else f"in {', '.join(own.name for own in off)}"
-        if off or not trials:
+        names = ", ".join(own.name for own in absent)
+        where = "here" if len(absent) == len(trials) else f"in {names}"
+        if absent or not trials:
             yield f"{name} of {machine} is left out {where}: it belongs to {files}"
 
 

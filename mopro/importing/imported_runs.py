@@ -70,7 +70,7 @@ def _unread(run: Proposal, log: str) -> int:
     return int(np.count_nonzero(np.all([np.isnan(s.values) for s in own], axis=0)))
 
 
-def told(rows: Rows) -> Decision:
+def rows_decision(rows: Rows) -> Decision:
     """The ledger as a decision; more than a few rows left out are to be checked."""
     reason = "every row of the log is in one of these"
     return Decision("rows", str(rows), reason, rows.to_check)

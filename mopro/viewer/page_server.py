@@ -267,12 +267,12 @@ def _application(page: Page, token: str, port: int) -> Starlette:
 async def _events(feed: Feed) -> AsyncIterator[str]:
     """The messages of a feed as server-sent events, until it has ended."""
     begun = feed.begin()
-    told = begun[0]
+    last = begun[0]
     yield _event(begun)
     while True:
         ended = feed.ended.is_set()
-        for message in feed.after(told):
-            told = message[0]
+        for message in feed.after(last):
+            last = message[0]
             yield _event(message)
         if ended:
             return

@@ -250,7 +250,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]]
     # Effects of one family look alike to many sensors.
     families: ClassVar[tuple[str, ...]] = ()
-    # Terms of the equation of motion, composed into the kernel (see plant/kernel/terms.py);
+    # Terms of the equation of motion, composed into the kernel (see plant/kernel/effect_terms.py);
     # z is the effect's own state if it has a `slide`:
     #   force(x, v, [z,] *parameters) -> N              a force on the forcer
     #   reaction(x, v, [z,] motor_N, *parameters) -> N  one that depends on the motor's own
