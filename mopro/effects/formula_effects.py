@@ -15,8 +15,9 @@ from mopro.effects.starts import targets_m
 from mopro.engine.candidate import Candidate, ResidualView, Role
 from mopro.engine.candidate import Parameter as Fitted
 from mopro.formula.closures import closure_of
+from mopro.formula.columns import Sampled
 from mopro.formula.dimension import dimension_of_unit, factor_of, words
-from mopro.formula.shape_search import Sampled, Search
+from mopro.formula.shape_search import Search
 from mopro.formula.shapes import MOST_PERIODS_OF_SPAN, Sized, role_of_shape, shape_of
 from mopro.formula.written import (
     AMPLITUDE,

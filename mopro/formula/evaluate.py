@@ -47,14 +47,14 @@ def evaluate(
     return values if values.shape == time_s.shape else np.broadcast_to(values, time_s.shape)
 
 
-def over_grid(formula: Formula, names: Values, shape: tuple[int, int]) -> Floats:
-    """The formula for names that are numbers or arrays that broadcast to `shape`.
+def over_grid(formula: Formula, names: Values) -> Floats | float:
+    """The formula for names that are numbers or arrays that broadcast to each other.
 
-    Not for a formula of whole signals. NaN as in `evaluate`.
+    Not for a formula of whole signals. Values that are infinite or have run away stay as they are;
+    of those numpy would warn, unless the caller says that they are no fault.
     """
-    with np.errstate(all="ignore"):
-        found = _value(formula.tree, names, np.zeros(0), signals.SIGNALS)
-    return np.broadcast_to(unless_run_away(np.asarray(found, dtype=float)), shape)
+    found: Floats | float = _value(formula.tree, names, np.zeros(0), signals.SIGNALS)
+    return found
 
 
 def _value(node: ast.expr, names: Values, time_s: Floats, functions: Functions) -> Any:
@@ -63,11 +63,13 @@ def _value(node: ast.expr, names: Values, time_s: Floats, functions: Functions) 
 
     match node:
         case ast.Constant(value=value):
-            return float(value)  # type: ignore[arg-type]
+            return np.float64(value)  # type: ignore[arg-type]
         case ast.Name(id=name):
-            return np.pi if name == PI and name not in names else names[name]
+            own = np.pi if name == PI and name not in names else names[name]
+            # A number of Python would raise an error where numpy gives an infinity.
+            return np.asarray(own, dtype=float) if np.ndim(own) else np.float64(own)
         case ast.BinOp(left=left, op=op, right=right):
-            return _BINARY[type(op)](np.float64(of(left)), of(right))
+            return _BINARY[type(op)](of(left), of(right))
         case ast.UnaryOp(op=ast.Not(), operand=operand):
             return np.equal(of(operand), 0).astype(float)
         case ast.UnaryOp(op=op, operand=operand):

@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from functools import cached_property
 
 MOST_CHARACTERS = 500
 MOST_LEVELS = 40
@@ -58,7 +59,7 @@ class Formula:
         every = list(_surroundings(self.tree, name, frozenset()))
         return bool(every) and all(own.intersection(places) for own in every)
 
-    @property
+    @cached_property
     def of_signals(self) -> bool:
         """True if it needs the signal in time and not its value at one moment alone."""
         return any(called in SIGNALS for called in _called(self.tree))
@@ -134,6 +135,15 @@ def _without(node: ast.expr, zeros: Collection[str]) -> ast.expr:
             one, other = _without(left, zeros), _without(right, zeros)
             return other if _is_zero(one) else one if _is_zero(other) else ast.BinOp(one, op, other)
     return node
+
+
+def factor_beside(formula: Formula, name: str) -> Formula | None:
+    """What `name` is multiplied by in a formula `name * ...`; None for any other formula."""
+    match formula.tree:
+        case ast.BinOp(left=ast.Name(id=found), op=ast.Mult(), right=right) if found == name:
+            names = {node.id for node in ast.walk(right) if isinstance(node, ast.Name)}
+            return Formula(ast.unparse(right), right, formula.names & names)
+    return None
 
 
 def _is_zero(node: ast.expr) -> bool:

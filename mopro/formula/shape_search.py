@@ -6,15 +6,13 @@ For any kind of machine: a residual comes with the names that a formula has at i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mopro.engine.candidate import Parameter, ResidualView, Role
 from mopro.engine.spectrum import position_spectrum
-from mopro.formula.evaluate import Floats, evaluate, over_grid
-from mopro.formula.expressions import without_products
+from mopro.formula.columns import Columns, Sampled
+from mopro.formula.evaluate import Floats
 from mopro.formula.written import WrittenEffect
 
 # Points of a grid along a shape, twice as many along one that may be 0; along a period so many for
@@ -25,36 +23,17 @@ _OVERSAMPLED, _MOST_PERIODS = 5, 3000
 # and slow cycles in the span, which leak into each other and are all tried. Doubled, a search takes
 # twice as long; halved, a weak harmonic may come after lines that no period explains.
 _LINES, _HARMONICS, _SLOW_CYCLES = 12, 4, 12
-# Values that are computed at once, and most points of the grid of all shapes together.
-_AT_ONCE, _MOST_POINTS = 2_000_000, 20_000
+# Most points of the grid of all shapes together.
+_MOST_POINTS = 20_000
 # Share of a column's power below which it is taken to depend on the others.
 _DEPENDENT = 1e-9
-
-
-@dataclass(frozen=True)
-class Sampled:
-    """The samples of one series, and the names of formulas in its run.
-
-    `names`: numbers, or arrays (run's rows,) in SI, at the times `time_s`. `rows` (n,): those of
-    the samples. `residual` (n,): in standard deviations `sigma` of the noise. `factor`: what a term
-    of 1 (SI) comes to in the unit of the readings; 0 where they do not show it. `is_aligned`: the
-    mean of the readings tells nothing.
-    """
-
-    names: Mapping[str, Floats | float]
-    time_s: Floats
-    rows: NDArray[np.intp]
-    residual: Floats = field(repr=False)
-    sigma: float
-    factor: float
-    is_aligned: bool
 
 
 class Search:
     """Finds starts of a candidate in a residual, by least squares at each point of a grid.
 
     `longest`: the span that a period is looked for in, as a multiple of the longest one. `samples`:
-    the series of a fit.
+    the series of a fit. `columns`: those of this effect and other forms of it, which share them.
     """
 
     def __init__(
@@ -63,25 +42,22 @@ class Search:
         parameters: tuple[Parameter, ...],
         longest: float,
         samples: Callable[[ResidualView], Sequence[Sampled]],
+        columns: Columns | None = None,
     ) -> None:
+        self._columns = columns or Columns([effect])
+        self._places = self._columns.places(effect)
         self._effect, self._parameters, self._samples = effect, parameters, samples
         self._shapes = [p for p in parameters if p.role is not Role.AMPLITUDE]
         self._sizes = [p for p in parameters if p.role is Role.AMPLITUDE]
         self._longest = longest
         self._factors = {p.name: p.factor for p in effect.parameters}
-        # Of a wave with harmonics, the one whose size is not 0.
-        sizes = {p.name for p in self._sizes}
-        self._alone = {
-            name: without_products(effect.term.formula, sizes - {name}) for name in sizes
-        }
 
     def __call__(self, view: ResidualView) -> Iterator[Mapping[str, float]]:
         every = self._samples(view)
-        left = np.concatenate([own.residual for own in every])
         axes = [self._along(p, every) for p in self._shapes]
         best: tuple[float, dict[str, float]] = (0.0, {})
-        for points in self._points(axes, len(left)):
-            gains, sizes = self._gains(points, every, left)
+        for points in self._points(axes):
+            gains, sizes = self._gains(points, every)
             at = int(np.argmax(gains))
             if gains[at] > best[0]:
                 found = {name: float(own[at]) for name, own in points.items()}
@@ -95,12 +71,10 @@ class Search:
                 best[1][first.name] = first.starts[0]
             yield {p.name: best[1][p.name] for p in self._parameters}
 
-    def _points(self, axes: Sequence[Floats], samples: int) -> Iterator[dict[str, Floats]]:
+    def _points(self, axes: Sequence[Floats]) -> Iterator[dict[str, Floats]]:
         """The grid of all shapes, in batches: an array for each shape."""
         flat = [axis.ravel()[:_MOST_POINTS] for axis in np.meshgrid(*axes, indexing="ij")]
-        batch = max(1, _AT_ONCE // (samples * max(len(self._sizes), 1)))
-        if self._effect.term.formula.of_signals:
-            batch = 1
+        batch = self._columns.batch
         for begin in range(0, len(flat[0]), batch):
             cut = slice(begin, begin + batch)
             yield {p.name: own[cut] for p, own in zip(self._shapes, flat, strict=True)}
@@ -153,44 +127,14 @@ class Search:
         return np.unique(np.clip(np.concatenate([each.ravel() for each in tried]), low, high))
 
     def _gains(
-        self, points: Mapping[str, Floats], every: Sequence[Sampled], left: Floats
+        self, points: Mapping[str, Floats], every: Sequence[Sampled]
     ) -> tuple[Floats, Floats]:
         """Fall of chi-squared at each point (points,), with the sizes there (points x sizes)."""
-        columns = np.stack([self._column(p, points, every) for p in self._sizes], axis=2)
-        normal = np.einsum("gni,gnj->gij", columns, columns, optimize=True)
-        product = np.einsum("gni,n->gi", columns, left, optimize=True)
+        gram, products = self._columns.sums(points, every)
+        own = self._places
+        normal, product = gram[:, own][:, :, own], products[:, own]
         powers = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        normal = normal + _DEPENDENT * np.maximum(powers, 1e-300) * np.eye(len(self._sizes))
+        normal = normal + _DEPENDENT * np.maximum(powers, 1e-300) * np.eye(len(own))
         sizes = np.linalg.solve(normal, product[:, :, None])[:, :, 0]
         gains = np.einsum("gi,gi->g", product, sizes)
         return np.nan_to_num(gains, nan=0.0), sizes
-
-    def _column(
-        self, size: Parameter, points: Mapping[str, Floats], every: Sequence[Sampled]
-    ) -> Floats:
-        """Whitened change of all readings for one unit of a size (points x samples)."""
-        own = dict.fromkeys(self._factors, 0.0) | {size.name: self._factors[size.name]}
-        shapes = {name: values * self._factors[name] for name, values in points.items()}
-        blocks = [self._block(s, own, shapes, size.name) / s.sigma for s in every]
-        return np.nan_to_num(np.concatenate(blocks, axis=1))
-
-    def _block(
-        self, sampled: Sampled, own: Mapping[str, float], shapes: Mapping[str, Floats], size: str
-    ) -> Floats:
-        """Change of the readings of one series (points x samples), in their unit."""
-        effect, rows, count = self._effect, sampled.rows, len(next(iter(shapes.values())))
-        if not sampled.factor:
-            return np.zeros((count, len(rows)))
-        if effect.term.formula.of_signals:
-            shaped = {name: float(values[0]) for name, values in shapes.items()}
-            known = {**sampled.names, **own, **shaped}
-            term = evaluate(effect.term.formula, known, sampled.time_s)[None, rows]
-        else:
-            at_rows = {
-                name: np.asarray(v)[None, rows] if np.ndim(v) else v
-                for name, v in sampled.names.items()
-            }
-            grid = {name: values[:, None] for name, values in shapes.items()}
-            term = over_grid(self._alone[size], {**at_rows, **own, **grid}, (count, len(rows)))
-        term = term * sampled.factor
-        return term - term.mean(axis=1, keepdims=True) if sampled.is_aligned else term

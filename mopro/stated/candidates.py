@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +12,10 @@ import numpy as np
 from mopro.engine.assumed import LEAST_SHARE
 from mopro.engine.candidate import RUN, Candidate, Law, Parameter, ResidualView, Role
 from mopro.engine.series import Series, Settings
+from mopro.formula.columns import Columns, Sampled
 from mopro.formula.dimension import Dimension
 from mopro.formula.evaluate import Floats, evaluate
-from mopro.formula.shape_search import Sampled, Search
+from mopro.formula.shape_search import Search
 from mopro.formula.shapes import MOST_PERIODS_OF_SPAN, Sized, role_of_shape, shape_of
 from mopro.formula.written import (
     AMPLITUDE,
@@ -53,11 +54,11 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
     found = [_of_number(n) for n in model.machine.numbers.values() if n.tolerance]
     if model.machine.kind == "python":
         return found + [_of_foreign(effect) for effect in model.forms]
-    sized = _sizes(model, settings)
+    sized, columns = _sizes(model, settings), _columns(model.forms)
     for effect in model.forms:
         if _of_time(effect) and not _shows_waves_in_time(model, settings):
             continue
-        made = _candidate(model, effect, data, settings, sized)
+        made = _candidate(model, effect, data, settings, sized, columns.get(effect))
         found += [made] if made is not None else []
     names = {(c.name, c.form) for c in found}
     return [c for c in found if c.extends is None or (c.name, c.extends) in names]
@@ -144,8 +145,9 @@ def _of_foreign(effect: WrittenEffect) -> Candidate:
 
 
 def _candidate(
-    model: Model, effect: WrittenEffect, data: Sequence[Series], settings: Settings, sized: Sized
-) -> Candidate | None:
+    model: Model, effect: WrittenEffect, data: Sequence[Series], settings: Settings, sized: Sized,
+    columns: Columns | None = None,
+) -> Candidate | None:  # fmt: skip
     """The candidate of an effect; None for one that does nothing, or cannot show, in these data."""
     if effect.crosses and not _crosses(model, effect, settings):
         return None
@@ -173,13 +175,27 @@ def _candidate(
         parameters = tuple(_about(p, own.get(p.name, 0.0)) for p in parameters)
     find = None
     if shapes and effect.enters == MEASUREMENT:
-        find = Search(effect, parameters, MOST_PERIODS_OF_SPAN, _samples_of(model, effect))
+        find = Search(effect, parameters, MOST_PERIODS_OF_SPAN, _samples_of(model, effect), columns)
     # A form that is searched for needs no plain one to begin from.
     extends = effect.extends if find is None else None
     return Candidate(
         effect.name, parameters, effect.form, extends=extends, can_enter_first=extends is not None,
         flexible=any(p.role == PERIOD for p in effect.parameters), find_starts=find,
     )  # fmt: skip
+
+
+def _columns(forms: Sequence[WrittenEffect]) -> dict[WrittenEffect, Columns]:
+    """The columns of each effect of the measurement with shapes, one for all forms with the same.
+
+    Those are searched for one after the other, in the same residuals.
+    """
+    alike: dict[Hashable, list[WrittenEffect]] = {}
+    for form in forms:
+        shapes = tuple((p.name, p.unit) for p in form.parameters if p.role != AMPLITUDE)
+        if shapes and form.enters == MEASUREMENT:
+            alike.setdefault((form.name, shapes), []).append(form)
+    shared = [(own, Columns(own)) for own in alike.values()]
+    return {form: columns for own, columns in shared for form in own}
 
 
 def _samples_of(model: Model, effect: WrittenEffect) -> Callable[[ResidualView], list[Sampled]]:

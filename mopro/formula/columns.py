@@ -1,0 +1,173 @@
+"""The columns that sizes of a term have in a fit to a residual: one for each point of a grid.
+
+Forms of one effect that are searched for in one residual have most columns in common.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from threading import Lock
+
+import numpy as np
+from cachetools import LRUCache
+from numpy.typing import NDArray
+
+from mopro.engine.series import RUN_AWAY, unless_run_away
+from mopro.formula.angles import Angles
+from mopro.formula.evaluate import Floats, Values, evaluate, over_grid
+from mopro.formula.language import Formula, factor_beside, without_products
+from mopro.formula.written import AMPLITUDE, EffectParameter, WrittenEffect
+
+# Values of columns that are computed at once: they stay in the processor's cache.
+_AT_ONCE = 100_000
+# A sum of squares that one value has run away in.
+_SQUARE_RUN_AWAY = RUN_AWAY**2 / 4
+# Bytes of sums that are kept for the other forms.
+_KEPT_BYTES = 16 << 20
+# Gram matrices (points x columns x columns), and products with the residual (points x columns).
+Sums = tuple[Floats, Floats]
+Points = Mapping[str, Floats]
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """The samples of one series, and the names of formulas in its run.
+
+    `names`: numbers, or arrays (run's rows,) in SI, at the times `time_s`. `rows` (n,): those of
+    the samples. `residual` (n,): in standard deviations `sigma` of the noise. `factor`: what a term
+    of 1 (SI) comes to in the unit of the readings; 0 where they do not show it. `is_aligned`: the
+    mean of the readings tells nothing.
+    """
+
+    names: Mapping[str, Floats | float]
+    time_s: Floats
+    rows: NDArray[np.intp]
+    residual: Floats = field(repr=False)
+    sigma: float
+    factor: float
+    is_aligned: bool
+
+    def key(self, names: Iterable[str]) -> Hashable:
+        """What columns of formulas with these names are worked out from, and the residual."""
+        known = tuple((n, np.asarray(self.names[n]).tobytes()) for n in names if n in self.names)
+        arrays = (self.time_s.tobytes(), self.rows.tobytes(), self.residual.tobytes())
+        return known, arrays, self.sigma, self.factor, self.is_aligned
+
+
+@dataclass(frozen=True)
+class _Column:
+    """`formula` with the values `own` of the sizes, times `scale`: the change by a unit of one."""
+
+    formula: Formula
+    own: tuple[tuple[str, float], ...]
+    scale: float
+
+    @staticmethod
+    def of(form: WrittenEffect, p: EffectParameter) -> _Column:
+        sizes = {q.name for q in form.parameters if q.role == AMPLITUDE}
+        # Of a wave with harmonics, one of them.
+        alone = without_products(form.term.formula, sizes - {p.name})
+        factor = factor_beside(alone, p.name)
+        if factor is not None and not factor.names & sizes:
+            return _Column(factor, (), p.factor)
+        return _Column(alone, tuple((n, p.factor if n == p.name else 0.0) for n in sizes), 1.0)
+
+
+class Columns:
+    """The columns of all sizes of some forms, which have the same shapes."""
+
+    def __init__(self, forms: Sequence[WrittenEffect]) -> None:
+        every = [(form, p) for form in forms for p in form.parameters]
+        self._factors = {p.name: p.factor for _, p in every}
+        made = dict.fromkeys(_Column.of(form, p) for form, p in every if p.role == AMPLITUDE)
+        self._columns = list(made)
+        names = frozenset[str]().union(*(c.formula.names for c in made))
+        self._names = sorted(names - self._factors.keys())
+        self._angles = Angles.of([c.formula for c in made])
+        # Asked by several threads at once.
+        self._lock = Lock()
+        self._kept: LRUCache[Hashable, Sums] = LRUCache(_KEPT_BYTES, _bytes_of)
+
+    def places(self, form: WrittenEffect) -> list[int]:
+        """Where the columns of the sizes of a form are among all."""
+        sizes = (p for p in form.parameters if p.role == AMPLITUDE)
+        return [self._columns.index(_Column.of(form, p)) for p in sizes]
+
+    @property
+    def batch(self) -> int:
+        """Most points whose sums are asked for together: they can be kept."""
+        count = len(self._columns)
+        return max(1, _KEPT_BYTES // (8 * count * (count + 1)))
+
+    def sums(self, points: Points, every: Sequence[Sampled]) -> Sums:
+        """Those of all columns at the `points` (points,) of the shapes, in their units.
+
+        A column is the whitened change of all readings for one unit of its size.
+        """
+        shapes = {name: values * self._factors[name] for name, values in points.items()}
+        grid = tuple((name, values.tobytes()) for name, values in shapes.items())
+        key = grid, tuple(sampled.key(self._names) for sampled in every)
+        with self._lock:
+            if key not in self._kept:
+                self._kept[key] = self._summed(shapes, every)
+            return self._kept[key]
+
+    def _summed(self, shapes: Points, every: Sequence[Sampled]) -> Sums:
+        count, sizes = len(next(iter(shapes.values()))), len(self._columns)
+        gram, product = np.zeros((count, sizes, sizes)), np.zeros((count, sizes))
+        for sampled in every:
+            if not sampled.factor:
+                continue
+            names, scale = self._at_rows(sampled), sampled.factor / sampled.sigma
+            step = max(1, _AT_ONCE // max(1, len(sampled.rows) * sizes))
+            for begin in range(0, count, step):
+                cut = slice(begin, begin + step)
+                at = {name: values[cut] for name, values in shapes.items()}
+                own, beside = self._of_block(sampled, names, at)
+                gram[cut] += scale**2 * own
+                product[cut] += scale * beside
+        scales = np.array([column.scale for column in self._columns])
+        return gram * np.outer(scales, scales), product * scales
+
+    def _at_rows(self, sampled: Sampled) -> dict[str, Floats | float]:
+        own = {name: sampled.names[name] for name in self._names if name in sampled.names}
+        return {n: np.asarray(v)[None, sampled.rows] if np.ndim(v) else v for n, v in own.items()}
+
+    def _of_block(self, sampled: Sampled, names: Values, shapes: Points) -> Sums:
+        """Sums over the samples of one series, of columns that are not scaled."""
+        with np.errstate(all="ignore"):
+            columns = self._filled(sampled, names, shapes)
+            if sampled.is_aligned:
+                columns -= columns.mean(axis=2, keepdims=True)
+            gram = columns @ columns.transpose(0, 2, 1)
+            if not (np.trace(gram, axis1=1, axis2=2) < _SQUARE_RUN_AWAY).all():
+                columns = unless_run_away(self._filled(sampled, names, shapes))
+                if sampled.is_aligned:
+                    columns = columns - columns.mean(axis=2, keepdims=True)
+                # What has no value changes nothing.
+                columns = np.nan_to_num(columns)
+                gram = columns @ columns.transpose(0, 2, 1)
+            return gram, columns @ sampled.residual
+
+    def _filled(self, sampled: Sampled, names: Values, shapes: Points) -> Floats:
+        """The terms (points x sizes x samples) of one unit of each size."""
+        count = len(next(iter(shapes.values())))
+        found = np.empty((count, len(self._columns), len(sampled.rows)))
+        grid = {name: values[:, None] for name, values in shapes.items()}
+        known = {**names, **grid, **self._angles.values({**names, **grid})}
+        for nth, (column, formula) in enumerate(
+            zip(self._columns, self._angles.formulas, strict=True)
+        ):
+            if not formula.of_signals:
+                found[:, nth] = over_grid(formula, {**known, **dict(column.own)})
+                continue
+            for point in range(count):
+                own = {name: float(values[point]) for name, values in shapes.items()}
+                whole = {**sampled.names, **dict(column.own), **own}
+                found[point, nth] = evaluate(formula, whole, sampled.time_s)[sampled.rows]
+        return found
+
+
+def _bytes_of(sums: Sums) -> int:
+    return sums[0].nbytes + sums[1].nbytes
