@@ -65,11 +65,11 @@ class _Column:
 
     @staticmethod
     def of(form: WrittenEffect, p: EffectParameter) -> _Column:
-        sizes = {q.name for q in form.parameters if q.role == AMPLITUDE}
+        sizes = sorted(q.name for q in form.parameters if q.role == AMPLITUDE)
         # Of a wave with harmonics, one of them.
-        alone = without_products(form.term.formula, sizes - {p.name})
+        alone = without_products(form.term.formula, {*sizes} - {p.name})
         factor = factor_beside(alone, p.name)
-        if factor is not None and not factor.names & sizes:
+        if factor is not None and not factor.names.intersection(sizes):
             return _Column(factor, (), p.factor)
         return _Column(alone, tuple((n, p.factor if n == p.name else 0.0) for n in sizes), 1.0)
 
@@ -82,6 +82,7 @@ class Columns:
         self._factors = {p.name: p.factor for _, p in every}
         made = dict.fromkeys(_Column.of(form, p) for form, p in every if p.role == AMPLITUDE)
         self._columns = list(made)
+        self._scales = np.array([column.scale for column in made])
         names = frozenset[str]().union(*(c.formula.names for c in made))
         self._names = sorted(names - self._factors.keys())
         self._angles = Angles.of([c.formula for c in made])
@@ -113,52 +114,61 @@ class Columns:
                 self._kept[key] = self._summed(shapes, every)
             return self._kept[key]
 
+    def _at_rows(self, sampled: Sampled) -> dict[str, Floats | float]:
+        own = {name: sampled.names[name] for name in self._names if name in sampled.names}
+        return {n: np.asarray(v)[None, sampled.rows] if np.ndim(v) else v for n, v in own.items()}
+
     def _summed(self, shapes: Points, every: Sequence[Sampled]) -> Sums:
         count, sizes = len(next(iter(shapes.values()))), len(self._columns)
         gram, product = np.zeros((count, sizes, sizes)), np.zeros((count, sizes))
         for sampled in every:
             if not sampled.factor:
                 continue
-            names, scale = self._at_rows(sampled), sampled.factor / sampled.sigma
+            names = self._at_rows(sampled)
             step = max(1, _AT_ONCE // max(1, len(sampled.rows) * sizes))
             for begin in range(0, count, step):
                 cut = slice(begin, begin + step)
                 at = {name: values[cut] for name, values in shapes.items()}
                 own, beside = self._of_block(sampled, names, at)
-                gram[cut] += scale**2 * own
-                product[cut] += scale * beside
-        scales = np.array([column.scale for column in self._columns])
-        return gram * np.outer(scales, scales), product * scales
-
-    def _at_rows(self, sampled: Sampled) -> dict[str, Floats | float]:
-        own = {name: sampled.names[name] for name in self._names if name in sampled.names}
-        return {n: np.asarray(v)[None, sampled.rows] if np.ndim(v) else v for n, v in own.items()}
+                gram[cut] += own
+                product[cut] += beside
+        return gram, product
 
     def _of_block(self, sampled: Sampled, names: Values, shapes: Points) -> Sums:
-        """Sums over the samples of one series, of columns that are not scaled."""
+        """Sums over the samples of one series."""
         with np.errstate(all="ignore"):
-            columns = self._filled(sampled, names, shapes)
+            known = {**names, **_along_rows(shapes)}
+            known |= self._angles.values(known)
+            columns = self._terms(self._angles.formulas, sampled, known, shapes)
             if sampled.is_aligned:
                 columns -= columns.mean(axis=2, keepdims=True)
             gram = columns @ columns.transpose(0, 2, 1)
-            if not (np.trace(gram, axis1=1, axis2=2) < _SQUARE_RUN_AWAY).all():
-                columns = unless_run_away(self._filled(sampled, names, shapes))
-                if sampled.is_aligned:
-                    columns = columns - columns.mean(axis=2, keepdims=True)
-                # What has no value changes nothing.
-                columns = np.nan_to_num(columns)
-                gram = columns @ columns.transpose(0, 2, 1)
-            return gram, columns @ sampled.residual
+        if (np.trace(gram, axis1=1, axis2=2) < _SQUARE_RUN_AWAY).all():
+            scales = self._scales * (sampled.factor / sampled.sigma)
+            return gram * np.outer(scales, scales), columns @ sampled.residual * scales
+        columns = self._whitened(sampled, names, shapes)
+        return columns @ columns.transpose(0, 2, 1), columns @ sampled.residual
 
-    def _filled(self, sampled: Sampled, names: Values, shapes: Points) -> Floats:
-        """The terms (points x sizes x samples) of one unit of each size."""
+    def _whitened(self, sampled: Sampled, names: Values, shapes: Points) -> Floats:
+        """The columns at the samples of one series (points x sizes x samples).
+
+        0 where a term has no value, or has run away: it changes nothing there.
+        """
+        formulas = [column.formula for column in self._columns]
+        with np.errstate(all="ignore"):
+            terms = self._terms(formulas, sampled, {**names, **_along_rows(shapes)}, shapes)
+        columns = unless_run_away(terms * self._scales[:, None]) * sampled.factor
+        if sampled.is_aligned:
+            columns = columns - columns.mean(axis=2, keepdims=True)
+        return np.nan_to_num(columns / sampled.sigma)
+
+    def _terms(
+        self, formulas: Sequence[Formula], sampled: Sampled, known: Values, shapes: Points
+    ) -> Floats:
+        """The values (points x sizes x samples) of the formulas of all columns."""
         count = len(next(iter(shapes.values())))
         found = np.empty((count, len(self._columns), len(sampled.rows)))
-        grid = {name: values[:, None] for name, values in shapes.items()}
-        known = {**names, **grid, **self._angles.values({**names, **grid})}
-        for nth, (column, formula) in enumerate(
-            zip(self._columns, self._angles.formulas, strict=True)
-        ):
+        for nth, (column, formula) in enumerate(zip(self._columns, formulas, strict=True)):
             if not formula.of_signals:
                 found[:, nth] = over_grid(formula, {**known, **dict(column.own)})
                 continue
@@ -167,6 +177,10 @@ class Columns:
                 whole = {**sampled.names, **dict(column.own), **own}
                 found[point, nth] = evaluate(formula, whole, sampled.time_s)[sampled.rows]
         return found
+
+
+def _along_rows(shapes: Points) -> dict[str, Floats | float]:
+    return {name: values[:, None] for name, values in shapes.items()}
 
 
 def _bytes_of(sums: Sums) -> int:

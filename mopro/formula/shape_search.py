@@ -57,10 +57,12 @@ class Search:
         axes = [self._along(p, every) for p in self._shapes]
         best: tuple[float, dict[str, float]] = (0.0, {})
         for points in self._points(axes):
-            gains, sizes = self._gains(points, every)
+            gram, product = self._columns.sums(points, every)
+            own = self._places
+            gains, sizes = _solved(gram[:, own][:, :, own], product[:, own])
             at = int(np.argmax(gains))
             if gains[at] > best[0]:
-                found = {name: float(own[at]) for name, own in points.items()}
+                found = {name: float(values[at]) for name, values in points.items()}
                 for p, size in zip(self._sizes, sizes[at].tolist(), strict=True):
                     found[p.name] = p.within(size)
                 best = float(gains[at]), found
@@ -126,15 +128,14 @@ class Search:
         tried += [(lines[:, None] + near) / order for order in range(1, _HARMONICS + 1)]
         return np.unique(np.clip(np.concatenate([each.ravel() for each in tried]), low, high))
 
-    def _gains(
-        self, points: Mapping[str, Floats], every: Sequence[Sampled]
-    ) -> tuple[Floats, Floats]:
-        """Fall of chi-squared at each point (points,), with the sizes there (points x sizes)."""
-        gram, products = self._columns.sums(points, every)
-        own = self._places
-        normal, product = gram[:, own][:, :, own], products[:, own]
-        powers = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        normal = normal + _DEPENDENT * np.maximum(powers, 1e-300) * np.eye(len(own))
-        sizes = np.linalg.solve(normal, product[:, :, None])[:, :, 0]
-        gains = np.einsum("gi,gi->g", product, sizes)
-        return np.nan_to_num(gains, nan=0.0), sizes
+
+def _solved(gram: Floats, product: Floats) -> tuple[Floats, Floats]:
+    """Fall of chi-squared at each point (points,), with the sizes there (points x sizes).
+
+    `gram`: points x sizes x sizes, `product`: points x sizes.
+    """
+    powers = np.trace(gram, axis1=1, axis2=2)[:, None, None]
+    normal = gram + _DEPENDENT * np.maximum(powers, 1e-300) * np.eye(gram.shape[1])
+    sizes = np.linalg.solve(normal, product[:, :, None])[:, :, 0]
+    gains = np.einsum("gi,gi->g", product, sizes)
+    return np.nan_to_num(gains, nan=0.0), sizes
