@@ -5,6 +5,7 @@ Forms of one effect that are searched for in one residual have most columns in c
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from threading import Lock
@@ -24,7 +25,7 @@ _AT_ONCE = 100_000
 # A sum of squares that one value has run away in.
 _SQUARE_RUN_AWAY = RUN_AWAY**2 / 4
 # Bytes of sums that are kept for the other forms.
-_KEPT_BYTES = 16 << 20
+_KEPT_BYTES = 4 << 20
 # Gram matrices (points x columns x columns), and products with the residual (points x columns).
 Sums = tuple[Floats, Floats]
 Points = Mapping[str, Floats]
@@ -50,9 +51,9 @@ class Sampled:
 
     def key(self, names: Iterable[str]) -> Hashable:
         """What columns of formulas with these names are worked out from, and the residual."""
-        known = tuple((n, np.asarray(self.names[n]).tobytes()) for n in names if n in self.names)
-        arrays = (self.time_s.tobytes(), self.rows.tobytes(), self.residual.tobytes())
-        return known, arrays, self.sigma, self.factor, self.is_aligned
+        known = [np.asarray(self.names[n]) for n in names if n in self.names]
+        arrays = _digest([*known, self.time_s, self.rows, self.residual])
+        return arrays, self.sigma, self.factor, self.is_aligned
 
 
 @dataclass(frozen=True)
@@ -107,8 +108,7 @@ class Columns:
         A column is the whitened change of all readings for one unit of its size.
         """
         shapes = {name: values * self._factors[name] for name, values in points.items()}
-        grid = tuple((name, values.tobytes()) for name, values in shapes.items())
-        key = grid, tuple(sampled.key(self._names) for sampled in every)
+        key = _digest(shapes.values()), tuple(sampled.key(self._names) for sampled in every)
         with self._lock:
             if key not in self._kept:
                 self._kept[key] = self._summed(shapes, every)
@@ -181,6 +181,15 @@ class Columns:
 
 def _along_rows(shapes: Points) -> dict[str, Floats | float]:
     return {name: values[:, None] for name, values in shapes.items()}
+
+
+def _digest(arrays: Iterable[NDArray[np.generic]]) -> bytes:
+    """A key of the contents of some arrays, which does not keep them."""
+    made = hashlib.sha256()
+    for array in arrays:
+        made.update(repr((array.dtype.str, array.shape)).encode())
+        made.update(array.tobytes())
+    return made.digest()
 
 
 def _bytes_of(sums: Sums) -> int:
