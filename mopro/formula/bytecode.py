@@ -18,8 +18,6 @@ from mopro.process.jit import njit
 
 Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]
-# numpy's functions, untyped, as compiled code calls them: they give NaN and no error.
-_np: Any = np
 # Operands that a formula may stack: more than its levels can need.
 MOST_STACKED = 200
 _compiled: Callable[..., Any] = njit(cache=True, nogil=True, error_model="numpy")

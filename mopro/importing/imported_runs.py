@@ -15,7 +15,6 @@ from mopro.logs import Decision, Log, Rows
 from mopro.text import visible
 
 NO_READING = "no reading"
-_FEWEST_READINGS = 2
 
 
 def recordings_of(logs: Sequence[Log]) -> list[list[Log]]:

@@ -28,12 +28,11 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Flashed:
-    """The result of a flash; times in `seconds` on the port's clock, `upload_s` of it to send."""
+    """The result of a flash; `seconds` on the port's clock."""
 
     name: str
     statements: int
     seconds: float
-    upload_s: float
     retried: int
 
 
@@ -54,7 +53,6 @@ def flash(
     started_s = session.port.now_s()
     scratch = session.dialect.names.scratch
     upload(session, program, scratch, lambda n: progress(n, total))
-    upload_s = session.port.now_s() - started_s
     if session.dialect.knows("commit"):
         session.ask("commit", scratch=scratch, name=name)
     else:
@@ -62,7 +60,7 @@ def flash(
     verify(session, program, name)
     progress(total, total)
     seconds = session.port.now_s() - started_s
-    return Flashed(name, len(lines), seconds, upload_s, session.retried)
+    return Flashed(name, len(lines), seconds, session.retried)
 
 
 def allowed_s(session: Session, program: Program) -> float:

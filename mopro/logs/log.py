@@ -163,7 +163,7 @@ class Column:
 
     `unit` is a word of units.py as a column's suffix writes it (`mm`, `m_s`), None where the log
     states none. `values` (n) are NaN where the log has no reading. `clock` is the name of the
-    column of its times, `nth` its place in a row.
+    column of its times.
     """
 
     raw: str
@@ -171,7 +171,6 @@ class Column:
     unit: str | None
     values: Floats
     clock: str
-    nth: int = 0
 
     @property
     def present(self) -> NDArray[np.intp]:
@@ -199,7 +198,6 @@ class Log:
     first_line: int = 1
     lines: NDArray[np.int64] | None = None
     delimiter: str = ","
-    texts: tuple[str, ...] = field(default=())
     rows: Rows = field(default=Rows(0))
     starts: dict[str, tuple[int, ...]] = field(default_factory=dict)
     begins: dict[str, tuple[float, ...]] = field(default_factory=dict)

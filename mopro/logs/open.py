@@ -180,7 +180,6 @@ def _log(table: Table, clocks: list[Clock], places: list[Placed]) -> Log:
     decisions = [*table.decisions, *(d for clock in clocks for d in clock.decisions)]
     decisions += [d for place in places for d in place.decisions]
     columns: list[Column] = []
-    texts: list[str] = []
     current = places[0] if places else None
     by_name = {place.clock.name: _first_alike(place, places) for place in places}
     for name, place in by_name.items():
@@ -190,7 +189,7 @@ def _log(table: Table, clocks: list[Clock], places: list[Placed]) -> Log:
     places = [place for place in places if by_name[place.clock.name] is place]
     parts = {part for clock in clocks for part in clock.stamp.parts}
     shared = len(places) > 1 and not _paired(_filled(table), clocks)
-    for nth, name in enumerate(names):
+    for name in names:
         if name in by_name:
             current = by_name[name] if not shared else current
         if name in parts:
@@ -199,12 +198,11 @@ def _log(table: Table, clocks: list[Clock], places: list[Placed]) -> Log:
         found = heading(name, table.units.get(name))
         if not isinstance(values, np.ndarray):
             decisions.append(Decision(f"column {name}", "left out", "its cells are words"))
-            texts.append(name)
         elif values.dtype.kind == "f" and np.all(np.isnan(values)):
             decisions.append(Decision(f"column {name}", "left out", "it is empty"))
         elif current is not None:
             kept = current.values(values)
-            columns.append(Column(name, found.name, found.unit, kept, current.clock.name, nth))
+            columns.append(Column(name, found.name, found.unit, kept, current.clock.name))
     if shared:
         taken = f"times of all columns, not {listed([c.name for c in clocks[1:]])}"
         reason = "it is the first column of times"
@@ -218,7 +216,6 @@ def _log(table: Table, clocks: list[Clock], places: list[Placed]) -> Log:
         table.first_line,
         _lines(table, places),
         table.delimiter,
-        tuple(texts),
         _ledger(table, places),
         {place.clock.name: place.starts for place in places},
         {place.clock.name: place.origins for place in places},

@@ -11,18 +11,6 @@ from mopro.units import length_unit_name
 
 _MOST_LOSSES = 5
 
-MOVE_COLUMNS = (
-    "line",
-    "axes",
-    "profile",
-    "distance",
-    "peak / set velocity",
-    "duration (s)",
-    "largest lag",
-    "stall margin",
-    "lost pitches",
-)
-
 
 @dataclass(frozen=True)
 class MoveOutcome:
@@ -172,21 +160,6 @@ def folded_columns(unit: str) -> list[str]:
         "line", "axis", "profile", f"distance\n({unit})", f"velocity\n({unit}/s)", "time\n(s)",
         f"largest\nlag ({unit})", "stall\nmargin", "pitches\nlost",
     ]  # fmt: skip
-
-
-def move_cells(move: MoveReport) -> list[str]:
-    """One cell for each of `MOVE_COLUMNS`."""
-    return [
-        str(move.line),
-        "+".join(map(str, move.axes)),
-        move.profile + ("" if move.complete else " (cut short)"),
-        f"{move.distance:g} {move.unit}",
-        f"{move.peak_velocity:.4g} / {move.set_velocity:.4g} {move.unit}/s",
-        f"{move.duration_s:.6f}",
-        "-" if move.max_lag is None else f"{move.max_lag:.3g} {move.unit}",
-        "-" if move.stall_margin is None else f"{move.stall_margin:.0%}",
-        f"{move.lost_pitches:+d}" if move.slipped else "0",
-    ]
 
 
 def stall_message(moves: Sequence[MoveReport]) -> str:

@@ -8,10 +8,8 @@ import pytest
 from mopro.motion import PlannedMove, Stroke, plan_profile
 from mopro.recording import MoveOutcome, MoveReport
 from mopro.recording.moves import (
-    MOVE_COLUMNS,
     folded,
     folded_columns,
-    move_cells,
     stall_message,
 )
 from mopro.source import Span
@@ -43,14 +41,13 @@ def test_the_row_is_in_the_programs_units_and_names_the_major_axis_first():
     assert (row.line, row.axes, row.unit, row.distance) == (7, [2, 1], "in", 1.0)
     assert (row.set_velocity, row.acceleration) == pytest.approx((10.0, 100.0))
     assert row.max_lag == pytest.approx(1e-3)
-    assert dict(zip(MOVE_COLUMNS, move_cells(row), strict=True))["lost pitches"] == "+3"
     assert stall_message([row]) == "axis 2+1 stalled here: it lost +3 pitches"
 
 
 def test_a_row_of_what_nobody_saw_says_so():
-    cells = move_cells(MoveReport.of(MOVE, MoveOutcome(complete=False), MICROSTEP_M))
-    assert cells[6:] == ["-", "-", "0"]
-    assert cells[2].endswith("(cut short)")
+    (row,) = folded(passes(MoveOutcome(complete=False)))
+    assert row.cells[-3:] == ["-", "-", "0"]
+    assert row.cells[2].endswith(" cut")
 
 
 def passes(*outcomes):

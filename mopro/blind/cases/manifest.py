@@ -113,11 +113,7 @@ class Manifest:
             raise DataError(f"{message}; move it away or name another folder", "not-made-here")
 
     def _save(self, folder: Path) -> None:
-        try:
-            make_folder(folder)
-        except OSError as error:
-            message = f"{folder}: cannot be made: {error.strerror}"
-            raise DataError(message, "unwritable-output") from error
+        make_folder(folder)
         document = {_FORM: dict(sorted(self.files.items()))}
         write(self.folder / MADE, (json.dumps(document, indent=1) + "\n").encode())
 
