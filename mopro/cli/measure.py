@@ -21,11 +21,9 @@ from mopro.cli.outputs import claimed, keep_inputs, machine_file
 from mopro.cli.program_files import compiled_program
 from mopro.cli.progress import simulated
 from mopro.cli.say import say
-from mopro.units import INCH_M
 
 if TYPE_CHECKING:
     from mopro.emulator import Emulator
-    from mopro.experiment.sawyer.trials import Floats
     from mopro.instruments.sensor import Sensor
     from mopro.program import Program
     from mopro.recording import Recording
@@ -75,6 +73,8 @@ def command(
 
     Example: mopro measure programs/LVDT3.CMD --instrument laser --out pass.csv
     """
+    from mopro.emulator.instrument_files import lvdt_duration_s, write_readings
+
     own = None if instrument in _LABORATORY else instrument
     inputs = [("FILE", file), ("--machine", machine_file(machine)), ("--instrument", own)]
     keep_inputs([("--out", out)], inputs)
@@ -82,15 +82,10 @@ def command(
     program = compiled_program(file, grammar)
     emulator = _emulator(machine, payload, _is_slow(instrument, sensor), seed)
     if instrument == "lvdt" and for_s is None:
-        for_s = _lvdt_duration_s()
+        for_s = lvdt_duration_s()
     recording = _recorded(emulator, program, for_s, out)
     noise = None if no_ripple else seed
-    if sensor is not None:
-        count = _sampled(recording, emulator, sensor, noise, out)
-    elif instrument == "lvdt":
-        count = _lvdt(recording, emulator, axis, noise, out)
-    else:
-        count = _thermocouple(recording, emulator, out)
+    count = write_readings(recording, emulator, sensor or instrument, axis, noise, out)
     say(f"{count} readings: {out}")
 
 
@@ -128,77 +123,3 @@ def _sensor(instrument: str, axis: int, out: Path) -> Sensor:
 def _is_slow(instrument: str, sensor: Sensor | None) -> bool:
     """True if the instrument sees heat only, which needs few samples."""
     return instrument == "thermocouple" if sensor is None else sensor.quantity.slow
-
-
-def _sampled(
-    recording: Recording, emulator: Emulator, sensor: Sensor, seed: int | None, out: Path
-) -> int:
-    import numpy as np
-
-    from mopro.plant import measure
-
-    generator = None if seed is None else np.random.default_rng(seed)
-    stamps, seen = measure(recording, sensor, emulator.machine, emulator.active, generator)
-    _write_csv(out, sensor.column, stamps, seen)
-    return len(seen)
-
-
-def _lvdt_duration_s() -> float:
-    from mopro.instruments import Lvdt
-
-    lvdt = Lvdt()
-    return lvdt.samples / lvdt.rate_hz + 0.1
-
-
-def _lvdt(recording: Recording, emulator: Emulator, axis: int, seed: int | None, out: Path) -> int:
-    """The transducer is placed where the stroke's middle is its own."""
-    import numpy as np
-
-    from mopro.instruments import Lvdt, write_lvdt
-    from mopro.instruments.quantity import POSITION
-    from mopro.instruments.sensor import Sensor
-    from mopro.plant import measure
-
-    command_m = recording[f"command_{axis}_m"]
-    lvdt = Lvdt(middle_m=float(command_m.max() + command_m.min()) / 2)
-    sensor = Sensor("lvdt", POSITION, f"position_{axis}_m", lvdt.rate_hz, axis)
-    _, seen = measure(recording, sensor, emulator.machine, emulator.active)
-    stood = np.full(max(0, lvdt.samples - len(seen)), seen[-1])
-    seen = np.concatenate((seen, stood))[: lvdt.samples]
-    generator = None if seed is None else np.random.default_rng(seed)
-    volts = lvdt.volts(seen, generator)
-    if out.suffix.lower() == ".dat":
-        write_lvdt(out, volts)
-    else:
-        _write_csv(
-            out, f"position_{axis}_in", lvdt.times_s(), lvdt.position_m(volts) / float(INCH_M)
-        )
-    return len(volts)
-
-
-def _thermocouple(recording: Recording, emulator: Emulator, out: Path) -> int:
-    from mopro.instruments import Thermocouple, write_thermocouple
-    from mopro.instruments.quantity import TEMPERATURE
-    from mopro.instruments.sensor import Sensor
-    from mopro.plant import interpolated, measure
-
-    chain = Thermocouple()
-    sensor = Sensor("thermocouple", TEMPERATURE, "temperature_C", recording.header.rate_hz)
-    stamps, seen = measure(recording, sensor, emulator.machine, emulator.active)
-    times = chain.times_s(float(stamps[-1]))
-    stored = chain.stored_C(interpolated(stamps, seen, times))
-    if out.suffix.lower() == ".dat":
-        write_thermocouple(out, stored, times)
-    else:
-        _write_csv(out, "temperature_C", times, stored)
-    return len(stored)
-
-
-def _write_csv(out: Path, column: str, times: Floats, values: Floats) -> None:
-    import numpy as np
-
-    from mopro.files import output
-
-    with output(out) as draft:
-        table = np.column_stack([times, values])
-        np.savetxt(draft, table, "%.9g", ",", header=f"time_s,{column}", comments="")

@@ -18,7 +18,7 @@ PACKAGE = Path(mopro.__file__).parent
 OTHERS = ("instruments", "blind", "thesis")
 CONSTANTS = {name.upper() for name in QUANTITIES}
 # Who makes sensors of the thesis' instruments names what they measure.
-MAKERS = {"experiment/sawyer/raw.py", "cli/measure.py"}
+MAKERS = {"experiment/sawyer/raw.py", "emulator/instrument_files.py"}
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=str)
