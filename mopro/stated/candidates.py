@@ -28,10 +28,10 @@ from mopro.formula.written import (
     WrittenEffect,
 )
 from mopro.stated.base import DIFFERENCE
-from mopro.stated.crosstalk import stands_apart
 from mopro.stated.data import Reading, Run
 from mopro.stated.model import POWER, Number
 from mopro.stated.names import capacity_of, inertia_of, names_of, units_of
+from mopro.stated.of_sensors import stands_apart
 from mopro.stated.simulation import BASE, Known, Model, term_of
 
 # An amplitude is looked for up to this multiple of what would make the term as large as the

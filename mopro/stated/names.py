@@ -15,8 +15,6 @@ from mopro.formula.shapes import TIME
 from mopro.formula.written import COMMAND, MEASUREMENT, WrittenEffect
 from mopro.instruments.quantity import AXIS_UNITS
 from mopro.source import Span
-from mopro.stated.behind_play import plays_of
-from mopro.stated.crosstalk import crosstalk_of
 from mopro.stated.data import Sensor, StatedExperiment
 from mopro.stated.file import EFFORT, catalogue, unlisted_terms
 from mopro.stated.model import (
@@ -30,6 +28,7 @@ from mopro.stated.model import (
     THERMAL,
     StatedMachine,
 )
+from mopro.stated.of_sensors import crosstalk_of, plays_of
 
 Dimensions = dict[str, Dimension | None]
 _KELVIN = dimension_of_unit("K")

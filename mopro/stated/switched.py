@@ -10,11 +10,10 @@ from mopro.errors import ModelError
 from mopro.formula import dimension_of_unit
 from mopro.formula.dimension import factor_of
 from mopro.formula.written import EffectParameter, WrittenEffect
-from mopro.stated.behind_play import BEFORE
-from mopro.stated.crosstalk import OF as CROSSTALK
 from mopro.stated.data import StatedExperiment
 from mopro.stated.model import StatedMachine
 from mopro.stated.names import effects_of, listed_of
+from mopro.stated.of_sensors import BEGINNINGS
 from mopro.tomlfile import Document
 
 
@@ -45,7 +44,7 @@ def as_stated(experiment: StatedExperiment) -> StatedExperiment:
 def _check_names(machine: StatedMachine, effects: Iterable[WrittenEffect], known: set[str]) -> None:
     for name, own in machine.active.items():
         # One of a sensor that is not in these data is of another experiment.
-        if name not in known and not name.startswith((CROSSTALK, BEFORE)):
+        if name not in known and not name.startswith(BEGINNINGS):
             raise _error(machine, (name,), f"there is no effect {name}", "unknown-effect", known)
         keys = {p.name for p in _parameters(effects, name)}
         for key in own:

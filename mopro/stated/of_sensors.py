@@ -1,4 +1,7 @@
-"""Crosstalk: a share in a reading of an input that no formula of the machine uses."""
+"""Effects between an axis and its sensors: a play before one, and crosstalk.
+
+Crosstalk is a share in a reading of an input that no formula of the machine uses.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,38 @@ import numpy as np
 
 from mopro.engine.assumed import LEAST_SHARE, MAJORITY, ROUNDING
 from mopro.engine.residuals import difference_variance
-from mopro.formula import dimension_of_unit, factor_of, inverse, product
+from mopro.formula import dimension_of_unit, factor_of, inverse, parse, product
 from mopro.formula.evaluate import Floats
 from mopro.formula.written import MEASUREMENT, EffectParameter, Written, WrittenEffect
 from mopro.stated.data import Reading, Sensor, StatedExperiment
+from mopro.stated.model import AXIS
 
-OF = "crosstalk of "
+_CROSSTALK = "crosstalk of "
+_BEFORE = "play before "
+# How the names of these effects begin.
+BEGINNINGS = (_CROSSTALK, _BEFORE)
 # Largest share of an input of the sensor's own quantity: more of it measures the same thing.
 _LARGEST = 0.5
 # The unit of a difference of temperatures.
 _OF_DIFFERENCE = {"C": "K"}
+
+
+def plays_of(experiment: StatedExperiment, sensors: Sequence[Sensor]) -> Iterator[WrittenEffect]:
+    """The effect for each sensor of the place of an axis that is driven.
+
+    The law of an axis has one place: an encoder at the load reads another one where there is play
+    between motor and load.
+    """
+    if experiment.machine.kind != AXIS or not experiment.units:
+        return
+    for sensor in sensors:
+        if sensor.quantity.tells_place:
+            width = EffectParameter(
+                "w", sensor.unit, low=0.0, high=parse("x_span"), start=parse("x_span / 100"),
+                positive=True,
+            )  # fmt: skip
+            term = Written.of("play(y, w) - y")
+            yield WrittenEffect(f"{_BEFORE}{sensor.name}", MEASUREMENT, sensor.name, term, (width,))
 
 
 def crosstalk_of(
@@ -43,7 +68,7 @@ def _effect(of: str, unit: str, sensor: Sensor) -> WrittenEffect:
     most = _LARGEST / factor_of(of_size) if sensor.dimension == dimension_of_unit(unit) else None
     parameter = EffectParameter(size, of_size, low=most and -most, high=most)
     term = Written.of(f"{size} * ({of} - first({of}))")
-    name = f"{OF}{of} in {sensor.name}"
+    name = f"{_CROSSTALK}{of} in {sensor.name}"
     return WrittenEffect(name, MEASUREMENT, sensor.name, term, (parameter,), crosses=of)
 
 
