@@ -140,8 +140,8 @@ def test_what_the_architecture_page_names_is_there(name):
 # Names of several modules that mean the same thing in each, by why that is so.
 SAME_MEANING = {
     "a command, a page or a figure has the name of what it runs or shows": {
-        "blind", "comparison", "conclusion", "limits", "link", "lint", "live", "logs", "run",
-        "serve",
+        "blind", "comparison", "conclusion", "glance", "limits", "link", "lint", "live", "logs",
+        "run", "serve", "sweep",
     },
     "a rule has the name of what it judges": {"language", "motion", "text"},
     "one protocol, and those that keep it": {"backend", "system"},
