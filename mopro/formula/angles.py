@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mopro.formula.evaluate import Floats, Values, over_grid
-from mopro.formula.language import Formula
+from mopro.formula.expressions import Formula
 
 _SHARED = ("sin", "cos")
 # An order is worked out from the one before it, each with a rounding error more: 4e-16 for each,

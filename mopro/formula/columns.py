@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mopro.engine.series import RUN_AWAY, unless_run_away
 from mopro.formula.angles import Angles
 from mopro.formula.evaluate import Floats, Values, evaluate, over_grid
-from mopro.formula.language import Formula, factor_beside, without_products
+from mopro.formula.expressions import Formula, factor_beside, without_products
 from mopro.formula.written import AMPLITUDE, EffectParameter, WrittenEffect
 
 # Values of columns that are computed at once: they stay in the processor's cache.

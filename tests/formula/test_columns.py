@@ -8,7 +8,7 @@ import pytest
 from mopro.formula.angles import Angles
 from mopro.formula.columns import Columns, Sampled
 from mopro.formula.evaluate import evaluate, over_grid
-from mopro.formula.language import factor_beside, parse
+from mopro.formula.expressions import factor_beside, parse
 from mopro.formula.written import MEASUREMENT, EffectParameter, Written, WrittenEffect
 
 ROWS = 50
