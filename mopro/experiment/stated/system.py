@@ -17,6 +17,7 @@ from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import Verdict
 from mopro.errors import DataError
 from mopro.experiment.quantisation import SEED, dithered, thinned
+from mopro.experiment.stated.design import propose
 from mopro.experiment.stated.entries import StatedEntries
 from mopro.experiment.stated.from_kind import completed
 from mopro.experiment.stated.noisy_inputs import beside_noise
@@ -26,6 +27,7 @@ from mopro.experiment.stated.read import read_stated_experiment
 from mopro.experiment.stated.repaired import effects_of_runs, kept_to_their_runs, machine_text
 from mopro.experiment.stated.rerun import rerun
 from mopro.experiment.stated.scales import check_scales, unstated_steps
+from mopro.experiment.stated.undecided import with_undecided
 from mopro.experiment.system import Predicted, Proposal, Question, Repaired, Spot, System
 from mopro.experiment.wording import advice
 from mopro.formula.entry import read_effects
@@ -114,7 +116,7 @@ class Stated(System):
             lambda series: asked(replace(own, series=tuple(series))),
         )  # fmt: skip
         experiment = replace(own.experiment, notes=(*own.experiment.notes, *notes))
-        verdict = at_one_speed(own.model, series, verdict)
+        verdict = with_undecided(own.model, at_one_speed(own.model, series, verdict))
         return replace(own, experiment=experiment, series=tuple(series)), verdict
 
     def beside(self, stated: Source) -> System:
@@ -138,7 +140,10 @@ class Stated(System):
         return Repaired(text, tuple(of_runs), rms, fault)
 
     def next_experiment(self, verdict: Verdict) -> Proposal | None:
-        return None
+        # No motion tells what was in a run that is over.
+        if any(effect.run for effect in verdict.effects):
+            return None
+        return propose(self.model, verdict)
 
     def advice(self, verdict: Verdict) -> str:
         return advice(verdict, _ADVICE)
