@@ -17,9 +17,9 @@ from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import Verdict
 from mopro.errors import DataError
 from mopro.experiment.quantisation import SEED, dithered, thinned
-from mopro.experiment.stated.design import propose
 from mopro.experiment.stated.entries import StatedEntries
 from mopro.experiment.stated.from_kind import completed
+from mopro.experiment.stated.next_run import propose
 from mopro.experiment.stated.noisy_inputs import beside_noise
 from mopro.experiment.stated.one_speed import at_one_speed
 from mopro.experiment.stated.python_model import foreign_model
