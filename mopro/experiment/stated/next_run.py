@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from mopro.engine.assumed import LEAST_SHARE
-from mopro.engine.series import Settings
+from mopro.engine.series import Settings, key_of
 from mopro.engine.verdict import Named, Verdict
 from mopro.experiment.separation import (
     AMPLE_SIGMAS,
@@ -56,6 +56,8 @@ def propose(model: Model, verdict: Verdict) -> Proposal | None:
     """
     pairs = [pair for effect in verdict.effects for pair in _pairs(verdict, effect)]
     runs = other_runs(model, verdict) if pairs else []
+    if not runs:
+        return None
     apart = [[pair.apart(run, verdict.base_before) for pair in pairs] for run in runs]
     sigmas = np.array([[own.sigmas for own in of_run] for of_run in apart])
     shown = _Shown.of(model, verdict.settings)
@@ -141,16 +143,16 @@ class _Shown:
     def has(self, run: OtherRun, pairs: Sequence[_Pair]) -> bool:
         """True if it is neither faster nor more loaded than the log."""
         loads = self.inputs.keys() - driving(run.model)
+        fast = self.states.keys() & {_SPEED}
         return all(_within(run.run.inputs[n], self.inputs[n]) for n in loads) and all(
-            _within(own[_SPEED], self.states[_SPEED])
-            for own in _each(run, pairs)
-            if _SPEED in self.states
+            _within(own[name], self.states[name]) for own in _each(run, pairs) for name in fast
         )
 
 
 def _each(run: OtherRun, pairs: Sequence[_Pair]) -> Iterator[dict[str, Floats]]:
     """What the machine does in a run under each set of a family."""
-    for settings in (side for pair in pairs for side in (pair.one, pair.other)):
+    sides = {key_of(side): side for pair in pairs for side in (pair.one, pair.other)}
+    for settings in sides.values():
         yield states(run.model, run.run, settings)
 
 

@@ -32,6 +32,7 @@ class Apart:
 
 
 NOT_APART = Apart(0.0, 0.0)
+_MOST_RUNS = 8
 
 
 class OtherRun:
@@ -76,14 +77,17 @@ class OtherRun:
 
 
 def other_runs(model: Model, verdict: Verdict) -> list[OtherRun]:
-    """Each run in each other motion; the noise is as stated or, where it is not, as was left."""
+    """Each run, of many the first few, in each other motion.
+
+    The noise is as stated or, where it is not, as was left.
+    """
     by_run: dict[str, list[float]] = {run.name: [] for run in model.experiment.trials}
     for (run, _), gap in zip(model.readings, verdict.gap.runs, strict=True):
         by_run[run.name].append(gap.noise_rms or gap.after_rms)
     return [
         OtherRun(model, motion, nth, by_run[run.name])
         for motion in other_motions(model)
-        for nth, run in enumerate(model.experiment.trials)
+        for nth, run in enumerate(model.experiment.trials[:_MOST_RUNS])
         if all(by_run[run.name])
     ]
 
@@ -96,5 +100,4 @@ def size_error(sigmas: float) -> float:
 def states(model: Model, run: Run, settings: Settings) -> dict[str, Floats]:
     """What the machine does in a run (rows, SI): its states, with the speed of an axis."""
     found = model.values_in(run, settings)
-    names = {*model.motion(run, settings).states, *({"v"} & found.keys())}
-    return {name: np.asarray(found[name]) for name in names}
+    return {name: own for name, own in found.items() if name not in {"t", "a", *run.inputs}}

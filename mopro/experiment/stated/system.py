@@ -109,8 +109,7 @@ class Stated(System):
         self, asked: Callable[[System], Verdict], left_out: Collection[str]
     ) -> tuple[System, Verdict]:
         """Readings whose noise is below a converter's step are thinned."""
-        coarse = thinned_experiment(self.stated)
-        own = self if coarse is self.stated else studied(coarse, self.model.foreign)
+        own = self._thinned()
         series, verdict, notes = beside_noise(
             own.model, own.series, own.base.settings,
             lambda series: asked(replace(own, series=tuple(series))),
@@ -143,7 +142,12 @@ class Stated(System):
         # No motion tells what was in a run that is over.
         if any(effect.run for effect in verdict.effects):
             return None
-        return propose(self.model, verdict)
+        return propose(self._thinned().model, verdict)
+
+    def _thinned(self) -> Stated:
+        """This system as it is judged; itself where no reading is coarse."""
+        coarse = thinned_experiment(self.stated)
+        return self if coarse is self.stated else studied(coarse, self.model.foreign)
 
     def advice(self, verdict: Verdict) -> str:
         return advice(verdict, _ADVICE)
