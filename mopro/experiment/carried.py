@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from mopro.engine import reconcile
-from mopro.engine.candidate import Candidate
+from mopro.engine.assumed import PROPORTIONAL
+from mopro.engine.candidate import Candidate, Parameter, Role
 from mopro.engine.passes.given import fit_given
 from mopro.engine.verdict import Estimate, Verdict
 from mopro.experiment.system import System
@@ -22,7 +23,8 @@ class Carried:
 
     `filed`: the file's value; `here`: that of a fit of all effects of the file to these data, both
     in the same unit. `word`: CARRIED where its 95 % interval holds the file's value, DIFFERS where
-    not, NOT_TOLD where the effect might as well be off here, or nothing bounds the number.
+    not, NOT_TOLD where the effect might as well be off here, or nothing but its range bounds the
+    number.
     """
 
     effect: str
@@ -65,7 +67,17 @@ def _refitted(system: System, filed: Mapping[str, Mapping[str, float]]) -> Verdi
 def _as_filed(every: Sequence[Candidate], name: str, own: Mapping[str, float]) -> Candidate | None:
     """The form of an effect with the most parameters that the file states; None without any."""
     forms = [c for c in every if c.name == name and {p.name for p in c.parameters} <= own.keys()]
-    return max(forms, key=lambda c: len(c.parameters), default=None)
+    best = max(forms, key=lambda c: len(c.parameters), default=None)
+    return best and replace(best, parameters=tuple(_about(p, own[p.name]) for p in best.parameters))
+
+
+def _about(parameter: Parameter, value: float) -> Parameter:
+    """`parameter` whose range goes past `value`, which the sizes of other data may lie below."""
+    if parameter.role is not Role.AMPLITUDE:
+        return parameter
+    reach = PROPORTIONAL * abs(value)
+    low = parameter.low if parameter.low >= 0 else min(parameter.low, -reach)
+    return replace(parameter, low=low, high=max(parameter.high, reach))
 
 
 def _start(candidate: Candidate, own: Mapping[str, float]) -> dict[str, float]:
@@ -82,7 +94,7 @@ def _numbers(verdict: Verdict, filed: Mapping[str, Mapping[str, float]]) -> Iter
 
 def _word(value: float, here: Estimate) -> str:
     low, high = here.ci95
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if here.at_bound or not (math.isfinite(low) and math.isfinite(high)):
         return NOT_TOLD
     if not low <= value <= high:
         return DIFFERS

@@ -14,7 +14,8 @@ def fit_given(start: Settings) -> Pass:
 
     def fitted(state: State) -> State:
         hypotheses = state.hypotheses
-        fit = hypotheses.settled(hypotheses.fitted(hypotheses.catalogue, start))
+        begun = {**hypotheses.null.settings, **start}
+        fit = hypotheses.settled(hypotheses.fitted(hypotheses.catalogue, begun))
         hypotheses.judge_by(fit)
         return replace(state, fit=fit)
 
