@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mopro
-from helpers.diagnosis import diagnose
+from helpers.diagnosis import OTHER_THAN_FORCES, diagnose
 from helpers.laboratory import Lab
 from mopro.experiment import load_experiment
 from mopro.machine import load_machine
@@ -83,7 +83,7 @@ def test_a_static_friction_that_nobody_listed_is_no_coulomb_friction(tmp_path):
     for program in ("fast", "slow"):
         lab.record(f"{program}.CMD", f"{program}.csv", {"stribeck_friction": hidden})
     runs = [f'program = "{n}.CMD"\ndata = "{n}.csv"' for n in ("fast", "slow")]
-    left_out = ("stribeck_friction",)
+    left_out = OTHER_THAN_FORCES | {"stribeck_friction"}
     verdict = diagnose(load_experiment(lab.experiment(runs)), left_out=left_out).verdict
     assert (verdict.verdict, verdict.effects) == ("unexplained", ())
     assert {draft.enters for draft in verdict.drafts} == {"force"}

@@ -9,7 +9,7 @@ import pytest
 import mopro
 from helpers import one_run
 from helpers.commands import run_here
-from helpers.diagnosis import diagnose
+from helpers.diagnosis import OTHER_THAN_FORCES, diagnose
 from helpers.laboratory import Lab
 from helpers.signals import names
 from mopro.blind.reference.plant import ProgramRun, ReferencePlant
@@ -112,7 +112,8 @@ def test_a_force_beyond_a_speed_or_in_one_place_is_drafted_as_such(name, of, val
     own = {**values, **({"delta": 5e-6} if name.startswith("friction") else {})}
     (exact,) = Model(one_run.of(np.zeros(4000), program))({name: own})
     noise = one_run.LASER.noise_rms * np.random.default_rng(3).standard_normal(len(exact))
-    verdict = diagnose(one_run.of(exact + noise, program)).verdict
+    asked = one_run.of(exact + noise, program)
+    verdict = diagnose(asked, left_out=OTHER_THAN_FORCES).verdict
     assert (verdict.verdict, names(verdict)) == ("unexplained", set())
     draft = verdict.drafts[0]
     assert (draft.name, draft.of) == (name, of)
@@ -230,7 +231,8 @@ def test_a_force_that_nobody_listed_is_drafted_and_no_effect_is_named(tmp_path, 
     for program in ("fast", "slow"):
         lab.record(f"{program}.CMD", f"{program}.csv", {effect: values})
     runs = [f'program = "{n}.CMD"\ndata = "{n}.csv"' for n in ("fast", "slow")]
-    verdict = diagnose(load_experiment(lab.experiment(runs)), left_out=(effect,)).verdict
+    asked = load_experiment(lab.experiment(runs))
+    verdict = diagnose(asked, left_out=OTHER_THAN_FORCES | {effect}).verdict
     assert verdict.verdict == "unexplained"
     assert [e.name for e in verdict.effects] == []
     assert [draft.of for draft in verdict.drafts] == [of]
@@ -268,7 +270,8 @@ def test_a_friction_whose_bristles_damp_is_told_by_that_and_not_by_what_makes_up
     plant = ReferencePlant(hidden, foreign=Foreign("lugre", law))
     _, (exact,) = plant.readings(ProgramRun(BOTH_WAYS), [laser], np.random.default_rng(1))
     noise = own.noise_rms * np.random.default_rng(2).standard_normal(len(exact))
-    verdict = diagnose(one_run.of(exact + noise, mopro.compile(BOTH_WAYS))).verdict
+    asked = one_run.of(exact + noise, mopro.compile(BOTH_WAYS))
+    verdict = diagnose(asked, left_out=OTHER_THAN_FORCES - {"hold_current_reduction"}).verdict
     assert (verdict.verdict, names(verdict)) == ("unexplained", set(hidden))
     # The friction itself, of 0.03 N at 0.1 m/s, looks like a little more of the drag.
     for effect in verdict.effects:

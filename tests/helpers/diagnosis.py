@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from mopro.effects import catalogue
 from mopro.engine.verdict import Verdict
 from mopro.experiment import conclusion
 from mopro.experiment.sawyer.system import Sawyer
@@ -18,6 +19,18 @@ class Diagnosis:
     @property
     def resolved(self) -> bool:
         return self.system.resolved
+
+
+def all_but(*names: str) -> frozenset[str]:
+    """The names of all other effects of the catalogue: a search among few takes less time."""
+    return frozenset(catalogue().keys() - set(names))
+
+
+# The forces on an axis, which are told apart by little.
+OTHER_THAN_FORCES = all_but(
+    "viscous_drag", "quadratic_drag", "coulomb_friction", "stribeck_friction",
+    "load_dependent_friction", "umbilical_spring", "constant_force", "detent_force",
+)  # fmt: skip
 
 
 def diagnose(experiment: Experiment, jobs: int = 1, left_out=()) -> Diagnosis:

@@ -78,7 +78,7 @@ def test_a_hardening_spring_is_named_where_only_the_kind_is_stated(tmp_path, zer
     text, columns = SHAKEN, shaken(4e5)
     if zero_mm is not None:
         text = text.replace("x = 0, v = 0", 'x = "free", v = "free"')
-        columns = {name: own[300:] for name, own in columns.items()}
+        columns = {name: own[900:] for name, own in columns.items()}
         columns["position_mm"] = columns["position_mm"] + zero_mm
     (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
     write(tmp_path / "run.csv", columns)

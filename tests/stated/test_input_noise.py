@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.stated import write
+from mopro.engine import reconcile
 from mopro.experiment.opened import open_experiment
 
 MASS, DAMPING, SPRING = 1.2, 3.0, 40.0
@@ -58,12 +59,13 @@ def axis(force, step_s, drag=0.0, within=10):
     return np.array(places)
 
 
-def logged(folder, *, seed, noise=0.08, drag=0.0, shaken=0.0, stated=""):
+def logged(folder, *, seed, noise=0.08, drag=0.0, shaken=0.0, stated="", fastest_Hz=3.0):
     """An experiment of two runs: the force is logged with `noise` (N), and shakes by `shaken`."""
     rng = np.random.default_rng(seed)
     t = 0.008 * np.arange(500)
     for name in ("one", "two"):
-        waves = zip(rng.uniform(2, 5, 4), rng.uniform(0.3, 3, 4), rng.uniform(0, 6, 4), strict=True)
+        rates = rng.uniform(0.3, fastest_Hz, 4)
+        waves = zip(rng.uniform(2, 5, 4), rates, rng.uniform(0, 6, 4), strict=True)
         force = sum(a * np.sin(2 * math.pi * f * t + p) for a, f, p in waves)
         force = force + shaken * rng.standard_normal(len(t))
         measured = 1e3 * axis(force.tolist(), 0.008, drag) + 0.2 * rng.standard_normal(len(t))
@@ -108,6 +110,19 @@ def test_a_force_that_does_shake_is_no_noise(tmp_path):
     found = logged(tmp_path, seed=4, noise=0.0, shaken=0.08, drag=6.0).conclude()
     assert [effect.name for effect in found.verdict.effects] == ["quadratic_drag"]
     assert not told(found)
+
+
+def test_noise_that_no_reading_shows_is_asked_about_once(tmp_path):
+    """Of a slow force without noise polynomials through its rows leave next to nothing."""
+    opened, questions = logged(tmp_path, seed=3, noise=0.0, drag=6.0, fastest_Hz=0.8), []
+
+    def asked(own):
+        questions.append(own)
+        return reconcile(**vars(own.question(own.effects - {"quadratic_drag"})))
+
+    _, verdict = opened.system.judged(asked, ())
+    assert [effect.name for effect in verdict.effects] == ["quadratic_drag"]
+    assert len(questions) == 1
 
 
 def test_the_readings_vary_as_a_noisy_force_makes_them(tmp_path):

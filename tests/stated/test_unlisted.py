@@ -16,6 +16,8 @@ from mopro.stated.file import EFFORT, catalogue, unlisted_terms
 from mopro.stated.names import check, unlisted_of
 
 RNG = np.random.default_rng
+# Listed effects that a law of the input may be taken for, beside which it is drafted.
+OF_INPUT = ("input_gain", "dry_friction", "quadratic_drag")
 
 
 def answered(folder, only=()):
@@ -27,7 +29,7 @@ def answered(folder, only=()):
 
 def test_a_friction_that_nobody_listed_is_drafted_as_a_law(tmp_path):
     drive_folder(tmp_path, DRIVE, of_place=12.0)
-    answer = answered(tmp_path)
+    answer = answered(tmp_path, (*OF_INPUT, "cubic_stiffness", "bias_force", "cogging"))
     assert answer["verdict"] == "unexplained"
     (draft,) = answer["drafts"]
     assert (draft["of"], draft["enters"], draft["unit"]) == ("x", "friction", "N")
@@ -106,7 +108,7 @@ def test_a_drive_that_saturates_is_drafted_as_a_law_of_the_command(tmp_path):
 
 def test_a_drive_that_gives_no_more_than_a_level_is_drafted_with_the_level(tmp_path):
     motor_folder(tmp_path, most=0.4)
-    answer = answered(tmp_path)
+    answer = answered(tmp_path, (*OF_INPUT, "direction_dependent_gain"))
     assert (answer["verdict"], answer["effects"]) == ("unexplained", [])
     (draft,) = answer["drafts"]
     assert (draft["of"], draft["enters"]) == ("command", "input")
@@ -116,7 +118,7 @@ def test_a_drive_that_gives_no_more_than_a_level_is_drafted_with_the_level(tmp_p
 
 def test_a_drive_that_gives_no_more_either_way_is_drafted_with_one_level(tmp_path):
     motor_folder(tmp_path, most=0.5, least=-0.5)
-    answer = answered(tmp_path, ("input_gain", "dry_friction", "quadratic_drag"))
+    answer = answered(tmp_path, OF_INPUT)
     assert (answer["verdict"], answer["effects"]) == ("unexplained", [])
     (draft,) = answer["drafts"]
     assert (draft["of"], draft["enters"]) == ("command", "input")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -36,9 +37,13 @@ class _Beside:
         """The series beside noise of the inputs, as the machine makes it at `settings`."""
         return beside_input_noise(self.model, settings, self.series, noises)
 
-    def asked(self, noises: Sequence[InputNoise], ask: Ask) -> tuple[Sequence[Series], Verdict]:
-        """The verdict beside noise, of which the machine makes what it does with what is named."""
-        series = self.noise(noises, self.settings)
+    def asked(
+        self, noises: Sequence[InputNoise], series: Sequence[Series], ask: Ask
+    ) -> tuple[Sequence[Series], Verdict]:
+        """The verdict beside noise, of which the machine makes what it does with what is named.
+
+        `series`: those beside the noise as the machine makes it without effects.
+        """
         verdict = ask(series)
         if not verdict.effects:
             return series, verdict
@@ -64,21 +69,24 @@ def beside_noise(
 
     What an input does from row to row is the machine's drive, or noise of its measurement. Where
     no file says so, of the verdicts on exact and on noisy inputs the one of the lower BIC (Schwarz
-    1978) is taken. None is asked for on noisy ones where exact ones leave nothing to explain, or
-    noise explains less than its terms cost of what is left without effects and with those named.
+    1978) is taken. None is asked for on noisy ones where exact ones leave nothing to explain, no
+    reading shows the noise, or it explains less than its terms cost of what is left without effects
+    and with those named.
     """
     if model.foreign is not None:
         return series, ask(series), []
     own = _Beside(model, series, settings)
     if stated := stated_noise(model):
-        return (*own.asked(stated, ask), [])
+        return (*own.asked(stated, own.noise(stated, settings), ask), [])
     verdict, noises = ask(series), apparent_noise(model)
     if verdict.verdict == "none" or not noises or not all(s.sigma for s in series):
         return series, verdict, []
     exact, heard = own.bic(series, verdict), own.noise(noises, settings)
+    if all(map(operator.is_, heard, series)):
+        return series, verdict, []
     if min(own.bic(heard, verdict), own.deviance(heard, settings)) > exact:
         return series, verdict, []
-    noisy, other = own.asked(noises, ask)
+    noisy, other = own.asked(noises, heard, ask)
     if own.bic(noisy, other) > exact:
         return series, verdict, []
     return noisy, other, [*_notes(model.experiment, noises)]
