@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mopro.plant import Repetition, Simulation
 from mopro.recording.record import Columns
 
-# What is repeated must be this long (s): a shorter run is simulated as it stands.
+# What is repeated must be this long (s): a run below twice as much is simulated as it stands.
 WORTH_S = 60.0
 # Columns that go on while the motion repeats itself.
 _CLOCK, _HEAT = "time_s", "temperature_C"
@@ -76,7 +76,7 @@ class Loop:
 
 def loop_of(simulation: Simulation, rate_hz: float) -> Loop | None:
     """The loop of a run whose samples are at `rate_hz`; None if none is worth repeating."""
-    if simulation.schedule.duration_s < WORTH_S:
+    if simulation.schedule.duration_s < 2 * WORTH_S:
         return None
     repetition = simulation.repetition(rate_hz)
     return None if repetition is None else Loop(simulation, repetition)

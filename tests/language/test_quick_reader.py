@@ -10,7 +10,8 @@ PARSE = importlib.import_module("mopro.language.parse")
 READERS = {grammar: PARSE._quick_reader(grammar) for grammar in PARSE.GRAMMARS}
 PIECES = [
     "MRI", "MR", "mri", "VEL", "ACC", "WX", "WT", "GO", "UU", "PARA", "JUMP", "ZP", "MC",
-    "VI", "LX", ":", "B1", "0", "1", "9", "O", "o", "12500", "/", "+", "-", "5.", ".5", "1.25", ".", " ", "\t",
+    "VI", "LX", ":", "B1", "0", "1", "9", "O", "o", "12500", "/", "+", "-", "5.", ".5",
+    "1.25", ".", " ", "\t",
     "\v", ";", "; go", "\x1c", "é", "x_2", "1" * 40,
 ]  # fmt: skip
 LINES = st.one_of(
