@@ -24,6 +24,7 @@ from mopro.errors import DataError, Diagnostic, SourceError
 from mopro.language import ast
 from mopro.language.load import until_end_of_file
 from mopro.process.cachefolder import cache_folder, read_kept, with_digest
+from mopro.process.garbage import garbage_left
 from mopro.source import Source, Span
 
 GRAMMARS = {"attested": "mopro.lark", "extended": "mopro_extended.lark"}
@@ -80,15 +81,16 @@ def parse_what_can_be(
     statements: list[ast.Statement] = []
     comments: list[ast.Comment] = []
     faults: list[Diagnostic] = []
-    for number, text in enumerate(source.lines, start=1):
-        line = read(text)
-        if line.fault is not None:
-            faults.append(line.fault.at(number))
-        if line.statement is not None:
-            statements.append(line.statement.at(number))
-        if line.comment is not None:
-            span = line.comment.span(number)
-            comments.append(ast.Comment(span, text[span.column - 1 :]))
+    with garbage_left():
+        for number, text in enumerate(source.lines, start=1):
+            line = read(text)
+            if line.fault is not None:
+                faults.append(line.fault.at(number))
+            if line.statement is not None:
+                statements.append(line.statement.at(number))
+            if line.comment is not None:
+                span = line.comment.span(number)
+                comments.append(ast.Comment(span, text[span.column - 1 :]))
     return ast.Tree(source, tuple(statements), tuple(comments)), faults
 
 
