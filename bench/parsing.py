@@ -78,7 +78,7 @@ def main() -> int:
         print(f"{lines:>8} {theirs:>12.3f} {read:>8.3f} {whole:>8.3f} {rules:>11.3f}", flush=True)
     grown = math.log(rows[-1][2] / rows[0][2]) / math.log(counts[-1] / counts[0])
     print(f"the time of all grows with the number of lines to the power of {grown:.2f}")
-    return int(grown > 1.1)
+    return int(grown > 1.2)
 
 
 if __name__ == "__main__":
