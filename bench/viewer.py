@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -20,7 +19,6 @@ from helpers.browser import browser  # noqa: E402
 from mopro.emulator import Emulator  # noqa: E402
 from mopro.machine import load_machine  # noqa: E402
 from mopro.program.compile import compile_file  # noqa: E402
-from mopro.recording import MemorySink  # noqa: E402
 from mopro.recording.envelope import Envelopes  # noqa: E402
 from mopro.viewer.run import run_page, run_view  # noqa: E402
 
@@ -78,23 +76,16 @@ DRAWN = """(async () => {
 })()"""
 
 
-def hour() -> tuple[str, float, float]:
-    """The page, and what the recording of a page takes besides the run itself (s)."""
+def hour() -> str:
+    """The page of an hour of TEMP1."""
     program, machine = compile_file(ROOT / "programs" / "TEMP1.CMD"), load_machine("chow1992")
     emulator, sink = Emulator(machine), Envelopes()
-    emulator.run(program, MemorySink(1000), 10.0)
-    begun_s = time.perf_counter()
-    emulator.run(program, MemorySink(1000), 3600.0)
-    plain_s = time.perf_counter() - begun_s
-    begun_s = time.perf_counter()
     run = emulator.run(program, sink, 3600.0)
-    with_page_s = time.perf_counter() - begun_s
-    text = run_page(emulator.header(program), run_view(sink, run, program, machine), run, machine)
-    return text, plain_s, with_page_s
+    return run_page(emulator.header(program), run_view(sink, run, program, machine), run, machine)
 
 
 def measure_page() -> None:
-    text, plain_s, with_page_s = hour()
+    text = hour()
     with browser() as chromium, tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "hour.html"
         file.write_text(text, encoding="utf-8")
@@ -108,7 +99,6 @@ def measure_page() -> None:
     print(f"an hour of TEMP1 at 2 kHz: page of {len(text.encode()) / 1e6:.2f} MB, {points} values")
     print(f"opened in {min(opened):.2f} to {max(opened):.2f} s ({TIMES} times)")
     print(f"zoom of all panels in {min(zoomed):.0f} to {max(zoomed):.0f} ms")
-    print(f"the run takes {plain_s:.1f} s, with what the page keeps {with_page_s:.1f} s")
 
 
 def measure_libraries(folder: Path) -> None:

@@ -75,6 +75,12 @@ DEFAULT_OUT = "run.parquet"
     show_default=True,
     help="The recording: .parquet, .csv, .npz, or - for CSV on standard output.",
 )
+@click.option(
+    "--columns",
+    metavar="NAME,...",
+    callback=lambda context, option, text: tuple(text.split(",")) if text else (),
+    help="Store these columns only, and time_s; 'position_*' is that of each axis.",
+)
 @click.option("--force", is_flag=True, help="Let --out replace a file that is no recording.")
 @click.option("--plot", type=OutputFile(".png", ".svg", ".pdf"), help="A picture of the run.")
 @click.option("--report", type=OutputFile(".html"), help="A page about the run.")
@@ -137,6 +143,7 @@ class _Asked:
     settle_s: float
     seed: int
     out: Path
+    columns: tuple[str, ...]
     force: bool
     plot: Path | None
     report: Path | None
@@ -171,7 +178,7 @@ class _Asked:
         if self.emulate:
             _only_with("--port", "baud", "trace", "from_line", "deadline")
         else:
-            _only_with("--emulate", "payload", "rate", "seed")
+            _only_with("--emulate", "payload", "rate", "seed", "columns")
 
 
 def _loaded(asked: _Asked, program: Program) -> tuple[Machine, Program]:
@@ -244,6 +251,7 @@ def _recorded(
     else is written.
     """
     from mopro.errors import DataError
+    from mopro.recording import ChosenColumns, UnknownColumn
 
     header, linked = backend.header(program), asked.port is not None
     run = None
@@ -251,11 +259,14 @@ def _recorded(
     with progress as show:
         try:
             with recording_sink(asked.out, header, apart=linked) as sink:
-                beside = pictures.beside(sink)
+                stored = ChosenColumns(sink, asked.columns) if asked.columns else sink
+                beside = pictures.beside(stored)
                 run = backend.run(program, beside, asked.for_s, asked.settle_s, show)
                 click.get_current_context().with_resource(reporting)
                 tell_trouble(program, run.trouble)
                 sink.header, sink.run = header.after(run), run
+        except UnknownColumn as error:
+            raise click.UsageError(f"--columns: {error}") from error
         except DataError as error:
             if run is None or not linked:
                 raise

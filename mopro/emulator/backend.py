@@ -13,6 +13,7 @@ import numpy as np
 
 from mopro.effects import Active, catalogue_of
 from mopro.effects.resolve import active_effects
+from mopro.emulator.repeated import loop_of
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
 from mopro.machine.backend import DEFAULT_LOOP_S, OnProgress, Progress, no_one
@@ -136,8 +137,11 @@ class Emulator:
     def _recorded(self, simulation: Simulation, settle_s: float) -> Iterator[Columns]:
         """The samples of the schedule; with `settle_s` then on until no axis can slip."""
         schedule = simulation.schedule
-        samples = int(schedule.duration_s * self.rate_hz + 1e-6) + 1
-        for times, end_s in self._chunks(0, samples, schedule.duration_s):
+        samples, done = int(schedule.duration_s * self.rate_hz + 1e-6) + 1, 0
+        if (loop := loop_of(simulation, self.rate_hz)) is not None:
+            yield from loop.chunks(_CHUNK)
+            done = loop.samples
+        for times, end_s in self._chunks(done, samples, schedule.duration_s):
             yield simulation.advance(times, end_s)
         if not settle_s or not schedule.complete:
             return

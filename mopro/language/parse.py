@@ -24,6 +24,7 @@ from mopro.errors import DataError, Diagnostic, SourceError
 from mopro.language import ast
 from mopro.language.load import until_end_of_file
 from mopro.process.cachefolder import cache_folder, read_kept, with_digest
+from mopro.process.garbage import garbage_left
 from mopro.source import Source, Span
 
 GRAMMARS = {"attested": "mopro.lark", "extended": "mopro_extended.lark"}
@@ -80,15 +81,16 @@ def parse_what_can_be(
     statements: list[ast.Statement] = []
     comments: list[ast.Comment] = []
     faults: list[Diagnostic] = []
-    for number, text in enumerate(source.lines, start=1):
-        line = read(text)
-        if line.fault is not None:
-            faults.append(line.fault.at(number))
-        if line.statement is not None:
-            statements.append(line.statement.at(number))
-        if line.comment is not None:
-            span = line.comment.span(number)
-            comments.append(ast.Comment(span, text[span.column - 1 :]))
+    with garbage_left():
+        for number, text in enumerate(source.lines, start=1):
+            line = read(text)
+            if line.fault is not None:
+                faults.append(line.fault.at(number))
+            if line.statement is not None:
+                statements.append(line.statement.at(number))
+            if line.comment is not None:
+                span = line.comment.span(number)
+                comments.append(ast.Comment(span, text[span.column - 1 :]))
     return ast.Tree(source, tuple(statements), tuple(comments)), faults
 
 
@@ -190,16 +192,84 @@ def _made_parser(grammar: str) -> Lark:
 @cache
 def _line_reader(grammar: str) -> Callable[[str], _Line]:
     """A function from the text of a line to what it holds, which remembers past lines."""
-    lark = _parser(grammar)
-    known = statement_kinds(grammar)
+    quick = _quick_reader(grammar)
 
     @lru_cache(maxsize=4096)
     def read(text: str) -> _Line:
-        try:
-            tree = lark.parse(text)
-        except UnexpectedInput as unexpected:
-            return _Line(fault=_explain(text, unexpected, known))
-        return _shape_of(tree)
+        return quick(text) or _read_by_lark(text, grammar)
+
+    return read
+
+
+def _read_by_lark(text: str, grammar: str) -> _Line:
+    try:
+        tree = _parser(grammar).parse(text)
+    except UnexpectedInput as unexpected:
+        return _Line(fault=_explain(text, unexpected, statement_kinds(grammar)))
+    return _shape_of(tree)
+
+
+@dataclass(frozen=True)
+class _Form:
+    """One way to write a statement: its line as a pattern, and the kinds of its operands."""
+
+    kind: type[ast.Statement]
+    line: re.Pattern[str]
+    operands: tuple[str, ...]
+
+    def read(self, text: str) -> _Line | None:
+        """What a line of this form holds; None for another, and for what is too long."""
+        match = self.line.fullmatch(text)
+        if match is None:
+            return None
+        operands = []
+        for place, name in enumerate(self.operands):
+            value, begin = match[f"o{place}"], match.start(f"o{place}")
+            if len(value) > MOST_DIGITS:
+                return None
+            operands.append(_operand(name, value, begin + 1))
+        statement = _StatementShape(
+            self.kind,
+            ast.Operand(match.start("statement") + 1, match.end("statement") + 1),
+            tuple(operands),
+        )
+        begin = match.start("comment")
+        comment = ast.Operand(begin + 1, len(text) + 1) if begin >= 0 else None
+        return _Line(statement, comment)
+
+
+def _quick_reader(grammar: str) -> Callable[[str], _Line | None]:
+    """A function for lines as the grammar has them, of which it knows most and leaves the others.
+
+    Each rule of a statement is a row of terminals, and so a pattern; a terminal takes what it can
+    and gives nothing back, as lark's lexer does.
+    """
+    lark = _parser(grammar)
+    terminals = {t.name: f"(?>{t.pattern.to_regexp()})" for t in lark.terminals}
+    forms: dict[str, list[_Form]] = {}
+    for rule in sorted(lark.rules, key=lambda rule: len(rule.expansion)):
+        kind = ast.STATEMENTS.get(rule.origin.name)
+        if kind is None:
+            continue
+        names = [symbol.name for symbol in rule.expansion]
+        operands = tuple(name for name in names if not name.startswith("_"))
+        places = iter(range(len(operands)))
+        parts = [
+            f"(?P<o{next(places)}>{terminals[n]})" if n in operands else terminals[n] for n in names
+        ]
+        blank, comment = f"(?:{terminals['_SPACE']})?", terminals["COMMENT"]
+        pattern = f"{blank}(?P<statement>{''.join(parts)}){blank}(?P<comment>{comment})?"
+        begin = ":" if kind is ast.Label else kind.mnemonic()[:2]
+        forms.setdefault(begin, []).append(_Form(kind, re.compile(pattern), operands))
+    ordered = {begin: tuple(of) for begin, of in forms.items()}
+
+    def read(text: str) -> _Line | None:
+        begin = text.lstrip(_BLANKS)[:2].upper()
+        for form in ordered.get(":" if begin[:1] == ":" else begin, ()):
+            line = form.read(text)
+            if line is not None:
+                return line
+        return None
 
     return read
 
@@ -215,9 +285,8 @@ def _shape_of(tree: Tree[Token]) -> _Line:
         fault = fault or next((f for f in map(_overlong, tokens) if f), None)
         if fault is None:
             columns = ast.Operand(child.meta.column, child.meta.end_column)
-            statement = _StatementShape(
-                ast.STATEMENTS[child.data], columns, tuple(map(_operand, tokens))
-            )
+            operands = (_operand(token.type, str(token), token.column or 1) for token in tokens)
+            statement = _StatementShape(ast.STATEMENTS[child.data], columns, tuple(operands))
     return _Line(statement, comment, fault)
 
 
@@ -233,21 +302,21 @@ def _overlong(token: Token) -> _FaultShape | None:
     return _FaultShape("too-long", message, _columns(token))
 
 
-def _operand(token: Token) -> ast.Operand:
-    columns = _columns(token)
-    place = (columns.column, columns.end_column)
-    match token.type:
+def _operand(terminal: str, text: str, column: int) -> ast.Operand:
+    """The operand that a terminal's `text` at `column` is."""
+    place = (column, column + len(text))
+    match terminal:
         case "AXIS":
-            letter = token in ("O", "o")
-            return ast.Axis(*place, 0 if letter else int(token), letter)
+            letter = text in ("O", "o")
+            return ast.Axis(*place, 0 if letter else int(text), letter)
         case "NUMBER":
-            return ast.Number(*place, Fraction(str(token)))
+            return ast.Number(*place, Fraction(text))
         case "WHOLE":
-            return ast.Whole(*place, int(token))
+            return ast.Whole(*place, int(text))
         case "SWITCH":
-            return ast.Switch(*place, token == "+")
+            return ast.Switch(*place, text == "+")
         case _:
-            return ast.Name(*place, str(token))
+            return ast.Name(*place, text)
 
 
 def _explain(

@@ -44,10 +44,15 @@ class Segment:
     a: float
     j: float
 
+    def position(self, t: float) -> float:
+        """The position of the state at `t`."""
+        tau = t - self.anchor_s
+        return self.x + tau * (self.v + tau * (self.a / 2 + tau * self.j / 6))
+
     def state(self, t: float) -> State:
         tau = t - self.anchor_s
         return State(
-            self.x + tau * (self.v + tau * (self.a / 2 + tau * self.j / 6)),
+            self.position(t),
             self.v + tau * (self.a + tau * self.j / 2),
             self.a + tau * self.j,
         )

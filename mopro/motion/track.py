@@ -42,7 +42,7 @@ class Track:
         segment = self.segments[index]
         if t <= segment.end_s:
             return segment.state(t)
-        return State(segment.state(segment.end_s).position, 0.0, 0.0)
+        return State(segment.position(segment.end_s), 0.0, 0.0)
 
     def leaves_s(self, low: float, high: float, until_s: float = math.inf) -> float:
         """First time (s) at which the command passes `low` or `high`; inf if not by `until_s`.
@@ -53,12 +53,12 @@ class Track:
             start_s, end_s = segment.start_s, min(segment.end_s, until_s)
             if start_s >= until_s or math.isinf(end_s):
                 continue
-            first, last = segment.state(start_s).position, segment.state(end_s).position
+            first, last = segment.position(start_s), segment.position(end_s)
             if not ((last > high and last > first) or (last < low and last < first)):
                 continue
             while end_s - start_s > _TIME_RESOLUTION_S:
                 middle_s = (start_s + end_s) / 2
-                inside = low <= segment.state(middle_s).position <= high
+                inside = low <= segment.position(middle_s) <= high
                 start_s, end_s = (middle_s, end_s) if inside else (start_s, middle_s)
             return end_s
         return math.inf

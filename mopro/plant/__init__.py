@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mopro.plant.integration import Stepping
     from mopro.plant.measurement import interpolated, measure, measured_at
     from mopro.plant.platen import elongation_m, platen_result
+    from mopro.plant.repetition import Repetition
     from mopro.plant.simulation import (
         COMPILE_FROM_STEPS,
         MAX_STEP_S,
@@ -34,6 +35,7 @@ _HOMES = {
     "SETTLED_M": "axis",
     "CommandTable": "command_table",
     "HeatIntervals": "heat",
+    "Repetition": "repetition",
     "Simulation": "simulation",
     "Stepping": "integration",
     "Trip": "trips",
@@ -60,6 +62,7 @@ __all__ = [
     "SETTLED_M",
     "CommandTable",
     "HeatIntervals",
+    "Repetition",
     "Simulation",
     "Stepping",
     "Trip",

@@ -13,6 +13,7 @@ from mopro.machine.constants import PlantConstants
 from mopro.motion import PlannedMove
 from mopro.plant.command_table import CommandTable, Floats
 from mopro.plant.integration import Integration, Trace
+from mopro.plant.repetition import Course
 from mopro.recording import MoveOutcome
 
 _SETTLING_S = 0.05
@@ -172,6 +173,32 @@ class EmulatedAxis:
         self.outcomes.take_over(other.outcomes)
 
     @property
+    def courses(self) -> list[Course]:
+        """All that drives the axis."""
+        jumps = [(0.0, 0.0), *self._jumps]
+        times_s, pitches = map(np.array, zip(*jumps, strict=True))
+        return [*self._integration.courses, Course(times_s, pitches[:, None])]
+
+    def state(self) -> Floats:
+        """The state at the time reached: see `Integration.state`."""
+        return self._integration.state()
+
+    def compile_after(self, steps: float) -> None:
+        """Compile the kernel when it has made so many steps."""
+        self._integration.compile_after = steps
+
+    @property
+    def decay_s(self) -> float:
+        """The time (s) in which its free oscillation decays by e; infinite without damping."""
+        damping = self._plant.damping_N_s_m
+        return 2 * self._plant.mass_kg / damping if damping > 0 else math.inf
+
+    def skip(self, period_s: float, count: int, to_s: float) -> None:
+        """Go on to `to_s`, `count` periods on, in which the axis does as in the one before now."""
+        self.outcomes.repeat(period_s, count, self._now_s, to_s)
+        self._now_s = to_s
+
+    @property
     def position_m(self) -> float:
         """Position (m) at the time reached."""
         return self._integration.x
@@ -287,6 +314,25 @@ class _MoveOutcomes:
         ringing = np.flatnonzero((reach > SETTLED_M) & (knots[1:] > self._ends_s[move]))
         np.maximum.at(self._restless_s, move[ringing], knots[ringing + 1])
         self._watched_s = float(knots[-1])
+
+    def repeat(self, period_s: float, count: int, from_s: float, to_s: float) -> None:
+        """Take the moves begun from `from_s` to `to_s` to go as those of the period before.
+
+        So does the move under way at `from_s`, as that one period before it.
+        """
+        first, end = np.searchsorted(self._starts_s, [from_s, to_s]).tolist()
+        length = (end - first) // count
+        self._watched_s = to_s
+        if not length:
+            return
+        to = np.arange(first - 1, end)
+        rounds, place = np.divmod(to - to[0], length)
+        of = to[0] - length + place
+        later_s = (1 + rounds) * period_s
+        for same in (self._low_m, self._high_m, self._teeth):
+            same[to] = same[of]
+        for times_s in (self._slip_s, self._restless_s):
+            times_s[to] = times_s[of] + later_s
 
     def _among(self, knots: Floats) -> slice:
         """The moves that begin from the first knot on and before the last."""

@@ -17,6 +17,7 @@ from mopro.effects import Active
 from mopro.machine import Machine
 from mopro.motion import Schedule, Segment, plan
 from mopro.motion.track import Track
+from mopro.plant.repetition import Course
 from mopro.program import Program
 
 Floats = NDArray[np.float64]
@@ -152,6 +153,12 @@ class CommandTable:
         speed = v * microstep_m, a * microstep_m, j / 2 * microstep_m
         return np.array([anchor, x, v, a / 2, j / 6, *speed, ~moving]).T.copy()
 
+    @property
+    def course(self) -> Course:
+        """The rows, each by its own time: two that move alike are equal."""
+        anchor, *motion = self.coefficients
+        return Course(self.starts_s, np.array([anchor - self.starts_s, *motion]).T)
+
     def rows_at(self, time_s: Floats) -> NDArray[np.intp]:
         """The row that holds at each time, and just after it."""
         return np.searchsorted(self.starts_s, time_s, side="right") - 1
@@ -196,7 +203,7 @@ def _with_rests(track: Track) -> list[Segment]:
             filled.append(_rest(now_s, segment.start_s, position))
         filled.append(segment)
         now_s = segment.end_s
-        position = segment.state(now_s).position if math.isfinite(now_s) else position
+        position = segment.position(now_s) if math.isfinite(now_s) else position
     if math.isfinite(now_s):
         filled.append(_rest(now_s, math.inf, position))
     return filled

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mopro.effects import Active
 from mopro.motion import Schedule
 from mopro.plant.command_table import Floats, rows_along
+from mopro.plant.repetition import Course
 
 _HEAT_STEP_S = 5.0
 
@@ -42,6 +43,11 @@ class DriveScaling:
     def rows_along(self, time_s: Floats) -> NDArray[np.intp]:
         """As `rows_at`, for times that ascend: faster for many."""
         return rows_along(self.times_s, time_s)
+
+    @property
+    def course(self) -> Course:
+        """The two factors over time."""
+        return Course(self.times_s, np.column_stack([self.gain, self.constant]))
 
     @property
     def always_full(self) -> bool:

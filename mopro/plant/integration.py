@@ -18,6 +18,7 @@ from mopro.plant.kernel.drive import CURRENT_LOOP_S
 from mopro.plant.kernel.effect_terms import TermSet
 from mopro.plant.kernel.equation_of_motion import State, start_of
 from mopro.plant.kernel.integrate import Plant, axis_and_drive
+from mopro.plant.repetition import Course
 
 # An axis this close to its tooth, and as slow, is at rest. Its remaining oscillation would
 # stay within a nanometre.
@@ -58,7 +59,8 @@ class Integration:
     """Integrates the motion of one axis; `x` and `v` are its present state (m, m/s).
 
     The axis starts where it has come to rest under its forces. A nominal one, without
-    effects and at full current, tells nothing of its currents.
+    effects and at full current, tells nothing of its currents. The kernel is compiled once it
+    has made `compile_after` steps, 0 for at once: compiled or not, it gives the same bits.
     """
 
     def __init__(
@@ -69,7 +71,7 @@ class Integration:
         stepping: Stepping,
         active: Sequence[Active],
         scaling: DriveScaling,
-        compiled: bool,
+        compile_after: float,
     ) -> None:
         self._plant = plant
         self._command = command
@@ -81,8 +83,9 @@ class Integration:
         self._stepping = replace(stepping, max_m=stepping.max_m / 2) if lagging else stepping
         self._nominal = is_nominal(terms, scaling)
         self._strengths = _strengths(plant, scaling, terms.direct)
-        self._kernel = kernel(terms, self._nominal, compiled)
-        self._compiled = compiled
+        self._terms = terms
+        self._steps = 0
+        self.compile_after = compile_after
         self._state = self._at_rest(terms)
 
     @property
@@ -96,6 +99,21 @@ class Integration:
     @property
     def v(self) -> float:
         return self._state[1]
+
+    @property
+    def courses(self) -> list[Course]:
+        """All that drives the axis."""
+        return [self._command.course, self._scaling.course]
+
+    def state(self) -> Floats:
+        """The present state as numbers of one size.
+
+        Position and velocity over the natural frequency (m), then the states of effects.
+        """
+        x, v, path, (lagged, coil) = self._state
+        plant = self._plant
+        natural = math.sqrt(plant.wave_number_1_m * plant.pull_out_m_s2)
+        return np.array([x, v / natural, *path, *lagged, *coil])
 
     def take_over(self, other: Integration) -> None:
         """Begin in the present state of `other`, an integration with the same effects."""
@@ -119,16 +137,19 @@ class Integration:
         electrical = np.full((len(knots) if recorded else 0, 5), math.nan)
         limits = (self._stepping.max_s, self._stepping.max_m, REST_M)
         scalars = (_plant(self._plant), limits, self._resolved, self._numbers, self._state)
-        if self._compiled:
-            _, self._state = self._kernel(*arrays, *scalars, motion, electrical)
+        compiled = self._steps >= self.compile_after
+        integrate, steps = kernel(self._terms, self._nominal, compiled), 0
+        if compiled:
+            steps, self._state = integrate(*arrays, *scalars, motion, electrical)
         else:
             # Plain Python is several times faster on lists.
             lists = motion.tolist(), electrical.tolist()
             try:
-                _, self._state = self._kernel(*(a.tolist() for a in arrays), *scalars, *lists)
+                steps, self._state = integrate(*(a.tolist() for a in arrays), *scalars, *lists)
             except _NO_NUMBER:
                 self.x = math.nan
             motion, electrical = np.array(lists[0]), np.array(lists[1])
+        self._steps += steps
         position, velocity, low, high = motion.T
         return Trace(
             position, velocity, low[1:], high[1:], electrical.T.copy() if recorded else None

@@ -29,6 +29,7 @@ from mopro.plant.heat import HeatHistory, HeatIntervals
 from mopro.plant.integration import Integration, Stepping, is_nominal
 from mopro.plant.kernel.effect_terms import TermSet
 from mopro.plant.platen import yaw_rad
+from mopro.plant.repetition import Course, Repetition, repetition
 from mopro.plant.stepped_heat import SteppedHeat, coil_energy_J
 from mopro.plant.trips import Ranges, Trip, heat_trip, limit_trip, line_at, platen_edges, switches_u
 from mopro.program import AXES
@@ -87,6 +88,9 @@ STEPPING = Stepping(MAX_STEP_S)
 # kernel is slower in plain Python, and takes longer to compile.
 COMPILE_FROM_STEPS = 400_000
 COMPILE_WITH_EFFECTS_FROM_STEPS = 250_000
+# A motion repeats itself if its state comes back so closely (m): four times what the rounding of
+# times does to it, which decides on which side of a microstep's edge a sample falls.
+REPEATED_M = 1e-8
 _RINGING_S = 0.7
 _TRIP_STEP_S = 1.0
 _SHOWN_AFTER_S = 0.5
@@ -294,6 +298,45 @@ class Simulation:
         times = [self._axis(n).outcomes.settling_s(move) for n in move.axes]
         return None if any(map(math.isnan, times)) else max(times)
 
+    def repetition(self, rate_hz: float) -> Repetition | None:
+        """The stretches of samples at `rate_hz` that a program's loop repeats, if it does.
+
+        Whether the motion does, `repeats` tells.
+        """
+        schedule = self.schedule
+        if not schedule.program.loops_forever or not schedule.activity:
+            return None
+        times_s, lines = map(np.array, zip(*schedule.activity, strict=True))
+        driving = [course for axis in self._axes.values() for course in axis.courses]
+        courses = [Course(times_s, lines[:, None]), *driving]
+        found = repetition(schedule.moves, courses, rate_hz)
+        if found is not None and self._settings.compiled is None:
+            # A few stretches are all that is simulated, if the motion repeats itself.
+            for axis in self._axes.values():
+                axis.compile_after(COMPILE_WITH_EFFECTS_FROM_STEPS)
+        return found
+
+    def state(self) -> Floats:
+        """The state of all axes at the time reached; see `repeats`."""
+        return np.concatenate([axis.state() for axis in self._axes.values()])
+
+    def repeats(self, before: Floats, period_s: float) -> bool:
+        """True if the state is the one `before`, a period ago, and stays so period by period.
+
+        What still decays would add up as long as it does.
+        """
+        slowest_s = max(axis.decay_s for axis in self._axes.values())
+        near = REPEATED_M * min(1.0, period_s / slowest_s)
+        return bool((np.abs(self.state() - before) < near).all())
+
+    def skip(self, period_s: float, count: int, to_s: float) -> None:
+        """Go on to `to_s`, `count` periods on, in which all axes do as in the one before now.
+
+        For a caller who knows so from `repetition` and `repeats`.
+        """
+        for axis in self._axes.values():
+            axis.skip(period_s, count, to_s)
+
     def coil_energy_J(self, end_s: float) -> float:
         """The energy (J) that the coils turn into heat from the start until `end_s` (eq. 3.12)."""
         run = self._run
@@ -441,9 +484,8 @@ def _integration(
         compiled = (restless and steps >= COMPILE_WITH_EFFECTS_FROM_STEPS) or compiling_pays(
             schedule, settings.stepping.max_s, not nominal
         )
-    return Integration(
-        plant, command, settings.resolved, settings.stepping, active, scaling, compiled
-    )
+    after = 0 if compiled else math.inf
+    return Integration(plant, command, settings.resolved, settings.stepping, active, scaling, after)
 
 
 def compiling_pays(schedule: Schedule, max_step_s: float, with_effects: bool = False) -> bool:

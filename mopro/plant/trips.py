@@ -56,7 +56,7 @@ def switches_u(schedule: Schedule, travel_u: Mapping[int, tuple[float, float]]) 
 
 
 def _range_u(track: Track) -> tuple[float, float]:
-    ends = [s.state(t).position for s in track.segments for t in (s.start_s, s.end_s)]
+    ends = [s.position(t) for s in track.segments for t in (s.start_s, s.end_s)]
     ends = [end for end in ends if math.isfinite(end)]
     return min([0.0, *ends]), max([0.0, *ends])
 

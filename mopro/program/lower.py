@@ -6,6 +6,7 @@ from functools import singledispatchmethod
 
 from mopro.errors import Diagnostic, Severity, SourceError
 from mopro.language import ast
+from mopro.process.garbage import garbage_left
 from mopro.program import ir
 from mopro.source import Span
 from mopro.units import MS_PER_S
@@ -25,7 +26,8 @@ def lower(tree: ast.Tree) -> ir.Program:
 def examine(tree: ast.Tree) -> tuple[tuple[ir.Op, ...], list[Diagnostic]]:
     """The operations of `tree`, a program if no finding is an error, and the findings."""
     lowering = _Lowering(tree)
-    ops = tuple(lowering.op(statement) for statement in tree.statements)
+    with garbage_left():
+        ops = tuple(map(lowering.op, tree.statements))
     return ops, lowering.found
 
 

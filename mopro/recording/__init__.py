@@ -3,11 +3,21 @@
 from mopro.recording.formats import FORMATS, open_sink
 from mopro.recording.moves import MoveOutcome, MoveReport, Stall
 from mopro.recording.reading import read
-from mopro.recording.record import FileSink, Header, MemorySink, Recording, Sink, column_names
+from mopro.recording.record import (
+    ChosenColumns,
+    FileSink,
+    Header,
+    MemorySink,
+    Recording,
+    Sink,
+    UnknownColumn,
+    column_names,
+)
 from mopro.recording.run import Run
 
 __all__ = [
     "FORMATS",
+    "ChosenColumns",
     "FileSink",
     "Header",
     "MemorySink",
@@ -17,6 +27,7 @@ __all__ = [
     "Run",
     "Sink",
     "Stall",
+    "UnknownColumn",
     "column_names",
     "open_sink",
     "read",

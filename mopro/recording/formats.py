@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import inspect
 import io
 import json
 import shutil
@@ -34,8 +35,16 @@ def open_sink(path: Path, header: Header) -> AbstractContextManager[FileSink]:
     return opener(path, header)
 
 
+# Rows of a group in Parquet, which is written and read as one, and the memory (bytes) that those
+# waiting for it may take. The longer a page, the more often a repetition in it costs nothing.
+_MOST_ROWS = 1 << 20
+_MOST_HELD = 24 << 20
+_PAGE_BYTES = 8 * _MOST_ROWS
+
+
 @contextmanager
 def _parquet_sink(path: Path, header: Header) -> Iterator[FileSink]:
+    """Parquet of floats split by bytes: neighbours share the upper ones, loops share them all."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -44,18 +53,48 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[FileSink]:
         buffer = pa.py_buffer(np.ascontiguousarray(values))
         return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, buffer])
 
+    def opened(schema: Any) -> Any:
+        floats = [f.name for f in schema if pa.types.is_floating(f.type)]
+        # Of old, pages had no limit of rows.
+        limits = {"max_rows_per_page": _MOST_ROWS} if _has_row_limit(pq.ParquetWriter) else {}
+        return pq.ParquetWriter(
+            draft,
+            schema,
+            # A stored schema would hide metadata that are added after it.
+            store_schema=False,
+            compression="zstd",
+            compression_level=3,
+            use_dictionary=[f.name for f in schema if f.name not in floats],
+            column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+            data_page_size=_PAGE_BYTES,
+            **limits,
+        )
+
     class ParquetSink:
         writer: Any = None
         run: Run | None = None
 
         def __init__(self, header: Header) -> None:
             self.header = header
+            self.held = _Held()
 
         def write(self, columns: Columns) -> None:
-            table = pa.table({name: arrow_array(values) for name, values in columns.items()})
+            self.held.add(columns)
+            if self.held.rows >= _MOST_ROWS or self.held.bytes >= _MOST_HELD:
+                self.flush()
+
+        def flush(self) -> None:
+            parts, self.held = self.held.parts, _Held()
+            if not parts:
+                return
+            table = pa.table(
+                {
+                    name: pa.chunked_array([arrow_array(part[name]) for part in parts])
+                    for name in parts[0]
+                }
+            )
             if self.writer is None:
-                # A stored schema would hide metadata that are added after it.
-                self.writer = pq.ParquetWriter(draft, table.schema, store_schema=False)
+                self.writer = opened(table.schema)
             self.writer.write_table(table)
 
         def close(self) -> None:
@@ -67,8 +106,31 @@ def _parquet_sink(path: Path, header: Header) -> Iterator[FileSink]:
         sink = ParquetSink(header)
         try:
             yield sink
+            sink.flush()
         finally:
             sink.close()
+
+
+def _has_row_limit(writer: type) -> bool:
+    return "max_rows_per_page" in inspect.signature(writer).parameters
+
+
+class _Held:
+    """Chunks that wait, their rows, and the memory that they take, shared arrays counted once."""
+
+    def __init__(self) -> None:
+        self.parts: list[Columns] = []
+        self.rows = self.bytes = 0
+        self._known: set[int] = set()
+
+    def add(self, columns: Columns) -> None:
+        self.parts.append(columns)
+        self.rows += len(columns["time_s"])
+        for values in columns.values():
+            whole = values.base if isinstance(values.base, np.ndarray) else values
+            if id(whole) not in self._known:
+                self._known.add(id(whole))
+                self.bytes += whole.nbytes
 
 
 class _CsvSink:

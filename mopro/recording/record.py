@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from difflib import get_close_matches
@@ -22,6 +23,7 @@ Columns = dict[str, NDArray[Any]]
 # The name under which a file keeps the header of a recording.
 KEY = "mopro"
 CSV_MARK = "# mopro "
+TIME = "time_s"
 INTEGER_COLUMNS = frozenset({"line"})
 # Stalls that a header names; the list of a loop's could be longer than the recording.
 _MOST_STALLS = 100
@@ -99,6 +101,26 @@ class Sink(Protocol):
     """Receives a recording in chunks; each chunk has the same columns, of equal length."""
 
     def write(self, columns: Columns) -> None: ...
+
+
+@dataclass(frozen=True)
+class ChosenColumns:
+    """A sink that hands on to another `time_s` and the columns that its `patterns` name.
+
+    A pattern is a name, or one with `*` and `?`. Raises UnknownColumn for one that names none.
+    """
+
+    sink: Sink
+    patterns: Sequence[str]
+
+    def write(self, columns: Columns) -> None:
+        named = {TIME}
+        for pattern in self.patterns:
+            found = fnmatch.filter(columns, pattern)
+            if not found:
+                raise UnknownColumn(pattern, columns)
+            named.update(found)
+        self.sink.write({name: values for name, values in columns.items() if name in named})
 
 
 class FileSink(Sink, Protocol):

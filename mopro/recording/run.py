@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from mopro.motion.profile import per_millisecond
@@ -105,7 +105,8 @@ MOST_STALLS = 100
 
 def story_of(run: Run) -> dict[str, Any]:
     """The run as JSON, its moves as columns; of very many moves the first ones."""
-    story = {key: value for key, value in run.as_json().items() if key not in ("stalled", "moves")}
+    story = replace(run, moves=()).as_json()
+    del story["stalled"]
     kept = run.moves[:MOST_MOVES]
     story["moves"] = {key: [getattr(move, key) for move in kept] for key in _MOVE}
     story["stalls"] = story["stalls"][:MOST_STALLS]

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from helpers.commands import LIMIT_S, wait_for
@@ -65,6 +66,15 @@ def test_plot_and_report_and_payload(mopro, files, tmp_path):
     header = read(tmp_path / "x.npz").header
     assert (header.seed, header.rate_hz) == (3, 500.0)
     assert header.payload_kg == pytest.approx(2.26796, abs=1e-5)
+
+
+def test_the_columns_that_are_stored_can_be_chosen(mopro, files, tmp_path):
+    mopro("run", LVDT3, "--emulate", "--out", "all.parquet")
+    mopro("run", LVDT3, "--emulate", "--columns", "line,position_*", "--out", "some.parquet")
+    every, some = (read(tmp_path / f"{name}.parquet") for name in ("all", "some"))
+    assert list(some.columns) == ["time_s", "position_1_m", "position_2_m", "line"]
+    assert all(np.array_equal(every[name], some[name]) for name in some.columns)
+    assert some.run == every.run
 
 
 def test_a_drawing_that_fails_during_the_run_costs_no_recording(mopro, files, monkeypatch):
@@ -200,6 +210,8 @@ class TestBadInput:
             (["--emulate", "--payload", "heavy"], "is not a number with a unit"),
             (["--emulate", "--payload", "-1"], "must be at least 0"),
             (["--emulate", "--rate", "0"], "must be greater than 0"),
+            (["--emulate", "--columns", "positon_1_m"], "did you mean 'position_1_m'?"),
+            (["--port", "loop://", "--columns", "line"], "--columns goes with --emulate only"),
             (["--emulate", "--machine", "nosuch"], "no machine has this name"),
             (["--emulate", "--grammar", "klingon"], "is not one of"),
         ],

@@ -127,3 +127,41 @@ def test_new_files_are_as_readable_as_any(tmp_path, recording):
     plain = tmp_path / "plain"
     plain.touch()
     assert path.stat().st_mode == plain.stat().st_mode
+
+
+def repeated(chunks, rows):
+    """Chunks of a motion that repeats itself and of a clock that does not."""
+    loop = np.tile(np.random.default_rng(0).normal(size=rows // 4), 5)
+    for n in range(chunks):
+        at = n * rows % (rows // 4)
+        yield {
+            "time_s": np.arange(n * rows, (n + 1) * rows) / 2000.0,
+            "position_1_m": loop[at : at + rows],
+            "line": np.full(rows, 7, dtype=np.int32),
+        }
+
+
+def test_a_repeated_motion_takes_hardly_more_on_disk_than_once(tmp_path):
+    path, rows = tmp_path / "loop.parquet", 40_000
+    with open_sink(path, HEADER) as sink:
+        for columns in repeated(20, rows):
+            sink.write(columns)
+    once = rows // 4 * 8
+    assert path.stat().st_size < 2 * once
+    again = read(path)
+    assert np.array_equal(again["position_1_m"], np.tile(again["position_1_m"][: rows // 4], 80))
+    assert np.array_equal(again["time_s"], np.arange(20 * rows) / 2000.0)
+
+
+def test_rows_that_wait_take_bounded_memory(tmp_path):
+    import pyarrow.parquet as pq
+
+    path, rows = tmp_path / "long.parquet", 100_000
+    names = [f"position_{n}_m" for n in range(16)]
+    with open_sink(path, HEADER) as sink:
+        for _ in range(6):
+            time_s = np.arange(rows) / 2000.0
+            sink.write({"time_s": time_s} | {name: time_s + n for n, name in enumerate(names)})
+    groups = pq.ParquetFile(path).metadata
+    most = max(groups.row_group(n).num_rows for n in range(groups.num_row_groups))
+    assert most * 8 * len(names) <= 40 << 20

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import functools
-import gc
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TypeVar
 
 from mopro.plant.kernel.effect_terms import TermSet
 from mopro.plant.kernel.equation_of_motion import parts_of
 from mopro.plant.kernel.integrate import Integrate, Rates, integrate_of, rates_of
+from mopro.process.garbage import garbage_left
 
 _T = TypeVar("_T")
 _ONE_AT_A_TIME = threading.Lock()
@@ -45,19 +43,8 @@ def _plain(terms: TermSet, nominal: bool) -> Integrate:
 
 @functools.cache
 def _compiled(terms: TermSet, nominal: bool) -> Integrate:
-    with _garbage_left():
+    # numba makes so many objects that searching them for garbage would take a sixth.
+    with garbage_left():
         from mopro.plant.kernel.compiled import compiled
 
         return compiled(terms, nominal, _plain(terms, nominal))
-
-
-@contextmanager
-def _garbage_left() -> Iterator[None]:
-    """No search for cyclic garbage: numba makes so many objects that it would take a sixth."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
