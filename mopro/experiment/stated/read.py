@@ -129,9 +129,8 @@ class _Data:
             message = f"the clock does not go on: {stamps[row]:.9g} after {stamps[row - 1]:.9g}"
             file.refuse("clock", message, row, clock.column, hint)
         time_s: Floats = stamps * clock.factor
-        # A date or the time since a computer was started: the run begins at 0.
-        late = abs(time_s[0]) > max(time_s[-1] - time_s[0], 1.0)
-        return time_s - time_s[0] if late else time_s
+        # A clock may begin anywhere, the run begins at 0: a program at the clock's.
+        return time_s if self._entry.program is not None else time_s - time_s[0]
 
     def _until(self, time_s: Floats) -> int:
         """Number of rows up to the end of the part that is compared."""
