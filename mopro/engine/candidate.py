@@ -182,7 +182,8 @@ class Candidate:
     `special`: the name of an effect that this one is at some of its values, with parameters of the
     same names; its forms are tried in place of this one. `find_starts`: finds values of all
     parameters in a residual, where a few fixed starts cannot. `law`: set for a free-form term that
-    is in no catalogue. `run`: the name of the only run in which it is on.
+    is in no catalogue. `run`: the name of the only run in which it is on. `of_run_time`: a wave
+    in the time since a run began, which another run must show to tell it from what that one does.
     """
 
     name: str
@@ -196,6 +197,7 @@ class Candidate:
     find_starts: FindStarts | None = None
     law: Law | None = None
     run: str | None = None
+    of_run_time: bool = False
 
     @property
     def key(self) -> tuple[str, str]:

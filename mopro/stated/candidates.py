@@ -59,7 +59,9 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
         if _of_time(effect) and not _shows_waves_in_time(model, settings):
             continue
         made = _candidate(model, effect, data, settings, sized, columns.get(effect))
-        found += [made] if made is not None else []
+        if made is not None:
+            several = len(model.experiment.trials) > 1
+            found.append(replace(made, of_run_time=_of_time(effect) and several))
     names = {(c.name, c.form) for c in found}
     return [c for c in found if c.extends is None or (c.name, c.extends) in names]
 

@@ -39,7 +39,8 @@ class HeldOut:
     `on`: OTHER_RUNS if all of them are whole runs, else ONE_RUN. `residual`: whitened residual of
     the fit (samples); `before`: its mean square for the null model, `after` for the fit. `gains`:
     fall of the deviance of the held-out parts by each effect, by how well the others tell its
-    numbers.
+    numbers. These parts are whole runs but where one nearly alone tells of that effect; a flexible
+    effect is judged without the run that supports it most, as it fits what one happens to do.
     """
 
     on: str
@@ -60,22 +61,27 @@ def held_out(
 
     None where there are too few samples for two.
     """
-    masks = list(_folds(residuals, fit))
-    if len(masks) == 1:
+    runs = _whole_runs(residuals)
+    shown = _by_parts(residuals, fit, runs, [c for c in fit.candidates if not c.flexible])
+    divided = {c.name: _by_parts(residuals, fit, runs, [c]) for c in fit.candidates}
+    folds = {own: list(_folds(residuals, fit, runs, own)) for own in {shown, *divided.values()}}
+    if len(masks := folds[shown]) == 1:
         return None
-    after = _predicted(residuals, fit, masks)
-    own = _scaled(fit, masks, after)
+    predicted = {own: _predicted(residuals, fit, folds[own]) for own in folds}
+    recurring = {c.name for c in fit.candidates if c.flexible and not any(divided[c.name])}
+
+    def gain(name: str, other: Fit) -> float:
+        own = divided[name]
+        before = _scaled(other, folds[own], _predicted(residuals, other, folds[own]))
+        after = _scaled(fit, folds[own], predicted[own])
+        return _gain(noise, folds[own], before, after, recurring=name in recurring)
+
     return HeldOut(
-        on=OTHER_RUNS if len(masks) == len(_whole_runs(residuals)) else ONE_RUN,
+        on=ONE_RUN if any(shown) else OTHER_RUNS,
         before=_mean_square(_predicted(residuals, null, masks)),
-        after=_mean_square(after),
-        gains={
-            name: _gain(
-                noise, masks, _scaled(other, masks, _predicted(residuals, other, masks)), own
-            )
-            for name, other in without.items()
-        },
-        residual=after,
+        after=_mean_square(predicted[shown]),
+        gains={name: gain(name, other) for name, other in without.items()},
+        residual=predicted[shown],
     )
 
 
@@ -83,11 +89,12 @@ def held_out(
 class _Scaled:
     """Residual (samples) of held-out parts, each scaled to what its prediction is known to.
 
-    `log_scales`: the logarithms of the determinants of the scales, which the deviance has more.
+    `log_scales` (parts): the logarithms of the determinants of the scales, which the deviance has
+    more.
     """
 
     residual: Floats
-    log_scales: float
+    log_scales: Floats
 
 
 def _scaled(fit: Fit, masks: Sequence[Mask], residual: Floats) -> _Scaled:
@@ -100,10 +107,10 @@ def _scaled(fit: Fit, masks: Sequence[Mask], residual: Floats) -> _Scaled:
     """
     spans = np.array([p.high - p.low for _, p in fit.order])
     if not len(spans):
-        return _Scaled(residual, 0.0)
+        return _Scaled(residual, np.zeros(len(masks)))
     scaled = fit.jacobian * spans
     inner = [scaled[mask].T @ scaled[mask] for mask in masks]
-    left, log_scales = residual.copy(), 0.0
+    left, log_scales = residual.copy(), np.zeros(len(masks))
     for number, mask in enumerate(masks):
         others = sum(inner[:number] + inner[number + 1 :], np.eye(len(spans)))
         root = _inverse_root(others)
@@ -112,7 +119,7 @@ def _scaled(fit: Fit, masks: Sequence[Mask], residual: Floats) -> _Scaled:
         power = power[open_]
         along = scaled[mask] @ (root @ ways[:, open_]) / np.sqrt(power)
         left[mask] += along @ ((1 / np.sqrt(1 + power) - 1) * (along.T @ left[mask]))
-        log_scales += float(np.log1p(power).sum())
+        log_scales[number] = np.log1p(power).sum()
     return _Scaled(left, log_scales)
 
 
@@ -124,19 +131,23 @@ def _inverse_root(matrix: Floats) -> Floats:
     return root
 
 
-def _gain(noise: Noise, masks: Sequence[Mask], without: _Scaled, after: _Scaled) -> float:
+def _gain(
+    noise: Noise, masks: Sequence[Mask], without: _Scaled, after: _Scaled, *, recurring: bool
+) -> float:
     """Fall of the deviance of held-out parts by an effect; negative where it predicts worse.
 
     It must lower the deviance and the mean square; the part that is predicted worst with and
-    without it, such as a move that is cut off, does not count in the latter.
+    without it, such as a move that is cut off, does not count in the latter. An effect that is to
+    be `recurring` gains what it does without the part that gains most.
     """
     sums = (np.square(without.residual), np.square(after.residual))
     parts = [(float(sums[0][m].sum()), float(sums[1][m].sum()), m) for m in masks]
     if len(parts) > FEWEST:
         worst = max(range(len(parts)), key=lambda i: min(parts[i][:2]) / parts[i][2].sum())
         del parts[worst]
-    gain = _deviance(noise, masks, without.residual) - _deviance(noise, masks, after.residual)
-    gain += without.log_scales - after.log_scales
+    gains = _deviances(noise, masks, without.residual) - _deviances(noise, masks, after.residual)
+    gains += without.log_scales - after.log_scales
+    gain = float(gains.sum() - max(gains.max(), 0.0) if recurring else gains.sum())
     fall = sum(before - left for before, left, _ in parts)
     return gain if fall > 0 else min(gain, fall)
 
@@ -167,16 +178,28 @@ def _whole_runs(residuals: Residuals) -> list[Mask]:
     return [labels == label for label in np.unique(labels)]
 
 
-def _folds(residuals: Residuals, fit: Fit) -> Iterator[Mask]:
-    """Masks (samples) of what is held out: whole runs, of several, and parts of the only one.
+def _by_parts(
+    residuals: Residuals, fit: Fit, runs: Sequence[Mask], asked: Sequence[Candidate]
+) -> tuple[bool, ...]:
+    """For each run whether it is held out by its parts, and not as a whole, to judge `asked`.
 
-    A run that nearly alone tells of a parameter is held out by its parts: no other run predicts
-    what the effect does there.
+    The only run is, and one that nearly alone tells of a parameter of theirs: no other run predicts
+    what the effect does there. Of an effect `of_run_time` another run must.
     """
-    runs, parts = _whole_runs(residuals), parts_of(residuals)
-    for run in runs:
+    if len(runs) == 1:
+        return (True,)
+    told = [c for c in asked if not c.of_run_time]
+    return tuple(_told_alone(residuals, fit, run, told) is not None for run in runs)
+
+
+def _folds(
+    residuals: Residuals, fit: Fit, runs: Sequence[Mask], by_parts: Sequence[bool]
+) -> Iterator[Mask]:
+    """Masks (samples) of what is held out: whole `runs`, and those `by_parts` part by part."""
+    parts = parts_of(residuals)
+    for run, divided in zip(runs, by_parts, strict=True):
         own = [part & run for part in parts if (part & run).any()]
-        if len(runs) > 1 and _told_alone(residuals, fit, run) is None:
+        if not divided:
             yield run
         elif len(runs) == len(own) == 1:
             yield from _chunks(run, np.ones(len(run)))
@@ -191,17 +214,24 @@ def _divided(residuals: Residuals, masks: Sequence[Mask], fit: Fit) -> Iterator[
     """
     for mask in masks:
         few = len(mask) <= _FEW_SAMPLES
-        slope = None if few else _told_alone(residuals, fit, mask)
+        rigid = [c for c in fit.candidates if not c.flexible]
+        slope = None if few else _told_alone(residuals, fit, mask, rigid)
         yield from [mask] if slope is None else _chunks(mask, slope)
 
 
-def _told_alone(residuals: Residuals, fit: Fit, mask: Mask) -> Floats | None:
+def _told_alone(
+    residuals: Residuals, fit: Fit, mask: Mask, asked: Sequence[Candidate]
+) -> Floats | None:
     """The slope (samples) of the parameter that next to nothing outside `mask` tells of, if any.
 
-    Flexible effects do not count.
+    Of the effects `asked`; of a flexible one a size, as the shape follows from any part.
     """
-    rigid = {c.name for c in fit.candidates if not c.flexible}
-    columns = [i for i, (effect, _) in enumerate(fit.order) if effect in rigid]
+    flexible = {c.name: c.flexible for c in asked}
+    columns = [
+        i
+        for i, (effect, p) in enumerate(fit.order)
+        if effect in flexible and (p.role is Role.AMPLITUDE or not flexible[effect])
+    ]
     if not columns:
         return None
     jacobian = fit.jacobian[:, columns]
@@ -227,24 +257,24 @@ def _mean_square(residual: Floats) -> float:
     return float(np.mean(residual**2))
 
 
-def _deviance(noise: Noise, masks: Sequence[Mask], residual: Floats) -> float:
-    """Deviance of held-out parts, the size of the noise estimated in each part of each series.
+def _deviances(noise: Noise, masks: Sequence[Mask], residual: Floats) -> Floats:
+    """Deviance of each held-out part, the size of the noise estimated in each of its series.
 
     A part that no set of effects predicts (a move that is cut off) hardly counts, as its
     deviance grows with the logarithm of its residual.
     """
-    total = 0.0
+    totals = np.zeros(len(masks))
     lengths = np.diff([*noise.starts, len(residual)])
     samples = np.repeat(noise.samples / lengths, lengths)
     least = np.repeat(noise.floor, lengths)
     series = np.repeat(np.arange(len(lengths)), lengths)
-    for mask in masks:
+    for nth, mask in enumerate(masks):
         for number in np.unique(series[mask]):
             part = mask & (series == number)
             mean = max(float(np.mean(residual[part] ** 2)), TINY)
             variance = max(mean, float(least[part][0]))
-            total += float(samples[part].sum()) * (np.log(variance) + mean / variance)
-    return total
+            totals[nth] += float(samples[part].sum()) * (np.log(variance) + mean / variance)
+    return totals
 
 
 def _predicted(residuals: Residuals, fit: Fit, masks: Sequence[Mask]) -> Floats:

@@ -163,3 +163,36 @@ def test_what_a_single_run_shows_is_borne_out_within_that_run():
     held = of_runs(1.0, 1.0, shown=[1.0, 0.0])
     assert held.supports("wave")
     assert held.on == "within one run"
+
+
+@pytest.mark.parametrize(
+    ("shown_in", "supports"), [((0,), False), ((2,), False), ((0, 1, 2), True)]
+)
+def test_a_wave_that_one_run_shows_is_not_one_of_the_machine(shown_in, supports):
+    """Three runs that all could show a wave of 0.4 s: one that a single run has is its own."""
+    rng = np.random.default_rng(11)
+    t = np.arange(2000) / 500
+    angle = 2 * np.pi * t / 0.4
+
+    def model(settings):
+        own = settings.get("wave", {"s": 0.0, "p": 0.4})
+        return [own["s"] * np.sin(2 * np.pi * t / own["p"])] * 3
+
+    data = [
+        Series(
+            f"run {i}", "probe", "V", (i in shown_in) * np.sin(angle) + rng.normal(size=2000), 1.0
+        )
+        for i in range(3)
+    ]
+    period = Parameter("p", "s", 0.1, 1.0, role=Role.SHAPE)
+    wave = Candidate(
+        "wave", (period, Parameter("s", "V", -3.0, 3.0)), flexible=True, of_run_time=True
+    )
+    hypotheses = Hypotheses(Residuals(model, data), [wave])
+    fit = hypotheses.fitted([wave], {"wave": {"s": 0.4, "p": 0.4}})
+    held = held_out(
+        hypotheses.residuals, hypotheses.evidence.noise, hypotheses.null, fit,
+        {"wave": hypotheses.null},
+    )  # fmt: skip
+    assert held.on == "other runs"
+    assert held.supports("wave") is supports
