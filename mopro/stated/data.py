@@ -103,6 +103,11 @@ class Run:
     data: Data = NO_DATA
     value: Value | None = field(default=None, compare=False)
 
+    @property
+    def record(self) -> str:
+        """What it is a part of: runs of the same data, such as two halves of a log, share it."""
+        return self.data[1] or self.name
+
 
 @dataclass(frozen=True)
 class StatedExperiment:
