@@ -27,11 +27,26 @@ def slow(seed):
     return t, np.interp(t, np.linspace(0, 40, 9), RNG(seed).uniform(-0.08, 0.08, 9))
 
 
+def stops(seed):
+    """As `slow`, six places and a rest at each."""
+    t, places = np.arange(0, 60, 0.05), np.repeat(RNG(seed).uniform(-0.3, 0.3, 6), 2)
+    return t, np.interp(t, np.sort(np.r_[10 * np.arange(6), 10 * np.arange(6) + 9.5]), places)
+
+
+def to_and_fro():
+    t = np.arange(0, 60, 0.05)
+    return t, 0.06 * (2 * np.abs(t / 15 % 2 - 1) - 1)
+
+
 def verdict_of(folder, noise, moved=lambda t, x: x, runs=1, seed=1):
+    motions = [slow(seed + nth) for nth in range(runs)]
+    return verdict_on(folder, noise, motions, [moved] * runs, seed)
+
+
+def verdict_on(folder, noise, motions, moved, seed):
     text = TEXT.format(noise=noise)
-    for nth in range(runs):
-        t, x = slow(seed + nth)
-        read = STEP * np.rint((moved(t, x) + 1e-4 * RNG(seed + nth).standard_normal(len(t))) / STEP)
+    for nth, ((t, x), own) in enumerate(zip(motions, moved, strict=True)):
+        read = STEP * np.rint((own(t, x) + 1e-4 * RNG(seed + nth).standard_normal(len(t))) / STEP)
         write(folder / f"{nth}.csv", {"time_s": t, "target_rad": x, "angle_rad": read})
         text += f'[[run]]\ndata = "{nth}.csv"\n'
     (folder / "experiment.toml").write_text(text, encoding="utf-8")
@@ -54,6 +69,26 @@ def test_what_is_there_is_named_alone(tmp_path, noise):
     verdict = verdict_of(tmp_path, noise, late, runs=2)
     (effect,) = verdict.effects
     assert "delay" in (effect.name, *effect.indistinguishable_from)
+
+
+def loose(t, x):
+    """Behind a play of ten counts."""
+    found, place = np.empty_like(x), x[0]
+    for i, target in enumerate(x):
+        found[i] = place = min(max(place, target - 5 * STEP), target + 5 * STEP)
+    return found
+
+
+@pytest.mark.parametrize(("counts", "seed"), [(0.7, 1), (1.4, 2), (2.8, 1)])
+def test_a_wave_in_the_time_of_one_run_is_none_of_the_machine(tmp_path, counts, seed):
+    """The other run rests most of the time, where its readings count once: it shows no wave."""
+
+    def waving(t, x):
+        return loose(t, x) + counts * STEP * np.sin(2 * np.pi * t / 0.9)
+
+    motions = [stops(seed), to_and_fro()]
+    verdict = verdict_on(tmp_path, '"unknown"', motions, [loose, waving], seed)
+    assert [effect.name for effect in verdict.effects if effect.run is None] == ["backlash"]
 
 
 def test_no_period_below_two_counts_is_named(tmp_path):

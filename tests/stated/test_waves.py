@@ -27,20 +27,18 @@ def wave(angle, sizes):
 
 
 def verdict_of(
-    folder, motions, in_place=(), in_time=(), period=5.0, period_s=0.9, seed=1, only=None,
-    ends=(0.0, 1.0),
-):  # fmt: skip
+    folder, motions, in_place=(), in_time=(), period=5.0, period_s=0.9, seed=1, ends=(0.0, 1.0)
+):
     """The verdict on runs that go as `motions`, pairs of times (s) and places (mm).
 
-    The wave in time is in all of them, or in the `only` one of a number. Each is given in parts
-    between `ends`.
+    Each is given in parts between `ends`.
     """
     text, rng = HEAD, RNG(seed)
     for nth, (t, x) in enumerate(motions):
         read = x + 0.002 * rng.standard_normal(len(t))
-        read = read + wave(2 * np.pi * x / period, in_place)
-        if only in (None, nth):
-            read = read + wave(2 * np.pi * t / period_s, in_time)
+        read = (
+            read + wave(2 * np.pi * x / period, in_place) + wave(2 * np.pi * t / period_s, in_time)
+        )
         write(folder / f"{nth}.csv", {"time_s": t, "target_mm": x, "position_mm": read})
         for part in pairwise(ends):
             text += f'[[run]]\nname = "{nth} {part}"\ndata = "{nth}.csv"\npart = {[*part]}\n'
@@ -96,13 +94,6 @@ def test_two_parts_of_a_run_are_no_second_run_for_its_wave_in_time(tmp_path):
     assert {effect.name for effect in verdict.effects} <= {"periodic_error"}
     assert any(draft.of == "t" for draft in verdict.drafts)
     assert verdict.held_out_on in (None, "within one run")
-
-
-@pytest.mark.parametrize("only", [0, 1])
-def test_a_wave_in_the_time_of_one_of_two_runs_is_no_wave_of_the_machine(tmp_path, only):
-    verdict = verdict_of(tmp_path, [stops(3), stops(5)], (0.01,), (0.006,), only=only)
-    in_all = {effect.name for effect in verdict.effects if effect.run is None}
-    assert in_all == {"periodic_error"}
 
 
 def test_no_harmonic_is_named_where_there_is_no_wave(tmp_path):
