@@ -144,7 +144,9 @@ def _cases(options: argparse.Namespace, made: Path) -> Iterator[tuple[str, Path]
         command = ["blind", "make", "--grid", grid, *numbers, "--out", str(made / grid)]
         subprocess.run([sys.executable, "-m", "mopro", *command], check=True, capture_output=True)
         for path in sorted((made / grid).glob("*/experiment.toml")):
-            yield f"{grid} {path.parent.name}", path
+            # A raw file of an instrument is no table whose columns could be changed.
+            if not list(path.parent.glob("*.DAT")):
+                yield f"{grid} {path.parent.name}", path
     if options.real is not None:
         yield from _measured(options, made)
 
