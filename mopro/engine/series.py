@@ -56,6 +56,8 @@ class Series:
     (samples x terms): what the noise of the model's inputs may come to, in `unit`, as terms of a
     normal prior of width 1, which all series of the run share. `record`: what the run is a part of;
     runs of one record share its accidents and are held out together. "" for the run itself.
+    `count`: the step of its converter in `position_unit`; no line in position has a period below
+    two of them.
     """
 
     run: str
@@ -75,6 +77,7 @@ class Series:
     tolerances: Tolerances = EXACT
     of_inputs: Floats | None = None
     record: str = ""
+    count: float = 0.0
 
     def __len__(self) -> int:
         return len(self.values)

@@ -95,3 +95,12 @@ def test_no_period_below_two_counts_is_named(tmp_path):
     verdict = verdict_of(tmp_path, "1e-3", seed=3)
     periods = [e.parameters["P"].value for e in verdict.effects if "P" in e.parameters]
     assert all(period >= 2 * STEP for period in periods)
+
+
+def test_no_draft_is_of_a_period_below_two_counts(tmp_path):
+    """A ripple of half a count, as the dither of a coarse converter may look by chance."""
+    verdict = verdict_of(
+        tmp_path, "1e-4", lambda t, x: x + 0.4 * STEP * np.sin(2 * np.pi * x / (STEP / 2)), seed=1
+    )
+    assert not [draft for draft in verdict.drafts if draft.of == "x mod"]
+    assert "with a period of 0.0007" not in str(verdict.remainder.description)
