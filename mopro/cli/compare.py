@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from mopro.cli.say import print_table, say, say_json
 from mopro.units import residual_unit
 
 if TYPE_CHECKING:
+    from mopro.experiment.carried import Carried
     from mopro.experiment.comparison import Comparison, Place, SeriesTest
     from mopro.experiment.opened import ExperimentFile, Opened
 
@@ -33,6 +35,7 @@ _PLACES = (
     "",
 )
 _APPLIED = ("run", "sensor", "before", "after", "noise")
+_CARRIED = ("number", "in the file", "fitted here", "95 %", "")
 _SERIES = ("run", "sensor", "samples", "rms", "noise", "sigma", "χ² p", "whiteness p", "only noise")
 
 
@@ -85,12 +88,15 @@ def command(
     keep_inputs([("--plot", plot), ("--report", report)], inputs)
     loaded, comparison, before = _compared(stated, applied, allow_python, seed, (plot, report))
     gaps = [] if before is None else list(_gaps(before, comparison))
+    held = () if before is None else loaded.carried()
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine_name, **comparison.as_json()}
-        answer |= {} if applied is None else {"applied": gaps}
+        if applied is not None:
+            answer |= {"applied": gaps, "carried_over": [own.as_json() for own in held]}
         say_json(answer | ({} if loaded.rows is None else {"rows": loaded.rows.rows.as_json()}))
     else:
         _print(comparison, gaps)
+        _print_carried(held)
     title = f"{experiment} on {loaded.machine_name}"
     # A list, so that both are drawn even if the first fails.
     both = [
@@ -172,6 +178,23 @@ def _print_gaps(gaps: Sequence[dict[str, object]]) -> None:
             for gap in gaps
         ]
         print_table(_APPLIED, rows, _MOST_ROWS)
+
+
+def _print_carried(held: Sequence[Carried]) -> None:
+    from mopro.experiment.wording import interval_words, value_words
+
+    rows = [
+        [
+            f"{own.effect}.{own.parameter}",
+            value_words(replace(own.here, value=own.filed)),
+            value_words(own.here),
+            interval_words(own.here),
+            own.word,
+        ]
+        for own in held
+    ]
+    if rows:
+        print_table(_CARRIED, rows, _MOST_ROWS)
 
 
 def _size(value: object, unit: str, form: str = ".3g") -> str:

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from mopro.errors import Diagnostic, ModelError
+from mopro.experiment.carried import Carried, carried
 from mopro.experiment.comparison import Comparison, compare
 from mopro.experiment.conclusion import Conclusion, conclude
 from mopro.experiment.kept_rows import KeptRows, kept_rows
@@ -58,6 +59,10 @@ class Opened:
     def compare(self, seed: int = 0) -> Comparison:
         """Compare the data with the machine's model."""
         return compare(self.system, seed)
+
+    def carried(self) -> tuple[Carried, ...]:
+        """Each number of the machine file's effects, and as these data have it."""
+        return carried(self.system)
 
     def conclude(
         self,

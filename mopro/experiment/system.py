@@ -174,6 +174,11 @@ class System(ABC):
     def program(self) -> Path | None:
         """The file of a model that is a program; None for any other."""
 
+    @property
+    @abstractmethod
+    def filed(self) -> Mapping[str, Mapping[str, float]]:
+        """The effects that the machine's file has on in these runs, with their parameters."""
+
     @abstractmethod
     def predicted(self, generator: np.random.Generator) -> Iterable[Predicted]:
         """Each series as the machine's file has it, its free numbers fitted without effects.

@@ -248,6 +248,8 @@ def test_a_repaired_machine_is_tried_on_a_run_that_it_has_not_seen(drag, tmp_pat
     assert (before.returncode, done.returncode) == (1, 0)
     (gap,) = json.loads(done.stdout)["applied"]
     assert gap["before_rms"] > 2 * gap["noise_rms"] > 1.8 * gap["after_rms"]
+    (number,) = json.loads(done.stdout)["carried_over"]
+    assert (number["effect"], number["carried"]) == ("viscous_drag", "carried over")
     told = run_here(tmp_path, "compare", "experiment.toml", "--apply", repaired)
     assert "before" in told.stdout
     assert "after" in told.stdout

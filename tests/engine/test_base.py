@@ -9,6 +9,7 @@ from scipy import optimize
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.engine import Candidate, Parameter, Series
+from mopro.engine.passes.given import fit_given
 from mopro.engine.residuals import Residuals
 from mopro.engine.search.hypotheses import Hypotheses
 
@@ -234,3 +235,16 @@ def test_the_model_alone_is_where_its_last_fit_ended():
     hypotheses = Hypotheses(residuals, [], [Candidate("base", BASE)])
     settled = hypotheses.settled(hypotheses.null)
     assert hypotheses.null is settled is hypotheses.best()
+
+
+def test_effects_that_are_given_are_fitted_beside_the_numbers_of_the_model():
+    """Also one that is not there, whatever the evidence: its interval holds 0."""
+    start = of_size(line=0.2, other=0.2)
+    answer = mopro.reconcile(
+        decaying, candidates("line", "other"), run(of_size(line=0.5)), base=BASE,
+        passes=[fit_given(start)],
+    )  # fmt: skip
+    found = {effect.name: effect.parameters["size"] for effect in answer.effects}
+    assert found["line"].value == pytest.approx(0.5, abs=0.05)
+    assert found["other"].ci95[0] < 0 < found["other"].ci95[1]
+    assert answer.base["k"].value == pytest.approx(4.0, abs=0.1)

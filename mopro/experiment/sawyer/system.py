@@ -97,6 +97,11 @@ class Sawyer(System):
     def program(self) -> Path | None:
         return None
 
+    @property
+    def filed(self) -> Mapping[str, Mapping[str, float]]:
+        known = {name: self.model.forward.own(name) for name in sorted(self.effects)}
+        return {name: own for name, own in known.items() if own}
+
     def predicted(self, generator: np.random.Generator) -> Iterator[Predicted]:
         experiment, machine = self.experiment, self.experiment.machine
         for trial, values in zip(experiment.trials, predict(experiment), strict=True):

@@ -79,6 +79,10 @@ class Stated(System):
         machine = self.experiment.machine
         return machine.python and Path(machine.source.name).parent / machine.python[0]
 
+    @property
+    def filed(self) -> Mapping[str, Mapping[str, float]]:
+        return self.experiment.machine.active
+
     def predicted(self, generator: np.random.Generator) -> list[Predicted]:
         values = self.model(self.base.settings)
         return [
