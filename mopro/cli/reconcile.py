@@ -34,6 +34,12 @@ _EFFECTS = ("effect", "σ in all", "log10 Bayes", "held out")
 @click.argument("experiment", type=click.Path())
 @click.option("--out", type=OutputFile(".toml"), help="The machine file with the effects added.")
 @click.option("--report", type=OutputFile(".html"), help="An HTML page with the evidence.")
+@click.option(
+    "--next",
+    "next_run",
+    type=OutputFile(".cmd", ".csv"),
+    help="The run that would tell alternatives apart: a program of the motor, a command in CSV.",
+)
 @click.option("--jobs", type=click.IntRange(1, 64), help="Simulations at once (as many as cores).")
 @click.option(
     "--without",
@@ -61,6 +67,7 @@ def command(
     experiment: str,
     out: Path | None,
     report: Path | None,
+    next_run: Path | None,
     jobs: int | None,
     without: tuple[str, ...],
     only: tuple[str, ...],
@@ -80,7 +87,7 @@ def command(
     """
     from mopro.experiment.opened import experiment_file
 
-    outputs = [("--out", out), ("--report", report)]
+    outputs = [("--out", out), ("--report", report), ("--next", next_run)]
     keep_inputs(outputs, [("EXPERIMENT", experiment)])
     stated = experiment_file(experiment)
     keep_inputs(outputs, [("EXPERIMENT", file) for file in stated.files])
@@ -88,9 +95,9 @@ def command(
     left_out = _left_out(without, only, loaded.effects)
     for note in loaded.notes:
         say(note, err=True)
-    with claimed(out, report), _progress() as progress:
+    with claimed(out, report, next_run), _progress() as progress:
         conclusion = loaded.conclude(jobs or os.cpu_count() or 1, progress, left_out, with_drafts)
-    code = _written(conclusion, out, report)
+    code = max(_written(conclusion, out, report), _next_written(conclusion, next_run))
     if as_json:
         answer = {"experiment": experiment, "machine": loaded.machine_name, **conclusion.as_json()}
         if loaded.rows is not None:
@@ -145,6 +152,25 @@ def _written(conclusion: Conclusion, out: Path | None, report: Path | None) -> i
     return code if drawn(report, page) else max(code, EXIT_FAILED)
 
 
+def _next_written(conclusion: Conclusion, path: Path | None) -> int:
+    """Write the next experiment, if there is one; the exit code."""
+    proposal = conclusion.next_experiment
+    if path is None:
+        return 0
+    if proposal is None:
+        say(f"{path} is not written: no run is proposed for this verdict", err=True)
+        return 0
+    if path.suffix.lower() != proposal.suffix.lower():
+        say(f"error: {path} is not written: --next is a file {proposal.suffix} here", err=True)
+        return EXIT_BAD_INPUT
+    try:
+        write(path, proposal.text.encode("utf-8"))
+    except DataError as error:
+        say(error.render(), err=True)
+        return EXIT_BAD_INPUT
+    return 0
+
+
 @contextmanager
 def _progress() -> Iterator[Callable[[str], None]]:
     """Show the current step on a terminal; yields the function that sets it."""
@@ -194,7 +220,10 @@ def _tell_next(conclusion: Conclusion) -> None:
 
     if conclusion.next_experiment:
         say(f"{NEXT_EXPERIMENT}\n")
-        say(conclusion.next_experiment.text)
+        lines = conclusion.next_experiment.text.splitlines(keepends=True)
+        say("".join(lines[:_MOST_ROWS]))
+        if len(lines) > _MOST_ROWS:
+            say(f"... and {len(lines) - _MOST_ROWS} more lines: --next writes all\n")
 
 
 def _tell_glance(conclusion: Conclusion) -> None:

@@ -11,13 +11,14 @@ import numpy as np
 from mopro.engine.candidate import Candidate
 from mopro.engine.fits import Fit, HeldOut
 from mopro.engine.residuals import Corrected, Remainder
-from mopro.engine.search.alternatives import Alternative
+from mopro.engine.search.alternatives import Alternative, alike
 from mopro.engine.search.hypotheses import Hypotheses
 from mopro.engine.search.screening import Screening
 from mopro.engine.series import Floats, Settings
 from mopro.engine.sizes import Sizes
 from mopro.engine.state import State
 from mopro.engine.verdict import (
+    Alike,
     BelowResolution,
     Draft,
     Estimate,
@@ -76,6 +77,19 @@ def conclude(state: State) -> Verdict:
         odd_run=state.odd,
         trace=state.trace,
         held_out_on=None if held is None else held.on,
+        alike=_alike(state),
+    )
+
+
+def _alike(state: State) -> tuple[Alike, ...]:
+    """The sets that predict the same, where what is left is noise, and that are no alternatives."""
+    if state.remainder.significant or not state.fit.candidates:
+        return ()
+    known = {other.names for other in state.alternatives}
+    return tuple(
+        Alike(other.names, other.delta_ebic, other.settings)
+        for other in alike(state.hypotheses, state.fit)
+        if other.names not in known
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -77,6 +77,29 @@ class Named:
     sigmas: float
     held_out: bool
     run: str | None = None
+
+    def with_rival(self, rival: str, delta_ebic: float, settings: Settings) -> Named:
+        """This effect with one more alternative, unless it is known as one."""
+        if rival in self.rivals:
+            return self
+        return replace(
+            self,
+            indistinguishable_from=[*self.indistinguishable_from, rival],
+            rivals={**self.rivals, rival: delta_ebic},
+            alternatives={**self.alternatives, rival: settings},
+        )
+
+
+@dataclass(frozen=True)
+class Alike:
+    """A set of effects that predicts these data as the answer does, to what a model is exact to.
+
+    `delta_ebic`: its EBIC above that of the answer. `settings`: as it was fitted.
+    """
+
+    names: frozenset[str]
+    delta_ebic: float
+    settings: Settings
 
 
 @dataclass(frozen=True)
@@ -223,10 +246,12 @@ class Verdict:
     `calibration`: corrections of the model's own numbers within their tolerances, which are no
     findings. `sensors`: those of the sensors, within theirs, and of their zeros; the form is the
     name of the sensor. `alternatives`: sets of effects within 10 of the answer's EBIC, the lowest
-    first. `base`: the model's free numbers, `base_before` those without effects. `drafts`:
-    free-form terms beside the effects or, if the verdict is `ambiguous`, of a set that does as
-    well. `notes`: remarks on the noise, and on that set. `nuisances`: the fitted coefficients of
-    each series' nuisances, in its unit. `correlations` of the estimates, by `effect.parameter`.
+    first. `alike`: others that predict the same here, whatever their EBIC: they are alternatives
+    where other motions of the machine tell them from the answer. `base`: the model's free numbers,
+    `base_before` those without effects. `drafts`: free-form terms beside the effects or, if the
+    verdict is `ambiguous`, of a set that does as well. `notes`: remarks on the noise, and on that
+    set. `nuisances`: the fitted coefficients of each series' nuisances, in its unit. `correlations`
+    of the estimates, by `effect.parameter`.
     `odd_run`: the run that alone disagrees with all runs' model. `trace`: what each pass did.
     `held_out_on`: what was held out, `other runs` or parts `within one run`; None if nothing was.
     """
@@ -257,6 +282,7 @@ class Verdict:
     odd_run: OddRun | None = None
     trace: tuple[Taken, ...] = ()
     held_out_on: str | None = None
+    alike: tuple[Alike, ...] = ()
 
     @property
     def settings_alone(self) -> Settings:

@@ -151,7 +151,7 @@ def glance_of(
             *left_out_words(left_out, tried),
         ),
         gap=tuple(_chains(verdict, system.series)),
-        cannot_tell=tuple(_cannot_tell(verdict)),
+        cannot_tell=tuple(_cannot_tell(verdict, proposal)),
         next=(
             *odd_run_words(verdict),
             *([] if repaired.fault is None else [_MEND]),
@@ -191,11 +191,12 @@ def _steps(verdict: Verdict, unit: str, runs: Sequence[tuple[RunGap, int]]) -> I
     yield step("noise alone", [run.noise_rms for run, _ in runs])
 
 
-def _cannot_tell(verdict: Verdict) -> Iterator[str]:
+def _cannot_tell(verdict: Verdict, proposal: Proposal | None) -> Iterator[str]:
     """A line for each thing that the data leave undecided: alternatives, drafts, small effects."""
+    partings = {} if proposal is None else proposal.partings
     for effect in verdict.fitted:
         if effect.rivals:
-            yield f"{effect.name} from {alternatives_words(effect)}"
+            yield f"{effect.name} from {alternatives_words(effect, partings)}"
     if verdict.verdict == "ambiguous" and verdict.drafts:
         names = " and ".join(effect.name for effect in verdict.effects)
         yield f"{names or 'noise'} from a term that is not listed"
@@ -226,6 +227,8 @@ def _next(verdict: Verdict, system: System, proposal: Proposal | None, advice: s
 
 
 def _run_words(proposal: Proposal) -> str:
+    if proposal.payload_kg is None:
+        return f"Play the command under “{NEXT_EXPERIMENT}” (--next writes it): {proposal.summary}."
     separated = ", ".join(f"{name} by {size:.3g} σ" for name, size in proposal.separations.items())
     return (
         f"Run the program under “{NEXT_EXPERIMENT}” with {proposal.payload_kg:g} kg: "

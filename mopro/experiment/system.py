@@ -94,17 +94,20 @@ class Repaired:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A program to run, its payload, and by how many σ it separates the effects of a family.
+    """A program to run, or a command to play, and by how many σ it separates a family's effects.
 
-    `separations` are those of each alternative from the named effect, `pairs` those of every
-    two of the family, as any of them may be the true one.
+    `text`: of a file that ends in `suffix`. `payload_kg`: of a program. `separations` are those of
+    each alternative from the named effect, `pairs` those of every two of the family, as any of them
+    may be the true one. `partings`: in words, what tells an alternative from the effect best.
     """
 
     text: str
     summary: str
-    payload_kg: float
+    payload_kg: float | None
     separations: dict[str, float]
     pairs: dict[tuple[str, str], float]
+    suffix: str = ".CMD"
+    partings: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
 
 class _Named(Protocol):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from mopro.effects import catalogue
 from mopro.engine.candidate import RUN
@@ -207,9 +207,17 @@ def held_out_words(effect: Named, verdict: Verdict) -> str:
     return "gains" if effect.held_out else "no gain"
 
 
-def alternatives_words(effect: Named) -> str:
-    """The indistinguishable alternatives, each with its EBIC minus that of `effect`."""
-    return ", ".join(f"{name} (ΔEBIC {delta:+.2g})" for name, delta in effect.rivals.items())
+def alternatives_words(effect: Named, partings: Mapping[tuple[str, str], str]) -> str:
+    """The indistinguishable alternatives, each with its EBIC minus that of `effect`.
+
+    With what would tell each, of `partings` (those of a `Proposal`).
+    """
+
+    def words(rival: str, delta: float) -> str:
+        parting = partings.get((effect.name, rival))
+        return f"{rival} (ΔEBIC {delta:+.2g}{'' if parting is None else f'; {parting}'})"
+
+    return ", ".join(words(*each) for each in effect.rivals.items())
 
 
 def place_words(place: Place) -> str:

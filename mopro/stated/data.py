@@ -88,7 +88,8 @@ class Run:
     begins as the first that is. `without`: effects that are known to be off. `feedback`: an input
     was made from the readings, by a closed loop, so that a dependence of the readings on it tells
     nothing of the machine. `noise`: stated standard deviation (SI) of inputs' measurement.
-    `data`: its file, and the checksum of what is in it.
+    `data`: its file, and the checksum of what is in it. `headings`: the columns of the log that
+    time (`t`) and inputs are, each with its unit in SI.
     """
 
     name: str
@@ -101,6 +102,7 @@ class Run:
     feedback: bool = False
     noise: Mapping[str, float] = field(default_factory=dict)
     data: Data = NO_DATA
+    headings: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     value: Value | None = field(default=None, compare=False)
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -117,6 +118,14 @@ class Model:
         """Each reading with its run, in the order of the predictions."""
         return [(run, reading) for run in self.experiment.trials for reading in run.readings]
 
+    def on(self, trials: Iterable[Run]) -> Model:
+        """This model with other runs of its machine, and the effects that it has."""
+        other = copy(self)
+        other.experiment = replace(self.experiment, trials=tuple(trials))
+        other._steps, other._rates = {}, {}
+        vars(other).pop("readings", None)
+        return other
+
     # -- numbers and effects -----------------------------------------------------------
 
     @property
@@ -204,6 +213,10 @@ class Model:
 
     def _setup(self, run: Run, settings: Settings, values: Mapping[str, float]) -> _Setup:
         return _Setup(run, settings, values, self.active(run, settings))
+
+    def of(self, run: Run, settings: Settings) -> list[Floats]:
+        """The readings of one of the runs."""
+        return self._readings(self._setup(run, settings, self.values(settings)))
 
     def varied(self, run: Run, settings: Settings, name: str, change: Floats) -> list[Floats]:
         """The readings of a run if one of its inputs were changed by `change` (rows, SI)."""

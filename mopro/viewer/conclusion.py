@@ -25,7 +25,7 @@ from mopro.experiment.wording import (
     trace_rows,
     value_words,
 )
-from mopro.markup import heading, listing, paragraph, section, table
+from mopro.markup import MOST_LINES, heading, listing, paragraph, section, table
 from mopro.units import residual_unit
 from mopro.viewer.glance import strip
 from mopro.viewer.page import document
@@ -161,7 +161,8 @@ def _next(conclusion: Conclusion) -> Iterator[str]:
 
 
 def _proposal(proposal: Proposal) -> Iterator[str]:
-    yield listing(proposal.text)
+    yield paragraph(f"{proposal.summary[:1].upper()}{proposal.summary[1:]}.")
+    yield listing(proposal.text, MOST_LINES)
     rows = [[" / ".join(pair), f"{sigmas:.3g}"] for pair, sigmas in proposal.pairs.items()]
     yield table(("alternatives", "σ"), rows, "Separation of the alternatives")
 

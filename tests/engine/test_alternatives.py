@@ -291,3 +291,32 @@ def test_no_set_that_contains_an_alternative_is_fitted():
     assert [set(a) for a in verdict.alternatives] == [{"twin"}]
     assert "fitting twin" in said
     assert not [line for line in said if line.startswith("fitting") and "absent" in line]
+
+
+@pytest.mark.parametrize(("share", "alike"), [(0.01, {"bent"}), (0.05, set())])
+def test_a_set_that_predicts_the_same_to_a_tenth_of_the_noise_is_alike(share, alike):
+    """20,000 samples tell 4 and 18 % of the noise from nothing, by 25 and 600 in chi-squared."""
+    t = times(20_000)
+
+    def simulate(settings):
+        straight, bent = sizes(settings, "straight", "bent")
+        return [(straight + bent) * np.sin(7 * t) + share * bent * np.cos(11 * t)]
+
+    effects = candidates("straight", "bent")
+    verdict = diagnosed(simulate, effects, of_size(straight=0.4), 0.08, 1)
+    assert (verdict.verdict, names(verdict)) == ("named", {"straight"})
+    assert set().union(*(other.names for other in verdict.alike)) == alike
+    assert all(other.delta_ebic > 10 for other in verdict.alike)
+
+
+def test_of_a_weak_effect_no_other_one_is_alike_unless_it_does_the_same():
+    """An effect of an eighth of the noise, and another one of half that response."""
+    t = times(20_000)
+
+    def simulate(settings):
+        straight, bent = sizes(settings, "straight", "bent")
+        return [(straight + bent) * np.sin(7 * t) + bent * np.cos(11 * t)]
+
+    verdict = diagnosed(simulate, candidates("straight", "bent"), of_size(straight=0.4), 2.3, 1)
+    assert (verdict.verdict, names(verdict)) == ("named", {"straight"})
+    assert not verdict.alike

@@ -83,6 +83,44 @@ def alternatives(
     return tuple(lowest.values())
 
 
+def alike(hypotheses: Hypotheses, best: Fit) -> tuple[Alternative, ...]:
+    """The fitted sets of listed effects that predict these data as `best` does, of no more numbers.
+
+    The lowest EBIC first, one for each set of names. In no series do the predictions differ by more
+    than a tenth of the noise, nor by more than a tenth of what the effects do that are exchanged.
+    Long records tell less than that apart, but only of a model that is as exact.
+    """
+    lowest: dict[frozenset[str], Alternative] = {}
+    for fit in hypotheses.ranked():
+        if fit.names not in lowest and _is_alike(hypotheses, fit, best):
+            delta = hypotheses.evidence.above(fit, best)
+            lowest[fit.names] = Alternative.of(fit.candidates, delta, fit.settings)
+    return tuple(lowest.values())
+
+
+def _is_alike(hypotheses: Hypotheses, fit: Fit, best: Fit) -> bool:
+    return (
+        not fit.laws
+        and fit.chosen <= best.chosen
+        and _differs(fit.names, best)
+        and hypotheses.evidence.implausible(fit) <= hypotheses.evidence.implausible(best)
+        and _predicts_as(hypotheses, fit, best)
+    )
+
+
+def _predicts_as(hypotheses: Hypotheses, fit: Fit, best: Fit) -> bool:
+    """True if the predictions differ by a tenth at the most: of the noise, of what differs."""
+    split, without = hypotheses.residuals.split, best
+    for name in sorted(best.names - fit.names):
+        without = hypotheses.without(without, name)
+    most = LEAST_SHARE**2 * max(without.rss - best.rss, 0.0)
+    difference = fit.residual - best.residual
+    loudness = hypotheses.scale(best)
+    return float(difference @ difference) < most and all(
+        float(np.mean(own**2)) < LEAST_SHARE**2 * loudness for own in split(difference)
+    )
+
+
 def _each_fitted(hypotheses: Hypotheses) -> Iterator[Fit]:
     """All fitted sets, also those that are fitted while the others are looked at."""
     known = set[Identity]()

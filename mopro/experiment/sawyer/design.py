@@ -28,6 +28,15 @@ from mopro.experiment.sawyer.test_motions import (
     text_of,
 )
 from mopro.experiment.sawyer.trials import Experiment, Floats, Reading, Trial
+from mopro.experiment.separation import (
+    AMPLE_SIGMAS,
+    LEAST_SIGMAS,
+    MOST_ALTERNATIVES,
+    distance,
+    from_named,
+    score,
+    separation_words,
+)
 from mopro.experiment.system import Proposal
 from mopro.instruments.quantity import QUANTITIES
 from mopro.instruments.sensor import Sensor
@@ -35,14 +44,9 @@ from mopro.machine.constants import PlantConstants
 from mopro.motion import plan
 from mopro.program.compile import compile as compile_text
 
-# In σ: a pair so far apart needs no more data. A margin of ten in χ² is then nearly certain
-# even if the effect is a fifth smaller than estimated.
-_AMPLE_SIGMAS = 8.0
-# In σ: a pair that no program within _LONGEST_S separates by more is given up.
-_LEAST_SIGMAS = 2.0
+# A pair that no program within this separates by more than the least is given up.
 _LONGEST_S = 90.0
 _HEATING_S = 3600.0
-_MOST_ALTERNATIVES = 8
 # Recorded after the last move, until the axis has settled.
 _AFTER_S = 0.3
 # Half width of a 95 % interval in standard deviations.
@@ -69,7 +73,7 @@ class _Pair:
 def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
     """Design the program that best separates the named effects from their alternatives.
 
-    None if no motion separates any of them by more than _LEAST_SIGMAS.
+    None if no motion separates any of them by more than LEAST_SIGMAS.
     """
     pairs = [pair for effect in verdict.effects for pair in _pairs(verdict, effect)]
     named = frozenset(effect.name for effect in verdict.effects)
@@ -86,7 +90,7 @@ def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
 def _pairs(verdict: Verdict, effect: Named) -> list[_Pair]:
     """All pairs of `effect` and its alternatives."""
     size_error = 1 / max(effect.sigmas, 1.0)
-    alternatives = list(effect.alternatives.items())[:_MOST_ALTERNATIVES]
+    alternatives = list(effect.alternatives.items())[:MOST_ALTERNATIVES]
     family = [(effect.name, verdict.settings), *alternatives]
     shifted = tuple(_shifted(verdict, effect))
     return [
@@ -137,10 +141,10 @@ class _ProgramDesigner:
             return None
         sigmas = self._separations(self._imagined(chosen)).tolist()
         pairs = dict(zip((pair.names for pair in self._pairs), sigmas, strict=True))
-        separations = {other: s for (one, other), s in pairs.items() if one in self._named}
-        if max(separations.values()) <= _LEAST_SIGMAS:
+        separations = from_named(pairs, self._named)
+        if max(separations.values()) <= LEAST_SIGMAS:
             return None
-        summary = self._summary(separations, pairs)
+        summary = f"with {self._payload_kg:g} kg {separation_words(pairs, self._named)}"
         head = f"; {summary}\n; {self._travel_line(chosen)}\n"
         text = head + self._text(chosen)
         return Proposal(text, summary, self._payload_kg, separations, pairs)
@@ -170,12 +174,12 @@ class _ProgramDesigner:
         lengths = np.array([trial.duration_s for trial in trials])
         squares = np.array([self._separations(trial) for trial in trials]) ** 2
         within_reach = (squares * (_LONGEST_S / lengths)[:, None]).max(axis=0)
-        wanted = within_reach > _LEAST_SIGMAS**2
+        wanted = within_reach > LEAST_SIGMAS**2
         squares = squares[:, wanted]
         chosen: list[int] = []
         so_far = np.zeros(squares.shape[1])
-        while so_far.min(initial=math.inf) < _AMPLE_SIGMAS**2:
-            gain = _score(so_far + squares) - _score(so_far)
+        while so_far.min(initial=math.inf) < AMPLE_SIGMAS**2:
+            gain = score(so_far + squares) - score(so_far)
             gain[lengths + lengths[chosen].sum() > _LONGEST_S] = 0.0
             best = int(np.argmax(gain / lengths))
             if not gain[best]:
@@ -191,8 +195,8 @@ class _ProgramDesigner:
         for motion in motions:
             predictions = self._predictions(self._imagined([motion]))
             separations = predictions.separations()
-            if predictions.most() < limit_C and separations.max() > _LEAST_SIGMAS:
-                scored.append((float(_score(separations**2)), motion))
+            if predictions.most() < limit_C and separations.max() > LEAST_SIGMAS:
+                scored.append((float(score(separations**2)), motion))
         return [max(scored, key=lambda each: each[0])[1]] if scored else []
 
     # -- simulation of a program ----------------------------------------------------
@@ -241,18 +245,6 @@ class _ProgramDesigner:
     def _text(self, motions: Sequence[Excitation]) -> str:
         return text_of(self._experiment.machine, self._sensor.axis, _joined(motions))
 
-    def _summary(self, separations: dict[str, float], pairs: dict[tuple[str, str], float]) -> str:
-        separated = [f"{n} by {s:.3g} σ" for n, s in separations.items() if s > _LEAST_SIGMAS]
-        alike = [name for name, s in separations.items() if s <= _LEAST_SIGMAS]
-        twins = [
-            f"{one} from {other}"
-            for (one, other), s in pairs.items()
-            if s <= _LEAST_SIGMAS and not {one, other} & {*self._named, *alike}
-        ]
-        summary = f"with {self._payload_kg:g} kg it should separate {', '.join(separated)}"
-        remaining = ", ".join([*alike, *twins])
-        return summary + (f"; it does not distinguish {remaining}" if remaining else "")
-
     def _travel_line(self, chosen: Sequence[Excitation]) -> str:
         longest = max(motion.distance for motion in chosen)
         travel = f"Moves forth and back by up to {longest:.3g} in from its starting position"
@@ -299,7 +291,7 @@ class _Predictions:
         fit, other = self._change(pair.fit), self._change(pair.other)
         shifts = (self._change(shifted) - fit for shifted in pair.shifted)
         free = np.stack([pair.size_error * other, *shifts], axis=1)
-        return _distance(self._change(pair.one) - other, free)
+        return distance(self._change(pair.one) - other, free)
 
     def _change(self, settings: Settings) -> Floats:
         change = (self.under(settings) - self.under({})) / self._sigma
@@ -311,16 +303,3 @@ def _joined(motions: Sequence[Excitation]) -> Iterator[Excitation]:
     """Merge equal neighbours into one motion with the sum of their repetitions."""
     for motion, same in groupby(motions):
         yield replace(motion, times=motion.times * len(list(same)))
-
-
-def _score(squares: Floats) -> Floats:
-    """Sum over pairs (last axis) of the squared separations, each capped at the ample one."""
-    score: Floats = np.sum(np.minimum(squares, _AMPLE_SIGMAS**2), axis=-1)
-    return score
-
-
-def _distance(difference: Floats, free: Floats) -> float:
-    """Minimum over z of √(|difference - free z|² + |z|²); each z has the prior N(0, 1)."""
-    projected = free.T @ difference
-    z = np.linalg.solve(free.T @ free + np.eye(free.shape[1]), projected)
-    return math.sqrt(max(float(difference @ difference - projected @ z), 0.0))

@@ -39,7 +39,7 @@ def at_one_speed(model: Model, series: Sequence[Series], verdict: Verdict) -> Ve
     exchanged = {n: own for n, own in verdict.settings.items() if n not in twins}
     exchanged |= {twin.name: own for twin, own in twins.values()}
     effects = tuple(
-        _beside(e, twins[e.name][0].name, exchanged) if e.name in twins else e
+        e.with_rival(twins[e.name][0].name, 0.0, exchanged) if e.name in twins else e
         for e in verdict.effects
     )
     others = dict.fromkeys([*verdict.alternatives, _names(verdict, twins)])
@@ -58,18 +58,6 @@ def _names(verdict: Verdict, twins: Mapping[str, _Twin]) -> tuple[str, ...]:
     """The names of the answer with each wave as the other kind."""
     named = (twins[e.name][0].name if e.name in twins else e.name for e in verdict.effects)
     return tuple(sorted(named))
-
-
-def _beside(effect: Named, twin: str, exchanged: Settings) -> Named:
-    """The effect with its twin among its alternatives."""
-    if twin in effect.rivals:
-        return effect
-    return replace(
-        effect,
-        indistinguishable_from=[*effect.indistinguishable_from, twin],
-        rivals={**effect.rivals, twin: 0.0},
-        alternatives={**effect.alternatives, twin: exchanged},
-    )
 
 
 def _words(model: Model, verdict: Verdict, name: str, twin: _Twin) -> str:

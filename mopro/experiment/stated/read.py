@@ -112,9 +112,19 @@ class _Data:
             entry.name, time_s, inputs, held, tuple(readings), start, entry.without, feedback,
             {n: own.noise_rms * factor_of(own.unit) for n, own in entry.inputs.items()
              if own.noise_rms is not None},
-            data_of(entry.data, entry.shown), entry.value,
+            data_of(entry.data, entry.shown), self._headings(), entry.value,
         )  # fmt: skip
         return run, known, self._notes
+
+    def _headings(self) -> dict[str, tuple[str, float]]:
+        """The columns of time and of those inputs that are columns, with their units in SI."""
+        clock = self._entries.clock
+        inputs = {
+            name: (made.formula.text, factor_of(made.unit))
+            for name, made in self._entry.inputs.items()
+            if made.formula.text in made.formula.names
+        }
+        return {"t": (clock.column, clock.factor), **inputs}
 
     def _time(self) -> Floats:
         clock, file = self._entries.clock, self._file

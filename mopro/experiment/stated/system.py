@@ -19,6 +19,7 @@ from mopro.errors import DataError
 from mopro.experiment.quantisation import dithered, thinned
 from mopro.experiment.stated.entries import StatedEntries
 from mopro.experiment.stated.from_kind import completed
+from mopro.experiment.stated.next_run import propose
 from mopro.experiment.stated.noisy_inputs import beside_noise
 from mopro.experiment.stated.one_speed import at_one_speed
 from mopro.experiment.stated.python_model import foreign_model
@@ -26,6 +27,7 @@ from mopro.experiment.stated.read import read_stated_experiment
 from mopro.experiment.stated.repaired import effects_of_runs, kept_to_their_runs, machine_text
 from mopro.experiment.stated.rerun import rerun
 from mopro.experiment.stated.scales import check_scales, unstated_steps
+from mopro.experiment.stated.undecided import with_undecided
 from mopro.experiment.system import Predicted, Proposal, Question, Repaired, Spot, System
 from mopro.experiment.wording import advice
 from mopro.formula.entry import read_effects
@@ -111,14 +113,13 @@ class Stated(System):
         self, asked: Callable[[System], Verdict], left_out: Collection[str]
     ) -> tuple[System, Verdict]:
         """Readings whose noise is below a converter's step are thinned."""
-        coarse = thinned_experiment(self.stated)
-        own = self if coarse is self.stated else studied(coarse, self.model.foreign)
+        own = self._thinned()
         series, verdict, notes = beside_noise(
             own.model, own.series, own.base.settings,
             lambda series: asked(replace(own, series=tuple(series))),
         )  # fmt: skip
         experiment = replace(own.experiment, notes=(*own.experiment.notes, *notes))
-        verdict = at_one_speed(own.model, series, verdict)
+        verdict = with_undecided(own.model, at_one_speed(own.model, series, verdict))
         return replace(own, experiment=experiment, series=tuple(series)), verdict
 
     def beside(self, stated: Source) -> System:
@@ -142,7 +143,15 @@ class Stated(System):
         return Repaired(text, tuple(of_runs), rms, fault)
 
     def next_experiment(self, verdict: Verdict) -> Proposal | None:
-        return None
+        # No motion tells what was in a run that is over.
+        if any(effect.run for effect in verdict.effects):
+            return None
+        return propose(self._thinned().model, verdict)
+
+    def _thinned(self) -> Stated:
+        """This system as it is judged; itself where no reading is coarse."""
+        coarse = thinned_experiment(self.stated)
+        return self if coarse is self.stated else studied(coarse, self.model.foreign)
 
     def advice(self, verdict: Verdict) -> str:
         return advice(verdict, _ADVICE)
