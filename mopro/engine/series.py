@@ -54,7 +54,10 @@ class Series:
     themselves. `wild` (samples): those that do not count. `path`: times (s) and places of the
     motion at all rows of the run, also where there is no reading, in `position_unit`. `of_inputs`
     (samples x terms): what the noise of the model's inputs may come to, in `unit`, as terms of a
-    normal prior of width 1, which all series of the run share.
+    normal prior of width 1, which all series of the run share. `record`: what the run is a part of;
+    runs of one record share its accidents and are held out together. "" for the run itself.
+    `count`: the step of its converter in `position_unit`; no line in position has a period below
+    two of them.
     """
 
     run: str
@@ -73,6 +76,8 @@ class Series:
     path: tuple[Floats, Floats] | None = None
     tolerances: Tolerances = EXACT
     of_inputs: Floats | None = None
+    record: str = ""
+    count: float = 0.0
 
     def __len__(self) -> int:
         return len(self.values)

@@ -24,19 +24,23 @@ _DEFAULT_LINES = 4000
 
 
 def position_spectrum(
-    positions: Sequence[Floats], residuals: Sequence[Floats], finest: float | None = None
+    positions: Sequence[Floats],
+    residuals: Sequence[Floats],
+    finest: float | None = None,
+    count: float = 0.0,
 ) -> tuple[Floats, Floats]:
     """Cycles per unit of position, or of time in its place, and the power at each over all runs.
 
     The power of a run is |Σ z exp(i q x)|²/n, whose mean is 1 for white noise of variance 1;
     a sum over runs needs no common phase. `finest`: the shortest period, in the unit of the
     positions (unless given the range over 4000, and at least two steps of positions on a grid,
-    where a shorter one looks like a longer one). Both arrays are empty where the range of the
-    positions is shorter than that.
+    where a shorter one looks like a longer one), and at least two of `count`, the step of their
+    sensor. Both arrays are empty where the range of the positions is shorter than that.
     """
     low = min(float(x.min()) for x in positions)
     reach = max(float(x.max()) for x in positions) - low
     finest = finest or max(reach / _DEFAULT_LINES, 2 * grid_step(np.concatenate(positions)))
+    finest = max(finest, min(2 * count, reach))
     if reach < finest:
         return np.empty(0), np.empty(0)
     finest = max(finest, _BINS_PER_PERIOD * reach / _MOST_BINS)

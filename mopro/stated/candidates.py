@@ -60,8 +60,7 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
             continue
         made = _candidate(model, effect, data, settings, sized, columns.get(effect))
         if made is not None:
-            several = len(model.experiment.trials) > 1
-            found.append(replace(made, of_run_time=_of_time(effect) and several))
+            found.append(replace(made, of_run_time=_of_time(effect) and _has_records(model)))
     names = {(c.name, c.form) for c in found}
     return [c for c in found if c.extends is None or (c.name, c.extends) in names]
 
@@ -78,8 +77,13 @@ def _shows_waves_in_time(model: Model, settings: Settings) -> bool:
     Several runs can. In a single one such a wave is a draft, but at one speed, where it is one in
     place as well and is told with that, and where the command was made from the readings.
     """
-    runs = model.experiment.trials
-    return len(runs) > 1 or runs[0].feedback or _at_one_speed(model, runs[0], settings)
+    run = model.experiment.trials[0]
+    return _has_records(model) or run.feedback or _at_one_speed(model, run, settings)
+
+
+def _has_records(model: Model) -> bool:
+    """True for several records: runs that are parts of one share its accidents."""
+    return len({run.record for run in model.experiment.trials}) > 1
 
 
 def _at_one_speed(model: Model, run: Run, settings: Settings) -> bool:

@@ -105,6 +105,11 @@ class Run:
     headings: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     value: Value | None = field(default=None, compare=False)
 
+    @property
+    def record(self) -> str:
+        """What it is a part of: runs of the same data, such as two halves of a log, share it."""
+        return self.data[1] or self.name
+
 
 @dataclass(frozen=True)
 class StatedExperiment:

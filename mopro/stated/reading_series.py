@@ -49,6 +49,8 @@ def _series(model: Model, run: Run, reading: Reading, states: Mapping[str, Float
         fed_back=run.feedback,
         path=(run.time_s, motion["position"]) if motion else None,
         tolerances=sensor.tolerances,
+        record=run.record,
+        count=sensor.step if sensor.quantity.tells_place else 0.0,
     )
 
 

@@ -1,5 +1,7 @@
 """Waves in place and in time: harmonics are of one line, and at one speed both are the same."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -24,8 +26,13 @@ def wave(angle, sizes):
     return sum(a * np.sin(k * angle + 1.3 * k) for k, a in enumerate(sizes, start=1))
 
 
-def verdict_of(folder, motions, in_place=(), in_time=(), period=5.0, period_s=0.9, seed=1):
-    """The verdict on runs that go as `motions`, pairs of times (s) and places (mm)."""
+def verdict_of(
+    folder, motions, in_place=(), in_time=(), period=5.0, period_s=0.9, seed=1, ends=(0.0, 1.0)
+):
+    """The verdict on runs that go as `motions`, pairs of times (s) and places (mm).
+
+    Each is given in parts between `ends`.
+    """
     text, rng = HEAD, RNG(seed)
     for nth, (t, x) in enumerate(motions):
         read = x + 0.002 * rng.standard_normal(len(t))
@@ -33,7 +40,8 @@ def verdict_of(folder, motions, in_place=(), in_time=(), period=5.0, period_s=0.
             read + wave(2 * np.pi * x / period, in_place) + wave(2 * np.pi * t / period_s, in_time)
         )
         write(folder / f"{nth}.csv", {"time_s": t, "target_mm": x, "position_mm": read})
-        text += f'[[run]]\ndata = "{nth}.csv"\n'
+        for part in pairwise(ends):
+            text += f'[[run]]\nname = "{nth} {part}"\ndata = "{nth}.csv"\npart = {[*part]}\n'
     (folder / "experiment.toml").write_text(text, encoding="utf-8")
     return open_experiment(folder / "experiment.toml").conclude().verdict
 
@@ -79,6 +87,13 @@ def test_a_wave_in_the_time_of_a_single_run_is_a_draft(tmp_path):
     assert {effect.name for effect in verdict.effects} <= {"periodic_error"}
     assert verdict.verdict == "unexplained"
     assert any(draft.of == "t" for draft in verdict.drafts)
+
+
+def test_two_parts_of_a_run_are_no_second_run_for_its_wave_in_time(tmp_path):
+    verdict = verdict_of(tmp_path, [stops(3)], (0.01,), (0.006,), ends=(0.0, 0.5, 1.0))
+    assert {effect.name for effect in verdict.effects} <= {"periodic_error"}
+    assert any(draft.of == "t" for draft in verdict.drafts)
+    assert verdict.held_out_on in (None, "within one run")
 
 
 def test_no_harmonic_is_named_where_there_is_no_wave(tmp_path):

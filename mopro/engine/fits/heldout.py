@@ -171,10 +171,16 @@ def parts_of(residuals: Residuals, most: int = MOST_FOLDS) -> list[Mask]:
 
 
 def _whole_runs(residuals: Residuals) -> list[Mask]:
-    """Masks (samples) of the runs, joined so that there are MOST_FOLDS at the most."""
-    runs = dict.fromkeys(series.run for series in residuals.data)
-    number = {run: i % MOST_FOLDS for i, run in enumerate(runs)}
-    labels = np.concatenate([np.full(len(s), number[s.run]) for s in residuals.data])
+    """Masks (samples) of the runs, joined so that there are MOST_FOLDS at the most.
+
+    Runs of one record are one: they share its accidents.
+    """
+    records = [series.record or series.run for series in residuals.data]
+    number = {record: i % MOST_FOLDS for i, record in enumerate(dict.fromkeys(records))}
+    lengths = map(len, residuals.data)
+    labels = np.concatenate(
+        [np.full(n, number[own]) for own, n in zip(records, lengths, strict=True)]
+    )
     return [labels == label for label in np.unique(labels)]
 
 

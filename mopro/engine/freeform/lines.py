@@ -83,6 +83,7 @@ def line_in_position(sensor: str, rows: Mapping[int, Series]) -> Candidate:
     series = list(rows.values())
     size = LARGEST * span_of(series)
     reach = max(float(np.ptp(values_of(s, POSITION))) for s in series) or 1.0
+    count = max(s.count for s in series)
 
     def of_data(own: Series, predicted: Floats, values: Values) -> Floats:
         if own.sensor != sensor:
@@ -94,7 +95,9 @@ def line_in_position(sensor: str, rows: Mapping[int, Series]) -> Candidate:
         places = [motion_of(s, view.predictions[row]).position for row, s in rows.items()]
         if not max(float(np.ptp(x)) for x in places):
             return
-        cycles, power = position_spectrum(places, [view.residuals[row] for row in rows])
+        cycles, power = position_spectrum(
+            places, [view.residuals[row] for row in rows], count=count
+        )
         power = np.where(cycles * reach < FEWEST, 0.0, power)
         if not power.any():
             return
@@ -105,8 +108,8 @@ def line_in_position(sensor: str, rows: Mapping[int, Series]) -> Candidate:
         yield {"p": period, "s": sine, "c": cosine}
 
     unit = series[0].unit
-    p = Parameter("p", series[0].position_unit, reach / 5000, reach, role=Role.SHAPE,
-                  inverse=True, difference=1e-6)  # fmt: skip
+    p = Parameter("p", series[0].position_unit, max(reach / 5000, min(2 * count, reach / 2)),
+                  reach, role=Role.SHAPE, inverse=True, difference=1e-6)  # fmt: skip
     law = Law(
         "measurement", "x mod", unit,
         lambda values: f"{math.hypot(values['s'], values['c']):.4g} * "

@@ -216,7 +216,9 @@ def _line_in_time(parts: Sequence[_Standardised]) -> Finding:
 def _line_in_position(parts: Sequence[_Standardised]) -> Finding:
     """The strongest line of the periodograms over position, summed over the series."""
     positions = [np.asarray(part.label("position")) for part in parts]
-    cycles, power = position_spectrum(positions, [part.z for part in parts])
+    cycles, power = position_spectrum(
+        positions, [part.z for part in parts], count=max(part.series.count for part in parts)
+    )
     power[cycles * max(np.ptp(x) for x in positions) < FEWEST] = 0.0
     line = int(np.argmax(power))
     series = parts[0].series

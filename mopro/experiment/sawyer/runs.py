@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Hashable
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from mopro.errors import render_all
 from mopro.experiment.data_file import TIME, DataFile, other_unit, read_data, refused
+from mopro.experiment.repeated import first_of_each
 from mopro.experiment.sawyer.entries import RunEntry, SawyerEntries, SensorEntry
 from mopro.experiment.sawyer.raw import KINDS, RAW_KINDS, RAW_SUFFIX
 from mopro.experiment.sawyer.readings import clock, reading
@@ -49,9 +51,21 @@ def read_runs(entries: SawyerEntries) -> Experiment:
     programs; `loaded` does that.
     """
     reader = _Runs(entries)
-    trials = tuple(reader.trial(run) for run in entries.runs if run.form != "table")
+    trials = [reader.trial(run) for run in entries.runs if run.form != "table"]
     tables = tuple(reader.table(run) for run in entries.runs if run.form == "table")
-    return Experiment(entries.source, entries.machine, trials, tables, tuple(reader.notes))
+    kept, repeats = first_of_each(trials, _measured)
+    return Experiment(
+        entries.source, entries.machine, tuple(trials[nth] for nth in kept), tables,
+        (*reader.notes, *repeats),
+    )  # fmt: skip
+
+
+def _measured(trial: Trial) -> Hashable:
+    """All that a run tells: its readings, its command and its payload."""
+    command, program = trial.command, trial.program
+    logged = command and tuple(own.tobytes() for _, own in sorted(command.position_m.items()))
+    readings = [(r.sensor.name, r.time_s.tobytes(), r.values.tobytes()) for r in trial.readings]
+    return tuple(readings), logged, program and program.source.text, trial.payload_kg
 
 
 class _Runs:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from mopro.effects import catalogue_of
 from mopro.effects.resolve import active_effects
 from mopro.experiment.data_file import read_data
+from mopro.experiment.repeated import first_of_each
 from mopro.experiment.stated.entries import RunEntry, StatedEntries
 from mopro.formula import Formula, FormulaError, factor_of
 from mopro.formula.evaluate import Floats, evaluate
@@ -57,9 +58,19 @@ def read_stated_experiment(entries: StatedEntries) -> StatedExperiment:
         notes += said
         if entry.program is not None:
             units.setdefault(_COMMAND, "m")
+    kept, repeats = first_of_each(runs, _measured)
     return StatedExperiment(
-        entries.source, entries.machine, tuple(runs), units, tuple(notes), tuple(columns)
-    )
+        entries.source, entries.machine, tuple(runs[nth] for nth in kept), units,
+        (*notes, *repeats), tuple(columns[nth] for nth in kept),
+    )  # fmt: skip
+
+
+def _measured(run: Run) -> Hashable:
+    """All that a run tells: its readings, its inputs, and what is known of it beforehand."""
+    readings = [(r.sensor.name, r.rows.tobytes(), r.values.tobytes()) for r in run.readings]
+    inputs = [(name, values.tobytes()) for name, values in sorted(run.inputs.items())]
+    known = (*sorted(run.start.items()), *sorted(run.without))
+    return run.time_s.tobytes(), tuple(readings), tuple(inputs), known
 
 
 class _Data:
@@ -128,9 +139,8 @@ class _Data:
             message = f"the clock does not go on: {stamps[row]:.9g} after {stamps[row - 1]:.9g}"
             file.refuse("clock", message, row, clock.column, hint)
         time_s: Floats = stamps * clock.factor
-        # A date or the time since a computer was started: the run begins at 0.
-        late = abs(time_s[0]) > max(time_s[-1] - time_s[0], 1.0)
-        return time_s - time_s[0] if late else time_s
+        # A clock may begin anywhere, the run begins at 0: a program at the clock's.
+        return time_s if self._entry.program is not None else time_s - time_s[0]
 
     def _until(self, time_s: Floats) -> int:
         """Number of rows up to the end of the part that is compared."""
