@@ -33,10 +33,10 @@ RUNS = {
 }
 CHILD = """
 import sys
-import mopro.emulator.repeated
+import mopro.emulator.loop
 from mopro.cli.main import main
 if sys.argv.pop(1) == "simulated":
-    mopro.emulator.repeated.WORTH_S = float("inf")
+    mopro.emulator.loop.WORTH_S = float("inf")
 main()
 """
 MOST_SHARE, MOST_MB, MOST_GROWTH = 1 / 3, 30.0, 1.1

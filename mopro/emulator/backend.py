@@ -13,7 +13,7 @@ import numpy as np
 
 from mopro.effects import Active, catalogue_of
 from mopro.effects.resolve import active_effects
-from mopro.emulator.repeated import loop_of
+from mopro.emulator.loop import loop_of
 from mopro.errors import MoproError
 from mopro.machine import Machine, load_machine
 from mopro.machine.backend import DEFAULT_LOOP_S, OnProgress, Progress, no_one

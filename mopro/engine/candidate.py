@@ -224,8 +224,9 @@ class Candidate:
         own = (replace(p, tolerated=None) for p in self.parameters if p.run in (None, run))
         fixed = {**self.fixed, RUN: float(number)}
         return replace(
-            self, parameters=tuple(own), form=form, fixed=fixed, extends=extends, run=run
-        )
+            self, parameters=tuple(own), form=form, fixed=fixed, extends=extends, run=run,
+            of_run_time=False,
+        )  # fmt: skip
 
     def settings(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
         return {self.name: {**self.fixed, **values}}

@@ -60,7 +60,9 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
             continue
         made = _candidate(model, effect, data, settings, sized, columns.get(effect))
         if made is not None:
-            found.append(replace(made, of_run_time=_of_time(effect) and _has_records(model)))
+            bearing = [run for run in model.experiment.trials if effect.name not in run.without]
+            recurs = _of_time(effect) and _records(bearing) > 1
+            found.append(replace(made, of_run_time=recurs))
     names = {(c.name, c.form) for c in found}
     return [c for c in found if c.extends is None or (c.name, c.extends) in names]
 
@@ -78,12 +80,13 @@ def _shows_waves_in_time(model: Model, settings: Settings) -> bool:
     place as well and is told with that, and where the command was made from the readings.
     """
     run = model.experiment.trials[0]
-    return _has_records(model) or run.feedback or _at_one_speed(model, run, settings)
+    several = _records(model.experiment.trials) > 1
+    return several or run.feedback or _at_one_speed(model, run, settings)
 
 
-def _has_records(model: Model) -> bool:
-    """True for several records: runs that are parts of one share its accidents."""
-    return len({run.record for run in model.experiment.trials}) > 1
+def _records(runs: Sequence[Run]) -> int:
+    """The number of records among the runs: parts of one share its accidents."""
+    return len({run.record for run in runs})
 
 
 def _at_one_speed(model: Model, run: Run, settings: Settings) -> bool:

@@ -34,7 +34,7 @@ JUMP B1
 
 def run(text, for_s, monkeypatch, worth_s, **settings):
     """The recording of a run in which what lasts longer than `worth_s` is repeated."""
-    monkeypatch.setattr("mopro.emulator.repeated.WORTH_S", worth_s)
+    monkeypatch.setattr("mopro.emulator.loop.WORTH_S", worth_s)
     emulator, sink = Emulator(MACHINE, **{"max_step_s": 2e-4, **settings}), MemorySink()
     program = mopro.compile(text)
     result = emulator.run(program, sink, for_s)
@@ -145,6 +145,6 @@ def test_repeated_columns_cannot_be_changed_by_who_gets_them(monkeypatch):
         def write(self, columns):
             columns["position_1_m"] += 1.0
 
-    monkeypatch.setattr("mopro.emulator.repeated.WORTH_S", 1.0)
+    monkeypatch.setattr("mopro.emulator.loop.WORTH_S", 1.0)
     with pytest.raises(ValueError, match="read-only"):
         Emulator(MACHINE, rate_hz=100.0).run(mopro.compile(TEMP2), Careless(), 30.0)

@@ -68,7 +68,9 @@ def held_out(
     if len(masks := folds[shown]) == 1:
         return None
     predicted = {own: _predicted(residuals, fit, folds[own]) for own in folds}
-    recurring = {c.name for c in fit.candidates if c.flexible and not any(divided[c.name])}
+    sized = {effect for effect, p in fit.order if p.role is Role.AMPLITUDE}
+    flexible = {c.name for c in fit.candidates if c.flexible} & sized
+    recurring = {name for name in flexible if not any(divided[name])}
 
     def gain(name: str, other: Fit) -> float:
         own = divided[name]
