@@ -6,7 +6,6 @@ error: a thousand of them are one independent sample, and least squares must not
 
 from __future__ import annotations
 
-import zlib
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ _INDEPENDENT_STEPS = 0.5
 _TURNED_BACK = 0.27
 # Noise as a share of a step, above which a reading flickers between two steps.
 _FLICKER_STEPS = 0.1
+SEED = 0
 
 
 class Thinned(NamedTuple):
@@ -31,13 +31,14 @@ class Thinned(NamedTuple):
     values: Floats
 
 
-def thinned(values: Floats, step: float, noise: float | None) -> Thinned | None:
+def thinned(
+    values: Floats, step: float, noise: float | None, generator: np.random.Generator
+) -> Thinned | None:
     """One sample for each stretch of equal readings `values` (n), or None if rounding is noise.
 
     `step` and `noise` (RMS, without rounding; None where it is unknown) in their unit. Each sample
     gets dither of one step, which makes its error independent of the signal: the error grows to
-    that of `dithered`. It is drawn by where the readings change and turns with their sign, so that
-    it is the same in whatever unit, sense and order of runs they are given.
+    that of `dithered`.
     """
     # The stated noise may be too small; stretches between changes would then be chosen by noise.
     shown = _apparent(values) * step
@@ -45,9 +46,7 @@ def thinned(values: Floats, step: float, noise: float | None) -> Thinned | None:
     if max(noise, shown) >= _INDEPENDENT_STEPS * step:
         return None
     rows = _middles(values, (1.5 if noise > _FLICKER_STEPS * step else 0.5) * step)
-    generator = np.random.default_rng(zlib.crc32(rows.astype("<i8").tobytes()))
-    dither = generator.uniform(-0.5, 0.5, len(rows)) * _senses(values[rows])
-    return Thinned(rows, values[rows] + step * dither)
+    return Thinned(rows, values[rows] + generator.uniform(-0.5, 0.5, len(rows)) * step)
 
 
 def dithered(rms: float, step: float) -> float:
@@ -60,17 +59,6 @@ def _apparent(values: Floats) -> float:
     change = np.diff(values)
     turned = np.mean(change[1:] * change[:-1] < 0) if len(change) > 1 else 0.0
     return _INDEPENDENT_STEPS * float(turned) / _TURNED_BACK
-
-
-def _senses(values: Floats) -> Floats:
-    """The sign of the last change before each value, of the first change before that one."""
-    signs = np.sign(np.diff(values, prepend=values[:1]))
-    changed = np.flatnonzero(signs)
-    if not len(changed):
-        return np.ones(len(values))
-    last = np.searchsorted(changed, np.arange(len(values)), side="right") - 1
-    senses: Floats = signs[changed[np.maximum(last, 0)]]
-    return senses
 
 
 def _middles(values: Floats, reach: float) -> NDArray[np.intp]:

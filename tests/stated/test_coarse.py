@@ -5,8 +5,6 @@ import pytest
 
 from helpers.stated import write
 from mopro.experiment.opened import open_experiment
-from mopro.experiment.quantisation import thinned
-from mopro.experiment.stated.system import thinned_experiment
 
 RNG = np.random.default_rng
 STEP = 0.0015
@@ -97,34 +95,6 @@ def test_no_period_below_two_counts_is_named(tmp_path):
     verdict = verdict_of(tmp_path, "1e-3", seed=3)
     periods = [e.parameters["P"].value for e in verdict.effects if "P" in e.parameters]
     assert all(period >= 2 * STEP for period in periods)
-
-
-@pytest.mark.parametrize("factor", [-1.0, 180 / np.pi, 1 / 25.4])
-def test_dither_is_the_same_in_another_unit_and_the_other_sense(factor):
-    t, x = slow(4)
-    read = STEP * np.rint((x + 1e-4 * RNG(4).standard_normal(len(t))) / STEP)
-    one = thinned(read, STEP, 1e-4)
-    other = thinned(factor * read, abs(factor) * STEP, abs(factor) * 1e-4)
-    assert np.array_equal(one.kept, other.kept)
-    assert other.values == pytest.approx(factor * one.values)
-    dither = (one.values - read[one.kept]) / STEP
-    assert np.abs(dither).max() <= 0.5
-    assert np.std(dither) == pytest.approx(12**-0.5, rel=0.1)
-
-
-def test_dither_is_that_of_the_run_in_whatever_order_the_runs_are(tmp_path):
-    for nth in range(2):
-        t, x = slow(nth)
-        read = STEP * np.rint((x + 1e-4 * RNG(nth).standard_normal(len(t))) / STEP)
-        write(tmp_path / f"{nth}.csv", {"time_s": t, "target_rad": x, "angle_rad": read})
-    values = []
-    for order in ("01", "10"):
-        runs = "".join(f'[[run]]\ndata = "{nth}.csv"\n' for nth in order)
-        path = tmp_path / "experiment.toml"
-        path.write_text(TEXT.format(noise="1e-4") + runs, encoding="utf-8")
-        trials = thinned_experiment(open_experiment(path).system.stated).trials
-        values.append({run.name: run.readings[0].values.tolist() for run in trials})
-    assert values[0] == values[1]
 
 
 def test_no_draft_is_of_a_period_below_two_counts(tmp_path):

@@ -17,7 +17,7 @@ from mopro.engine.residuals import Residuals, without_wild
 from mopro.engine.series import Floats, Series, Settings
 from mopro.engine.verdict import Verdict, rms
 from mopro.experiment.comparison import STEADY
-from mopro.experiment.quantisation import dithered, thinned
+from mopro.experiment.quantisation import SEED, dithered, thinned
 from mopro.experiment.sawyer.candidates import candidates, in_one_run, unlisted
 from mopro.experiment.sawyer.consistency import check
 from mopro.experiment.sawyer.design import propose
@@ -174,10 +174,11 @@ class Sawyer(System):
 
 def thinned_experiment(experiment: Experiment) -> Experiment:
     """`experiment` with coarse readings thinned, their noise increased accordingly."""
+    generator = np.random.default_rng(SEED)
 
     def own(reading: Reading) -> Reading:
         sensor = reading.sensor
-        kept = thinned(reading.values, sensor.adc_step, sensor.noise_rms)
+        kept = thinned(reading.values, sensor.adc_step, sensor.noise_rms, generator)
         if kept is None:
             return reading
         noise = dithered(sensor.noise_rms, sensor.adc_step)

@@ -16,7 +16,7 @@ from mopro.engine.residuals import Residuals
 from mopro.engine.series import Floats, Series
 from mopro.engine.verdict import Verdict
 from mopro.errors import DataError
-from mopro.experiment.quantisation import dithered, thinned
+from mopro.experiment.quantisation import SEED, dithered, thinned
 from mopro.experiment.stated.entries import StatedEntries
 from mopro.experiment.stated.from_kind import completed
 from mopro.experiment.stated.next_run import propose
@@ -193,8 +193,10 @@ def stated_system(entries: StatedEntries, allow_python: bool = False) -> Stated:
 
 def thinned_experiment(stated: StatedExperiment) -> StatedExperiment:
     """`stated` with coarse readings thinned, their noise increased accordingly; itself without."""
+    generator = np.random.default_rng(SEED)
     trials = tuple(
-        replace(run, readings=tuple(map(_thinned, run.readings))) for run in stated.trials
+        replace(run, readings=tuple(_thinned(reading, generator) for reading in run.readings))
+        for run in stated.trials
     )
     same = all(map(operator.is_, _readings(trials), _readings(stated.trials)))
     return stated if same else replace(stated, trials=trials)
@@ -204,12 +206,12 @@ def _readings(trials: Sequence[Run]) -> list[Reading]:
     return [reading for run in trials for reading in run.readings]
 
 
-def _thinned(reading: Reading) -> Reading:
+def _thinned(reading: Reading, generator: np.random.Generator) -> Reading:
     sensor, rms = reading.sensor, reading.sensor.noise_rms
     if not sensor.step:
         return reading
     noise = None if rms is None else math.sqrt(max(rms**2 - sensor.step**2 / 12, 0.0))
-    kept = thinned(reading.values, sensor.step, noise)
+    kept = thinned(reading.values, sensor.step, noise, generator)
     if kept is None:
         return reading
     sensor = replace(sensor, noise_rms=None if rms is None else dithered(rms, sensor.step))
