@@ -10,9 +10,6 @@ import pytest
 import mopro
 from helpers.signals import candidates, diagnosed, measured, names, of_size, sizes, times
 from mopro.engine import Candidate, Parameter, Role, Series
-from mopro.engine.freeform.proportional import lag_term
-from mopro.engine.freeform.with_laws import WithLaws
-from mopro.engine.lag import lag
 from mopro.engine.residuals import Residuals
 from mopro.engine.search import screening
 from mopro.engine.search.hypotheses import Hypotheses
@@ -703,24 +700,3 @@ def test_what_a_search_finds_beyond_all_bounds_ends_nothing(found):
     wild = replace(wild, find_starts=lambda view: iter([{"size": found}]))
     verdict = diagnosed(simulate, [there, wild], of_size(there=1.0), 0.1, 3)
     assert (verdict.verdict, names(verdict)) == ("named", {"there"})
-
-
-@pytest.mark.parametrize(("begun", "length_s"), [(0.02, 5.0), (0.02, 60.0), (0.3, 60.0)])
-def test_a_free_lag_does_what_a_listed_one_does_whatever_they_are_probed_at(begun, length_s):
-    """The free one is tried at a share of the length of the data, the listed one at its start."""
-    t = np.arange(0.0, length_s, 0.01)
-    ramp = np.abs((t + 1) % 4 - 2)
-
-    def simulate(settings):
-        tau = settings.get("lag", {"tau": 0.0})["tau"]
-        return [lag(t, ramp, tau) + settings.get("scale", {"k": 0.0})["k"] * ramp]
-
-    effects = [
-        Candidate("lag", (Parameter("tau", "s", 0.0, 1.0, (begun,)),)),
-        Candidate("scale", (Parameter("k", "1", -1.0, 1.0, (0.01,)),)),
-    ]
-    data = [Series("run", "place", "mm", lag(t, ramp, 0.1), 0.01, t)]
-    hypotheses = Hypotheses(Residuals(simulate, data), effects)
-    (free,) = lag_term("place", data)
-    hypotheses.join([free], WithLaws(simulate, data, [free]), None)
-    assert Screening(hypotheses).listed_like(free) == {("lag", "")}

@@ -16,7 +16,6 @@ from mopro.engine.search.hypotheses import Hypotheses
 from mopro.engine.search.linear_subset import LinearSubset, LinearSubsets
 from mopro.engine.search.signature import (
     Group,
-    Probe,
     ScoreTest,
     alike,
     beside,
@@ -192,31 +191,16 @@ class Screening:
         Those that do more with it are among them, as a friction with Stribeck's peak.
         """
         null, listed = self._hypotheses.null, [c for c in self._hypotheses.catalogue if not c.law]
-        own = [group[0] for group in self._signatures(null, law)]
+        own = self._signatures(null, law)
         same = [
             candidate
             for candidate in listed
             for group in self._signatures(null, candidate)
             for other in group
-            if any(alike(one, other) for one in (*own, *self._as_large(law, candidate, other)))
+            for (one, *_) in own
+            if alike(one, other)
         ]
         return {c.key for c in listed for o in same if c is o or c.nests(o)}
-
-    def _as_large(self, law: Candidate, candidate: Candidate, other: Probe) -> Group:
-        """The signature of a law where its only number is that of a listed effect, in one unit.
-
-        Two lags are one law, of another shape at each time constant.
-        """
-        if len(law.parameters) > 1 or len(candidate.parameters) > 1:
-            return ()
-        (own,), (listed,) = law.parameters, candidate.parameters
-        value = other.values[listed.name]
-        if own.role is not Role.AMPLITUDE or own.unit != listed.unit:
-            return ()
-        if not own.low <= value <= own.high:
-            return ()
-        start = {law.name: {own.name: value}}
-        return probed_at(self._hypotheses.residuals, self._hypotheses.null, law, start)
 
     def predicted_ebic(self, base: Fit, score: ScoreTest) -> float:
         """Predicted EBIC of `base` with a candidate added, for white noise."""
