@@ -130,6 +130,6 @@ def test_a_mistyped_column_names_the_nearest_and_all(recording):
         _ = recording["positon_1_m"]
     words = "there is no column 'positon_1_m': did you mean 'position_1_m'? There are time_s, "
     assert str(caught.value).startswith(words)
-    with pytest.raises(KeyError, match=re.escape("no column 0; There are")):
+    with pytest.raises(KeyError, match=re.escape("no column 0. There are")):
         _ = recording[0]
     assert len(repr(recording)) < 2000

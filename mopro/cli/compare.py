@@ -181,20 +181,20 @@ def _print_gaps(gaps: Sequence[dict[str, object]]) -> None:
 
 
 def _print_carried(held: Sequence[Carried]) -> None:
-    from mopro.experiment.wording import interval_words, value_words
-
-    rows = [
-        [
-            f"{own.effect}.{own.parameter}",
-            value_words(replace(own.here, value=own.filed)),
-            value_words(own.here),
-            interval_words(own.here),
-            own.word,
-        ]
-        for own in held
-    ]
+    rows = [[f"{own.effect}.{own.parameter}", *_values(own), own.word] for own in held]
     if rows:
         print_table(_CARRIED, rows, _MOST_ROWS)
+
+
+def _values(own: Carried) -> list[str]:
+    """The number in the file, as fitted here, and its interval."""
+    from mopro.experiment.wording import interval_words, value_words
+
+    here = own.here
+    if here is None:
+        return [f"{own.filed:.4g} {own.unit}".rstrip(), "-", "-"]
+    filed = value_words(replace(here, value=own.filed))
+    return [filed, value_words(here), interval_words(here)]
 
 
 def _size(value: object, unit: str, form: str = ".3g") -> str:

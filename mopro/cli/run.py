@@ -78,7 +78,9 @@ DEFAULT_OUT = "run.parquet"
 @click.option(
     "--columns",
     metavar="NAME,...",
-    callback=lambda context, option, text: tuple(text.split(",")) if text else (),
+    callback=lambda context, option, text: tuple(
+        name.strip() for name in (text or "").split(",") if name.strip()
+    ),
     help="Store these columns only, and time_s; 'position_*' is that of each axis.",
 )
 @click.option("--force", is_flag=True, help="Let --out replace a file that is no recording.")

@@ -93,7 +93,7 @@ class UnknownColumn(KeyError):
 
     def __str__(self) -> str:
         near = get_close_matches(str(self._name), self._columns, n=1)
-        hint = f": did you mean {near[0]!r}?" if near else ";"
+        hint = f": did you mean {near[0]!r}?" if near else "."
         return f"there is no column {self._name!r}{hint} There are {', '.join(self._columns)}"
 
 
