@@ -50,7 +50,7 @@ class Carried:
 def carried(system: System) -> tuple[Carried, ...]:
     """Each number of the effects that the machine's file has on in these runs, fitted anew.
 
-    Numbers of one run, as the phase of a hum, are fitted beside them.
+    Numbers that each run has of its own, as an angle, are fitted beside them.
     """
     filed, chosen = system.filed, dict[str, Candidate]()
     if not filed:
