@@ -81,7 +81,7 @@ def main() -> None:
 def _fitted(task: tuple[tuple[str, ...], dict[str, Path]]) -> Fitted:
     motions, where = task
     with tempfile.TemporaryDirectory() as folder:
-        path = _written(Path(folder), motions, where)
+        path = written(Path(folder), motions, where)
         conclusion = open_experiment(path).conclude()
     names = tuple(sorted(effect.name for effect in conclusion.verdict.effects))
     return Fitted(motions, conclusion.verdict.verdict, names, conclusion.machine_text)
@@ -91,7 +91,7 @@ def _predicted(task: tuple[str, str, dict[str, Path]]) -> tuple[float, float]:
     """RMS residual of a motion without a repair, and by a machine file."""
     motion, text, where = task
     with tempfile.TemporaryDirectory() as folder:
-        path = _written(Path(folder), (motion,), where)
+        path = written(Path(folder), (motion,), where)
         applied = Path(folder) / "applied.toml"
         applied.write_text(text, "utf-8")
         stated = experiment_file(path)
@@ -99,7 +99,7 @@ def _predicted(task: tuple[str, str, dict[str, Path]]) -> tuple[float, float]:
         return before, stated.opened(str(applied)).compare().series[0].rms
 
 
-def _written(folder: Path, motions: tuple[str, ...], where: dict[str, Path]) -> Path:
+def written(folder: Path, motions: tuple[str, ...], where: dict[str, Path]) -> Path:
     runs = "".join(f'\n[[run]]\ndata = "{m}.csv"\n' for m in motions)
     for motion in motions:
         (folder / f"{motion}.csv").write_bytes(where[motion].read_bytes())

@@ -18,7 +18,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from carry_over import _written
+from carry_over import written
 
 ROOT = Path(__file__).parents[1]
 DIAGNOSIS = """
@@ -43,7 +43,7 @@ def main() -> None:
     motions = tuple(options.motions)
     where = {m: options.folder / f"{m}_joint{options.joint}.csv" for m in motions}
     with tempfile.TemporaryDirectory() as folder:
-        path = _written(Path(folder), motions, where)
+        path = written(Path(folder), motions, where)
         rounds = [[_diagnosed(r, path) for r in (options.against.resolve(), ROOT)]
                   for _ in range(options.repeat)]  # fmt: skip
     (before, told_before), (after, told) = (min(own) for own in zip(*rounds, strict=True))

@@ -164,7 +164,10 @@ def _source(
     allow_python: bool,
     answers_from: Path | None,
 ) -> VerdictSource:
-    """Where verdicts come from, for `jobs` asked at once; DataError for programs not allowed."""
+    """The source of the verdicts, of which `jobs` are asked for at once.
+
+    DataError for programs that are not allowed to run.
+    """
     from mopro.blind.scoring.verdict_source import VerdictSource
 
     if not (allow_python or answers_from) and (programs := cases.programs):

@@ -54,6 +54,11 @@ def angle_in(run: int, angle: str) -> str:
     return f"{angle}_{run + 1}"
 
 
+def without_run(name: str) -> str:
+    """The `per_run` parameter that has this name in one run (see `angle_in`)."""
+    return name.rpartition("_")[0]
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect.

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from mopro.effects.effect import without_run
 from mopro.engine import reconcile
 from mopro.engine.assumed import PROPORTIONAL
 from mopro.engine.candidate import Candidate, Parameter, Role
@@ -105,8 +106,8 @@ def _fitted_in(candidate: Candidate, own: Mapping[str, float]) -> set[str]:
 
 def _is_of(parameter: Parameter, name: str) -> bool:
     """True if it is the file's number `name`; that of a run has the run's number after it."""
-    in_run = parameter.name.rpartition("_")[0] if parameter.run is not None else parameter.name
-    return in_run == name
+    own = parameter.name
+    return (own if parameter.run is None else without_run(own)) == name
 
 
 def _filed(parameter: Parameter, own: Mapping[str, float]) -> float:

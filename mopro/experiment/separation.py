@@ -1,22 +1,37 @@
-"""How far apart a run holds the explanations of a verdict, for designs of the next experiment."""
+"""Separation of the alternatives of a verdict by a run (σ), to design the next experiment."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from itertools import combinations
 
 import numpy as np
 
-from mopro.engine.series import Floats
+from mopro.engine.series import Floats, Settings
+from mopro.engine.verdict import Named, Verdict
 
 # In σ: a pair so far apart needs no more data. A margin of ten in χ² is then nearly certain
 # even if the effect is a fifth smaller than estimated.
 AMPLE_SIGMAS = 8.0
 # In σ: a pair that is no further apart is not separated.
 LEAST_SIGMAS = 2.0
-MOST_ALTERNATIVES = 8
+_MOST_ALTERNATIVES = 8
 
 Pairs = Mapping[tuple[str, str], float]
+# An effect by its name, and the settings of the whole model with it.
+Side = tuple[str, Settings]
+
+
+def family_pairs(verdict: Verdict, effect: Named) -> Iterator[tuple[Side, Side]]:
+    """All pairs of an effect of a verdict and its alternatives."""
+    alternatives = list(effect.alternatives.items())[:_MOST_ALTERNATIVES]
+    return combinations([(effect.name, verdict.settings), *alternatives], 2)
+
+
+def size_error(effect: Named) -> float:
+    """Relative standard error of the size of an effect, by the σ that it explains."""
+    return 1 / max(effect.sigmas, 1.0)
 
 
 def score(squares: Floats) -> Floats:
@@ -42,7 +57,7 @@ def sigma_words(sigmas: float) -> str:
 
 
 def separation_words(pairs: Pairs, named: Collection[str]) -> str:
-    """What a run should separate from the `named` effects, and what it does not distinguish."""
+    """Text: separation (σ) of each alternative of the `named` effects; pairs not separated."""
     separations = from_named(pairs, named)
     separated = [f"{n} by {sigma_words(s)}" for n, s in separations.items() if s > LEAST_SIGMAS]
     alike = [name for name, s in separations.items() if s <= LEAST_SIGMAS]

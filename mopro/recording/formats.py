@@ -44,71 +44,79 @@ _PAGE_BYTES = 8 * _MOST_ROWS
 
 @contextmanager
 def _parquet_sink(path: Path, header: Header) -> Iterator[FileSink]:
-    """Parquet of floats split by bytes: neighbours share the upper ones, loops share them all."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    def arrow_array(values: NDArray[Any]) -> Any:
-        """Arrow array on the same memory; pa.array would import pandas for a type check."""
-        buffer = pa.py_buffer(np.ascontiguousarray(values))
-        return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, buffer])
-
-    def opened(schema: Any) -> Any:
-        floats = [f.name for f in schema if pa.types.is_floating(f.type)]
-        # Of old, pages had no limit of rows.
-        limits = {"max_rows_per_page": _MOST_ROWS} if _has_row_limit(pq.ParquetWriter) else {}
-        return pq.ParquetWriter(
-            draft,
-            schema,
-            # A stored schema would hide metadata that are added after it.
-            store_schema=False,
-            compression="zstd",
-            compression_level=3,
-            use_dictionary=[f.name for f in schema if f.name not in floats],
-            column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
-            data_page_size=_PAGE_BYTES,
-            **limits,
-        )
-
-    class ParquetSink:
-        writer: Any = None
-        run: Run | None = None
-
-        def __init__(self, header: Header) -> None:
-            self.header = header
-            self.held = _Held()
-
-        def write(self, columns: Columns) -> None:
-            self.held.add(columns)
-            if self.held.rows >= _MOST_ROWS or self.held.bytes >= _MOST_HELD:
-                self.flush()
-
-        def flush(self) -> None:
-            parts, self.held = self.held.parts, _Held()
-            if not parts:
-                return
-            table = pa.table(
-                {
-                    name: pa.chunked_array([arrow_array(part[name]) for part in parts])
-                    for name in parts[0]
-                }
-            )
-            if self.writer is None:
-                self.writer = opened(table.schema)
-            self.writer.write_table(table)
-
-        def close(self) -> None:
-            if self.writer is not None:
-                self.writer.add_key_value_metadata({KEY: _header_text(self)})
-                self.writer.close()
-
+    """Parquet in groups of up to _MOST_ROWS rows, written as they are complete."""
     with output(path) as draft:
-        sink = ParquetSink(header)
+        sink = _ParquetSink(draft, header)
         try:
             yield sink
             sink.flush()
         finally:
             sink.close()
+
+
+class _ParquetSink:
+    """Writes groups of rows of Parquet, and the header below them when it closes."""
+
+    run: Run | None = None
+
+    def __init__(self, draft: Path, header: Header) -> None:
+        self.header = header
+        self._draft = draft
+        self._held = _Held()
+        self._writer: Any = None
+
+    def write(self, columns: Columns) -> None:
+        self._held.add(columns)
+        if self._held.rows >= _MOST_ROWS or self._held.bytes >= _MOST_HELD:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the rows that wait."""
+        import pyarrow as pa
+
+        parts, self._held = self._held.parts, _Held()
+        if not parts:
+            return
+        columns = {n: pa.chunked_array([_arrow_array(p[n]) for p in parts]) for n in parts[0]}
+        table = pa.table(columns)
+        if self._writer is None:
+            self._writer = _parquet_writer(self._draft, table.schema)
+        self._writer.write_table(table)
+
+    def close(self) -> None:
+        if self._writer is not None:
+            self._writer.add_key_value_metadata({KEY: _header_text(self)})
+            self._writer.close()
+
+
+def _arrow_array(values: NDArray[Any]) -> Any:
+    """Arrow array on the same memory; pa.array would import pandas for a type check."""
+    import pyarrow as pa
+
+    buffer = pa.py_buffer(np.ascontiguousarray(values))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, buffer])
+
+
+def _parquet_writer(draft: Path, schema: Any) -> Any:
+    """Writer of Parquet with floats split by bytes: neighbours share the upper ones."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    floats = [f.name for f in schema if pa.types.is_floating(f.type)]
+    # Of old, pages had no limit of rows.
+    limits = {"max_rows_per_page": _MOST_ROWS} if _has_row_limit(pq.ParquetWriter) else {}
+    return pq.ParquetWriter(
+        draft,
+        schema,
+        # A stored schema would hide metadata that are added after it.
+        store_schema=False,
+        compression="zstd",
+        compression_level=3,
+        use_dictionary=[f.name for f in schema if f.name not in floats],
+        column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+        data_page_size=_PAGE_BYTES,
+        **limits,
+    )
 
 
 def _has_row_limit(writer: type) -> bool:

@@ -55,8 +55,9 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
     if model.machine.kind == "python":
         return found + [_of_foreign(effect) for effect in model.forms]
     sized, columns = _sizes(model, settings), _columns(model.forms)
+    waves = any(map(_of_time, model.forms)) and _shows_waves_in_time(model, settings)
     for effect in model.forms:
-        if _of_time(effect) and not _shows_waves_in_time(model, settings):
+        if _of_time(effect) and not waves:
             continue
         made = _candidate(model, effect, data, settings, sized, columns.get(effect))
         if made is not None:

@@ -240,11 +240,17 @@ def test_the_model_alone_is_where_its_last_fit_ended():
 def test_effects_that_are_given_are_fitted_beside_the_numbers_of_the_model():
     """Also one that is not there, whatever the evidence: its interval holds 0."""
     start = of_size(line=0.2, other=0.2)
+
+    def both(settings):
+        (other,) = sizes(settings, "other")
+        return [decaying(settings)[0] + other * np.sin(5 * T)]
+
     answer = mopro.reconcile(
-        decaying, candidates("line", "other"), run(of_size(line=0.5)), base=BASE,
+        both, candidates("line", "other"), run(of_size(line=0.5)), base=BASE,
         passes=[fit_given(start)],
     )  # fmt: skip
     found = {effect.name: effect.parameters["size"] for effect in answer.effects}
     assert found["line"].value == pytest.approx(0.5, abs=0.05)
-    assert found["other"].ci95[0] < 0 < found["other"].ci95[1]
+    low, high = found["other"].ci95
+    assert -0.1 < low < 0 < high < 0.1
     assert answer.base["k"].value == pytest.approx(4.0, abs=0.1)

@@ -55,6 +55,17 @@ enters = "friction"
 formula = "F1 * abs(x)"
 F1 = { unit = "N/m" }
 """
+# A slide that goes where it is told, without its runs; `follows` states those.
+_FOLLOWS = """\
+machine = "kinematic"
+[inputs]
+command = { column = "target_mm" }
+[[sensor]]
+name = "scale"
+quantity = "position"
+column = "position_mm"
+noise_rms = NOISE_RMS
+"""
 DRIVEN = """\
 machine = "machine.toml"
 
@@ -106,3 +117,9 @@ def screw_log(places_mm, speed_mm_s, rest_s, *, play=0.06, ripple=0.02, scale=1.
         cells = f"{1000 + step * n:.3f}", f"{own:.3f}" if changed else "", f"{read:.3f}"
         lines.append(";".join(cells).replace(".", ","))
     return "\n".join(lines) + "\n"
+
+
+def follows(noise_rms, *files):
+    """An experiment on a slide (mm) that goes where it is told, with a run in each of the files."""
+    runs = "".join(f'[[run]]\ndata = "{file}"\n' for file in files)
+    return _FOLLOWS.replace("NOISE_RMS", str(noise_rms)) + runs

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from helpers.commands import run_here
-from helpers.stated import write
+from helpers.stated import follows, write
 
 RNG = np.random.default_rng
 T = np.arange(0, 12, 0.02)
@@ -39,18 +39,7 @@ def sizes(answer):
     }
 
 
-FOLLOWS = """\
-machine = "kinematic"
-[inputs]
-command = { column = "target_mm" }
-[[sensor]]
-name = "scale"
-quantity = "position"
-column = "position_mm"
-noise_rms = 0.02
-[[run]]
-data = "run.csv"
-"""
+FOLLOWS = follows(0.02, "run.csv")
 
 
 def test_a_bare_kinematic_machine_has_backlash(tmp_path):

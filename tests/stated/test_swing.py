@@ -3,21 +3,13 @@
 import numpy as np
 import pytest
 
-from helpers.stated import write
+from helpers.stated import follows, write
 from mopro.engine.swing import swing
 from mopro.experiment.opened import open_experiment
 
-FRAME = """\
-machine = "kinematic"
-[inputs]
-command = { column = "target_mm" }
-[[sensor]]
-name = "scale"
-quantity = "position"
-column = "position_mm"
-noise_rms = 0.002
-[[run]]
-data = "run.csv"
+FRAME = (
+    follows(0.002, "run.csv")
+    + """\
 [[effect]]
 name = "frame that gives way"
 enters = "measurement"
@@ -26,6 +18,7 @@ c = { unit = "s2" }
 f = { unit = "Hz", role = "shape", range = [1, 8] }
 zeta = { unit = "1", role = "shape", range = [0.01, 0.5] }
 """
+)
 
 
 @pytest.mark.parametrize("size", [1e-4, 0.0])

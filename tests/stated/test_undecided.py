@@ -6,20 +6,11 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.stated import DRIVE, DRIVEN, driven, write
+from helpers.stated import DRIVE, DRIVEN, driven, follows, write
 from mopro.experiment.opened import open_experiment
 from mopro.experiment.stated.other_motions import Motion, moved, other_motions
 
-HEAD = """\
-machine = "kinematic"
-[inputs]
-command = { column = "target_mm" }
-[[sensor]]
-name = "scale"
-quantity = "position"
-column = "position_mm"
-noise_rms = 0.005
-"""
+HEAD = follows(0.005)
 TIMES = np.arange(0, 60, 0.05)
 MOTIONS = {
     "sine": 5 - 5 * np.cos(2 * math.pi * 0.1 * TIMES),

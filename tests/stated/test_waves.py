@@ -5,20 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from helpers.stated import write
+from helpers.stated import follows, write
 from mopro.experiment.opened import open_experiment
 
 RNG = np.random.default_rng
-HEAD = """\
-machine = "kinematic"
-[inputs]
-command = { column = "target_mm" }
-[[sensor]]
-name = "scale"
-quantity = "position"
-column = "position_mm"
-noise_rms = 0.002
-"""
+HEAD = follows(0.002)
 
 
 def wave(angle, sizes):

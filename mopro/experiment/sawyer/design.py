@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, groupby
+from itertools import groupby
 
 import numpy as np
 
@@ -31,11 +31,12 @@ from mopro.experiment.sawyer.trials import Experiment, Floats, Reading, Trial
 from mopro.experiment.separation import (
     AMPLE_SIGMAS,
     LEAST_SIGMAS,
-    MOST_ALTERNATIVES,
     distance,
+    family_pairs,
     from_named,
     score,
     separation_words,
+    size_error,
 )
 from mopro.experiment.system import Proposal
 from mopro.instruments.quantity import QUANTITIES
@@ -89,13 +90,10 @@ def propose(experiment: Experiment, verdict: Verdict) -> Proposal | None:
 
 def _pairs(verdict: Verdict, effect: Named) -> list[_Pair]:
     """All pairs of `effect` and its alternatives."""
-    size_error = 1 / max(effect.sigmas, 1.0)
-    alternatives = list(effect.alternatives.items())[:MOST_ALTERNATIVES]
-    family = [(effect.name, verdict.settings), *alternatives]
-    shifted = tuple(_shifted(verdict, effect))
+    error, shifted = size_error(effect), tuple(_shifted(verdict, effect))
     return [
-        _Pair((name, other), settings, others, size_error, verdict.settings, shifted)
-        for (name, settings), (other, others) in combinations(family, 2)
+        _Pair((name, other), settings, others, error, verdict.settings, shifted)
+        for (name, settings), (other, others) in family_pairs(verdict, effect)
     ]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -15,14 +14,15 @@ from mopro.engine.verdict import Named, Verdict
 from mopro.experiment.separation import (
     AMPLE_SIGMAS,
     LEAST_SIGMAS,
-    MOST_ALTERNATIVES,
+    family_pairs,
     from_named,
     score,
     separation_words,
     sigma_words,
+    size_error,
 )
 from mopro.experiment.stated.other_motions import driving
-from mopro.experiment.stated.other_runs import Apart, OtherRun, other_runs, size_error, states
+from mopro.experiment.stated.other_runs import Apart, OtherRun, other_runs, states
 from mopro.experiment.system import Proposal
 from mopro.formula import factor_of
 from mopro.formula.evaluate import Floats
@@ -88,10 +88,8 @@ def propose(model: Model, verdict: Verdict) -> Proposal | None:
 
 def _pairs(verdict: Verdict, effect: Named) -> Iterator[_Pair]:
     """All pairs of an effect and its alternatives."""
-    alternatives = list(effect.alternatives.items())[:MOST_ALTERNATIVES]
-    family = [(effect.name, verdict.settings), *alternatives]
-    for (name, one), (rival, other) in combinations(family, 2):
-        yield _Pair((name, rival), one, other, size_error(effect.sigmas))
+    for (name, one), (rival, other) in family_pairs(verdict, effect):
+        yield _Pair((name, rival), one, other, size_error(effect))
 
 
 def _partings(
@@ -150,7 +148,7 @@ class _Shown:
 
 
 def _each(run: OtherRun, pairs: Sequence[_Pair]) -> Iterator[dict[str, Floats]]:
-    """What the machine does in a run under each set of a family."""
+    """States (rows, SI) of the machine in a run, as each set of the pairs predicts them."""
     sides = {key_of(side): side for pair in pairs for side in (pair.one, pair.other)}
     for settings in sides.values():
         yield states(run.model, run.run, settings)

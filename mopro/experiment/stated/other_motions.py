@@ -19,10 +19,10 @@ _KELVIN = dimension_of_unit("K")
 
 @dataclass(frozen=True)
 class Motion:
-    """How a run is changed: `time` and `size` are shares of its length and of what drives it.
+    """Change of a run: `time` and `size` scale its length and its driving inputs.
 
-    `words`: what such a run is, after "a run". `mirrored`: the other way about. `times`: so often
-    forth and back, 0 once forth. `load`: of which other input there is twice as much, None of none.
+    `words`: its description, after "a run". `mirrored`: in the opposite direction. `times`: cycles
+    forth and back, 0 for once forth. `load`: the other input that is doubled, None for none.
     """
 
     words: str
@@ -101,7 +101,7 @@ def _at(run: Run, name: str, times: Floats) -> Floats:
 
 
 def _driven(kind: str, motion: Motion, values: Floats) -> Floats:
-    """What drives the machine: a place about its first one, a force or a power about 0."""
+    """Driving input (rows, SI), scaled: a place about its first value, a force or power about 0."""
     if kind != KINEMATIC:
         return values * (-motion.size if motion.mirrored else motion.size)
     if motion.mirrored:

@@ -20,7 +20,7 @@ from mopro.stated.simulation import Model
 
 @dataclass(frozen=True)
 class Apart:
-    """How far apart two sets are in a run, in σ: over all samples, and the RMS of one sample."""
+    """Difference of two predictions of a run (σ): `sigmas` over all samples, `rms` of a sample."""
 
     sigmas: float
     rms: float
@@ -65,9 +65,10 @@ class OtherRun:
         return self._known[key]
 
     def apart(self, one: Settings, other: Settings, base: Settings, size_error: float) -> Apart:
-        """How far apart two sets are, where the size of the other is known to a share `size_error`.
+        """Difference of the predictions of two sets, less what the size of the other could undo.
 
-        `base`: the settings without either. They are not apart where the model runs away.
+        `size_error`: relative standard error of that size; `base`: the settings without either.
+        NOT_APART where the model runs away.
         """
         first, second, without = (self.under(each) for each in (one, other, base))
         difference, free = first - second, size_error * (second - without)
@@ -92,12 +93,7 @@ def other_runs(model: Model, verdict: Verdict) -> list[OtherRun]:
     ]
 
 
-def size_error(sigmas: float) -> float:
-    """The relative standard error of the size of an effect that explains so many σ."""
-    return 1 / max(sigmas, 1.0)
-
-
 def states(model: Model, run: Run, settings: Settings) -> dict[str, Floats]:
-    """What the machine does in a run (rows, SI): its states, with the speed of an axis."""
+    """States (rows, SI) of the machine in a run, with the speed of an axis."""
     found = model.values_in(run, settings)
     return {name: own for name, own in found.items() if name not in {"t", "a", *run.inputs}}

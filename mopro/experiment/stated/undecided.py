@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from mopro.engine.verdict import Alike, Named, Verdict
-from mopro.experiment.stated.other_runs import OtherRun, other_runs, size_error
+from mopro.experiment.separation import size_error
+from mopro.experiment.stated.other_runs import OtherRun, other_runs
 from mopro.stated.simulation import Model
 
 
@@ -37,7 +38,7 @@ def _lacks(other: Alike, verdict: Verdict) -> bool:
 
 def _is_told(run: OtherRun, other: Alike, verdict: Verdict) -> bool:
     lacking = (effect for effect in verdict.effects if effect.name not in other.names)
-    error = max(size_error(effect.sigmas) for effect in lacking)
+    error = max(size_error(effect) for effect in lacking)
     return run.apart(verdict.settings, other.settings, verdict.base_before, error).told
 
 

@@ -6,22 +6,11 @@ import numpy as np
 import pytest
 
 from helpers.commands import run_here
-from helpers.stated import write
+from helpers.stated import follows, write
 from mopro.engine import Estimate, Parameter, Role
 from mopro.experiment.carried import CARRIED, DIFFERS, NOT_TOLD, _word
 
-EXPERIMENT = """\
-machine = "kinematic"
-[inputs]
-command = { column = "target_mm" }
-[[sensor]]
-name = "scale"
-quantity = "position"
-column = "position_mm"
-noise_rms = 0.01
-[[run]]
-data = "run.csv"
-"""
+EXPERIMENT = follows(0.01, "run.csv")
 MACHINE = """\
 kind = "kinematic"
 name = "slide"
