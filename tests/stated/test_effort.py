@@ -33,7 +33,7 @@ damping = { value = 0.01, unit = "A s", free = true, range = [0, 0.05] }
 """
 
 
-def read(folder, friction, step_s, seed):
+def read(folder, friction, step_s, seed, machine=MACHINE, only=None):
     """The verdict on a current that drives a known motion against `friction` (A) of its speed."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, 1000 * step_s, step_s)
@@ -49,9 +49,10 @@ def read(folder, friction, step_s, seed):
     current = 2e-3 * acceleration + 7e-3 * speed + friction(speed)
     measured = current + 0.004 * rng.standard_normal(len(t))
     write(folder / "run.csv", {"time_s": t, "angle_rad": angle, "current_A": measured})
-    (folder / "machine.toml").write_text(MACHINE, encoding="utf-8")
+    (folder / "machine.toml").write_text(machine, encoding="utf-8")
     (folder / "experiment.toml").write_text(EXPERIMENT, encoding="utf-8")
-    return open_experiment(folder / "experiment.toml").conclude().verdict
+    opened = open_experiment(folder / "experiment.toml")
+    return opened.conclude(left_out=opened.effects - only if only else ()).verdict
 
 
 @pytest.mark.parametrize(("step_s", "seed"), [(0.002, 1), (0.005, 2), (0.02, 3)])
@@ -73,3 +74,13 @@ def test_a_friction_that_is_rounded_is_dry_friction_in_a_wider_form(tmp_path):
 def test_without_friction_none_is_named(tmp_path):
     verdict = read(tmp_path, lambda v: 0 * v, 0.005, 2)
     assert (verdict.verdict, verdict.effects) == ("none", ())
+
+
+def test_a_number_beyond_its_tolerance_is_named_where_nothing_is_an_effect(tmp_path):
+    known = 'inertia = { value = 0.003, unit = "A s2", tolerance = 0.1 }'
+    free = next(line for line in MACHINE.splitlines() if line.startswith("inertia"))
+    machine = MACHINE.replace(free, known)
+    verdict = read(tmp_path, lambda v: 0 * v, 0.005, 2, machine, {"inertia"})
+    (found,) = verdict.effects
+    assert found.name == "inertia"
+    assert found.parameters["inertia"].value == pytest.approx(2e-3, rel=0.03)

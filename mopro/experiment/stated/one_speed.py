@@ -10,6 +10,7 @@ import numpy as np
 from mopro.engine.assumed import VERY_STRONG
 from mopro.engine.series import Series, Settings
 from mopro.engine.verdict import Named, Verdict, rms
+from mopro.experiment.stated.repaired import corrects
 from mopro.formula.evaluate import Floats
 from mopro.formula.expressions import parse, substituted
 from mopro.formula.written import AMPLITUDE, MEASUREMENT, PERIOD, WrittenEffect
@@ -30,7 +31,9 @@ def at_one_speed(model: Model, series: Sequence[Series], verdict: Verdict) -> Ve
     if model.machine.kind != KINEMATIC or model.foreign is not None:
         return verdict
     sigmas = [s.sigma or rms(left) for s, left in zip(series, verdict.after, strict=True)]
-    twins = {e.name: t for e in verdict.effects if (t := _twin(model, e, verdict, sigmas))}
+    # A number of the machine beyond its tolerance is named as well, and has no form.
+    waves = [e for e in verdict.effects if not corrects(model.machine, e.name)]
+    twins = {e.name: t for e in waves if (t := _twin(model, e, verdict, sigmas))}
     kept = {e.name for e in verdict.effects} - twins.keys()
     # A name stands once in a set.
     twins = {name: twin for name, twin in twins.items() if twin[0].name not in kept}

@@ -24,10 +24,10 @@ SHARES = ["motor"] * 2 + ["axis"] * 6 + ["kinematic"] * 5 + ["effort"] * 3 + ["t
 ] * 2  # fmt: skip
 REFUSED, FAILED = "refused", "failed"
 _REFUSAL = re.compile(r"^\S.*?:\d+:\d+: .+ \[([a-z0-9-]+)\]$", re.MULTILINE)
-# Words of libraries and of the interpreter, which tell a person nothing.
+# Words of libraries and of the interpreter, which tell a person nothing; "None: ..." is a verdict.
 _FOREIGN = re.compile(
     r"Warning|Traceback|numpy|scipy|numba|\blark\b|LinAlg|\bx0\b|\bbounds\b|\barrays?\b|ndarray"
-    r"|\b(nan|inf|NaN|Infinity|None|NoneType)\b|float64|dtype|object has no|operand|broadcast"
+    r"|\b(nan|inf|NaN|Infinity|NoneType)\b|\bNone\b(?!: )|float64|dtype|object has no|operand|broadcast"
     r"|[Ss]ingular matrix|\blstsq\b|Error\b|infeasible|residuals are|not finite in",
 )
 # A cell that is `nan` is shown where it is refused; a blank line of the log stands between rules.
