@@ -24,6 +24,9 @@ DIFFERENCE = 1e-6
 # within which a start is looked for.
 _FIRST = 9
 _REACH = 3.0
+# Standard deviations about its first reading within which a node begins: of ten million starts two
+# begin elsewhere, so that no end of the range decides.
+_BEGINS_WITHIN = 6.0
 # Standard deviation of where a line through one reading and one twice as late leads back to, of
 # readings with a deviation of 1.
 _LED_BACK = math.sqrt(5.0)
@@ -104,8 +107,9 @@ def _first_temperature(run: Run, node: str) -> tuple[float, float]:
     reading = reading or run.readings[0]
     if reading.sensor.zero is None:
         return reading.first, _REACH_C
-    sigma = reading.sensor.noise_rms or _noise_among_neighbours(run, reading)
-    reach = _REACH * sigma * (_LED_BACK if reading.first_is_wild else 1.0)
+    # The stated noise may be too small.
+    sigma = max(reading.sensor.noise_rms or 0.0, _noise_among_neighbours(run, reading))
+    reach = _BEGINS_WITHIN * sigma * (_LED_BACK if reading.first_is_wild else 1.0)
     return reading.first, min(reach, _REACH_C)
 
 

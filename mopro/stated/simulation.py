@@ -45,6 +45,8 @@ Simulate = Callable[[Mapping[str, float], Mapping[str, Floats]], Mapping[str, An
 _MOST_HALVINGS = 6
 # Change by a halved step, as a share of the range of a state, that is small enough.
 _STEP_ERROR = 1e-4
+# Share of an effect's response by which the rounding of later times may change it.
+_SAME_RESPONSE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,31 @@ class Model:
         other.experiment = replace(self.experiment, trials=tuple(trials))
         other._steps, other._rates = {}, {}
         vars(other).pop("readings", None)
+        return other
+
+    def hangs_on_the_clock(self, name: str, settings: Settings) -> bool:
+        """True if what an effect of a program does is another thing where all runs begin later.
+
+        Formulas tell whether they have `t`; a program is asked, with the time of each run later by
+        the length of that run.
+        """
+        if self.foreign is None or name not in self._by_name:
+            return False
+        without = {other: own for other, own in settings.items() if other != name}
+        early, late = (
+            np.concatenate([a - b for a, b in zip(m(settings), m(without), strict=True)])
+            for m in (self, self._later())
+        )
+        most = float(np.max(np.abs(early), initial=0.0))
+        return not np.max(np.abs(late - early), initial=0.0) <= _SAME_RESPONSE * most
+
+    def _later(self) -> Model:
+        """This model of a program with the time column of each run later by its length."""
+        other, columns = copy(self), []
+        for run, own in zip(self.experiment.trials, self.experiment.columns, strict=True):
+            heading = run.headings["t"][0]
+            columns.append({**own, heading: own[heading] + np.ptp(own[heading])})
+        other.experiment = replace(self.experiment, columns=tuple(columns))
         return other
 
     # -- numbers and effects -----------------------------------------------------------

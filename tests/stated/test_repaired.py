@@ -83,7 +83,7 @@ def test_a_number_called_as_a_parameter_keeps_its_own_value(
     values = {n: 0.125 + 0.01 * i for i, n in enumerate(parameters)}
     base = {clash: 0.7123456789, "viscous": 3.0, "w2": 20.0}
     found = verdict(system, base, {(name, form): values})
-    text = machine_text(system.experiment, found)
+    text = machine_text(system.model, found)
     written = tomllib.loads(text)
     assert written["base"][clash]["value"] == 0.71234568
     assert written["effects"][name][clash]["value"] == values[clash]
@@ -99,7 +99,7 @@ def test_a_free_number_called_as_an_effect_is_another_thing(tmp_path, name):
     base = {name: 0.75, "viscous": 3.0, "w2": 20.0}
     found = verdict(system, base, {(name, ""): {name: 5.0}})
     assert system.model.values(found.settings)[name] == 0.75
-    text = machine_text(system.experiment, found)
+    text = machine_text(system.model, found)
     written = tomllib.loads(text)
     assert written["base"][name]["value"] == 0.75
     assert written["effects"][name][name]["value"] == 5.0
@@ -140,7 +140,7 @@ SPELLINGS = {name: LAW + text for name, text in SPELLINGS.items()}
 def test_a_file_is_written_as_fitted_or_refused_with_what_to_do(tmp_path, machine):
     system = studied(tmp_path, machine)
     found = verdict(system, {"w2": 20.0}, {("viscous_drag", ""): {"b": 3.0}})
-    text = machine_text(system.experiment, found)
+    text = machine_text(system.model, found)
     again = system.again(found, text)
     if again.fault is None:
         written = tomllib.loads(text)
@@ -157,7 +157,7 @@ def test_a_file_is_written_as_fitted_or_refused_with_what_to_do(tmp_path, machin
 def test_a_number_is_written_however_its_key_is_spelled(tmp_path, name):
     system = studied(tmp_path, SPELLINGS[name])
     found = verdict(system, {"w2": 20.0}, {})
-    assert system.again(found, machine_text(system.experiment, found)).fault is None
+    assert system.again(found, machine_text(system.model, found)).fault is None
 
 
 def test_an_effect_of_the_experiment_replaces_that_of_the_machine(tmp_path):
@@ -165,7 +165,7 @@ def test_an_effect_of_the_experiment_replaces_that_of_the_machine(tmp_path):
     machine = SPELLINGS["in one line each"] + own.format("-q * v", "1/s")
     system = studied(tmp_path, machine, BY_VOLTS + own.format("-q * x", "1/s2"))
     found = verdict(system, {"w2": 20.0}, {("mine", ""): {"q": 4.0}})
-    text = machine_text(system.experiment, found)
+    text = machine_text(system.model, found)
     assert [e["formula"] for e in tomllib.loads(text)["effect"]] == ["-q * x"]
     assert system.again(found, text).fault is None
 
@@ -176,7 +176,7 @@ def test_an_effect_that_is_on_keeps_the_formula_that_the_experiment_states(tmp_p
     text = DRIVEN + FRICTION_OF_PLACE
     system = studied(tmp_path, DRIVE + own + "\n" + on, text)
     found = verdict(system, {"viscous": 2.5}, {})
-    written = machine_text(system.experiment, found)
+    written = machine_text(system.model, found)
     assert written.count('formula = "F1 * abs(x)"') == written.count("formula") == 1
     assert system.again(found, written).fault is None
 
@@ -233,9 +233,46 @@ def test_effects_of_the_machine_file_reach_a_program(tmp_path):
     (read,) = system.model({BASE: {"g": 1.5}})
     assert read == pytest.approx(4.5 * system.experiment.columns[0]["force_N"])
     found = verdict(system, {"g": 1.5}, {("one", ""): {"f": 0.125}})
-    text = machine_text(system.experiment, found)
+    text = machine_text(system.model, found)
     assert tomllib.loads(text)["effects"]["one"]["f"]["value"] == 0.125
     assert system.again(found, text).fault is None
+
+
+SLIDE = """\
+kind = "python"
+name = "slide"
+python = "m.py:simulate"
+
+[[effect]]
+name = "creep"
+r = { unit = "mm/s", range = [-1, 1] }
+
+[[effect]]
+name = "late"
+d = { unit = "s", range = [0, 0.2] }
+"""
+
+
+@pytest.mark.parametrize(("on", "off"), [("creep", "late"), ("late", "creep")])
+def test_what_a_program_makes_of_the_clock_stays_with_its_runs(tmp_path, on, off):
+    """A program that is called with a later clock tells which effect is one of the run's time."""
+    (tmp_path / "m.py").write_text(
+        "import numpy as np\n\n\ndef simulate(n, columns):\n"
+        "    t, told = columns['time_s'], columns['command_mm']\n"
+        "    return {'scale': np.interp(t - n['d'], t, told) + n['r'] * t}\n"
+    )
+    path = stage(tmp_path, "run.csv")
+    (tmp_path / "machine.toml").write_text(SLIDE)
+    t, rng = np.arange(0, 8, 0.02), np.random.default_rng(4)
+    d, r = (0.0, 0.05) if on == "creep" else (0.07, 0.0)
+    read = 10 * np.sin(np.maximum(t - d, 0.0)) + r * t + 0.01 * rng.standard_normal(len(t))
+    columns = {"time_s": t, "command_mm": 10 * np.sin(t), "position_mm": read}
+    write(tmp_path / "run.csv", columns)
+    repaired = open_experiment(path, allow_python=True).conclude().repaired
+    assert repaired.of_runs == (("creep",) if on == "creep" else ())
+    effects = tomllib.loads(repaired.text)["effects"]
+    assert list(effects) == [on]
+    assert ("runs" in effects[on]) is (on == "creep")
 
 
 # -- drafts --------------------------------------------------------------------------------
@@ -246,7 +283,7 @@ def test_the_file_has_what_fits_without_the_drafts(tmp_path):
     base = {"g": 0.7, "viscous": 3.0, "w2": 20.0}
     alone = {BASE: {**base, "w2": 22.0}, "bias_force": {"g": 0.25}}
     found = verdict(system, base, {("bias_force", ""): {"g": 0.5}}, without_drafts=alone)
-    text = machine_text(system.experiment, found)
+    text = machine_text(system.model, found)
     written = tomllib.loads(text)
     assert written["base"]["w2"]["value"] == 22.0
     assert written["effects"]["bias_force"]["g"]["value"] == 0.25
@@ -303,7 +340,7 @@ def test_what_is_of_a_run_s_own_time_stays_with_the_run(tmp_path, name, values, 
     path = stage(tmp_path / "fitted", "a.csv", "b.csv", machine=STAGE + own)
     system = open_experiment(path).system
     found = verdict(system, {}, {(name, ""): values, ("scale", ""): {"k": 0.01}})
-    text = machine_text(system.experiment, found)
+    text = machine_text(system.model, found)
     assert system.again(found, text).fault is None
     assert tomllib.loads(text)["effects"][name]["runs"].keys() == {"a.csv", "b.csv"}
     assert "runs" not in tomllib.loads(text)["effects"]["scale"]
@@ -333,7 +370,7 @@ def test_what_is_of_a_run_s_own_time_stays_with_the_run(tmp_path, name, values, 
 def test_a_run_beside_those_of_an_effect_is_without_it(tmp_path):
     path = stage(tmp_path, "a.csv")
     system = open_experiment(path).system
-    text = machine_text(system.experiment, verdict(system, {}, {("drift", ""): {"r": 0.05}}))
+    text = machine_text(system.model, verdict(system, {}, {("drift", ""): {"r": 0.05}}))
     first = (tmp_path / "a.csv").read_bytes()
     both = stage(tmp_path, "a.csv", "b.csv", machine=text, seed=3)
     (tmp_path / "a.csv").write_bytes(first)
@@ -350,7 +387,7 @@ def test_files_of_one_name_in_two_folders_are_two_runs(tmp_path):
         (tmp_path / f"{folder}.csv").rename(tmp_path / folder / "run.csv")
         path.write_text(path.read_text().replace(f"{folder}.csv", f"{folder}/run.csv"))
     system = open_experiment(path).system
-    text = machine_text(system.experiment, verdict(system, {}, {("drift", ""): {"r": 0.05}}))
+    text = machine_text(system.model, verdict(system, {}, {("drift", ""): {"r": 0.05}}))
     assert tomllib.loads(text)["effects"]["drift"]["runs"].keys() == {"one/run.csv", "two/run.csv"}
     (tmp_path / "machine.toml").write_text(text)
     opened = open_experiment(path)
@@ -372,7 +409,7 @@ def test_an_effect_of_place_is_the_machine_s_in_every_run(tmp_path):
     path = stage(tmp_path, "a.csv")
     system = open_experiment(path).system
     values = {"P": 5.0, "s": 0.2, "c": 0.1}
-    text = machine_text(system.experiment, verdict(system, {}, {("periodic_error", ""): values}))
+    text = machine_text(system.model, verdict(system, {}, {("periodic_error", ""): values}))
     assert "runs" not in text
 
 

@@ -94,7 +94,7 @@ def _written(
     names = [f"run{i}.csv" for i in range(1, len(runs))]
     files = {}
     for name, run in zip([*names, "unseen.csv"], runs, strict=True):
-        of_run = effects if name != "unseen.csv" else _elsewhere(g, effects)
+        of_run = effects if name != "unseen.csv" else _elsewhere(effects)
         readings = _noisy(g, spec, seen(spec.kind, run, machine.numbers, of_run), sigma)
         if not machine.zero:
             readings += sigma * g.uniform(-30.0, 30.0, (len(readings), 1))
@@ -134,13 +134,12 @@ def _written(
     return answer, files
 
 
-def _elsewhere(g: Generator, effects: Hidden) -> Hidden:
-    """The effects in another run: those of a run's own time have another size there."""
-    factor = float(g.uniform(-1.5, 1.5))
-    return {
-        name: {key: factor * value for key, value in own.items()} if name in OF_A_RUN else own
-        for name, own in effects.items()
-    }
+def _elsewhere(effects: Hidden) -> Hidden:
+    """The effects in another run: without those of a run's own time.
+
+    Of another size there, such an effect would make up by chance for what is wrong in a file.
+    """
+    return {name: own for name, own in effects.items() if name not in OF_A_RUN}
 
 
 def _noisy(g: Generator, spec: MachineSpec, readings: Floats, sigma: float) -> Floats:

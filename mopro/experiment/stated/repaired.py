@@ -22,15 +22,16 @@ from mopro.stated.data import StatedExperiment
 from mopro.stated.file import read_stated
 from mopro.stated.model import AMBIENT, StatedMachine
 from mopro.stated.names import effects_of
-from mopro.stated.simulation import BASE
+from mopro.stated.simulation import BASE, Model
 from mopro.tomlfile.edit import Text
 
 
-def machine_text(experiment: StatedExperiment, verdict: Verdict) -> str:
+def machine_text(model: Model, verdict: Verdict) -> str:
     """Text of the machine's file, each fitted number with its interval, and the effects found."""
+    experiment = model.experiment
     machine, place = experiment.machine, Path(experiment.source.name).name
     found = [effect for effect in verdict.fitted if not corrects(machine, effect.name)]
-    sections = {e.name: [*_section(experiment, e, verdict, place)] for e in found}
+    sections = {e.name: [*_section(model, e, verdict, place)] for e in found}
     # The file may switch on what the experiment states.
     used = sections.keys() | machine.active.keys()
     formulas = [effect for effect in machine.effects if effect.name in used]
@@ -98,9 +99,7 @@ def _origin(value: float, estimate: Estimate, place: str) -> str:
     return f"fitted with {_plain(place)}, without the drafts; beside them {beside}"
 
 
-def _section(
-    experiment: StatedExperiment, effect: Named, verdict: Verdict, place: str
-) -> Iterator[str]:
+def _section(model: Model, effect: Named, verdict: Verdict, place: str) -> Iterator[str]:
     """Lines of the section that switches an effect on."""
     values = verdict.settings_alone.get(effect.name, {})
     for parameter, value in (values if effect.run is None else _without_run(values)).items():
@@ -110,19 +109,23 @@ def _section(
         else:
             stated = f'{{ value = {rounded(value)!r}, unit = "{estimate.unit}" }}'
             yield f"{parameter} = {stated}  # {_origin(value, estimate, place)}"
-    if effects_of_runs(experiment, [effect]):
-        yield from runs_lines(fitted_on(experiment, effect))
+    if effects_of_runs(model, [effect], verdict.settings_alone):
+        yield from runs_lines(fitted_on(model.experiment, effect))
     if effect.indistinguishable_from:
         yield f"# or instead of it: {_plain(', '.join(effect.indistinguishable_from))}"
 
 
-def effects_of_runs(experiment: StatedExperiment, found: Collection[Named]) -> list[str]:
+def effects_of_runs(model: Model, found: Collection[Named], settings: Settings) -> list[str]:
     """The names of those effects that belong to the runs that they were fitted on."""
     keys = {(effect.name, effect.form) for effect in found}
     of_time = [
         effect.name
-        for effect in effects_of(experiment)
-        if (effect.name, effect.form) in keys and of_one_run(effect, experiment.units)
+        for effect in effects_of(model.experiment)
+        if (effect.name, effect.form) in keys
+        and (
+            of_one_run(effect, model.experiment.units)
+            or model.hangs_on_the_clock(effect.name, settings)
+        )
     ]
     return [*of_time, *(effect.name for effect in found if effect.run is not None)]
 

@@ -131,7 +131,7 @@ class Stated(System):
         return replace(self, experiment=experiment, model=model)
 
     def repaired(self, verdict: Verdict) -> Repaired:
-        return self.again(verdict, machine_text(self.experiment, verdict))
+        return self.again(verdict, machine_text(self.model, verdict))
 
     def again(self, verdict: Verdict, text: str) -> Repaired:
         """A machine file and what it predicts, which should be what the verdict says."""
@@ -139,7 +139,7 @@ class Stated(System):
             self.model, self.series, verdict, text,
             lambda machine: studied(replace(self.stated, machine=machine), self.model.foreign),
         )  # fmt: skip
-        of_runs = effects_of_runs(self.experiment, verdict.fitted)
+        of_runs = effects_of_runs(self.model, verdict.fitted, verdict.settings_alone)
         return Repaired(text, tuple(of_runs), rms, fault)
 
     def next_experiment(self, verdict: Verdict) -> Proposal | None:
