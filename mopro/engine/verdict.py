@@ -289,6 +289,14 @@ class Verdict:
         """The fitted settings to predict with where no draft is added."""
         return self.settings if self.without_drafts is None else self.without_drafts
 
+    @property
+    def unrepaired(self) -> Verdict:
+        """The verdict without anything that was fitted, as the model came in."""
+        return replace(
+            self, effects=(), calibration=(), sensors=(), base={}, drafts=(), settings={},
+            without_drafts=None,
+        )  # fmt: skip
+
     def predict(self, simulate: Simulate, data: Sequence[Series]) -> tuple[RunGap, ...]:
         """Gap of each series of runs that were not fitted, before and after the effects.
 

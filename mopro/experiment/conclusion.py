@@ -11,12 +11,18 @@ from typing import Any
 
 from mopro import markup
 from mopro.engine import reconcile
-from mopro.engine.verdict import Draft, Named, Verdict
+from mopro.engine.verdict import Draft, Named, RunGap, Verdict
 from mopro.errors import DataError
 from mopro.experiment.comparison import Place, compare, worst
 from mopro.experiment.glance import Glance, glance_of
 from mopro.experiment.system import Proposal, Repaired, System
-from mopro.experiment.wording import file_words, reservations, unconfirmed_words
+from mopro.experiment.wording import (
+    file_words,
+    harm_words,
+    harmed,
+    reservations,
+    unconfirmed_words,
+)
 from mopro.formula.written import WrittenEffect
 from mopro.source import Source
 from mopro.tomlfile import Document
@@ -36,7 +42,8 @@ class Conclusion:
 
     `system`: that the verdict is of. `left_out` are the effects that were no candidates, `tried`
     those that were. `advice`: what else to do if the verdict is ambiguous and no next experiment is
-    proposed. `filed`: the verdict as the machine file has it, if that has drafts.
+    proposed. `filed`: the verdict as the machine file has it, if that has drafts. `harmed`: a run
+    for which nothing that was fitted is in that file.
     """
 
     system: System
@@ -48,6 +55,7 @@ class Conclusion:
     left_out: tuple[str, ...] = ()
     tried: tuple[str, ...] = ()
     filed: Verdict | None = None
+    harmed: RunGap | None = None
 
     @property
     def machine_text(self) -> str:
@@ -86,6 +94,9 @@ class Conclusion:
     def reservations(self) -> Iterator[str]:
         """Lines on what the machine file leaves out, has for certain runs, or predicts worse."""
         yield from reservations(self.verdict, self.system.runs)
+        if self.harmed is not None:
+            yield harm_words(self.harmed, self.verdict.held_out_on)
+            return
         filed, repaired = self.filed or self.verdict, self.repaired
         yield from file_words(filed, repaired.of_runs, repaired.rms, self.system.series)
         if self.filed is not None:
@@ -129,7 +140,8 @@ def conclude(
     judged, verdict = diagnose(system, jobs, progress, left_out)
     progress("simulating the experiment again with the effects found")
     drafted = drafted_in(judged, verdict) if with_drafts else None
-    stated, named = drafted or (judged, verdict)
+    runs = [] if drafted else harmed(verdict, judged.series)
+    stated, named = drafted or (judged, verdict.unrepaired if runs else verdict)
     repaired, proposal = stated.repaired(named), None
     if verdict.verdict == "ambiguous":
         progress("designing an experiment that distinguishes the alternatives")
@@ -145,7 +157,13 @@ def conclude(
         left_out=omitted,
         tried=tried,
         filed=drafted and named,
+        harmed=max(runs, key=_harm, default=None),
     )
+
+
+def _harm(gap: RunGap) -> float:
+    """Factor by which a run is predicted worse where it is left out."""
+    return (gap.held_out_rms or 0.0) / gap.before_rms if gap.before_rms else 0.0
 
 
 def diagnose(

@@ -10,7 +10,7 @@ from mopro.engine.candidate import RUN
 from mopro.engine.fits import ONE_RUN, OTHER_RUNS
 from mopro.engine.series import Series
 from mopro.engine.tolerances import CLOCK, GAIN, LINEARITY
-from mopro.engine.verdict import Estimate, Named, Verdict
+from mopro.engine.verdict import Estimate, Named, RunGap, Verdict
 from mopro.experiment.comparison import STEADY, Place
 from mopro.units import residual_unit
 
@@ -301,6 +301,36 @@ def _why_of_runs(verdict: Verdict, name: str) -> str:
     return f"in {run} only: in the machine file it belongs to that run"
 
 
+def _is_worse(rms: float | None, before_rms: float, series: Series) -> bool:
+    """True if an RMS residual is above that of the machine that came in by more than noise is."""
+    scatter = _SCATTERS / math.sqrt(2 * len(series))
+    return rms is not None and rms > before_rms * (1 + scatter)
+
+
+def harmed(verdict: Verdict, data: Sequence[Series]) -> list[RunGap]:
+    """The runs that are predicted worse, by a fit of the others, than by the machine that came in.
+
+    Only beside what nothing explains: what was fitted makes up for it in the runs that it was
+    fitted to. Where all is explained, too few other runs tell of a number.
+    """
+    if verdict.verdict != "unexplained":
+        return []
+    pairs = zip(verdict.gap.runs, data, strict=True)
+    return [gap for gap, own in pairs if _is_worse(gap.held_out_rms, gap.before_rms, own)]
+
+
+def harm_words(gap: RunGap, held_out_on: str | None) -> str:
+    """Why nothing that was fitted is in the machine file, by one run that it would harm."""
+    unit = residual_unit(gap.unit)
+    others = "other runs" if held_out_on == OTHER_RUNS else f"other parts of {gap.run}"
+    return (
+        f"Nothing that was fitted is in the machine file: fitted to {others}, it predicts "
+        f"{gap.sensor} in {gap.run} worse than the machine that came in, "
+        f"{gap.held_out_rms:.3g} {unit} instead of {gap.before_rms:.3g} {unit}, as it makes up for "
+        "what is unexplained."
+    )
+
+
 def file_words(
     verdict: Verdict,
     of_runs: Sequence[str],
@@ -319,8 +349,7 @@ def file_words(
     for name in of_runs:
         yield (f"{name} is {_why_of_runs(verdict, name)}, and is off in all others.")
     for gap, again, series in zip(verdict.gap.runs, rerun_rms, data, strict=True):
-        scatter = _SCATTERS / math.sqrt(2 * len(series))
-        if again is not None and again > gap.before_rms * (1 + scatter):
+        if again is not None and _is_worse(again, gap.before_rms, series):
             unit = residual_unit(gap.unit)
             yield (
                 f"The machine file predicts {gap.sensor} in {gap.run} worse than the machine that "

@@ -458,3 +458,37 @@ def test_settings_may_have_an_effect_on_in_one_run_alone(tmp_path):
     own = model({"scale": {"k": 0.1, "run": 1.0}})
     assert own[0] == pytest.approx(plain[0], abs=1e-12)
     assert own[1] == pytest.approx(with_it[1], abs=1e-12)
+
+
+# -- what harms a run that was not fitted ---------------------------------------------------
+
+GEARED = """\
+kind = "kinematic"
+unit = "mm"
+name = "geared"
+position = "ratio * command"
+
+[base]
+ratio = { value = 1.0, unit = "1", free = true, range = [0.5, 2] }
+"""
+
+
+@pytest.mark.parametrize("bow", [0.004, 0.0])
+def test_a_number_that_makes_up_for_what_is_unexplained_is_in_no_file(tmp_path, bow):
+    """A ratio that is fitted to one side of a bow is wrong on the other."""
+    path = stage(tmp_path, "near.csv", "far.csv", machine=GEARED)
+    rng, t = np.random.default_rng(8), np.arange(0, 4, 0.02)
+    for file, middle in (("near.csv", 5.0), ("far.csv", 15.0)):
+        x = middle + 5 * np.sin(2 * t)
+        read = 1.02 * x + bow * (x - 10) ** 2 + 0.01 * rng.standard_normal(len(t))
+        write(tmp_path / file, {"time_s": t, "command_mm": x, "position_mm": read})
+    done = run_here(tmp_path, "reconcile", path.name, "--out", "out.toml", "--json")
+    answer = json.loads(done.stdout)
+    ratio = tomllib.loads((tmp_path / "out.toml").read_text())["base"]["ratio"]
+    said = any("Nothing that was fitted is in" in line for line in answer["reservations"])
+    if bow:
+        came_in = tomllib.loads(GEARED)["base"]["ratio"]
+        assert (answer["verdict"], ratio, said) == ("unexplained", came_in, True)
+        assert any(run["held_out_rms"] > run["before_rms"] for run in answer["gap"]["runs"])
+    else:
+        assert (ratio["value"], said) == (pytest.approx(1.02, abs=1e-3), False)

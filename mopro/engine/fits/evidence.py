@@ -36,7 +36,7 @@ class Evidence:
 
     noise: Noise
     catalogue: Sequence[tuple[str, str]]
-    _covariances: dict[Identity, Floats] = field(default_factory=dict)
+    _spreads: dict[Identity, tuple[Floats, Floats]] = field(default_factory=dict)
     _ebics: dict[Identity, float] = field(default_factory=dict)
 
     def ebic(self, fit: Fit) -> float:
@@ -221,9 +221,7 @@ class Evidence:
         A parameter, but for an angle, lies within its range; what the data do not bound at all is
         left without ends, but for an assumed constant.
         """
-        estimated = not (self.noise.exact and all(self.noise.stated))
-        freedom, upper = max(fit.count - len(fit.order), 1), (1 + level) / 2
-        reach = special.stdtrit(freedom, upper) if estimated else special.ndtri(upper)
+        reach = special.stdtrit(self._spread(fit)[1], (1 + level) / 2)
         half = reach * self.deviations(fit)
         return [
             _interval(p, v, h)
@@ -238,17 +236,21 @@ class Evidence:
         known of assumed constants beforehand counts. Infinite in the rows and columns of
         parameters that are not identifiable: what depends on none of them stays known.
         """
-        if fit.identity not in self._covariances:
-            self._covariances[fit.identity] = self._covariance(fit)
-        return self._covariances[fit.identity]
+        return self._spread(fit)[0]
 
-    def _covariance(self, fit: Fit) -> Floats:
+    def _spread(self, fit: Fit) -> tuple[Floats, Floats]:
+        """Covariance of the parameters, and degrees of freedom of each one's variance."""
+        if fit.identity not in self._spreads:
+            self._spreads[fit.identity] = self._covariance(fit)
+        return self._spreads[fit.identity]
+
+    def _covariance(self, fit: Fit) -> tuple[Floats, Floats]:
         spans = np.array([p.high - p.low for _, p in fit.order])
         scaled = fit.jacobian * spans
         prior = np.diag([1 / UNIFORM if p.role is Role.CONSTANT else 0.0 for _, p in fit.order])
         normal = scaled.T @ scaled + prior if len(spans) else prior
         if not np.isfinite(normal).all():
-            return np.full_like(normal, math.inf)
+            return np.full_like(normal, math.inf), np.full(len(spans), math.inf)
         lengths = np.sqrt(np.diag(normal))
         lengths[lengths == 0] = 1.0
         units = np.outer(lengths, lengths)
@@ -259,18 +261,23 @@ class Evidence:
         along = np.sum(directions[:, ~seen] ** 2, axis=1)
         unknown = along > np.finfo(float).eps * np.diag(inverse)
         inverse /= units
-        variance = inverse @ (self._variance(fit, scaled) + prior) @ inverse
+        noise, freedom = self._of_noise(fit, scaled, inverse)
+        variance = noise + inverse @ prior @ inverse
         variance[unknown, :] = variance[:, unknown] = math.inf
-        return np.asarray(variance * np.outer(spans, spans))
+        return np.asarray(variance * np.outer(spans, spans)), freedom
 
-    def _variance(self, fit: Fit, scaled: Floats) -> Floats:
-        """Covariance of `scaled`ᵀ noise: Σ ĵ ĵᵀ S over the frequencies, S being its spectrum."""
+    def _of_noise(self, fit: Fit, scaled: Floats, inverse: Floats) -> tuple[Floats, Floats]:
+        """Covariance that the noise gives the parameters, and its degrees of freedom.
+
+        H⁻¹ (Σ ĵ ĵᵀ S) H⁻¹ over the frequencies, S being the noise's spectrum.
+        """
         if not self.noise.exact:
-            coloured = self.noise.like(fit.residual).transformed(scaled)
-            return np.asarray(coloured.T @ coloured)
+            return self.noise.like(fit.residual).spread(scaled, inverse)
         freedom = max(fit.count - len(fit.order), 1)
-        size = 1.0 if all(self.noise.stated) else max(fit.rss / freedom, TINY)
-        return np.asarray(size * (scaled.T @ scaled))
+        known = all(self.noise.stated)
+        size = 1.0 if known else max(fit.rss / freedom, TINY)
+        covariance = size * (inverse @ (scaled.T @ scaled) @ inverse)
+        return covariance, np.full(len(inverse), math.inf if known else freedom)
 
 
 def _interval(parameter: Parameter, value: float, half: float) -> tuple[float, float]:

@@ -50,8 +50,11 @@ def hold_out(state: State) -> State:
 
 
 def held_of(hypotheses: Hypotheses, fit: Fit) -> HeldOut | None:
-    """Prediction of held-out parts with and without each effect of `fit`; None without any."""
-    if not fit.candidates:
+    """Prediction of held-out parts with and without each effect of `fit`.
+
+    None without any, but where free numbers alone may make up for what is unexplained.
+    """
+    if not fit.candidates and (not fit.order or hypotheses.leaves_noise(fit)):
         return None
     without = {name: hypotheses.without(fit, name) for name in sorted(fit.names)}
     return held_out(hypotheses.residuals, hypotheses.evidence.noise, hypotheses.null, fit, without)

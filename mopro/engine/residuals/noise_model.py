@@ -123,6 +123,37 @@ class Noise:
             for part, _, width, _, density in self.bands
         ])  # fmt: skip
 
+    def spread(self, columns: Floats, inverse: Floats) -> tuple[Floats, Floats]:
+        """Covariance of `columns`ᵀ noise, mapped by `inverse`, and degrees of freedom (columns).
+
+        `inverse`: that of the normal matrix of a fit of the columns (samples x columns), which left
+        this remainder. What the fit took out of a band counts as no power of the noise there, so
+        that the power is that left over the frequencies that are left. The freedom of a variance
+        that is a sum over bands is that of Welch and Satterthwaite: few low frequencies tell the
+        power that a slow column sees.
+        """
+        total = np.zeros((columns.shape[1], columns.shape[1]))
+        doubt = np.zeros(columns.shape[1])
+        taken_out = np.diff([*self.starts, len(columns)]) - np.array(self.counts)
+        for (part, first, width, left, _), nuisances, least in zip(
+            self.bands, taken_out.tolist(), self.floor.tolist(), strict=True
+        ):
+            seen = fft.dct(columns[part], axis=0, norm="ortho")
+            taken = np.add.reduceat(np.sum((seen @ inverse) * seen, axis=1), first)
+            taken[0] += min(nuisances, FEWEST)
+            density, freedom = _pooled(left * width, width - taken)
+            for begin, end, power, free in zip(
+                first.tolist(), [*first[1:].tolist(), len(seen)], density, freedom, strict=True
+            ):
+                mapped = seen[begin:end] @ inverse
+                own = max(power, least) * (mapped.T @ mapped)
+                total += own
+                # A stated power is known.
+                doubt += np.diag(own) ** 2 / free if power > least else 0.0
+        certain = np.full_like(doubt, math.inf)
+        known = np.divide(np.diag(total) ** 2, doubt, out=certain, where=doubt > 0)
+        return total, np.maximum(known, 1.0)
+
     def variances(self, residual: Floats) -> Floats:
         """Estimated variance of the noise at each sample, at least the stated one."""
         mean = np.where(
@@ -164,6 +195,24 @@ class Noise:
     @cached_property
     def _stated(self) -> Mask:
         return np.array(self.stated)
+
+
+def _pooled(power: Floats, freedom: Floats) -> tuple[list[float], list[float]]:
+    """Power of each frequency and degrees of freedom of bands, each with others until it has few.
+
+    `power`: sum over a band. What is left at the end goes with the band before.
+    """
+    groups: list[list[int]] = [[]]
+    for band in range(len(power)):
+        if groups[-1] and freedom[groups[-1]].sum() >= FEWEST:
+            groups.append([])
+        groups[-1].append(band)
+    if len(groups) > 1 and freedom[groups[-1]].sum() < FEWEST:
+        last = groups.pop()
+        groups[-1] += last
+    found = [(power[g].sum(), max(float(freedom[g].sum()), 1.0), len(g)) for g in groups]
+    shared = [(p / f, f) for p, f, count in found for _ in range(count)]
+    return [p for p, _ in shared], [f for _, f in shared]
 
 
 def _first_frequencies(count: int) -> NDArray[np.intp]:
