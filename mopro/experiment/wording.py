@@ -278,11 +278,16 @@ def reservation(effect: Named, verdict: Verdict, runs: tuple[str, ...]) -> str |
 
 
 def reservations(verdict: Verdict, runs: tuple[str, ...]) -> Iterator[str]:
-    """Lines on effects left out of the machine file."""
+    """Lines on effects left out of the machine file, and on intervals beside the unexplained."""
     for effect in verdict.effects:
         reason = reservation(effect, verdict, runs)
         if reason:
             yield f"{effect.name} is not in the machine file: {reason}."
+    if verdict.verdict == "unexplained" and (verdict.base or verdict.fitted):
+        yield (
+            "The intervals hold for the model as it stands: what is unexplained may move the "
+            "numbers further."
+        )
 
 
 def unconfirmed_words(verdict: Verdict, filed: Verdict) -> Iterator[str]:

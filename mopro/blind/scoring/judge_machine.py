@@ -38,7 +38,7 @@ def judge_machine(number: str, answer: Document, reply: Document, folder: Path) 
     return judgement(
         number, answer, reply, named, (reply.get("gap") or {}).get("noise_rms"),
         outcome=result,
-        covered=tuple(_coverage(answer, reply)) if result == RIGHT else (),
+        covered=tuple(_coverage(answer, reply)) if _states_intervals(result, reply) else (),
         leaves=left,
         drafted=bool(reply.get("drafts")),
         **_of_file(answer, reply),
@@ -50,6 +50,11 @@ def _of_unlisted(answer: Document, reply: Document) -> str:
     if not {*outcomes.variables_said(reply)} & {*answer["variables"]}:
         return WRONG if reply.get("effects") else str(reply["verdict"])
     return WRONG if reply.get("effects") and reply["verdict"] == "named" else RIGHT
+
+
+def _states_intervals(result: str, reply: Document) -> bool:
+    """True if the intervals are those of a model that is right, as the verdict says."""
+    return result == RIGHT and reply["verdict"] != "unexplained"
 
 
 def machine_of(answer: Document) -> Machine:
