@@ -48,7 +48,10 @@ def machine_case(g: Generator, spec: MachineSpec) -> tuple[dict[str, Any], dict[
         machine = drawn(g, spec.kind)
         irregular = "irregular" in spec.troubles
         runs = [columns(g, machine, spec.runs, irregular) for _ in range(spec.runs + 1)]
-        effects = _effects(g, spec, span(machine, runs[0]))
+        sizes_of_run = span(machine, runs[0])
+        if not sizes_of_run.x:
+            continue  # A run at rest has no sizes.
+        effects = _effects(g, spec, sizes_of_run)
         every = [seen(spec.kind, run, machine.numbers, effects) for run in runs]
         if not _possible(machine, effects) or not all(np.isfinite(r).all() for r in every):
             continue

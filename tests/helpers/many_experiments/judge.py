@@ -27,8 +27,8 @@ _REFUSAL = re.compile(r"^\S.*?:\d+:\d+: .+ \[([a-z0-9-]+)\]$", re.MULTILINE)
 # Words of libraries and of the interpreter, which tell a person nothing; "None: ..." is a verdict.
 _FOREIGN = re.compile(
     r"Warning|Traceback|numpy|scipy|numba|\blark\b|LinAlg|\bx0\b|\bbounds\b|\barrays?\b|ndarray"
-    r"|\b(nan|inf|NaN|Infinity|NoneType)\b|\bNone\b(?!: )|float64|dtype|object has no|operand|broadcast"
-    r"|[Ss]ingular matrix|\blstsq\b|Error\b|infeasible|residuals are|not finite in",
+    r"|\b(nan|inf|NaN|Infinity|NoneType)\b|\bNone\b(?!: )|float64|dtype|object has no|operand"
+    r"|broadcast|[Ss]ingular matrix|\blstsq\b|Error\b|infeasible|residuals are|not finite in",
 )
 # A cell that is `nan` is shown where it is refused; a blank line of the log stands between rules.
 _EXCERPT = re.compile(r"^.*\n *\^~*$", re.MULTILINE)
