@@ -160,9 +160,9 @@ def payload_type() -> Quantity:
     return Quantity("mass", "kg", most=_HEAVIEST_KG)
 
 
-def share_type() -> Quantity:
+def share_type(positive: bool = False, most: float = 1.0) -> Quantity:
     """A share, such as 90% or 0.9."""
-    return Quantity("ratio", "1", most=1.0, says_unit=False)
+    return Quantity("ratio", "1", positive, most, says_unit=False)
 
 
 # Stands for standard input or output.

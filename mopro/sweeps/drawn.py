@@ -7,17 +7,25 @@ valid range. The file states no correlations, so each number is drawn by itself.
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from collections.abc import Collection, Hashable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from mopro.errors import DataError
-from mopro.sweeps.targets import EffectTarget, MachineTarget, Value, Variant, target_named
+from mopro.sweeps.targets import (
+    EffectTarget,
+    MachineTarget,
+    Value,
+    Variant,
+    VaryError,
+    target_named,
+)
 from mopro.sweeps.varied import Varied
 
 # A draw of a search, and those that verify what it found, are of different streams of a seed.
@@ -26,6 +34,8 @@ _NUMBER = r"[+-]?[0-9.]+(?:e[+-]?[0-9]+)?"
 _INTERVAL = re.compile(rf"\b95 %: ({_NUMBER}) to ({_NUMBER})", re.ASCII)
 _SIGMAS_OF_95 = 1.959964
 _DRAWN_DIGITS = 8
+# Times as many draws as show a share if none of them misses: some may.
+_FEW_MISSED = 1.6
 
 
 @dataclass(frozen=True)
@@ -52,11 +62,25 @@ class Uncertain:
 
 @dataclass(frozen=True)
 class Draws:
-    """So many machines, drawn by `seed`; figures are told by their central `band`, a share."""
+    """So many machines, drawn by `seed`; figures are told by their central `band`, a share.
+
+    VaryError for none, and for a band that is no share.
+    """
 
     count: int
     seed: int = 0
     band: float = 0.9
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise VaryError(f"{self.count} draws: expected at least 1")
+        if not 0 <= self.band <= 1:
+            raise VaryError(f"a band of {self.band:g}: expected a share of the draws, 0 to 1")
+
+    def enough_for(self, risk: float, confidence: float) -> Draws:
+        """Draws with which one miss still shows a share below `risk` with this confidence."""
+        needed = math.ceil(_FEW_MISSED * math.log(1 - confidence) / math.log1p(-risk))
+        return replace(self, count=max(self.count, needed))
 
     def machines(
         self, numbers: Sequence[Uncertain], stream: int = SEARCHED

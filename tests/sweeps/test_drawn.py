@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 import mopro
-from helpers.sweeps import counting
+from helpers.sweeps import FORCE_N, HARD, SIGMA_N, counting, least_force_N, uncertain_text
 from mopro.errors import DataError
 from mopro.machine.file import read_machine
 from mopro.source import Source
@@ -17,49 +17,25 @@ from mopro.sweeps.designs import Design
 from mopro.sweeps.drawn import VERIFIED, Draws, uncertain
 from mopro.sweeps.executors import local
 from mopro.sweeps.summary import Share
-from mopro.sweeps.targets import Variant
+from mopro.sweeps.targets import Variant, VaryError
 from mopro.sweeps.varied import all_varied
 
-FORCE_N, SIGMA_N = 111.2, 6.0
-# A move that a well damped motor follows with any force above one, and with none below.
-TEXT = "UU012500/1\nVEL1 60.0\nACC1 1.7\nMRI1 3.0\nWX1\n"
 
-
-def machine(interval=(FORCE_N - 1.959964 * SIGMA_N, FORCE_N + 1.959964 * SIGMA_N), more=""):
-    low, high = interval
-    place = f"pull.toml, 95 %: {low!r} to {high!r}; or backlash"
-    text = (
-        'extends = "chow1992"\n[axis]\n'
-        'damping_ratio = { value = 0.4, unit = "1", origin = "assumed" }\n'
-        f'pull_out_force = {{ value = {FORCE_N}, unit = "N", origin = "measured", '
-        f'place = "{place}" }}\n{more}'
-    )
-    return read_machine(Source("uncertain.toml", text))
+def machine(*interval, more=""):
+    return read_machine(Source("uncertain.toml", uncertain_text(*interval) + more))
 
 
 def variant(own=None):
-    return Variant(mopro.compile(TEXT, "P.CMD"), own or machine(), 0.0)
+    return Variant(mopro.compile(HARD, "P.CMD"), own or machine(), 0.0)
 
 
 def swept(draws, vary, own=None, **more):
     return Sweep.of(variant(own), vary.items(), Design(), draws=draws).run(local(1), **more)
 
 
-def stalls(force_N, acc):
-    """True if a motor of that force, known without a doubt, stalls."""
-    vary = {"ACC1": [acc], "axis.pull_out_force": [force_N]}
-    (row,) = Sweep.of(variant(), vary.items(), Design()).run(local(1)).to_pylist()
-    return row["outcome"] == "stalled"
-
-
 def test_stalls_are_as_frequent_as_the_normal_tail_below_the_force_that_suffices():
     acc = 1.7
-    low, high = 60.0, 200.0
-    assert stalls(low, acc)
-    assert not stalls(high, acc)
-    while high - low > 0.01:
-        middle = (low + high) / 2
-        low, high = (middle, high) if stalls(middle, acc) else (low, middle)
+    high = least_force_N(variant(), ACC1=[acc])
     expected = statistics.NormalDist(FORCE_N, SIGMA_N).cdf(high)
     assert 0.03 < expected < 0.97
     draws = 400
@@ -90,7 +66,7 @@ def test_the_band_of_the_margin_is_that_of_the_force():
 
 
 def test_draws_have_the_stated_interval_and_stay_in_the_valid_range():
-    base = variant(machine((0.0, 2 * FORCE_N)))
+    base = variant(machine(0.0, 2 * FORCE_N))
     (number,) = uncertain(base, ())
     drawn = np.array(Draws(2000, 7).machines((number,))[1:], float).ravel()
     assert drawn.min() >= 1e-9
@@ -135,6 +111,12 @@ def test_what_is_varied_is_not_drawn_and_what_belongs_to_other_runs_neither():
     assert names == ["axis.pull_out_force", "effects.viscous_drag.b"]
     of_runs = machine(more=f'{drag}runs = {{ "a.csv" = "00000000" }}\n')
     assert len(uncertain(variant(of_runs), ())) == 1
+
+
+@pytest.mark.parametrize(("wrong", "said"), [((0,), "at least 1"), ((9, 0, 1.5), "0 to 1")])
+def test_no_draws_and_no_share_are_refused(wrong, said):
+    with pytest.raises(VaryError, match=said):
+        Draws(*wrong)
 
 
 def test_the_bound_of_a_share_is_that_of_clopper_and_pearson():
