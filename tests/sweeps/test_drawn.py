@@ -9,7 +9,9 @@ from scipy import stats
 
 import mopro
 from helpers.sweeps import FORCE_N, HARD, SIGMA_N, counting, least_force_N, uncertain_text
+from mopro.engine.verdict import Estimate
 from mopro.errors import DataError
+from mopro.experiment.wording import origin_words
 from mopro.machine.file import read_machine
 from mopro.source import Source
 from mopro.sweeps import Sweep
@@ -111,6 +113,24 @@ def test_what_is_varied_is_not_drawn_and_what_belongs_to_other_runs_neither():
     assert names == ["axis.pull_out_force", "effects.viscous_drag.b"]
     of_runs = machine(more=f'{drag}runs = {{ "a.csv" = "00000000" }}\n')
     assert len(uncertain(variant(of_runs), ())) == 1
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(3.5, 4.5), (0.0, 8.0), (2.00001e-5, 2.00009e-5), (-1.5e-7, 12.0)]
+)
+def test_intervals_are_read_as_a_repaired_file_has_them(low, high):
+    words = origin_words(Estimate(4.0, "N s/m", (low, high), low == 0.0))
+    stated = f'{{ value = 4.0, unit = "N s/m", origin = "measured", place = "e.toml, {words}" }}'
+    drag = machine(more=f"[effects.viscous_drag]\nb = {stated}\n")
+    number = uncertain(variant(drag), ())[1]
+    assert number.sigma == pytest.approx((high - low) / 2 / stats.norm.ppf(0.975), rel=1e-3)
+
+
+def test_an_end_that_the_data_do_not_bound_is_not_drawn():
+    words = origin_words(Estimate(4.0, "N s/m", (3.0, math.inf), False))
+    stated = f'{{ value = 4.0, unit = "N s/m", origin = "measured", place = "e.toml, {words}" }}'
+    drag = machine(more=f"[effects.viscous_drag]\nb = {stated}\n")
+    assert [n.varied.name for n in uncertain(variant(drag), ())] == ["axis.pull_out_force"]
 
 
 @pytest.mark.parametrize(("wrong", "said"), [((0,), "at least 1"), ((9, 0, 1.5), "0 to 1")])
