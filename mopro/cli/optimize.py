@@ -150,7 +150,8 @@ def _tell(subject: Subject, goal: Goal, found: Optimum) -> None:
     """Print the best settings, and the figures there."""
     program, machine, _ = subject.base
     row = found.row
-    say(f"{program.name} on {machine.name}: {found.runs} runs")
+    what = "points, each on drawn machines too" if subject.uncertain else "runs"
+    say(f"{program.name} on {machine.name}: {found.runs} {what}")
     if found.verified is not None:
         missing = found.verified.missing
         shown = "" if found.kept else f", which does not show the {goal.risk:.3%} asked for"

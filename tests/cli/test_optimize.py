@@ -61,6 +61,7 @@ def test_the_best_for_drawn_machines_is_written_with_its_bound(mopro, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "stall or miss a bound, at most" in done.stdout
     assert "Program: best.CMD" in done.stdout
+    assert "points, each on drawn machines too" in done.stdout
     assert "; bound: at most" in (tmp_path / "best.CMD").read_text()
     ran = mopro("run", "best.CMD", "--emulate", "--machine", "m.toml", "--json")
     assert json.loads(ran.stdout)["stalled"] is False
