@@ -15,6 +15,7 @@ from mopro.units import is_number_without_unit, parse_quantity, units_of
 
 if TYPE_CHECKING:
     from mopro.machine import Machine
+    from mopro.sweeps.drawn import Draws
 
 
 if TYPE_CHECKING:
@@ -159,6 +160,11 @@ def payload_type() -> Quantity:
     return Quantity("mass", "kg", most=_HEAVIEST_KG)
 
 
+def share_type(positive: bool = False, most: float = 1.0) -> Quantity:
+    """A share, such as 90% or 0.9."""
+    return Quantity("ratio", "1", positive, most, says_unit=False)
+
+
 # Stands for standard input or output.
 STANDARD = Path("-")
 
@@ -209,6 +215,22 @@ def vary_option() -> Callable[[Any], Any]:
         shell_complete=varied_names,
         help="What to vary, and over which values; once for each (VEL1=10:60:2, payload=0,5lb).",
     )
+
+
+def draws_option() -> Callable[[Any], Any]:
+    return click.option(
+        "--draws",
+        type=click.IntRange(1, 100_000),
+        metavar="N",
+        help="Run each point on N machines as well, drawn from the intervals of the machine file.",
+    )
+
+
+def drawn_machines(draws: int | None, seed: int, band: float = 0.9) -> Draws | None:
+    """The machines that `--draws` asks for."""
+    from mopro.sweeps.drawn import Draws
+
+    return None if draws is None else Draws(draws, seed, band)
 
 
 def payload_option() -> Callable[[Any], Any]:

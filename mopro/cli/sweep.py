@@ -12,11 +12,14 @@ import click
 from mopro.cli.main import EXIT_FAILED
 from mopro.cli.options import (
     OutputFile,
+    drawn_machines,
+    draws_option,
     for_option,
     grammar_option,
     machine_option,
     payload_option,
     program_argument,
+    share_type,
     tell_of_runs,
     varied_pair,
     vary_option,
@@ -45,7 +48,15 @@ if TYPE_CHECKING:
     help="All combinations, or points drawn one by one, or evenly.",
 )
 @click.option("--points", type=click.IntRange(1), help="How many are drawn.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the draw.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the draws.")
+@draws_option()
+@click.option(
+    "--band",
+    type=share_type(),
+    default="90%",
+    show_default=True,
+    help="The middle share of the drawn machines that a figure's _low and _high enclose.",
+)
 @payload_option()
 @for_option()
 @click.option(
@@ -71,6 +82,8 @@ def command(
     design: str,
     points: int | None,
     seed: int,
+    draws: int | None,
+    band: float,
     payload: float,
     for_s: float | None,
     out: Path,
@@ -85,6 +98,8 @@ def command(
     --vary names VEL, ACC or PARA of an axis (VEL1; VEL1@14 is the one in line 14), payload, a key
     of the machine file (axis.moving_mass) or of an effect (effects.NAME.PARAMETER). VALUES are
     START:STOP:STEP or numbers with commas, with the unit behind; START:STOP to draw from.
+    With --draws each point is run on so many machines, drawn from the intervals that the machine
+    file states, and its row tells how many of them stalled.
 
     A command that was interrupted goes on from there when it is given again. Exits with 1 if all
     runs are refused.
@@ -104,7 +119,13 @@ def command(
     keep_inputs(outputs, [("FILE", file), ("--machine", machine_file(machine))])
     base = Variant(compiled_program(file, grammar), load_machine(machine), payload)
     tell_of_runs(base.machine)
-    sweep = Sweep.of(base, map(varied_pair, vary), Design(design, points, seed), for_s)
+    sweep = Sweep.of(
+        base,
+        map(varied_pair, vary),
+        Design(design, points, seed),
+        for_s,
+        drawn_machines(draws, seed, band),
+    )
     jobs = jobs or os.cpu_count() or 1
     executor = local(jobs) if scheduler is None else by_scheduler(scheduler)
     with claimed(picture), counted("sweeping", len(sweep.tasks), "runs") as tell:
@@ -127,7 +148,9 @@ def command(
 
 def _title(sweep: Sweep) -> str:
     program, machine, _ = sweep.subject.base
-    return f"{program.name} on {machine.name}: {len(sweep.tasks)} runs"
+    numbers = ", ".join(number.varied.name for number in sweep.subject.uncertain)
+    drawn = f", each point on machines drawn by {numbers}" if numbers else ""
+    return f"{program.name} on {machine.name}: {len(sweep.tasks)} runs{drawn}"
 
 
 def _counts(table: pa.Table) -> dict[str, int]:
@@ -158,6 +181,11 @@ def _tell(sweep: Sweep, table: pa.Table, out: Path) -> None:
         margin = best["force_margin"]
         spare = "" if margin is None else f", force margin {margin:.1%}"
         say(f"Soonest without a stall: {best['time_s']:.4f} s{spare}, at {at}")
+        if sweep.draws is not None:
+            say(
+                f"  there {best['stalled_draws']} of {best['draws']} machines stall: at most "
+                f"{best['stall_at_most']:.2%} with 95 % confidence"
+            )
     say(f"Results: {out}")
 
 

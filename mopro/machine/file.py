@@ -33,12 +33,14 @@ from mopro.units import to_si, units_of
 if TYPE_CHECKING:
     from mopro.formula.written import WrittenEffect
 
+VERDICTS = ("named", "ambiguous", "none", "unexplained")
 ORIGINS = ("thesis", "derived", "assumed", "measured")
 _SECTIONS: dict[str, type[Any]] = {"axis": Axis, "drive": Drive, "platen": Platen, "heat": Heat}
 _OPTIONAL: dict[str, type[Any]] = {"forcers": Forcers, "limits": Limits}
 _EFFECTS = "effects"
 _FORMULAS = "effect"
 _EXTENDS = "extends"
+_VERDICT = "verdict"
 # Beside this file in a checkout and when installed; importlib.resources takes longer to
 # import than the machine takes to read.
 _FOLDER = Path(__file__).with_name("machines")
@@ -92,7 +94,7 @@ def read_machine(source: Source) -> Machine:
 
 def _machine(root: Value, source: Source) -> Machine:
     before = root.faults
-    root.only({"name", "kind", _EXTENDS, _EFFECTS, _FORMULAS, *_SECTIONS, *_OPTIONAL})
+    root.only({"name", "kind", _EXTENDS, _VERDICT, _EFFECTS, _FORMULAS, *_SECTIONS, *_OPTIONAL})
     if _EXTENDS in root:
         root = _extended(root, source)
     root.get("kind", one_of("sawyer"), "sawyer")
@@ -103,6 +105,7 @@ def _machine(root: Value, source: Source) -> Machine:
         for key, kind in (_SECTIONS | _OPTIONAL).items()
         if key in _SECTIONS or key in root
     }
+    verdict = root.get(_VERDICT, one_of(*VERDICTS), None)
     effects = root.get(_EFFECTS, _effects, ())
     formulas = formulas_in(root)
     if root.faults > before:
@@ -114,6 +117,7 @@ def _machine(root: Value, source: Source) -> Machine:
         provenance=_provenance(root),
         effects=effects,
         formulas=formulas,
+        verdict=verdict,
         source=source,
         **parts,
     )

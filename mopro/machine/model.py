@@ -268,7 +268,7 @@ class Machine:
     """A machine file's content; `provenance` is keyed by `section.key`.
 
     `formulas` are effects of its own, beside those of the catalogue; `effects` switches on
-    any of them.
+    any of them. `verdict`: that of the diagnosis which wrote the file; None for any other file.
     """
 
     name: str
@@ -281,6 +281,7 @@ class Machine:
     limits: Limits = Limits()
     effects: tuple[StatedEffect, ...] = ()
     formulas: tuple[WrittenEffect, ...] = ()
+    verdict: str | None = field(default=None, compare=False)
     source: Source | None = field(default=None, compare=False, repr=False)
 
     def quantities(self) -> list[dict[str, Any]]:

@@ -20,6 +20,7 @@ from mopro.errors import DataError
 from mopro.files import flush_folder, locked, output
 from mopro.sweeps.figures import Figures
 from mopro.sweeps.tasks import Row, Subject, Task
+from mopro.sweeps.varied import Varied
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -135,26 +136,32 @@ def _row(line: bytes) -> Row | None:
 # -- the table ----------------------------------------------------------------------------
 
 
-def _schema(subject: Subject) -> pa.Schema:
+def schema_of(varied: Sequence[Varied], others: Mapping[str, type]) -> pa.Schema:
+    """The columns of a table with a row for each point of `varied`.
+
+    They are the point, its name, the values, the figures, and `others` by their types.
+    """
     import pyarrow as pa
 
-    # By the annotations of the figures.
     kinds = {"str": pa.string(), "int": pa.int32(), "float": pa.float64()}
-    of_values = (pa.string() if each.target.choices else pa.float64() for each in subject.varied)
-    of_figures = (kinds[str(own.type).partition(" ")[0]] for own in fields(Figures))
-    types = [pa.int32(), pa.string(), *of_values, *of_figures]
-    return pa.schema(list(zip(subject.columns, types, strict=True)))
+    columns = [("point", pa.int32()), ("task", pa.string())]
+    columns += [
+        (each.column, pa.string() if each.target.choices else pa.float64()) for each in varied
+    ]
+    # By the annotations of the figures.
+    columns += [(own.name, kinds[str(own.type).partition(" ")[0]]) for own in fields(Figures)]
+    columns += [(name, kinds[kind.__name__]) for name, kind in others.items()]
+    return pa.schema(columns)
 
 
-def table_of(subject: Subject, rows: Mapping[int, Row]) -> pa.Table:
-    """The rows as a table, in the order of the points."""
+def table_of(schema: pa.Schema, rows: Iterable[Mapping[str, Any]]) -> pa.Table:
+    """The rows, cells by column, as a table; DataError for cells of another type."""
     import pyarrow as pa
 
-    schema = _schema(subject)
-    cells = zip(*(rows[point] for point in sorted(rows)), strict=True)
+    listed = list(rows)
     try:
         return pa.table(
-            [pa.array(list(column), own.type) for column, own in zip(cells, schema, strict=True)],
+            [pa.array([row[own.name] for row in listed], own.type) for own in schema],
             schema=schema,
         )
     except (pa.ArrowException, TypeError, OverflowError) as error:
@@ -173,19 +180,22 @@ def write_table(out: Path, table: pa.Table) -> None:
             pyarrow.parquet.write_table(table, draft)
 
 
-def read_table(out: Path, subject: Subject, tasks: Sequence[Task]) -> pa.Table | None:
-    """The results in `out`; None without such a file. DataError for those of another sweep."""
+def read_table(out: Path, schema: pa.Schema, names: Sequence[str]) -> pa.Table | None:
+    """The results in `out`, whose rows have these names; None without such a file.
+
+    DataError for those of another sweep.
+    """
     import pyarrow as pa
 
     if not out.exists() or (out.is_file() and out.stat().st_size == 0):
         return None
-    schema, table = _schema(subject), None
-    if out.is_file() and out.stat().st_size <= MOST_ROW_BYTES * (len(tasks) + 10):
+    table = None
+    if out.is_file() and out.stat().st_size <= MOST_ROW_BYTES * (len(names) + 10):
         try:
-            table = _table_in(out, schema, len(tasks))
+            table = _table_in(out, schema, len(names))
         except (pa.ArrowException, OSError, ValueError, LookupError):
             table = None
-    if table is None or table["task"].to_pylist() != [task.name for task in tasks]:
+    if table is None or table["task"].to_pylist() != list(names):
         raise DataError(f"{out} is there, and is not the results of this sweep; {_AGAIN}", _OTHER)
     return table
 

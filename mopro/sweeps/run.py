@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from mopro.emulator import Emulator
 from mopro.errors import DataError, MoproError
@@ -15,12 +15,21 @@ from mopro.machine import Machine, load_machine
 from mopro.plant import MAX_STEP_S, compiling_pays
 from mopro.program import Program
 from mopro.sweeps.designs import GRID, Design
+from mopro.sweeps.drawn import Draws, uncertain
 from mopro.sweeps.executors import Executor, by_scheduler, local
 from mopro.sweeps.figures import SETTLE_S
-from mopro.sweeps.results import SUFFIXES, journal, read_table, table_of, write_table
-from mopro.sweeps.targets import Variant
-from mopro.sweeps.tasks import Chunk, Subject, Task, rows_of
-from mopro.sweeps.varied import all_varied
+from mopro.sweeps.results import (
+    SUFFIXES,
+    journal,
+    read_table,
+    schema_of,
+    table_of,
+    write_table,
+)
+from mopro.sweeps.summary import COLUMNS, name_of, summary
+from mopro.sweeps.targets import Value, Variant, VaryError
+from mopro.sweeps.tasks import Chunk, Row, Subject, Task, rows_of
+from mopro.sweeps.varied import MOST_POINTS, all_varied
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -29,6 +38,7 @@ if TYPE_CHECKING:
 _MOST_IN_CHUNK = 64
 _LEAST_CHUNKS = 64
 
+T = TypeVar("T")
 Vary = Mapping[str, str | Sequence[object]]
 # Told how many runs are done by now, and how many there are to do.
 Told = Callable[[int, int], None]
@@ -40,10 +50,14 @@ def _nobody(done: int, total: int) -> None:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Runs of one subject at the points of a design; no more than that has been worked out."""
+    """Runs of one subject at the points of a design; no more than that has been worked out.
+
+    With `draws`, the runs of a point are on the machine as stated and on each one drawn.
+    """
 
     subject: Subject
     design: Design
+    draws: Draws | None = None
 
     @classmethod
     def of(
@@ -52,17 +66,57 @@ class Sweep:
         vary: Iterable[tuple[str, str | Sequence[object]]],
         design: Design,
         for_s: float | None = None,
+        draws: Draws | None = None,
     ) -> Sweep:
-        """Raises VaryError for what cannot be varied, and for no points or too many."""
+        """Raises VaryError for what cannot be varied, and for no points or too many.
+
+        DataError where there is nothing to draw.
+        """
         varied = all_varied(vary, base.program, base.machine)
-        made = cls(Subject(base, varied, for_s), design)
+        numbers = () if draws is None else uncertain(base, varied)
+        made = cls(Subject(base, varied, for_s, numbers), design, draws)
         _ = made.tasks
         return made
 
     @cached_property
     def tasks(self) -> list[Task]:
-        """A task for each point, in their order."""
-        return self.subject.tasks(self.design.points(self.subject.varied))
+        """The tasks of each point, in their order."""
+        points, machines = self.design.points(self.subject.varied), self._machines
+        if (runs := len(points) * len(machines)) > MOST_POINTS:
+            raise VaryError(
+                f"{len(points)} points with {len(machines)} machines are {runs} runs: expected at "
+                f"most {MOST_POINTS}; take fewer of either"
+            )
+        return self.subject.tasks([(*point, *own) for point in points for own in machines])
+
+    @cached_property
+    def _machines(self) -> list[tuple[Value, ...]]:
+        return [()] if self.draws is None else self.draws.machines(self.subject.uncertain)
+
+    def _of_points(self, runs: Sequence[T]) -> Iterator[Sequence[T]]:
+        """The runs of each point, of those of all."""
+        size = len(self._machines)
+        return (runs[first : first + size] for first in range(0, len(runs), size))
+
+    @property
+    def _names(self) -> list[str]:
+        """The name of each point's row."""
+        names = [task.name for task in self.tasks]
+        if self.draws is None:
+            return names
+        return [name_of(own, self.draws) for own in self._of_points(names)]
+
+    def _table(self, rows: Mapping[int, Row]) -> pa.Table:
+        cells = [self.subject.cells(rows[task.point]) for task in self.tasks]
+        if self.draws is None:
+            return table_of(self._schema, cells)
+        several = enumerate(self._of_points(cells))
+        summaries = [{**summary(own, self.draws), "point": n} for n, own in several]
+        return table_of(self._schema, summaries)
+
+    @property
+    def _schema(self) -> pa.Schema:
+        return schema_of(self.subject.varied, {} if self.draws is None else COLUMNS)
 
     def run(
         self, executor: Executor, jobs: int = 1, out: Path | None = None, told: Told = _nobody
@@ -73,7 +127,7 @@ class Sweep:
         many processes the executor works. Raises DataError for a file of something else, and
         where it cannot be written.
         """
-        known = None if out is None else read_table(out, self.subject, self.tasks)
+        known = None if out is None else read_table(out, self._schema, self._names)
         if known is not None:
             return known
         with journal(out, self.subject, self.tasks) as kept:
@@ -91,7 +145,7 @@ class Sweep:
                         "command goes on from there"
                     )
                 raise
-            table = table_of(self.subject, kept.rows)
+            table = self._table(kept.rows)
             if out is not None:
                 write_table(out, table)
         return table
@@ -123,6 +177,8 @@ def sweep(
     design: str = GRID,
     points: int | None = None,
     seed: int = 0,
+    draws: int | None = None,
+    band: float = 0.9,
     payload_kg: float = 0.0,
     for_s: float | None = None,
     out: str | Path | None = None,
@@ -133,10 +189,12 @@ def sweep(
 
     `vary` names what is varied, with its values as text (`{"VEL1": "10:60:2"}`, as for
     `mopro sweep`) or as a sequence. `machine`, `payload_kg` and `for_s` are those of `emulate`;
-    `points` and `seed` belong to the designs `random` and `sobol`. With `out` (.parquet or .csv)
-    the rows are kept as they come, and a call that was interrupted goes on. `jobs` processes
-    work, or the workers of a Dask `scheduler`. The columns are those of `Figures`, after the
-    varied ones. Raises VaryError, ModelError and DataError.
+    `points` belongs to the designs `random` and `sobol`, for which `seed` draws as it does for
+    `draws`: so many machines at each point, from the intervals of the machine file. A row then has
+    their stalls and the central `band` of their figures (see `sweeps.summary`). With `out`
+    (.parquet or .csv) the rows are kept as they come, and a call that was interrupted goes on.
+    `jobs` processes work, or the workers of a Dask `scheduler`. The columns are those of `Figures`,
+    after the varied ones. Raises VaryError, ModelError and DataError.
     """
     if not isinstance(program, Program):
         raise TypeError(
@@ -148,6 +206,7 @@ def sweep(
         raise DataError(f"{path}: expected one of {', '.join(SUFFIXES)}", "unknown-format")
     loaded = load_machine(machine) if isinstance(machine, str) else machine
     base = Variant(program, loaded, payload_kg)
-    made = Sweep.of(base, vary.items(), Design(design, points, seed), for_s)
+    drawn = None if draws is None else Draws(draws, seed, band)
+    made = Sweep.of(base, vary.items(), Design(design, points, seed), for_s, drawn)
     executor = local(jobs) if scheduler is None else by_scheduler(scheduler)
     return made.run(executor, jobs, path)

@@ -120,6 +120,11 @@ class MachineTarget:
     def places(self) -> frozenset[Hashable]:
         return frozenset([self.place.name])
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the greatest valid value (SI)."""
+        return self.place.low, self.place.high
+
     def fault(self, value: Fraction) -> str | None:
         return self.place.fault(float(value))
 
@@ -145,6 +150,11 @@ class EffectTarget:
     @property
     def places(self) -> frozenset[Hashable]:
         return frozenset([(self.effect, self.parameter.name)])
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the greatest valid value (SI)."""
+        return self.parameter.low, self.parameter.high
 
     def fault(self, value: Fraction) -> str | None:
         return self.parameter.fault(float(value))

@@ -15,6 +15,7 @@ from mopro.effects.resolve import active_effects
 from mopro.errors import DataError
 from mopro.formula.written import toml_lines
 from mopro.program.statements import as_json
+from mopro.sweeps.drawn import Uncertain
 from mopro.sweeps.figures import Figures, figures_of
 from mopro.sweeps.targets import Value, Variant
 from mopro.sweeps.varied import Varied
@@ -25,7 +26,7 @@ _NAME_CHARACTERS = 24
 
 
 class Task(NamedTuple):
-    """One run: the number of its point, its name, and a value for each that is varied."""
+    """One run: its number, its name, and a value for each that is varied or drawn."""
 
     point: int
     name: str
@@ -34,12 +35,21 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True)
 class Subject:
-    """What is run, and what is varied of it; with the version of mopro it decides the results."""
+    """What is run, and what is varied of it; with the version of mopro it decides the results.
+
+    `uncertain`: numbers of the machine that are drawn at each point of what is varied.
+    """
 
     base: Variant
     varied: tuple[Varied, ...]
     for_s: float | None = None
+    uncertain: tuple[Uncertain, ...] = ()
     version: str = version("mopro")
+
+    @property
+    def all_varied(self) -> tuple[Varied, ...]:
+        """What a task has values of: what is varied, and what is drawn."""
+        return (*self.varied, *(number.varied for number in self.uncertain))
 
     @cached_property
     def digest(self) -> str:
@@ -55,7 +65,7 @@ class Subject:
             "effects": [a.as_json() for a in active],
             "payload_kg": payload_kg,
             "for_s": self.for_s,
-            "varied": [[each.name, each.unit] for each in self.varied],
+            "varied": [[each.name, each.unit] for each in self.all_varied],
         }
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -72,15 +82,19 @@ class Subject:
     def variant(self, values: Sequence[Value]) -> Variant:
         """What the run of a point is done with."""
         variant = self.base
-        for each, value in zip(self.varied, values, strict=True):
+        for each, value in zip(self.all_varied, values, strict=True):
             variant = each.changed(variant, value)
         return variant
+
+    def cells(self, row: Row) -> dict[str, Any]:
+        """The cells of a row by their columns."""
+        return dict(zip(self.columns, row, strict=True))
 
     @property
     def columns(self) -> list[str]:
         """The names of a row's cells."""
         return [
-            "point", "task", *(each.column for each in self.varied),
+            "point", "task", *(each.column for each in self.all_varied),
             *(figure.name for figure in fields(Figures)),
         ]  # fmt: skip
 

@@ -3,6 +3,7 @@
 import json
 import shutil
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -384,3 +385,15 @@ def test_an_effect_of_the_experiment_replaces_that_of_the_machine(tmp_path):
     asked = predicted(path, settings={"mine": {"q": 0.0125}})[1]
     (tmp_path / "e.toml").write_text(path.read_text().replace(own[1], ""))
     assert predicted(path, applied)[1][0] == pytest.approx(asked[0], abs=1e-9)
+
+
+def test_the_machine_file_says_the_verdict_of_its_last_repair(tmp_path):
+    path = laboratory(tmp_path, "a.csv")
+    found = verdict(viscous_drag={"b": 4.0})
+    for said in ("named", "unexplained"):
+        asked = open_experiment(path).system.experiment
+        text = machine_text(asked, replace(found, verdict=said))
+        (tmp_path / "machine.toml").write_text(text)
+        assert load_machine(str(tmp_path / "machine.toml")).verdict == said
+        assert text.count("verdict = ") == 1
+    assert load_machine("chow1992").verdict is None

@@ -15,6 +15,37 @@ from mopro.sweeps.targets import Variant
 TEXT = "UU012500/1\nVEL1 10.0\nACC1 0.5\nMRI1 0.2\nWX1\n"
 VARY = {"VEL1": "10:60:5", "ACC1": "0.5,1,3", "payload": "0,5lb"}
 
+FORCE_N, SIGMA_N = 111.2, 6.0
+# A move that a well damped motor follows with any force above one, and with none below.
+HARD = "UU012500/1\nVEL1 60.0\nACC1 1.7 ; as fast as it goes\nMRI1 3.0\nWX1\n"
+
+
+def uncertain_text(low=FORCE_N - 1.959964 * SIGMA_N, high=FORCE_N + 1.959964 * SIGMA_N, top=""):
+    """A well damped machine whose force is known to an interval of 95 %."""
+    place = f"pull.toml, 95 %: {low!r} to {high!r}; or backlash"
+    return (
+        f'{top}extends = "chow1992"\n[axis]\n'
+        'damping_ratio = { value = 0.4, unit = "1", origin = "assumed" }\n'
+        f'pull_out_force = {{ value = {FORCE_N}, unit = "N", origin = "measured", '
+        f'place = "{place}" }}\n'
+    )
+
+
+def least_force_N(base, low=30.0, high=300.0, **vary):
+    """The force of a motor, known without a doubt, below which it stalls."""
+
+    def stalls(force_N):
+        varied = {**vary, "axis.pull_out_force": [force_N]}
+        (row,) = Sweep.of(base, varied.items(), Design()).run(local(1)).to_pylist()
+        return row["outcome"] == "stalled"
+
+    assert stalls(low)
+    assert not stalls(high)
+    while high - low > 0.01:
+        middle = (low + high) / 2
+        low, high = (middle, high) if stalls(middle) else (low, middle)
+    return high
+
 
 def small_sweep(vary=VARY, text=TEXT, machine="chow1992"):
     base = Variant(mopro.compile(text, "P.CMD"), load_machine(machine), 0.0)

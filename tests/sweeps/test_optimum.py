@@ -1,13 +1,19 @@
 """The search for the best point: as good as a fine grid, within bounds, the same for a seed."""
 
+import statistics
+
 import pytest
 
 import mopro
-from helpers.sweeps import TEXT
+from helpers.sweeps import FORCE_N, HARD, SIGMA_N, TEXT, least_force_N, uncertain_text
 from mopro.cli import optimize
 from mopro.machine import load_machine
+from mopro.machine.file import read_machine
+from mopro.source import Source
 from mopro.sweeps import Sweep
+from mopro.sweeps.best_program import program_text
 from mopro.sweeps.designs import Design
+from mopro.sweeps.drawn import Draws, uncertain
 from mopro.sweeps.executors import local
 from mopro.sweeps.optimum import FIGURES, Bound, Goal, GoalError, optimum
 from mopro.sweeps.targets import Variant
@@ -45,6 +51,57 @@ def test_the_largest_and_a_choice():
 def test_the_same_seed_finds_the_same():
     runs = [optimum(subject(ACC1="0.1:3"), goal("time"), 60, seed=s) for s in (1, 1, 2)]
     assert runs[0] == runs[1] != runs[2]
+
+
+@pytest.fixture(scope="module")
+def careful():
+    """The soonest move of a machine of uncertain force: subject, goal, draws and what is found."""
+    base = Variant(
+        mopro.compile(HARD, "P.CMD"), read_machine(Source("u.toml", uncertain_text())), 0.0
+    )
+    varied = all_varied([("ACC1", "0.5:2.5")], base.program, base.machine)
+    asked = Subject(base, varied, uncertain=uncertain(base, varied))
+    wanted, draws = Goal("time_s", False, (), risk=0.02), Draws(40, 1)
+    return asked, wanted, draws, optimum(asked, wanted, 30, seed=1, draws=draws)
+
+
+def test_the_best_for_drawn_machines_stalls_as_seldom_as_it_says(careful):
+    asked, wanted, _, found = careful
+    acc = found.values[0]
+    chance = statistics.NormalDist(FORCE_N, SIGMA_N).cdf(least_force_N(asked.base, ACC1=[acc]))
+    assert found.kept
+    assert chance <= found.verified.at_most <= wanted.risk
+    assert found.verified.missing.total >= 400
+    careless = optimum(Subject(asked.base, asked.varied), wanted, 60, seed=1)
+    assert careless.verified is None
+    assert careless.row["time_s"] < found.row["time_s"]
+
+
+def test_a_risk_that_no_point_meets_is_not_kept(careful):
+    asked, wanted, draws, _ = careful
+    varied = all_varied([("ACC1", "1.7,1.75")], asked.base.program, asked.base.machine)
+    fast = Subject(asked.base, varied, uncertain=asked.uncertain)
+    found = optimum(fast, wanted, 15, draws=draws)
+    assert not found.kept
+
+
+def test_the_program_of_the_best_runs_as_found_and_says_why(careful):
+    asked, wanted, draws, found = careful
+    text = program_text(asked, wanted, found, draws).decode()
+    again = mopro.compile(text)
+    acc = float(found.values[0])
+    run = mopro.emulate(again, asked.base.machine).run
+    assert run.duration_s == pytest.approx(found.row["time_s"])
+    comments = [line for line in text.splitlines() if line.startswith(";")]
+    told = "\n".join(comments)
+    for said in (
+        "least time_s", "machine: u, verdict not stated", f"ACC1 = {acc}", "40 machines, seed 1",
+        "axis.pull_out_force", f"of {found.verified.missing.total} stall", "asked 2.000%",
+    ):  # fmt: skip
+        assert said in told
+    kept = [line for line in HARD.splitlines() if "ACC1" not in line]
+    assert [line for line in text.splitlines() if line in kept] == kept
+    assert "; as fast as it goes" in text
 
 
 def test_a_bound_that_no_run_keeps_gives_the_nearest():

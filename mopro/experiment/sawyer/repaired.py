@@ -57,10 +57,17 @@ def machine_text(experiment: Experiment, verdict: Verdict) -> str:
     sections = {e.name: [*_section(experiment, e, verdict, runs.get(e.name, {}))] for e in named}
     own = read_machine(source).formulas if machine.formulas else ()
     formulas = [effect for effect in machine.formulas if effect.name in sections]
-    name = quoted(repaired_name(machine.name))
-    if ("name",) not in Text.of(source):
-        source = Source(source.name, f"name = {name}\n{source.text}")
-    return with_effects(Text.of(source).with_value(("name",), name), own, formulas, sections)
+    text = Text.of(source)
+    for key, value in (("verdict", verdict.verdict), ("name", repaired_name(machine.name))):
+        text = _with_key(text, key, quoted(value))
+    return with_effects(text, own, formulas, sections)
+
+
+def _with_key(text: Text, key: str, value: str) -> Text:
+    """The text with `value` for the key, in its place or before all others."""
+    if (key,) in text:
+        return text.with_value((key,), value)
+    return Text.of(Source("", f"{key} = {value}\n{text}"))
 
 
 def machine_of(machine: Machine, text: str) -> Machine:
