@@ -14,6 +14,7 @@ from mopro.language.ast import Tree
 from mopro.language.parse import parse_what_can_be
 from mopro.lint.rule import Finding, Rule, Settings, Stage, Subject
 from mopro.lint.rules import RULES
+from mopro.process.garbage import garbage_left
 from mopro.program import Program, examine, lower
 from mopro.source import Source, Span
 
@@ -63,7 +64,11 @@ _FOLLOWS_FROM_OTHERS = {"loop-without-time", "unknown-label"}
 
 def lint(source: Source, settings: Settings | None = None) -> list[Finding]:
     """The findings about `source` in order of place; ModelError for an unusable machine."""
-    settings = settings or Settings()
+    with garbage_left():
+        return _findings(source, settings or Settings())
+
+
+def _findings(source: Source, settings: Settings) -> list[Finding]:
     tree, faults = _read(source, settings.grammar)
     ops, refusals = examine(tree)
     compiles = not faults and all(d.severity is not Severity.ERROR for d in refusals)

@@ -11,6 +11,7 @@ from mopro.errors import Diagnostic, MotionError
 from mopro.motion.profile import Profile, Shape, plan_profile
 from mopro.motion.schedule import PlannedMove, Schedule, Stroke
 from mopro.motion.track import AxisRegisters
+from mopro.process.garbage import garbage_left
 from mopro.program import ir
 from mopro.source import Span
 
@@ -38,7 +39,8 @@ def plan(
     if program.loops_forever and for_s is None:
         raise ValueError("a program that loops for ever needs a duration")
     planner = Planner(program, math.inf if for_s is None else for_s, travel_u or {})
-    planner.run()
+    with garbage_left():
+        planner.run()
     if planner.found:
         raise MotionError(program.source, planner.found.values())
     return planner.schedule()
