@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from fractions import Fraction
 from functools import singledispatch
+from itertools import takewhile
 
 from mopro.errors import Diagnostic, MotionError
 from mopro.motion.profile import Profile, Shape, plan_profile
@@ -230,7 +231,8 @@ class Planner:
     def close_endless(self, axis: AxisRegisters, end_s: float) -> None:
         """Write a motion without end down as a move from its start to `end_s`."""
         assert axis.endless_from_u is not None, "only an endless motion can be closed"
-        own = [s for s in axis.track.segments if s.end_s > axis.started_s]
+        # From the end on, as the track may be long and the motion is its last part.
+        own = takewhile(lambda s: s.end_s > axis.started_s, reversed(axis.track.segments))
         peak = max((abs(s.state(min(s.end_s, end_s)).velocity) for s in own), default=0.0)
         end_u = round(axis.track.state(end_s).position)
         stroke = Stroke(axis.number, axis.endless_from_u, end_u)

@@ -49,12 +49,16 @@ class Segment:
         tau = t - self.anchor_s
         return self.x + tau * (self.v + tau * (self.a / 2 + tau * self.j / 6))
 
+    def acceleration(self, t: float) -> float:
+        """The acceleration of the state at `t`."""
+        return self.a + (t - self.anchor_s) * self.j
+
     def state(self, t: float) -> State:
         tau = t - self.anchor_s
         return State(
             self.position(t),
             self.v + tau * (self.a + tau * self.j / 2),
-            self.a + tau * self.j,
+            self.acceleration(t),
         )
 
 

@@ -47,7 +47,7 @@ def _wait_before(subject: Subject | None, finding: Diagnostic) -> str | None:
     """The statement with a wait for its axes in front."""
     if subject is None:
         return None
-    op = next(op for op in subject.program.ops if op.span == finding.span)
+    op = subject.op_at[finding.span]
     axis = op.axes[0] if isinstance(op, ir.AxisOp) and len(op.axes) == 1 else 0
     return f"WX{axis}\n{_statement_text(subject, finding.span)}"
 
