@@ -440,15 +440,20 @@ def _other_words(word: str, rest: str) -> str | None:
 def _unknown_mnemonic(first: re.Match[str], mnemonics: list[str]) -> _FaultShape:
     letters = _mnemonic_letters(first[0])
     columns = ast.Operand(first.start() + 1, first.end() + 1)
-    from difflib import get_close_matches
-
-    near = get_close_matches(letters, mnemonics, n=1, cutoff=0.5)
-    hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(mnemonics))}"
+    near = _nearest(letters, tuple(mnemonics))
+    hint = f"did you mean `{near}`?" if near else f"known are {', '.join(sorted(mnemonics))}"
     hint = _other_words(first[0], first.string[first.end() :].strip()) or hint
     if letters in (kind.mnemonic() for kind in statement_kinds("extended")):
         hint = f"{letters} is an assumed statement: it needs --grammar extended"
     message = f"`{first[0]}` begins no statement of the language"
     return _FaultShape("unknown-mnemonic", message, columns, hint)
+
+
+@lru_cache(maxsize=256)
+def _nearest(letters: str, mnemonics: tuple[str, ...]) -> str | None:
+    from difflib import get_close_matches
+
+    return next(iter(get_close_matches(letters, mnemonics, n=1, cutoff=0.5)), None)
 
 
 def _mnemonic_letters(text: str) -> str:

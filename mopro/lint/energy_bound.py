@@ -48,6 +48,7 @@ class EnergyBound:
         self._pendulum = pendulum
         self._push = 0.0
         self._energy = 0.0
+        self._bottom, self._height = _well(0.0)
         self.lost = False
         self.largest = 0.0
 
@@ -75,10 +76,11 @@ class EnergyBound:
         if push != self._push:
             low, high = self._range()
             change = self._push - push
-            floor = _bottom(self._push) + self._energy
-            self._energy = floor + max(change * low, change * high) - _bottom(push)
+            floor = self._bottom + self._energy
+            self._bottom, self._height = _well(push)
+            self._energy = floor + max(change * low, change * high) - self._bottom
             self._push = push
-        if self._energy >= _crest(self._push) - _bottom(self._push):
+        if self._energy >= self._height:
             self.lost = True
             return
         low, high = self._range()
@@ -86,7 +88,7 @@ class EnergyBound:
 
     def _decay(self, duration_s: float) -> None:
         """Apply damping, except over one period, in which it may be small."""
-        if self.lost or self._energy > _MOST_DAMPED * (_crest(self._push) - _bottom(self._push)):
+        if self.lost or self._energy > _MOST_DAMPED * self._height:
             return
         losing_s = max(0.0, duration_s - self._pendulum.period_s)
         self._energy *= math.exp(-_LOSS_SHARE * self._pendulum.damping_1_s * losing_s)
@@ -102,7 +104,7 @@ def _range(push: float, energy: float) -> tuple[float, float]:
     rest = math.asin(push)
     if energy <= 0:
         return rest, rest
-    level = _bottom(push) + energy
+    level = _well(push)[0] + energy
     low, high = -math.pi - rest, math.pi - rest
     return _theta_at(push, level, rest, low), _theta_at(push, level, rest, high)
 
@@ -116,14 +118,13 @@ def _three_digits_up(energy: float) -> float:
 
 
 @lru_cache(maxsize=65536)
-def _bottom(push: float) -> float:
-    return _potential(push, math.asin(push))
+def _well(push: float) -> tuple[float, float]:
+    """The minimum of the potential, and how far above it the lower of the two maxima is.
 
-
-@lru_cache(maxsize=65536)
-def _crest(push: float) -> float:
-    """The lower of the two maxima, on the side to which the acceleration pushes."""
-    return _potential(abs(push), math.pi - math.asin(abs(push)))
+    That one is on the side to which the acceleration pushes.
+    """
+    bottom = _potential(push, math.asin(push))
+    return bottom, _potential(abs(push), math.pi - math.asin(abs(push))) - bottom
 
 
 def _potential(push: float, theta: float) -> float:
