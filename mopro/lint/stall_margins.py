@@ -99,19 +99,20 @@ def bursts(laden: LadenMachine, moves: Sequence[PlannedMove], axis: int) -> Iter
     """
     parts = [(move, stroke) for move in moves for stroke in move.strokes if stroke.axis == axis]
     parts = [(move, stroke) for move, stroke in parts if stroke.length_u and move.profile.ramp_s]
-    bound = EnergyBound(laden.pendulum)
+    pendulum, microstep_m = laden.pendulum, laden.machine.microstep_m
+    bound = EnergyBound(pendulum)
     held: list[tuple[PlannedMove, MoveOnAxis, float]] = []
     for index, (move, stroke) in enumerate(parts):
         following = parts[index + 1][0].start_s if index + 1 < len(parts) else move.end_s + 1e3
         motion = _move_on_axis(move, stroke, max(0.0, following - move.end_s))
         bound.largest = 0.0
-        _apply(bound, move, motion, laden.machine.microstep_m)
+        _apply(bound, move, motion, microstep_m)
         margin = _margin(bound)
-        bound.push(0.0, 0.0, motion.rest_s)
+        bound.rest(motion.rest_s)
         held.append((move, motion, margin))
         if bound.still or len(held) >= _MOST_MOVES or motion.rest_s > _LONGEST_REST_S:
             yield _burst(axis, held)
-            held, bound = [], EnergyBound(laden.pendulum)
+            held, bound = [], EnergyBound(pendulum)
     if held:
         yield _burst(axis, held)
 
