@@ -11,7 +11,7 @@ from itertools import takewhile
 from mopro.errors import Diagnostic, MotionError
 from mopro.motion.profile import Profile, Shape, plan_profile
 from mopro.motion.schedule import PlannedMove, Schedule, Stroke
-from mopro.motion.track import AxisRegisters
+from mopro.motion.track import AxisRegisters, quotient
 from mopro.process.garbage import garbage_left
 from mopro.program import ir
 from mopro.source import Span
@@ -104,7 +104,7 @@ class Planner:
         """Let time pass while the program waits at `span`."""
         while self.now_s < until_s:
             moving = [axis for axis in self.axes.values() if axis.moving(self.now_s)]
-            latest = max(moving, key=lambda a: (a.started_s, a.started_by), default=None)
+            latest = max(moving, key=_by_start, default=None)
             line, pause_s = span.line, until_s
             if latest is not None:
                 line, pause_s = latest.started_by.line, min(until_s, latest.busy_until_s)
@@ -221,7 +221,7 @@ class Planner:
         """Write down a move that begins now."""
         start_s = self.now_s
         units = self.axes[strokes[0].axis].units
-        distance_uu = float(distance_u / units)
+        distance_uu = quotient(distance_u, units)
         self.moves.append(PlannedMove(span, tuple(strokes), profile, start_s, distance_uu, units))
         for stroke in strokes:
             axis = self.axes[stroke.axis]
@@ -254,6 +254,10 @@ class Planner:
         axis.position_u = Fraction(end_u)
         axis.endless_from_u = None
         axis.busy_until_s = end_s
+
+
+def _by_start(axis: AxisRegisters) -> tuple[float, Span]:
+    return axis.started_s, axis.started_by
 
 
 @singledispatch
