@@ -24,6 +24,8 @@ from mopro.lint.output import FORMATS, Report, explain, page, summary
 from mopro.lint.rule import Settings
 
 _EXPLAIN_ALL = "all"
+# Parts of the work on one file that the line of progress counts.
+_STEPS = 20
 
 
 @click.command()
@@ -80,11 +82,15 @@ def command(
     tell_of = cache(_tell_of_runs)
     reports: list[Report] = []
     code = 0
-    with counted("lint", len(files), "files") as tell:
+    with counted("lint", len(files) * _STEPS, "steps") as tell:
         for number, file in enumerate(files):
-            tell(number)
+            tell(number * _STEPS)
+
+            def on_share(share: float, number: int = number) -> None:
+                tell(round((number + share) * _STEPS))
+
             try:
-                report, changed = _lint_file(file, settings_in, tell_of, fix, diff)
+                report, changed = _lint_file(file, settings_in, tell_of, on_share, fix, diff)
             except MoproError as error:
                 say_findings(error.render(), err=True)
                 code = EXIT_BAD_INPUT
@@ -124,6 +130,7 @@ def _lint_file(
     file: str,
     settings_in: Callable[[Path], Settings],
     tell_of: Callable[[str], None],
+    on_share: Callable[[float], None],
     fix: bool,
     diff: bool,
 ) -> tuple[Report, bool]:
@@ -143,7 +150,7 @@ def _lint_file(
         elif better != source or file == "-":
             write_text(file, better, tail)
         source = source if diff else better
-    report = Report(source, lint(source, settings))
+    report = Report(source, lint(source, settings, on_share))
     tell_of(settings.machine)
     return report, changed
 

@@ -10,12 +10,13 @@ import hashlib
 import io
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
+from typing import NamedTuple
 
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 from lark import __version__ as lark_version
@@ -77,26 +78,38 @@ def parse_what_can_be(
     source: Source, grammar: str = "attested"
 ) -> tuple[ast.Tree, list[Diagnostic]]:
     """The tree of the lines without a fault, which may be none, and the faults of the others."""
-    read, source = _line_reader(grammar), until_end_of_file(source)
+    reader, source = _reader(grammar), until_end_of_file(source)
     statements: list[ast.Statement] = []
     comments: list[ast.Comment] = []
     faults: list[Diagnostic] = []
     with garbage_left():
         for number, text in enumerate(source.lines, start=1):
-            line = read(text)
-            if line.fault is not None:
-                faults.append(line.fault.at(number))
-            if line.statement is not None:
-                statements.append(line.statement.at(number))
-            if line.comment is not None:
-                span = line.comment.span(number)
-                comments.append(ast.Comment(span, text[span.column - 1 :]))
+            before, mark, after = text.partition(";")
+            shape = reader.quick(before)
+            if shape is not None:
+                statements.append(shape.at(number))
+            elif before.strip(_BLANKS):
+                line = reader.by_lark(text)
+                if line.fault is not None:
+                    faults.append(line.fault.at(number))
+                if line.statement is not None:
+                    statements.append(line.statement.at(number))
+                if not line.parsed:
+                    continue
+            if mark:
+                span = Span(number, len(before) + 1, len(text) + 1)
+                comments.append(ast.Comment(span, mark + after))
     return ast.Tree(source, tuple(statements), tuple(comments)), faults
 
 
 def is_statement(text: str) -> bool:
     """True if `text` is a statement of either grammar, with a comment or without."""
-    return _line_reader("extended")(text).statement is not None
+    reader, before = _reader("extended"), text.partition(";")[0]
+    if reader.quick(before) is not None:
+        return True
+    if _mnemonic_of(before) not in reader.mnemonics:
+        return False
+    return reader.by_lark(text).statement is not None
 
 
 @cache
@@ -114,16 +127,16 @@ def grammar_path(file: str) -> Path:
     return installed if installed.is_file() else package.parent / "grammars" / file
 
 
-@dataclass(frozen=True, slots=True)
-class _StatementShape:
+class _StatementShape(NamedTuple):
     """A statement but for its line number."""
 
     kind: type[ast.Statement]
-    columns: ast.Operand
+    column: int
+    end_column: int
     operands: tuple[ast.Operand, ...]
 
     def at(self, line: int) -> ast.Statement:
-        return self.kind(self.columns.span(line), *self.operands)
+        return self.kind(Span(line, self.column, self.end_column), *self.operands)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +154,11 @@ class _FaultShape:
 
 @dataclass(frozen=True, slots=True)
 class _Line:
+    """What lark says of a line; `parsed` unless it cannot tell the parts, so no comment either."""
+
     statement: _StatementShape | None = None
-    comment: ast.Operand | None = None
     fault: _FaultShape | None = None
+    parsed: bool = True
 
 
 @cache
@@ -189,57 +204,64 @@ def _made_parser(grammar: str) -> Lark:
     )
 
 
+class _Reader(NamedTuple):
+    """Functions that read lines of one grammar and remember past ones.
+
+    `quick` reads what stands before a comment, if it is a statement as the grammar has it; the
+    others are left to `by_lark`, which takes the whole line. A statement begins with one of
+    `mnemonics`, by their first two characters.
+    """
+
+    quick: Callable[[str], _StatementShape | None]
+    by_lark: Callable[[str], _Line]
+    mnemonics: Collection[str]
+
+
 @cache
-def _line_reader(grammar: str) -> Callable[[str], _Line]:
-    """A function from the text of a line to what it holds, which remembers past lines."""
-    quick = _quick_reader(grammar)
-
-    @lru_cache(maxsize=4096)
-    def read(text: str) -> _Line:
-        return quick(text) or _read_by_lark(text, grammar)
-
-    return read
+def _reader(grammar: str) -> _Reader:
+    forms = _forms(grammar)
+    quick, by_lark = partial(_read_quickly, forms), partial(_read_by_lark, grammar)
+    remember = lru_cache(maxsize=4096)
+    return _Reader(remember(quick), lru_cache(maxsize=4096)(by_lark), forms)
 
 
-def _read_by_lark(text: str, grammar: str) -> _Line:
+def _read_by_lark(grammar: str, text: str) -> _Line:
     try:
         tree = _parser(grammar).parse(text)
     except UnexpectedInput as unexpected:
-        return _Line(fault=_explain(text, unexpected, statement_kinds(grammar)))
+        fault = _explain(text, unexpected, statement_kinds(grammar))
+        return _Line(fault=fault, parsed=False)
     return _shape_of(tree)
 
 
-@dataclass(frozen=True)
-class _Form:
-    """One way to write a statement: its line as a pattern, and the kinds of its operands."""
+class _Form(NamedTuple):
+    """One way to write a statement: its text as a pattern, and how its operands are read.
+
+    The first group is the statement; `operands` are the numbers of theirs.
+    """
 
     kind: type[ast.Statement]
-    line: re.Pattern[str]
-    operands: tuple[str, ...]
+    pattern: re.Pattern[str]
+    operands: tuple[tuple[int, Callable[[str, int], ast.Operand]], ...]
 
-    def read(self, text: str) -> _Line | None:
-        """What a line of this form holds; None for another, and for what is too long."""
-        match = self.line.fullmatch(text)
+    def read(self, text: str) -> _StatementShape | None:
+        """The statement of this form that `text` is; None for another, and for what is too long."""
+        match = self.pattern.fullmatch(text)
         if match is None:
             return None
+        places = match.regs
         operands = []
-        for place, name in enumerate(self.operands):
-            value, begin = match[f"o{place}"], match.start(f"o{place}")
-            if len(value) > MOST_DIGITS:
+        for group, make in self.operands:
+            begin, end = places[group]
+            if end - begin > MOST_DIGITS:
                 return None
-            operands.append(_operand(name, value, begin + 1))
-        statement = _StatementShape(
-            self.kind,
-            ast.Operand(match.start("statement") + 1, match.end("statement") + 1),
-            tuple(operands),
-        )
-        begin = match.start("comment")
-        comment = ast.Operand(begin + 1, len(text) + 1) if begin >= 0 else None
-        return _Line(statement, comment)
+            operands.append(make(text[begin:end], begin + 1))
+        begin, end = places[1]
+        return _StatementShape(self.kind, begin + 1, end + 1, tuple(operands))
 
 
-def _quick_reader(grammar: str) -> Callable[[str], _Line | None]:
-    """A function for lines as the grammar has them, of which it knows most and leaves the others.
+def _forms(grammar: str) -> dict[str, tuple[_Form, ...]]:
+    """The forms of all statements by the first two characters of their mnemonics.
 
     Each rule of a statement is a row of terminals, and so a pattern; a terminal takes what it can
     and gives nothing back, as lark's lexer does.
@@ -252,42 +274,50 @@ def _quick_reader(grammar: str) -> Callable[[str], _Line | None]:
         if kind is None:
             continue
         names = [symbol.name for symbol in rule.expansion]
-        operands = tuple(name for name in names if not name.startswith("_"))
-        places = iter(range(len(operands)))
-        parts = [
-            f"(?P<o{next(places)}>{terminals[n]})" if n in operands else terminals[n] for n in names
+        own = {f"o{place}": name for place, name in enumerate(names) if not name.startswith("_")}
+        row = [
+            f"(?P<o{place}>{terminals[name]})" if f"o{place}" in own else terminals[name]
+            for place, name in enumerate(names)
         ]
-        blank, comment = f"(?:{terminals['_SPACE']})?", terminals["COMMENT"]
-        pattern = f"{blank}(?P<statement>{''.join(parts)}){blank}(?P<comment>{comment})?"
-        begin = ":" if kind is ast.Label else kind.mnemonic()[:2]
-        forms.setdefault(begin, []).append(_Form(kind, re.compile(pattern), operands))
-    ordered = {begin: tuple(of) for begin, of in forms.items()}
+        blank = f"(?:{terminals['_SPACE']})?"
+        pattern = re.compile(f"{blank}({''.join(row)}){blank}")
+        operands = ((pattern.groupindex[o], _OPERANDS[name]) for o, name in own.items())
+        form = _Form(kind, pattern, tuple(operands))
+        forms.setdefault(_mnemonic_of(kind.mnemonic()), []).append(form)
+    return {begin: tuple(of) for begin, of in forms.items()}
 
-    def read(text: str) -> _Line | None:
-        begin = text.lstrip(_BLANKS)[:2].upper()
-        for form in ordered.get(":" if begin[:1] == ":" else begin, ()):
-            line = form.read(text)
-            if line is not None:
-                return line
-        return None
 
-    return read
+def _mnemonic_of(text: str) -> str:
+    """The first two characters of the mnemonic that `text` begins with, in capitals."""
+    begin = text.lstrip(_BLANKS)[:2]
+    return ":" if begin[:1] == ":" else begin.upper()
+
+
+def _read_quickly(forms: dict[str, tuple[_Form, ...]], text: str) -> _StatementShape | None:
+    for form in forms.get(_mnemonic_of(text), ()):
+        shape = form.read(text)
+        if shape is not None:
+            return shape
+    return None
 
 
 def _shape_of(tree: Tree[Token]) -> _Line:
-    """The statement and the comment of one line, either or both, from lark's tree."""
-    statement = comment = fault = None
+    """The statement of one line, if any, from lark's tree."""
+    statement = fault = None
     for child in tree.children:
         if isinstance(child, Token):
-            comment = _columns(child)
             continue
         tokens = [token for token in child.children if isinstance(token, Token)]
         fault = fault or next((f for f in map(_overlong, tokens) if f), None)
         if fault is None:
-            columns = ast.Operand(child.meta.column, child.meta.end_column)
-            operands = (_operand(token.type, str(token), token.column or 1) for token in tokens)
-            statement = _StatementShape(ast.STATEMENTS[child.data], columns, tuple(operands))
-    return _Line(statement, comment, fault)
+            operands = (_OPERANDS[token.type](str(token), token.column or 1) for token in tokens)
+            statement = _StatementShape(
+                ast.STATEMENTS[child.data],
+                child.meta.column,
+                child.meta.end_column,
+                tuple(operands),
+            )
+    return _Line(statement, fault)
 
 
 def _columns(token: Token) -> ast.Operand:
@@ -302,21 +332,38 @@ def _overlong(token: Token) -> _FaultShape | None:
     return _FaultShape("too-long", message, _columns(token))
 
 
-def _operand(terminal: str, text: str, column: int) -> ast.Operand:
-    """The operand that a terminal's `text` at `column` is."""
-    place = (column, column + len(text))
-    match terminal:
-        case "AXIS":
-            letter = text in ("O", "o")
-            return ast.Axis(*place, 0 if letter else int(text), letter)
-        case "NUMBER":
-            return ast.Number(*place, Fraction(text))
-        case "WHOLE":
-            return ast.Whole(*place, int(text))
-        case "SWITCH":
-            return ast.Switch(*place, text == "+")
-        case _:
-            return ast.Name(*place, text)
+@lru_cache(maxsize=256)
+def _axis(text: str, column: int) -> ast.Axis:
+    letter = text in ("O", "o")
+    return ast.Axis(column, column + 1, 0 if letter else int(text), letter)
+
+
+def _number(text: str, column: int) -> ast.Number:
+    whole, _, decimals = text.partition(".")
+    value = Fraction(int(whole + decimals), 10 ** len(decimals))
+    return ast.Number(column, column + len(text), value)
+
+
+def _whole(text: str, column: int) -> ast.Whole:
+    return ast.Whole(column, column + len(text), int(text))
+
+
+def _switch(text: str, column: int) -> ast.Switch:
+    return ast.Switch(column, column + 1, text == "+")
+
+
+def _name(text: str, column: int) -> ast.Name:
+    return ast.Name(column, column + len(text), text)
+
+
+# The operand that a terminal's text at a column is.
+_OPERANDS: dict[str, Callable[[str, int], ast.Operand]] = {
+    "AXIS": _axis,
+    "NUMBER": _number,
+    "WHOLE": _whole,
+    "SWITCH": _switch,
+    "NAME": _name,
+}
 
 
 def _explain(
@@ -393,15 +440,20 @@ def _other_words(word: str, rest: str) -> str | None:
 def _unknown_mnemonic(first: re.Match[str], mnemonics: list[str]) -> _FaultShape:
     letters = _mnemonic_letters(first[0])
     columns = ast.Operand(first.start() + 1, first.end() + 1)
-    from difflib import get_close_matches
-
-    near = get_close_matches(letters, mnemonics, n=1, cutoff=0.5)
-    hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(mnemonics))}"
+    near = _nearest(letters, tuple(mnemonics))
+    hint = f"did you mean `{near}`?" if near else f"known are {', '.join(sorted(mnemonics))}"
     hint = _other_words(first[0], first.string[first.end() :].strip()) or hint
     if letters in (kind.mnemonic() for kind in statement_kinds("extended")):
         hint = f"{letters} is an assumed statement: it needs --grammar extended"
     message = f"`{first[0]}` begins no statement of the language"
     return _FaultShape("unknown-mnemonic", message, columns, hint)
+
+
+@lru_cache(maxsize=256)
+def _nearest(letters: str, mnemonics: tuple[str, ...]) -> str | None:
+    from difflib import get_close_matches
+
+    return next(iter(get_close_matches(letters, mnemonics, n=1, cutoff=0.5)), None)
 
 
 def _mnemonic_letters(text: str) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import NamedTuple
 
 from mopro.errors import Diagnostic, MotionError, Severity, SourceError
@@ -14,6 +15,7 @@ from mopro.language.ast import Tree
 from mopro.language.parse import parse_what_can_be
 from mopro.lint.rule import Finding, Rule, Settings, Stage, Subject
 from mopro.lint.rules import RULES
+from mopro.process.garbage import garbage_left
 from mopro.program import Program, examine, lower
 from mopro.source import Source, Span
 
@@ -61,17 +63,38 @@ def why_unused(allow: Allow, known: Collection[str]) -> tuple[str, str | None]:
 _FOLLOWS_FROM_OTHERS = {"loop-without-time", "unknown-label"}
 
 
-def lint(source: Source, settings: Settings | None = None) -> list[Finding]:
-    """The findings about `source` in order of place; ModelError for an unusable machine."""
-    settings = settings or Settings()
+def lint(
+    source: Source,
+    settings: Settings | None = None,
+    on_share: Callable[[float], None] = lambda share: None,
+) -> list[Finding]:
+    """The findings about `source` in order of place; ModelError for an unusable machine.
+
+    `on_share` is told which share of the steps is done: reading, compiling, motion, each check.
+    """
+    with garbage_left():
+        return _findings(source, settings or Settings(), on_share)
+
+
+def _findings(
+    source: Source, settings: Settings, on_share: Callable[[float], None]
+) -> list[Finding]:
+    asked = asked_rules(settings)
+    steps = 3 + sum(rule.check is not None for rule in asked.values())
+    shares = (n / steps for n in count(1))
+
+    def step() -> None:
+        on_share(next(shares))
+
     tree, faults = _read(source, settings.grammar)
+    step()
     ops, refusals = examine(tree)
+    step()
     compiles = not faults and all(d.severity is not Severity.ERROR for d in refusals)
     subject = Subject(tree, Program(ops, tree.source), settings) if compiles else None
-    asked = asked_rules(settings)
     findings = [_with_fix(d, subject) for d in _first_causes(faults, refusals)]
     if subject is not None:
-        findings += _found_by_rules(subject, asked)
+        findings += _found_by_rules(subject, asked, step)
     findings = [f for f in findings if f.rule in asked or f.rule not in RULES]
     return sorted(_allowed(findings, tree, asked), key=lambda f: (f.span, f.rule))
 
@@ -107,20 +130,25 @@ def _first_causes(*groups: tuple[Diagnostic, ...] | list[Diagnostic]) -> list[Di
     return causes
 
 
-def _found_by_rules(subject: Subject, asked: dict[str, Rule]) -> Iterator[Finding]:
+def _found_by_rules(
+    subject: Subject, asked: dict[str, Rule], step: Callable[[], None]
+) -> Iterator[Finding]:
     """Findings of each stage, as long as no earlier stage refuses the program."""
     for rule in _checks(asked, Stage.TEXT):
         yield from rule.check(rule, subject)  # type: ignore[misc]
+        step()
     if all(rule.stage not in (Stage.MOTION, Stage.PHYSICS) for rule in asked.values()):
         return
     refused = [d for d in subject.survey.findings if d.rule != "loop-without-time"]
     refused = refused or list(subject.survey.findings)
+    step()
     yield from (_with_fix(d, subject) for d in refused)
     if refused:
         return
     for stage in (Stage.MOTION, Stage.PHYSICS):
         for rule in _checks(asked, stage):
             yield from rule.check(rule, subject)  # type: ignore[misc]
+            step()
 
 
 def _checks(asked: dict[str, Rule], stage: Stage) -> list[Rule]:

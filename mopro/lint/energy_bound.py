@@ -45,9 +45,12 @@ class EnergyBound:
     """Bound on the oscillation of one axis; `lost` once it may have left its tooth."""
 
     def __init__(self, pendulum: Pendulum) -> None:
-        self._pendulum = pendulum
+        self._pull_out_m_s2 = pendulum.pull_out_m_s2
+        self._period_s = pendulum.period_s
+        self._loss_1_s = _LOSS_SHARE * pendulum.damping_1_s
         self._push = 0.0
         self._energy = 0.0
+        self._bottom, self._height = _well(0.0)
         self.lost = False
         self.largest = 0.0
 
@@ -57,8 +60,8 @@ class EnergyBound:
 
     def push(self, acceleration_m_s2: float, end_m_s2: float, duration_s: float) -> None:
         """Apply a segment of the command, over which the acceleration changes linearly."""
-        start = acceleration_m_s2 / self._pendulum.pull_out_m_s2
-        end = end_m_s2 / self._pendulum.pull_out_m_s2
+        start = acceleration_m_s2 / self._pull_out_m_s2
+        end = end_m_s2 / self._pull_out_m_s2
         self._corner(start)
         if start == end:
             self._decay(duration_s)
@@ -66,34 +69,40 @@ class EnergyBound:
         for step in range(1, _RAMP_STEPS + 1):
             self._corner(start + (end - start) * step / _RAMP_STEPS)
 
+    def rest(self, duration_s: float) -> None:
+        """End the acceleration, and let the axis rest."""
+        self._change(0.0)
+        self._decay(duration_s)
+
     def _corner(self, push: float) -> None:
+        self._change(push)
+        if not self.lost:
+            low, high = _range(push, _three_digits_up(self._energy))
+            self.largest = max(self.largest, high + _MICROSTEP_SWING, _MICROSTEP_SWING - low)
+
+    def _change(self, push: float) -> None:
         if self.lost:
             return
         if abs(push) >= 1:
             self.lost = True
             return
         if push != self._push:
-            low, high = self._range()
+            low, high = _range(self._push, _three_digits_up(self._energy))
             change = self._push - push
-            floor = _bottom(self._push) + self._energy
-            self._energy = floor + max(change * low, change * high) - _bottom(push)
+            floor = self._bottom + self._energy
+            self._bottom, self._height = _well(push)
+            self._energy = floor + max(change * low, change * high) - self._bottom
             self._push = push
-        if self._energy >= _crest(self._push) - _bottom(self._push):
+        if self._energy >= self._height:
             self.lost = True
-            return
-        low, high = self._range()
-        self.largest = max(self.largest, high + _MICROSTEP_SWING, _MICROSTEP_SWING - low)
 
     def _decay(self, duration_s: float) -> None:
         """Apply damping, except over one period, in which it may be small."""
-        if self.lost or self._energy > _MOST_DAMPED * (_crest(self._push) - _bottom(self._push)):
+        if self.lost or self._energy > _MOST_DAMPED * self._height:
             return
-        losing_s = max(0.0, duration_s - self._pendulum.period_s)
-        self._energy *= math.exp(-_LOSS_SHARE * self._pendulum.damping_1_s * losing_s)
-
-    def _range(self) -> tuple[float, float]:
-        """Least and greatest θ (rad) that the energy allows."""
-        return _range(self._push, _three_digits_up(self._energy))
+        losing_s = duration_s - self._period_s
+        if losing_s > 0:
+            self._energy *= math.exp(-self._loss_1_s * losing_s)
 
 
 @lru_cache(maxsize=65536)
@@ -102,7 +111,7 @@ def _range(push: float, energy: float) -> tuple[float, float]:
     rest = math.asin(push)
     if energy <= 0:
         return rest, rest
-    level = _bottom(push) + energy
+    level = _well(push)[0] + energy
     low, high = -math.pi - rest, math.pi - rest
     return _theta_at(push, level, rest, low), _theta_at(push, level, rest, high)
 
@@ -116,14 +125,13 @@ def _three_digits_up(energy: float) -> float:
 
 
 @lru_cache(maxsize=65536)
-def _bottom(push: float) -> float:
-    return _potential(push, math.asin(push))
+def _well(push: float) -> tuple[float, float]:
+    """The minimum of the potential, and how far above it the lower of the two maxima is.
 
-
-@lru_cache(maxsize=65536)
-def _crest(push: float) -> float:
-    """The lower of the two maxima, on the side to which the acceleration pushes."""
-    return _potential(abs(push), math.pi - math.asin(abs(push)))
+    That one is on the side to which the acceleration pushes.
+    """
+    bottom = _potential(push, math.asin(push))
+    return bottom, _potential(abs(push), math.pi - math.asin(abs(push))) - bottom
 
 
 def _potential(push: float, theta: float) -> float:

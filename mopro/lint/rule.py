@@ -100,6 +100,11 @@ class Subject:
         return moves[: laps[1].moves] if len(laps) > 1 else moves
 
     @cached_property
+    def op_at(self) -> dict[Span, ir.Op]:
+        """The operation of each statement, by its place."""
+        return {op.span: op for op in self.program.ops}
+
+    @cached_property
     def reached(self) -> frozenset[int]:
         """Indices of the operations that a run can reach."""
         met = {id(op) for op in self.program.reachable()}
@@ -112,7 +117,11 @@ class Subject:
         return length_unit_name(self.metres_per_uu(microsteps_per_uu))
 
     def metres_per_uu(self, microsteps_per_uu: Fraction) -> Fraction:
-        return microsteps_per_uu * Fraction(self.machine.microstep_m).limit_denominator(10**9)
+        return microsteps_per_uu * self._microstep_m
+
+    @cached_property
+    def _microstep_m(self) -> Fraction:
+        return Fraction(self.machine.microstep_m).limit_denominator(10**9)
 
     def length(self, microsteps: float, microsteps_per_uu: Fraction) -> str:
         """A length in the program's user unit."""

@@ -25,6 +25,12 @@ _EMULATION_RATE_HZ = 50.0
 _PROBES = 8
 # Distinct motion that can be emulated in a few seconds; the rest is not checked.
 MOST_EMULATED_S = 300.0
+# Beyond this much of it the kernel is compiled for the rest; the bits are the same.
+_PLAIN_S = 10.0
+
+
+# Margin and slip of each motion of a burst.
+Outcomes = tuple[tuple[float, bool], ...]
 
 
 class MoveOnAxis(NamedTuple):
@@ -93,19 +99,20 @@ def bursts(laden: LadenMachine, moves: Sequence[PlannedMove], axis: int) -> Iter
     """
     parts = [(move, stroke) for move in moves for stroke in move.strokes if stroke.axis == axis]
     parts = [(move, stroke) for move, stroke in parts if stroke.length_u and move.profile.ramp_s]
-    bound = EnergyBound(laden.pendulum)
+    pendulum, microstep_m = laden.pendulum, laden.machine.microstep_m
+    bound = EnergyBound(pendulum)
     held: list[tuple[PlannedMove, MoveOnAxis, float]] = []
     for index, (move, stroke) in enumerate(parts):
         following = parts[index + 1][0].start_s if index + 1 < len(parts) else move.end_s + 1e3
         motion = _move_on_axis(move, stroke, max(0.0, following - move.end_s))
         bound.largest = 0.0
-        _apply(bound, move, motion, laden.machine.microstep_m)
+        _apply(bound, move, motion, microstep_m)
         margin = _margin(bound)
-        bound.push(0.0, 0.0, motion.rest_s)
+        bound.rest(motion.rest_s)
         held.append((move, motion, margin))
         if bound.still or len(held) >= _MOST_MOVES or motion.rest_s > _LONGEST_REST_S:
             yield _burst(axis, held)
-            held, bound = [], EnergyBound(laden.pendulum)
+            held, bound = [], EnergyBound(pendulum)
     if held:
         yield _burst(axis, held)
 
@@ -129,7 +136,7 @@ def _move_on_axis(move: PlannedMove, stroke: Stroke, rest_s: float) -> MoveOnAxi
 
 def _apply(bound: EnergyBound, move: PlannedMove, motion: MoveOnAxis, microstep_m: float) -> None:
     for segment in move.profile.segments(stroke=float(motion.length_u)):
-        start, end = (segment.state(t).acceleration for t in (segment.start_s, segment.end_s))
+        start, end = (segment.acceleration(t) for t in (segment.start_s, segment.end_s))
         bound.push(start * microstep_m, end * microstep_m, segment.end_s - segment.start_s)
 
 
@@ -153,18 +160,18 @@ def stall_margins_of(
     """The margins of `moves`; a burst is emulated unless its bounds leave at least `enough`."""
     each: list[StallMargin] = []
     unchecked: list[PlannedMove] = []
-    emulated_s = 0.0
-    known: set[tuple[MoveOnAxis, ...]] = set()
+    emulations = Emulations(laden)
     for axis in AXES:
         for burst in bursts(laden, moves, axis):
-            bounded = laden.is_nominal and min(burst.margins) >= enough
-            if not bounded and burst.motions not in known:
-                emulated_s += sum(move.profile.duration_s for move in burst.moves)
-                known.add(burst.motions)
-            if not bounded and emulated_s > MOST_EMULATED_S:
-                unchecked += burst.moves
+            if laden.is_nominal and min(burst.margins) >= enough:
+                each += _bounded(burst)
                 continue
-            each += _bounded(burst) if bounded else _emulated(laden, burst)
+            motion_s = sum(move.profile.duration_s for move in burst.moves)
+            outcomes = emulations.of(burst.motions, motion_s)
+            if outcomes is None:
+                unchecked += burst.moves
+            else:
+                each += _emulated(burst, outcomes)
     return StallMargins(laden, tuple(each), tuple(unchecked))
 
 
@@ -175,19 +182,43 @@ def _bounded(burst: Burst) -> list[StallMargin]:
     ]
 
 
-def _emulated(laden: LadenMachine, burst: Burst) -> list[StallMargin]:
-    outcomes = emulated(laden, burst.motions)
+def _emulated(burst: Burst, outcomes: Outcomes) -> list[StallMargin]:
     return [
         StallMargin(move, burst.axis, burst.motions, i, margin, slips, True)
         for i, (move, (margin, slips)) in enumerate(zip(burst.moves, outcomes, strict=True))
     ]
 
 
+class Emulations:
+    """Emulations of bursts of one machine, each distinct one once, up to `MOST_EMULATED_S`."""
+
+    def __init__(self, laden: LadenMachine) -> None:
+        self._laden = laden
+        self._asked_s = 0.0
+        self._known: dict[tuple[MoveOnAxis, ...], Outcomes] = {}
+
+    def of(self, motions: tuple[MoveOnAxis, ...], motion_s: float) -> Outcomes | None:
+        """The outcomes of a burst that lasts `motion_s` (s); None once the bound is exceeded."""
+        if self._asked_s > MOST_EMULATED_S:
+            return None
+        outcomes = self._known.get(motions)
+        if outcomes is None:
+            self._asked_s += motion_s
+            if self._asked_s > MOST_EMULATED_S:
+                return None
+            compiled = True if self._asked_s > _PLAIN_S else None
+            outcomes = self._known[motions] = emulated(self._laden, motions, compiled)
+        return outcomes
+
+
 @lru_cache(maxsize=4096)
 def emulated(
-    laden: LadenMachine, motions: tuple[MoveOnAxis, ...]
-) -> tuple[tuple[float, bool], ...]:
-    """Margin and slip of each motion of a burst that starts at rest, emulated."""
+    laden: LadenMachine, motions: tuple[MoveOnAxis, ...], compiled: bool | None = None
+) -> Outcomes:
+    """Margin and slip of each motion of a burst that starts at rest, emulated.
+
+    `compiled` is as for `mopro.plant.simulate`.
+    """
     from mopro.effects import catalogue_of
     from mopro.effects.resolve import active_effects
     from mopro.plant import plan_with_effects, simulate
@@ -196,7 +227,7 @@ def emulated(
     active = active_effects(machine, catalogue_of(machine))
     schedule = plan_with_effects(_program(motions), machine, active)
     # Without trips: the place of a burst is arbitrary, so limit switches do not apply.
-    simulation = simulate(schedule, machine, active, payload_kg=laden.payload_kg)
+    simulation = simulate(schedule, machine, active, payload_kg=laden.payload_kg, compiled=compiled)
     simulation.follow(_EMULATION_RATE_HZ)
     simulation.settle()
     outcomes = map(simulation.outcome, schedule.moves)

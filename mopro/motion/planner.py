@@ -6,11 +6,13 @@ import math
 from collections.abc import Mapping
 from fractions import Fraction
 from functools import singledispatch
+from itertools import takewhile
 
 from mopro.errors import Diagnostic, MotionError
 from mopro.motion.profile import Profile, Shape, plan_profile
 from mopro.motion.schedule import PlannedMove, Schedule, Stroke
-from mopro.motion.track import AxisRegisters
+from mopro.motion.track import AxisRegisters, quotient
+from mopro.process.garbage import garbage_left
 from mopro.program import ir
 from mopro.source import Span
 
@@ -38,7 +40,8 @@ def plan(
     if program.loops_forever and for_s is None:
         raise ValueError("a program that loops for ever needs a duration")
     planner = Planner(program, math.inf if for_s is None else for_s, travel_u or {})
-    planner.run()
+    with garbage_left():
+        planner.run()
     if planner.found:
         raise MotionError(program.source, planner.found.values())
     return planner.schedule()
@@ -101,7 +104,7 @@ class Planner:
         """Let time pass while the program waits at `span`."""
         while self.now_s < until_s:
             moving = [axis for axis in self.axes.values() if axis.moving(self.now_s)]
-            latest = max(moving, key=lambda a: (a.started_s, a.started_by), default=None)
+            latest = max(moving, key=_by_start, default=None)
             line, pause_s = span.line, until_s
             if latest is not None:
                 line, pause_s = latest.started_by.line, min(until_s, latest.busy_until_s)
@@ -218,7 +221,7 @@ class Planner:
         """Write down a move that begins now."""
         start_s = self.now_s
         units = self.axes[strokes[0].axis].units
-        distance_uu = float(distance_u / units)
+        distance_uu = quotient(distance_u, units)
         self.moves.append(PlannedMove(span, tuple(strokes), profile, start_s, distance_uu, units))
         for stroke in strokes:
             axis = self.axes[stroke.axis]
@@ -228,7 +231,8 @@ class Planner:
     def close_endless(self, axis: AxisRegisters, end_s: float) -> None:
         """Write a motion without end down as a move from its start to `end_s`."""
         assert axis.endless_from_u is not None, "only an endless motion can be closed"
-        own = [s for s in axis.track.segments if s.end_s > axis.started_s]
+        # From the end on, as the track may be long and the motion is its last part.
+        own = takewhile(lambda s: s.end_s > axis.started_s, reversed(axis.track.segments))
         peak = max((abs(s.state(min(s.end_s, end_s)).velocity) for s in own), default=0.0)
         end_u = round(axis.track.state(end_s).position)
         stroke = Stroke(axis.number, axis.endless_from_u, end_u)
@@ -250,6 +254,10 @@ class Planner:
         axis.position_u = Fraction(end_u)
         axis.endless_from_u = None
         axis.busy_until_s = end_s
+
+
+def _by_start(axis: AxisRegisters) -> tuple[float, Span]:
+    return axis.started_s, axis.started_by
 
 
 @singledispatch

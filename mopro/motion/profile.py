@@ -20,6 +20,9 @@ class Shape(StrEnum):
     PARABOLA = "parabola"
 
 
+_CURVED = (Shape.SMOOTH, Shape.PARABOLA)
+
+
 class State(NamedTuple):
     """Position, velocity and acceleration at one time."""
 
@@ -49,12 +52,16 @@ class Segment:
         tau = t - self.anchor_s
         return self.x + tau * (self.v + tau * (self.a / 2 + tau * self.j / 6))
 
+    def acceleration(self, t: float) -> float:
+        """The acceleration of the state at `t`."""
+        return self.a + (t - self.anchor_s) * self.j
+
     def state(self, t: float) -> State:
         tau = t - self.anchor_s
         return State(
             self.position(t),
             self.v + tau * (self.a + tau * self.j / 2),
-            self.a + tau * self.j,
+            self.acceleration(t),
         )
 
 
@@ -81,8 +88,7 @@ class Profile:
     @property
     def jerk(self) -> float:
         """Rate of change of acceleration in both ramps; 0 or negative."""
-        parabolic = self.shape in (Shape.SMOOTH, Shape.PARABOLA)
-        return -self.acceleration / self.ramp_s if parabolic and self.ramp_s else 0.0
+        return -self.acceleration / self.ramp_s if self.shape in _CURVED and self.ramp_s else 0.0
 
     def segments(
         self, start_s: float = 0.0, start: float = 0.0, stroke: float | None = None

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
+from typing import NamedTuple
 
 from mopro.motion.profile import Profile, Segment, State
 from mopro.motion.track import Track, brake
@@ -18,8 +19,7 @@ from mopro.program import ir
 from mopro.source import Span
 
 
-@dataclass(frozen=True, slots=True)
-class Stroke:
+class Stroke(NamedTuple):
     """Motion of one axis in one move, between whole microsteps."""
 
     axis: int

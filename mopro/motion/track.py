@@ -152,10 +152,22 @@ class AxisRegisters:
         return _set(self.microsteps_per_uu)
 
     def velocity_u_s(self) -> float:
-        return float(_set(self.velocity_uu_s) * self.units)
+        return _product(_set(self.velocity_uu_s), self.units)
 
     def acceleration_u_s2(self) -> float:
-        return float(_set(self.acceleration_uu_s2) * self.units)
+        return _product(_set(self.acceleration_uu_s2), self.units)
+
+
+# A quotient of whole numbers is rounded once, so these need no lowest terms.
+
+
+def _product(a: Fraction, b: Fraction) -> float:
+    return (a.numerator * b.numerator) / (a.denominator * b.denominator)
+
+
+def quotient(a: Fraction, b: Fraction) -> float:
+    """`float(a / b)`, to the last bit."""
+    return (a.numerator * b.denominator) / (a.denominator * b.numerator)
 
 
 def _set(register: Fraction | None) -> Fraction:

@@ -13,6 +13,8 @@ from mopro.units import MS_PER_S
 
 ALL_AXES = 0
 MOST_DWELL_MS = 10**9
+# Names of labels compared with those that no line defines: a second or two.
+_MOST_COMPARED = 200_000
 
 
 def lower(tree: ast.Tree) -> ir.Program:
@@ -45,6 +47,7 @@ class _Lowering:
                 warning=True,
             )
         self._defined: dict[str, ast.Label] = {}
+        self._compared = 0
         self._labels = {s.name.key for s in tree.statements if isinstance(s, ast.Label)}
 
     def _report(
@@ -70,6 +73,15 @@ class _Lowering:
             message = f"there is no axis {axis.number}: expected {known}, or 0 for all axes"
             self._report("no-such-axis", message, span)
         return (axis.number,)
+
+    def _nearest_label(self, key: str) -> str | None:
+        """The label most like `key`; None if none is, or after `_MOST_COMPARED` comparisons."""
+        self._compared += len(self._labels)
+        if self._compared > _MOST_COMPARED:
+            return None
+        from difflib import get_close_matches
+
+        return next(iter(get_close_matches(key, self._labels, n=1)), None)
 
     def _positive(self, statement: ast.Statement, number: ast.Number, what: str, rule: str) -> None:
         if number.value <= 0:
@@ -141,10 +153,8 @@ class _Lowering:
     @op.register
     def _(self, s: ast.Jump) -> ir.Op:
         if s.name.key not in self._labels:
-            from difflib import get_close_matches
-
-            near = get_close_matches(s.name.key, self._labels, n=1)
-            hint = f"did you mean `{near[0]}`?" if near else f"define it: `:{s.name.text}`"
+            near = self._nearest_label(s.name.key)
+            hint = f"did you mean `{near}`?" if near else f"define it: `:{s.name.text}`"
             message = f"no line defines the label {s.name.text}"
             self._report("unknown-label", message, s.name.span(s.span.line), hint)
         return ir.Jump(s.span, s.name.key)

@@ -18,6 +18,7 @@ from helpers.bench_of_link import SHORT, bench
 from helpers.commands import LIMIT_S
 from helpers.paths import PROGRAMS
 from mopro.cli import progress, say
+from mopro.cli.lint import command as lint_command
 from mopro.cli.say import print_markdown, print_table
 from mopro.emulator import Emulator
 from mopro.link import SerialBackend
@@ -230,6 +231,19 @@ def test_a_simulation_shows_how_far_it_is(terminal, monkeypatch):
 
 
 # -- lint ----------------------------------------------------------------------------
+
+
+def test_lint_shows_how_far_it_is_in_a_program(terminal, monkeypatch, tmp_path):
+    monkeypatch.setattr(progress, "_AFTER_S", 0.0)
+    monkeypatch.setattr(progress, "_EVERY_S", 0.0)
+    file = tmp_path / "P.CMD"
+    file.write_text(SETUP + "MRI1 15.0\nWX1\n")
+    lint_command.main([str(file)], standalone_mode=False)
+    done = [int(re.search(r"(\d+) of 20 steps", text)[1]) for text in terminal.shown]
+    assert done == sorted(done)
+    assert (done[0], done[-1]) == (0, 20)
+    assert len(set(done)) > 10
+
 
 NOTED = SETUP + "MRI1 6.0\nWX1\n"
 

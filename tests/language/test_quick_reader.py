@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 PARSE = importlib.import_module("mopro.language.parse")
-READERS = {grammar: PARSE._quick_reader(grammar) for grammar in PARSE.GRAMMARS}
+READERS = {grammar: PARSE._reader(grammar) for grammar in PARSE.GRAMMARS}
 PIECES = [
     "MRI", "MR", "mri", "VEL", "ACC", "WX", "WT", "GO", "UU", "PARA", "JUMP", "ZP", "MC",
     "VI", "LX", ":", "B1", "0", "1", "9", "O", "o", "12500", "/", "+", "-", "5.", ".5",
@@ -33,12 +33,20 @@ LINES = st.one_of(
 @example(text=":WX1")
 @example(text="MRI1 5\n")
 def test_a_line_is_read_as_lark_reads_it(grammar, text):
-    quick = READERS[grammar](text)
-    assert quick is None or quick == PARSE._read_by_lark(text, grammar)
+    quick, lark = READERS[grammar].quick(text.partition(";")[0]), PARSE._read_by_lark(grammar, text)
+    assert quick is None or quick == lark.statement
+
+
+@settings(max_examples=400)
+@given(text=LINES)
+@example(text=" :WX1 ; back")
+@example(text="MRI1 " + "1" * 40)
+def test_a_statement_is_known_for_one(text):
+    assert PARSE.is_statement(text) == (PARSE._read_by_lark("extended", text).statement is not None)
 
 
 @pytest.mark.parametrize(
     "text", ["MRI1 15.0", "  velo 15.0;x", "UU012500/1", ":B1", "JUMP B1 ; b", "GO"]
 )
 def test_a_statement_needs_no_lark(text):
-    assert PARSE._quick_reader("attested")(text) is not None
+    assert READERS["attested"].quick(text.partition(";")[0]) is not None

@@ -86,11 +86,9 @@ def _comment_disagrees(rule: Rule, subject: Subject) -> Iterator[Finding]:
         if isinstance(op, ir.SetUnits):
             units.update(dict.fromkeys(op.axes, op.microsteps_per_uu))
         comment = comments.get(statement.span)
-        value = _in_si(subject, op, units) if comment else None
-        if comment is None or value is None:
-            continue
-        said = claims(comment.text, type(statement))
-        if said and not any(claim.agrees_with(value) for claim in said):
+        said = claims(comment.text, type(statement)) if comment else []
+        value = _in_si(subject, op, units) if said else None
+        if value is not None and not any(claim.agrees_with(value) for claim in said):
             yield rule.at(
                 statement.span,
                 f"the comment says {said[0].text}, the statement means "

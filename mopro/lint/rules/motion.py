@@ -28,6 +28,8 @@ _READY = "UU012500/1\nVEL0 40.0\nACC0 0.25\n"
 _SHORT = (Shape.TRIANGLE, Shape.PARABOLA)
 # Share of a distance above which its rounding is reported.
 _ROUNDING_SHARE = Fraction(1, 100)
+# From here on (microsteps) half a microstep is no more than that share.
+_MOST_ROUNDED_U = 50
 
 
 def first_by_span(moves: tuple[PlannedMove, ...]) -> Iterator[PlannedMove]:
@@ -47,7 +49,7 @@ def _wait_before(subject: Subject | None, finding: Diagnostic) -> str | None:
     """The statement with a wait for its axes in front."""
     if subject is None:
         return None
-    op = next(op for op in subject.program.ops if op.span == finding.span)
+    op = subject.op_at[finding.span]
     axis = op.axes[0] if isinstance(op, ir.AxisOp) and len(op.axes) == 1 else 0
     return f"WX{axis}\n{_statement_text(subject, finding.span)}"
 
@@ -108,6 +110,8 @@ def _rounds_to_microsteps(rule: Rule, subject: Subject) -> Iterator[Finding]:
         distance_u = next(
             (distances[op.span, a] for a in op.axes if (op.span, a) in distances), Fraction(0)
         )
+        if not -_MOST_ROUNDED_U < distance_u < _MOST_ROUNDED_U:
+            continue
         if distance_u and abs(round(distance_u) - distance_u) > _ROUNDING_SHARE * abs(distance_u):
             meant = op.distance_uu / distance_u * round(distance_u)
             message = (

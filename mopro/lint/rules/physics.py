@@ -110,9 +110,11 @@ def _over_temperature(rule: Rule, subject: Subject) -> Iterator[Finding]:
 def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
     from mopro.lint.energy_bound import greatest_step_m_s2
     from mopro.lint.rules.motion import first_by_span
-    from mopro.lint.stall_margins import MoveOnAxis, emulated
+    from mopro.lint.stall_margins import Emulations, MoveOnAxis
 
     laden = subject.stall_margins.laden
+    emulations = Emulations(laden)
+    unseen: list[Span] = []
     step_u_s2 = greatest_step_m_s2(laden.pendulum.pull_out_m_s2, FASTER_MARGIN)
     step_u_s2 /= subject.machine.microstep_m
     for move in first_by_span(subject.distinct_moves):
@@ -124,7 +126,11 @@ def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
         if saved_s < _LEAST_SAVING * profile.duration_s:
             continue
         motion = MoveOnAxis(round(profile.distance), profile.velocity, step_u_s2, True, 1.0)
-        ((margin, slips),) = emulated(laden, (motion,))
+        outcomes = emulations.of((motion,), faster.duration_s + motion.rest_s)
+        if outcomes is None:
+            unseen.append(move.span)
+            continue
+        ((margin, slips),) = outcomes
         if not slips and margin >= FASTER_MARGIN:
             axis, value = move.axes[0], move.in_uu(step_u_s2) / 1000
             yield rule.at(
@@ -133,6 +139,12 @@ def _slower_than_needed(rule: Rule, subject: Subject) -> Iterator[Finding]:
                 f"`ACC{axis} {value:.3g}` it takes {saved_s:.3f} s less, at a margin of "
                 f"{margin:.0%}",
             )
+    if unseen:
+        message = (
+            f"from here on {len(unseen)} statements with moves are not tried with parabolic ramps: "
+            "they differ too much to be emulated here"
+        )
+        yield rule.at(unseen[0], message, "see `mopro optimize`")
 
 
 def _physics(name: str, check: Any, severity: Severity = Severity.WARNING, **texts: Any) -> Rule:
