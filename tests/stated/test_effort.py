@@ -84,3 +84,16 @@ def test_a_number_beyond_its_tolerance_is_named_where_nothing_is_an_effect(tmp_p
     (found,) = verdict.effects
     assert found.name == "inertia"
     assert found.parameters["inertia"].value == pytest.approx(2e-3, rel=0.03)
+
+
+@pytest.mark.parametrize(("start", "seed"), [(0.02, 1), (0.05, 2), (0.05, 5)])
+def test_a_friction_that_falls_with_the_speed_is_found_beside_a_delay(tmp_path, start, seed):
+    """The law of three numbers is tried from the plain one, at each speed of its fall."""
+
+    def late(v):
+        friction = (0.05 + start * np.exp(-((v / 0.5) ** 2))) * np.sign(v)
+        return np.interp(np.arange(len(v)) - 2.5, np.arange(len(v)), friction)
+
+    verdict = read(tmp_path, late, 0.005, seed, MACHINE)
+    friction = next(e for e in verdict.effects if e.name == "dry_friction")
+    assert friction.parameters["Fs"].value == pytest.approx(start, rel=0.1)

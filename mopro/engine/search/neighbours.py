@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 
 from mopro.engine.assumed import (
     FEWEST,
@@ -15,7 +15,7 @@ from mopro.engine.assumed import (
     MOST_EFFECTS,
     SECOND_GUESSES,
 )
-from mopro.engine.candidate import Candidate
+from mopro.engine.candidate import Candidate, Role
 from mopro.engine.fits import Fit
 from mopro.engine.search.hypotheses import Hypotheses, Proposal
 from mopro.engine.search.linear_subset import LinearSubset
@@ -95,10 +95,11 @@ def in_other_forms(hypotheses: Hypotheses, fit: Fit) -> list[Proposal]:
     Also with the special case of an effect, or a number of the model, in place of it.
     """
     return [
-        _in_another_form(fit, candidate, form)
+        proposal
         for candidate in fit.candidates
         for form in _neighbouring_forms(candidate, hypotheses.catalogue)
         if form.name not in fit.names - {candidate.name}
+        for proposal in _in_another_form(fit, candidate, form)
     ]
 
 
@@ -152,10 +153,28 @@ def with_rivals(hypotheses: Hypotheses, fit: Fit) -> list[Proposal]:
     ]
 
 
-def _in_another_form(fit: Fit, candidate: Candidate, form: Candidate) -> Proposal:
+def _in_another_form(fit: Fit, candidate: Candidate, form: Candidate) -> Iterator[Proposal]:
+    """The set with an effect in another form, from each of its starts: each is fitted."""
     others = [c for c in fit.candidates if c is not candidate]
-    start = in_form(form, fit.settings[candidate.name])
-    return (*others, form), [{**fit.settings_without(frozenset({candidate.name})), **start}]
+    left = fit.settings_without(frozenset({candidate.name}))
+    known = fit.settings[candidate.name]
+    for start in (in_form(form, known), *_from_plain(form, known)):
+        yield (*others, form), [{**left, **start}]
+
+
+def _from_plain(form: Candidate, known: Mapping[str, float]) -> Iterator[Settings]:
+    """A wider form as the plain one with these numbers is, at each start of the further shapes.
+
+    From there it ends no higher than that one. Where a motion sticks, sizes from their own starts
+    may never come back.
+    """
+    further = [p for p in form.parameters if p.name not in known]
+    shapes = [p for p in further if p.role is Role.SHAPE and p.starts]
+    if not shapes or all(p.role is not Role.AMPLITUDE for p in further):
+        return
+    plain = {p.name: p.null for p in further} | dict(known)
+    for values in product(*(p.starts for p in shapes)):
+        yield form.settings(plain | {p.name: v for p, v in zip(shapes, values, strict=True)})
 
 
 def in_form(form: Candidate, known: Mapping[str, float]) -> Settings:
@@ -166,14 +185,15 @@ def in_form(form: Candidate, known: Mapping[str, float]) -> Settings:
 
 
 def _neighbouring_forms(candidate: Candidate, catalogue: Sequence[Candidate]) -> list[Candidate]:
-    """The forms that extend a candidate, those nested with one that extends another, those of its
-    special case, and numbers of the model, which may be off within their tolerance.
+    """The forms that extend a candidate or are nested with it, those of its special case, and
+    numbers of the model, which may be off within their tolerance.
     """
     return [
         form
         for form in catalogue
         if (form.name, form.extends) == candidate.key
-        or (candidate.extends is not None and (form.nests(candidate) or candidate.nests(form)))
+        or form.nests(candidate)
+        or candidate.nests(form)
         or form.name == candidate.special
         or (form.calibrates and not (candidate.calibrates or candidate.law))
     ]
