@@ -95,7 +95,7 @@ class Conclusion:
         """Lines on what the machine file leaves out, has for certain runs, or predicts worse."""
         yield from reservations(self.verdict, self.system.runs)
         if self.harmed is not None:
-            yield harm_words(self.harmed, self.verdict.held_out_on)
+            yield harm_words(self.harmed, self.verdict)
             return
         filed, repaired = self.filed or self.verdict, self.repaired
         yield from file_words(filed, repaired.of_runs, repaired.rms, self.system.series)

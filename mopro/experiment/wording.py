@@ -324,12 +324,18 @@ def harmed(verdict: Verdict, data: Sequence[Series]) -> list[RunGap]:
     return [gap for gap, own in pairs if _is_worse(gap.held_out_rms, gap.before_rms, own)]
 
 
-def harm_words(gap: RunGap, held_out_on: str | None) -> str:
+def harm_words(gap: RunGap, verdict: Verdict) -> str:
     """Why nothing that was fitted is in the machine file, by one run that it would harm."""
     unit = residual_unit(gap.unit)
-    others = "other runs" if held_out_on == OTHER_RUNS else f"other parts of {gap.run}"
+    on_others = verdict.held_out_on == OTHER_RUNS
+    others = "other runs" if on_others else f"other parts of {gap.run}"
+    drafts = (
+        ", and no draft (--with-drafts writes those inside the model)"
+        if verdict.without_drafts is not None
+        else ""
+    )
     return (
-        f"Nothing that was fitted is in the machine file: fitted to {others}, it predicts "
+        f"Nothing that was fitted is in the machine file{drafts}: fitted to {others}, it predicts "
         f"{gap.sensor} in {gap.run} worse than the machine that came in, "
         f"{gap.held_out_rms:.3g} {unit} instead of {gap.before_rms:.3g} {unit}, as it makes up for "
         "what is unexplained."
