@@ -25,6 +25,9 @@ from mopro.engine.fits.fit import Fit, Identity
 from mopro.engine.residuals import Noise
 from mopro.engine.series import Floats
 
+# Degrees of freedom from which on Student's t is the normal distribution, to seven digits.
+_MANY = 1e8
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -221,7 +224,10 @@ class Evidence:
         A parameter, but for an angle, lies within its range; what the data do not bound at all is
         left without ends, but for an assumed constant.
         """
-        reach = special.stdtrit(self._spread(fit)[1], (1 + level) / 2)
+        upper, freedom = (1 + level) / 2, self._spread(fit)[1]
+        # Older releases of SciPy know no infinite freedom.
+        student = special.stdtrit(np.minimum(freedom, _MANY), upper)
+        reach = np.where(freedom < _MANY, student, special.ndtri(upper))
         half = reach * self.deviations(fit)
         return [
             _interval(p, v, h)
