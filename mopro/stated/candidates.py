@@ -13,7 +13,7 @@ from mopro.engine.assumed import LEAST_SHARE
 from mopro.engine.candidate import RUN, Candidate, Law, Parameter, ResidualView, Role
 from mopro.engine.series import Series, Settings
 from mopro.formula.columns import Columns, Sampled
-from mopro.formula.dimension import Dimension
+from mopro.formula.dimension import Dimension, dimension_of_unit
 from mopro.formula.evaluate import Floats, evaluate
 from mopro.formula.shape_search import Search
 from mopro.formula.shapes import MOST_PERIODS_OF_SPAN, Sized, role_of_shape, shape_of
@@ -43,6 +43,8 @@ _TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-4, 0.3
 _START_DISTANCE = 0.1
 # Tolerances within which a number is looked for.
 _WIDER = 5.0
+# Periods of an effect of a program that are tried: each takes simulations of all runs.
+_MOST_PERIODS = 1000
 _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
@@ -53,7 +55,7 @@ def candidates(model: Model, data: Sequence[Series], settings: Settings) -> list
     """
     found = [_of_number(n) for n in model.machine.numbers.values() if n.tolerance]
     if model.machine.kind == "python":
-        return found + [_of_foreign(effect) for effect in model.forms]
+        return found + [_of_foreign(model, effect) for effect in model.forms]
     sized, columns = _sizes(model, settings), _columns(model.forms)
     waves = any(map(_of_time, model.forms)) and _shows_waves_in_time(model, settings)
     for effect in model.forms:
@@ -141,17 +143,54 @@ def _of_number(number: Number) -> Candidate:
     return Candidate(number.name, (parameter,))
 
 
-def _of_foreign(effect: WrittenEffect) -> Candidate:
+def _of_foreign(model: Model, effect: WrittenEffect) -> Candidate:
     made = []
     for p in effect.parameters:
         if not isinstance(p.low, float) or not isinstance(p.high, float):
             assert effect.value is not None
             message = f"expected a range of {p.name}: the model is a program, and tells no sizes"
             raise effect.value[p.name].error(message, "missing-key")
-        start = p.start if isinstance(p.start, float) else p.low + 0.55 * (p.high - p.low)
         role = Role.AMPLITUDE if p.role == AMPLITUDE else role_of_shape(p)
-        made.append(Parameter(p.name, p.unit, p.low, p.high, (start,), role))
-    return Candidate(effect.name, tuple(made), effect.form, extends=effect.extends)
+        if isinstance(p.start, float):
+            starts: tuple[float, ...] = (p.start,)
+        elif p.role == PERIOD and p.high > 0:
+            starts = _periods(p.low, p.high, _span(model, p))
+        else:
+            starts = (p.low + 0.55 * (p.high - p.low),)
+        made.append(Parameter(p.name, p.unit, p.low, p.high, starts, role))
+        if p.role == PERIOD:
+            # Many periods away a small step of it is a part of a wave.
+            made[-1] = replace(made[-1], difference=DIFFERENCE)
+    flexible = any(p.role == PERIOD for p in effect.parameters)
+    return Candidate(
+        effect.name, tuple(made), effect.form, extends=effect.extends, flexible=flexible
+    )
+
+
+def _span(model: Model, p: EffectParameter) -> float:
+    """The longest way of an input, or of time, that a period of a program may be in; in its unit.
+
+    That of the whole range where nothing has its dimension.
+    """
+    dimension, units = dimension_of_unit(p.unit), model.experiment.units
+    spans = [
+        float(np.ptp(values))
+        for run in model.experiment.trials
+        for name, values in (("", run.time_s), *run.inputs.items())
+        if dimension_of_unit(units.get(name, "s")) == dimension
+    ]
+    assert isinstance(p.high, float)
+    return max(spans, default=0.0) / p.factor or p.high
+
+
+def _periods(low: float, high: float, span: float) -> tuple[float, ...]:
+    """Periods of a range, the longest first, half a wave over `span` apart, or as far as there are
+    `_MOST_PERIODS`: from one of them a fit finds any between.
+    """
+    least = max(low, high / _MOST_PERIODS)
+    count = math.ceil(2 * span * (1 / least - 1 / high)) + 1
+    rates = np.linspace(1 / high, 1 / least, min(max(count, 2), _MOST_PERIODS))
+    return tuple((1 / rates).tolist())
 
 
 def _candidate(
