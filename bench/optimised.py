@@ -119,7 +119,7 @@ def _optimised(
     hidden: Effects,
     generator: np.random.Generator,
 ) -> str:
-    """What the machine file leads to, and how that does on the hidden plant."""
+    """Text: the point optimised on the repaired file, and its runs on the hidden plant."""
     machine = read_machine(Source("machine.toml", found.machine_text))
     if machine.verdict == "unexplained":
         return "refused, unexplained"

@@ -109,7 +109,6 @@ def command(
     from mopro.machine import load_machine
     from mopro.sweeps import Sweep
     from mopro.sweeps.designs import Design
-    from mopro.sweeps.executors import by_scheduler, local
     from mopro.sweeps.results import rows_file
     from mopro.sweeps.targets import Variant
 
@@ -126,24 +125,32 @@ def command(
         for_s,
         drawn_machines(draws, seed, band),
     )
-    jobs = jobs or os.cpu_count() or 1
-    executor = local(jobs) if scheduler is None else by_scheduler(scheduler)
-    with claimed(picture), counted("sweeping", len(sweep.tasks), "runs") as tell:
-        table = sweep.run(executor, jobs, out, tell)
-
-    def figure(form: str) -> bytes:
-        from mopro.plot import figure_bytes
-        from mopro.plot.sweep import plot_sweep
-
-        return figure_bytes(plot_sweep(sweep, table, _title(sweep)), form)
-
-    all_drawn = drawn(picture, figure)
+    with claimed(picture):
+        table = _run(sweep, jobs or os.cpu_count() or 1, scheduler, out)
+    all_drawn = drawn(picture, lambda form: _figure(sweep, table, form))
     counts = _counts(table)
     if as_json:
         say_json({"outcomes": counts, "soonest": _soonest(table), "results": str(out)})
     else:
         _tell(sweep, table, out)
     return 0 if all_drawn and counts.keys() != {"refused"} else EXIT_FAILED
+
+
+def _run(sweep: Sweep, jobs: int, scheduler: str | None, out: Path) -> pa.Table:
+    """The results, by processes here or a scheduler's workers, with a line of progress."""
+    from mopro.sweeps.executors import by_scheduler, local
+
+    executor = local(jobs) if scheduler is None else by_scheduler(scheduler)
+    with counted("sweeping", len(sweep.tasks), "runs") as tell:
+        return sweep.run(executor, jobs, out, tell)
+
+
+def _figure(sweep: Sweep, table: pa.Table, form: str) -> bytes:
+    """The picture of the results, as a file of this form (png, svg, pdf)."""
+    from mopro.plot import figure_bytes
+    from mopro.plot.sweep import plot_sweep
+
+    return figure_bytes(plot_sweep(sweep, table, _title(sweep)), form)
 
 
 def _title(sweep: Sweep) -> str:

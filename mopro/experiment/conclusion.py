@@ -157,13 +157,8 @@ def conclude(
         left_out=omitted,
         tried=tried,
         filed=drafted and named,
-        harmed=max(runs, key=_harm, default=None),
+        harmed=runs[0] if runs else None,
     )
-
-
-def _harm(gap: RunGap) -> float:
-    """Factor by which a run is predicted worse where it is left out."""
-    return (gap.held_out_rms or 0.0) / gap.before_rms if gap.before_rms else 0.0
 
 
 def diagnose(

@@ -154,7 +154,7 @@ class _FaultShape:
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """What lark says of a line; `parsed` unless it cannot tell the parts, so no comment either."""
+    """A line as lark reads it; `parsed` is false where its parts, and so a comment, are unknown."""
 
     statement: _StatementShape | None = None
     fault: _FaultShape | None = None

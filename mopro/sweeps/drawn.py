@@ -62,9 +62,9 @@ class Uncertain:
 
 @dataclass(frozen=True)
 class Draws:
-    """So many machines, drawn by `seed`; figures are told by their central `band`, a share.
+    """Number of machines to draw, the seed, and the share of figures that a band encloses.
 
-    VaryError for none, and for a band that is no share.
+    VaryError for fewer than one machine, and for a `band` beyond 0 to 1.
     """
 
     count: int

@@ -97,7 +97,7 @@ class Goal:
     risk: float = 0.003
 
     def cost(self, rows: Sequence[dict[str, Any]]) -> float:
-        """What is made least: the figure of the first row, that of the machine as stated.
+        """Objective that is minimised: the figure of the first row, of the machine as stated.
 
         It is more for a run that fails or misses a bound, and where too many of the other rows,
         those of drawn machines, do.
@@ -123,7 +123,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class Verified:
-    """How many of fresh machines miss what is kept, at the best of so many points that were tried.
+    """Share of freshly drawn machines that miss a bound at the best point, of those `tried`.
 
     `at_most`: the bound on their share, with the confidence of 95 % for all tries together.
     """

@@ -35,7 +35,7 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True)
 class Subject:
-    """What is run, and what is varied of it; with the version of mopro it decides the results.
+    """Program and machine of a sweep, and what is varied; with the version it decides the results.
 
     `uncertain`: numbers of the machine that are drawn at each point of what is varied.
     """
@@ -48,7 +48,7 @@ class Subject:
 
     @property
     def all_varied(self) -> tuple[Varied, ...]:
-        """What a task has values of: what is varied, and what is drawn."""
+        """Quantities that a task has a value of: those varied, then those drawn."""
         return (*self.varied, *(number.varied for number in self.uncertain))
 
     @cached_property

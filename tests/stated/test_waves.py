@@ -141,9 +141,9 @@ import numpy as np
 
 
 def simulate(n, columns):
-    x = columns["command_mm"]
+    x = columns["target_mm"]
     angle = 2 * np.pi * x / (n["P"] or 1.0)
-    return {"position": x + n["s"] * np.sin(angle) + n["c"] * np.cos(angle)}
+    return {"scale": x + n["s"] * np.sin(angle) + n["c"] * np.cos(angle)}
 """
 OF_PROGRAM = """\
 kind = "python"
@@ -156,22 +156,6 @@ P = { unit = "mm", range = [1, 150], role = "period" }
 s = { unit = "mm", range = [-2, 2] }
 c = { unit = "mm", range = [-2, 2] }
 """
-SLID = """\
-machine = "machine.toml"
-
-[inputs]
-command = { column = "command_mm" }
-
-[[sensor]]
-name = "position"
-quantity = "position"
-column = "position_mm"
-noise_rms = 0.01
-zero = 0
-
-[[run]]
-data = "run.csv"
-"""
 
 
 @pytest.mark.parametrize("period_mm", [2.37, 5.08, 17.0, 61.3])
@@ -180,9 +164,10 @@ def test_a_program_s_period_is_found_anywhere_in_its_range(tmp_path, period_mm):
     rng, t = np.random.default_rng(3), np.arange(0.0, 8.0, 0.01)
     x = 80 * np.sin(0.8 * t) ** 2
     read = x + 0.05 * np.sin(2 * np.pi * x / period_mm + 1.0) + 0.01 * rng.standard_normal(len(t))
-    write(tmp_path / "run.csv", {"time_s": t, "command_mm": x, "position_mm": read})
-    for name, text in (("model.py", PROGRAM), ("machine.toml", OF_PROGRAM), ("e.toml", SLID)):
-        (tmp_path / name).write_text(text, encoding="utf-8")
+    write(tmp_path / "run.csv", {"time_s": t, "target_mm": x, "position_mm": read})
+    text = follows(0.01, "run.csv").replace('"kinematic"', '"machine.toml"')
+    for name, own in (("model.py", PROGRAM), ("machine.toml", OF_PROGRAM), ("e.toml", text)):
+        (tmp_path / name).write_text(own, encoding="utf-8")
     verdict = open_experiment(tmp_path / "e.toml", allow_python=True).conclude().verdict
     (found,) = verdict.effects
     low, high = found.parameters["P"].ci95
