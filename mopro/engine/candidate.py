@@ -72,6 +72,11 @@ class Parameter:
         low, high = self._coordinate(self.low), self._coordinate(self.high)
         return self._coordinate(low + scaled * (high - low))
 
+    def slope(self, scaled: float) -> float:
+        """Derivative of `value`; of a range of few digits no difference has any left."""
+        low, high = self._coordinate(self.low), self._coordinate(self.high)
+        return (low - high) * self.value(scaled) ** 2 if self.inverse else high - low
+
     def multiplied(self, value: float, factor: float) -> float:
         """The value whose distance from the null is `factor` times that of `value`."""
         null = self._coordinate(self.null)

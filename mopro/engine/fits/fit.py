@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mopro.engine.assumed import FIT_TOLERANCE, INTERIOR, LEAST_SHARE, REPEATS
+from mopro.engine.assumed import FIT_TOLERANCE, LEAST_SHARE, REPEATS
 from mopro.engine.candidate import Candidate, Parameter, Role
 from mopro.engine.fits.descent import Descent
 from mopro.engine.fits.jacobian import SecantJacobian, gauss_newton_step
@@ -242,9 +242,8 @@ class _Problem:
         return -turns, 1 + turns
 
     def _fit(self, scaled: Floats, residual: Floats, jacobian: Floats) -> Fit:
-        coordinates = list(zip((p for _, p in self._order), scaled.tolist(), strict=True))
-        values, h = self._values(scaled.tolist()), INTERIOR
-        spans = np.array([(p.value(s + h) - p.value(s - h)) / (2 * h) for p, s in coordinates])
+        values = self._values(scaled.tolist())
+        slopes = [p.slope(s) for (_, p), s in zip(self._order, scaled.tolist(), strict=True)]
         return Fit(
             candidates=self._candidates,
             base=self._base,
@@ -253,7 +252,7 @@ class _Problem:
                 [p.within(v) for (_, p), v in zip(self._order, values, strict=True)]
             ),
             residual=residual,
-            jacobian=jacobian / spans if len(spans) else jacobian,
+            jacobian=jacobian / np.array(slopes) if slopes else jacobian,
             count=self._residuals.count,
             searched=self._searched,
         )

@@ -444,3 +444,14 @@ def test_a_fit_begins_inside_of_its_ranges_whatever_the_start(seed):
 def test_what_is_no_number_is_the_absence_of_an_effect(value, role):
     assert Parameter("size", "V", -2.0, 3.0, role=role).within(value) == 0.0
     assert Parameter("size", "V", 1.0, 3.0, role=role).within(value) == 1.0
+
+
+def test_the_jacobian_of_a_range_of_few_digits_is_finite():
+    # A start known to 1e-10 beside a size of 5: a small share of that is no number beside 5.
+    level = Candidate("level", (Parameter("c", "V", 5.0, 5.0 + 1e-10, (5.0,)),))
+    residuals = Residuals(
+        lambda settings: [np.full(9, settings.get("level", {"c": 5.0})["c"])],
+        [Series("run", "probe", "V", np.full(9, 5.0), 1e-11, nuisances=np.zeros((9, 0)))],
+    )
+    fit = least_squares_fit(residuals, [level], [{"level": {"c": 5.0}}])
+    np.testing.assert_allclose(fit.jacobian, -1 / 1e-11, rtol=0.02)
