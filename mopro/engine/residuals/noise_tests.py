@@ -10,7 +10,7 @@ import math
 import numpy as np
 from scipy import fft, special
 
-from mopro.engine.assumed import FEWEST, LEAST_SAMPLES, LEAST_SHARE
+from mopro.engine.assumed import FEWEST, LEAST_SAMPLES, LEAST_SHARE, TINY, VERY_STRONG
 from mopro.engine.series import Floats
 
 # Kolmogorov distance (times √n) beyond which the first term of its series is all of it: the
@@ -76,6 +76,26 @@ def whiteness_p(z: Floats) -> float:
     if len(z) < LEAST_SAMPLES or is_still(z):
         return 1.0
     return math.exp(bartlett_log_p(cumulative_periodogram(z)))
+
+
+def ends_white(z: Floats) -> bool:
+    """True if the upper half of the frequencies is white, by very strong evidence.
+
+    Against noise with a memory of first order, of the correlation of neighbours that `z` has: its
+    power falls to the end of the spectrum, where something slow beside white noise has a floor.
+    The likelihoods are Whittle's, at the size that fits best. False for few samples, and where
+    neighbours are not alike.
+    """
+    if len(z) < LEAST_SAMPLES:
+        return False
+    memory = 1 - float(np.mean(np.diff(z) ** 2)) / 2 / float(np.mean(z**2) or 1.0)
+    if memory <= 0:
+        return False
+    upper = np.arange(len(z) // 2, len(z))
+    power = fft.dct(z, norm="ortho")[upper] ** 2
+    shape = 1 / (1 + memory**2 - 2 * memory * np.cos(np.pi * upper / len(z)))
+    white, red = (len(upper) * math.log(float(p.mean()) or TINY) for p in (power, power / shape))
+    return white + VERY_STRONG < red + float(np.log(shape).sum())
 
 
 def cusum_step(z: Floats) -> tuple[int, float]:

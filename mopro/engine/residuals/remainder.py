@@ -10,7 +10,7 @@ from scipy import special
 
 from mopro.engine.assumed import FALSE_ALARMS, LEAST_SAMPLES, LEAST_SHARE, TOLERANCE
 from mopro.engine.residuals.noise_model import Noise
-from mopro.engine.residuals.noise_tests import chi2_log_p
+from mopro.engine.residuals.noise_tests import chi2_log_p, ends_white
 from mopro.engine.residuals.residual_shapes import Finding, shape_findings
 from mopro.engine.residuals.whitened import Residuals, difference_variance
 from mopro.engine.series import Floats
@@ -110,14 +110,16 @@ def _is_much_of_the_signal(residuals: Residuals, residual: Floats) -> bool:
     """True if what is left of a series is a tenth of its signal, and neighbours show none of it.
 
     No noise is taken for that, whatever its memory: of red noise with a correlation of 0.99 from
-    sample to sample the neighbours show a tenth. Both in standard deviations.
+    sample to sample the neighbours show a tenth. Nor where the noise that they show is white, and
+    what is left beyond that is a tenth of the signal. In standard deviations.
     """
     signal = residuals.without_nuisances(residuals.measured * residuals.weights)
-    return any(
-        float(own @ own) > LEAST_SHARE**2 * float(all_ @ all_)
-        and len(own) * difference_variance(own) < LEAST_SHARE**2 * float(own @ own)
-        for own, all_ in zip(residuals.split(residual), residuals.split(signal), strict=True)
-    )
+    for own, all_ in zip(residuals.split(residual), residuals.split(signal), strict=True):
+        shown, left = len(own) * difference_variance(own), float(own @ own)
+        beyond = left - shown if ends_white(own) else left if shown < LEAST_SHARE**2 * left else 0.0
+        if beyond > LEAST_SHARE**2 * float(all_ @ all_):
+            return True
+    return False
 
 
 def noise_of(residuals: Residuals, residual: Floats, parameters: int) -> Noise:

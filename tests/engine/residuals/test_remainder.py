@@ -99,6 +99,22 @@ def test_a_tenth_of_the_signal_that_neighbours_show_nothing_of_is_no_noise(share
     assert (note is not None) == told
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("share", "told"), [(0.3, False), (0.05, True)])
+def test_a_tenth_of_the_signal_beside_white_noise_that_neighbours_show_is_no_noise(
+    share, told, seed
+):
+    """As in the test before, with a third of its size of white noise."""
+    left = share * 1e3 * PLACE.std() * math.sqrt(2) * np.sin(9 * TIME + TIME**2)
+    left = left + left.std() / 3 * np.random.default_rng(seed).standard_normal(len(TIME))
+    residuals = residuals_of(left, None, predicted=1e3 * PLACE)
+    residual = residuals.at({})
+    found = examine(residuals, residual, 0)
+    assert found.significant
+    note = as_noise(residuals, Noise.as_stated(residuals), residual, found)
+    assert (note is not None) == told
+
+
 @pytest.mark.parametrize("memory", [0.5, 0.9, 0.97])
 def test_noise_with_a_memory_that_neighbours_show_is_noise_however_large(memory):
     noise = np.random.default_rng(8).standard_normal(len(TIME))
