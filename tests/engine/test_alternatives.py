@@ -18,6 +18,7 @@ from helpers.signals import (
     times,
 )
 from mopro.engine import Candidate, Parameter, Role, Series
+from mopro.engine.fits import Limit
 from mopro.engine.residuals import Residuals
 from mopro.engine.search.alternatives import _is_needed, alternatives
 from mopro.engine.search.hypotheses import Hypotheses
@@ -254,7 +255,8 @@ def test_an_effect_without_which_a_set_is_an_alternative_is_not_needed(above, ne
     """Alternatives beside noise with a memory are credited with what the answer leaves more."""
     fit, less, best = (SimpleNamespace(ebic=ebic) for ebic in (130.0, 120.0, 100.0))
     hypotheses = SimpleNamespace(
-        without=lambda fit, name: less,
+        without=lambda fit, name, limit: less,
+        limit=lambda fit: Limit(120.0),
         ebic=lambda fit: fit.ebic,
         evidence=SimpleNamespace(above=lambda fit, best: above),
     )

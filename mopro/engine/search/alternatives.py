@@ -273,7 +273,7 @@ def _is_alternative(hypotheses: Hypotheses, fit: Fit, best: Fit) -> bool:
 
 def _is_needed(hypotheses: Hypotheses, fit: Fit, name: str, best: Fit) -> bool:
     """True if there is strong evidence for an effect of `fit`, or no alternative without it."""
-    without = hypotheses.without(fit, name)
+    without = hypotheses.without(fit, name, hypotheses.limit(best))
     strongly = hypotheses.ebic(without) > hypotheses.ebic(fit) + STRONG
     return strongly or hypotheses.evidence.above(without, best) >= VERY_STRONG
 
