@@ -353,8 +353,9 @@ class Effect:
     def candidates(self, view: View) -> Iterator[Candidate]:
         """Its `forms`, in which each constant that it only assumes is fitted as well.
 
-        That is one with a plausible range which all forms fix at one value, and the machine's file
-        does not state. Held there, a wrong effect fits better than the true one.
+        That is one with a plausible range which the forms that hold it fix at one value, and the
+        machine's file does not state. Held there, a wrong effect fits better than the true one, and
+        its other numbers seem to be known better than they are.
         """
         forms = list(self.forms(view))
         assumed = [p for p in self.parameters if self._assumes(p, forms, view)]
@@ -366,9 +367,8 @@ class Effect:
     def _assumes(self, p: Parameter, forms: Sequence[Candidate], view: View) -> bool:
         if p.response is not Role.SHAPE or p.unit_of or p.name in view.own(self.name):
             return False
-        known = p.plausible[0] == p.plausible[1]
-        fitted = any(p.name == own.name for form in forms for own in form.parameters)
-        return not (known or fitted) and len({form.fixed.get(p.name) for form in forms}) == 1
+        fixed = {form.fixed[p.name] for form in forms if p.name in form.fixed}
+        return p.plausible[0] != p.plausible[1] and len(fixed) == 1
 
     def forms(self, view: View) -> Iterator[Candidate]:
         """The forms in which it is fitted to the experiment of `view`.

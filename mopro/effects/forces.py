@@ -17,7 +17,7 @@ PRESLIDING = Parameter(
     "delta", "m", "length", PRESLIDING_M, (2e-6, 1e-5), 1e-7, 1e-3, "presliding", null=PRESLIDING_M
 )
 PRESLIDING_FITTED = Fitted(
-    "delta", "m", 5e-7, 5e-5, (PRESLIDING_M,), Role.SHAPE, plausible=(1e-6, 2e-5)
+    "delta", "m", 5e-7, 5e-5, (PRESLIDING_M,), Role.CONSTANT, plausible=PRESLIDING.plausible
 )
 
 
@@ -37,17 +37,6 @@ class DahlFriction(Effect):
         if dx >= 0.0:
             return 1.0 - (1.0 - z) * math.exp(-dx / delta)
         return (1.0 + z) * math.exp(dx / delta) - 1.0
-
-
-def with_presliding(plain: Candidate) -> Iterator[Candidate]:
-    """`plain` with delta as it is assumed, and with delta fitted as well."""
-    yield replace(plain, fixed={"delta": PRESLIDING_M})
-    yield replace(
-        plain,
-        parameters=(*plain.parameters, PRESLIDING_FITTED),
-        form="presliding fitted",
-        extends="",
-    )
 
 
 class PlatenEdge(Effect):
@@ -174,7 +163,7 @@ class CoulombFriction(DahlFriction):
         return -fc * z
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        yield from with_presliding(self.form(self.fitted("Fc", *PROBED_N)))
+        yield self.form(self.fitted("Fc", *PROBED_N), PRESLIDING_FITTED)
 
 
 _SPEED_M_S = 0.05
@@ -216,8 +205,7 @@ class StribeckFriction(DahlFriction):
             plausible=self.parameter("vs").plausible,
         )
         forces = self.fitted("Fc", 1.0, 3.0), self.fitted("Fs", 2.0, 6.0)
-        plain = self.form(*forces, speed, special=CoulombFriction.name)
-        yield from with_presliding(plain)
+        yield self.form(*forces, speed, PRESLIDING_FITTED, special=CoulombFriction.name)
 
 
 class LoadDependentFriction(DahlFriction):
@@ -240,7 +228,7 @@ class LoadDependentFriction(DahlFriction):
         return -mu * abs(motor_N) * z
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        yield from with_presliding(self.form(self.fitted("mu", 0.03, 0.15)))
+        yield self.form(self.fitted("mu", 0.03, 0.15), PRESLIDING_FITTED)
 
 
 _FREE_END = Fitted("x_h", "m", -0.9, 0.9, (0.0,), Role.SHAPE, plausible=(-0.6, 0.6))

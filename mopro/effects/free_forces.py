@@ -15,7 +15,6 @@ from mopro.effects.forces import (
     PRESLIDING_FITTED,
     PROBED_N,
     DahlFriction,
-    with_presliding,
 )
 from mopro.effects.free_form import FreeFormTerm, size
 from mopro.effects.starts import FEWEST_PERIODS, Values, force_N, strongest_lines
@@ -108,7 +107,7 @@ class _OfDirection(Force):
     def forms(self, view: View) -> Iterator[Candidate]:
         # As Coulomb's friction is, to be told for the same where that is listed.
         size = replace(self.size(view.machine.axis.pull_out_force_N), starts=PROBED_N)
-        yield from with_presliding(self.form(_against_motion(size), law=self.law))
+        yield self.form(_against_motion(size), PRESLIDING_FITTED, law=self.law)
 
 
 class _FallingOfDirection(Force):
@@ -163,7 +162,7 @@ class _OfSpeedInPresliding(Force):
     def forms(self, view: View) -> Iterator[Candidate]:
         axis = view.machine.axis
         critical = 2.0 * math.sqrt(axis.stiffness_N_m * axis.moving_mass_kg)
-        yield from with_presliding(self.form(_against_motion(self.size(critical)), law=self.law))
+        yield self.form(_against_motion(self.size(critical)), PRESLIDING_FITTED, law=self.law)
 
 
 class _MotorOfDirection(Force):
@@ -179,7 +178,7 @@ class _MotorOfDirection(Force):
 
     def forms(self, view: View) -> Iterator[Candidate]:
         share = _against_motion(self.size(_LARGEST_SHARE))
-        yield from with_presliding(self.form(share, law=self.law))
+        yield self.form(share, PRESLIDING_FITTED, law=self.law)
 
 
 class _FrictionUnderLoad(_MotorOfDirection):

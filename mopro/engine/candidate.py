@@ -23,8 +23,8 @@ class Role(StrEnum):
     the amplitudes multiply. PHASE: an angle in radians; the response at any angle is a
     combination of those at 0 and at π/2. SEARCHED: found by the candidate's own search and
     constant in least squares (a count, the moment of a step). CONSTANT: a number that the
-    effect takes from elsewhere (a reference temperature), known to within its plausible range
-    and fitted in it; what the data do not tell about it costs no evidence.
+    effect takes from elsewhere (a reference temperature), expected in its plausible range as
+    likely at one value as at another; what the data do not tell about it costs no evidence.
     """
 
     AMPLITUDE = "amplitude"
@@ -105,6 +105,12 @@ class Parameter:
         low, high = self.plausible or (self.low, self.high)
         margin = TOLERANCE * (high - low)
         return max(low - margin - value, value - margin - high, 0.0)
+
+    @property
+    def expected(self) -> float:
+        """Width of the range in which a value is expected, in `unit`."""
+        low, high = self.plausible or (self.low, self.high)
+        return high - low
 
     def tolerates(self, value: float, error: float) -> bool:
         """True if `value`, known to ± `error`, is within the model's tolerance."""

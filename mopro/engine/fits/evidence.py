@@ -202,7 +202,7 @@ class Evidence:
         if not any(p.role is Role.CONSTANT for _, p in fit.order):
             return 0.0
         return sum(
-            max(2 * math.log(math.sqrt(UNIFORM) * (p.high - p.low) / d), 0.0)
+            max(2 * math.log(math.sqrt(UNIFORM) * p.expected / d), 0.0)
             for (_, p), _, d in self._known(fit)
             if p.role is Role.CONSTANT and math.isfinite(d)
         )
@@ -253,7 +253,10 @@ class Evidence:
     def _covariance(self, fit: Fit) -> tuple[Floats, Floats]:
         spans = np.array([p.high - p.low for _, p in fit.order])
         scaled = fit.jacobian * spans
-        prior = np.diag([1 / UNIFORM if p.role is Role.CONSTANT else 0.0 for _, p in fit.order])
+        prior = np.diag([
+            ((p.high - p.low) / p.expected) ** 2 / UNIFORM if p.role is Role.CONSTANT else 0.0
+            for _, p in fit.order
+        ])  # fmt: skip
         normal = scaled.T @ scaled + prior if len(spans) else prior
         if not np.isfinite(normal).all():
             return np.full_like(normal, math.inf), np.full(len(spans), math.inf)

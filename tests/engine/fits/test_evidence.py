@@ -183,7 +183,10 @@ def test_a_constant_that_the_data_do_not_tell_costs_nothing():
     assert high > 28.0
 
 
-def test_a_constant_costs_what_the_data_tell_about_it():
+@pytest.mark.parametrize(
+    ("low", "high", "plausible"), [(10.0, 30.0, None), (0.0, 90.0, (10.0, 30.0))]
+)
+def test_a_constant_costs_what_the_data_tell_about_it(low, high, plausible):
     """2 ln of the ratio of the standard deviations before and after (Laplace)."""
     series = Series("run", "probe", "V", 1.0 * SPEED, 0.3, nuisances=np.zeros((len(T), 0)))
 
@@ -191,7 +194,8 @@ def test_a_constant_costs_what_the_data_tell_about_it():
         return [settings["line"]["c"] / 20.0 * SPEED]
 
     residuals = Residuals(simulate, [series])
-    constant = Candidate("line", (Parameter("c", "1", 10.0, 30.0, (20.0,), Role.CONSTANT),))
+    known = Parameter("c", "1", low, high, (20.0,), Role.CONSTANT, plausible=plausible)
+    constant = Candidate("line", (known,))
     fit = least_squares_fit(residuals, [constant], [{"line": {"c": 20.0}}])
     evidence = Evidence(Noise.as_stated(residuals), [constant.key])
     before = 20.0 / math.sqrt(12)
