@@ -98,7 +98,8 @@ def _starts(model: Model, run: Run) -> Iterator[Parameter]:
 
 def _start(run: Run, state: str, unit: str, at: float, reach: float) -> Parameter:
     name = START.format(run.name, state)
-    return Parameter(name, unit, at - reach, at + reach, (at,), difference=DIFFERENCE)
+    own = at - reach, at + reach, (at,)
+    return Parameter(name, unit, *own, difference=DIFFERENCE, run=run.name)
 
 
 def _first_temperature(run: Run, node: str) -> tuple[float, float]:
