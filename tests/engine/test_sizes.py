@@ -59,6 +59,23 @@ def test_intervals_hold_the_truth_wherever_the_mass_is_in_its_tolerance():
     assert sum(low <= 4.0 <= high for low, high in told) >= 17
 
 
+@pytest.mark.parametrize("mass", [1.86, 2.0, 2.14])
+def test_a_curved_response_to_a_tolerance_tells_nothing_that_the_free_numbers_make_up_for(mass):
+    """Of a decay at k / m a thousand times above the noise, only the quotient shows."""
+
+    def decaying(settings):
+        rate = settings["base"]["k"] / settings.get("m", {}).get("m", 2.0)
+        return [10.0 * np.exp(-rate * T)]
+
+    (values,) = decaying({"base": {"k": 4.0}, "m": {"m": mass}})
+    answer = mopro.reconcile(decaying, [MASS], measured(values, 0.01, 3), base=GAIN)
+    assert (answer.verdict, answer.calibration) == ("none", ())
+    k = answer.base["k"]
+    low, high = k.ci95
+    assert low < 4.0 < high
+    assert high - low == pytest.approx(2 * 1.96 * k.value * 0.1 / math.sqrt(3), rel=0.02)
+
+
 def fading(settings):
     """A step that fades within `width`, which may be shorter than is looked for."""
     (values,) = [np.zeros(len(T))]

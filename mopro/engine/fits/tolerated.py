@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mopro.engine.assumed import UNIFORM
+from mopro.engine.assumed import LINEARITY_ERROR, UNIFORM
 from mopro.engine.candidate import Candidate, Parameter, Role
 from mopro.engine.fits.fit import Fit
 from mopro.engine.fits.jacobian import gauss_newton_step
@@ -24,7 +24,7 @@ def with_tolerances(residuals: Residuals, fit: Fit, catalogue: Sequence[Candidat
 
     The numbers are assumed constants, which may be anywhere in their tolerances. The step is that
     of Gauss and Newton with this prior, so that intervals of the answer are those of a joint fit,
-    to first order. One simulation at each end of a tolerance tells its column. Its evidence is
+    to first order. Two simulations tell the column of a tolerance. Its evidence is
     not that of `fit`: it is judged by an `Evidence` of its own.
     """
     others = {c.name: c for c in reversed(catalogue) if c.calibrates and c.name not in fit.names}
@@ -51,12 +51,18 @@ def _constants(candidate: Candidate) -> Iterator[Parameter]:
 
 
 def _column(residuals: Residuals, fit: Fit, candidate: Candidate, p: Parameter) -> Floats:
-    """Change of the residual (samples) for one unit of a number, across its tolerance."""
+    """Change of the residual (samples) for one unit of a number, where the model states it.
+
+    By central differences over a small share of its tolerance: over the whole, what is curved
+    would look like information on a number that the others make up for.
+    """
     off = {own.name: own.null for own in candidate.parameters}
+    step = LINEARITY_ERROR * (p.high - p.low)
     low, high = (
-        {**fit.settings, **candidate.settings({**off, p.name: e})} for e in (p.low, p.high)
+        {**fit.settings, **candidate.settings({**off, p.name: p.null + side * step})}
+        for side in (-0.5, 0.5)
     )
-    column: Floats = residuals.change(low, high) / (p.high - p.low)
+    column: Floats = residuals.change(low, high) / step
     return column
 
 
