@@ -20,7 +20,7 @@ from helpers.signals import (
 from mopro.engine import Candidate, Parameter, Role, Series
 from mopro.engine.fits import Limit
 from mopro.engine.residuals import Residuals
-from mopro.engine.search.alternatives import _is_needed, alternatives
+from mopro.engine.search.alternatives import _exchanged, _is_needed, alternatives
 from mopro.engine.search.hypotheses import Hypotheses
 from mopro.engine.search.screening import Screening
 
@@ -322,3 +322,28 @@ def test_of_a_weak_effect_no_other_one_is_alike_unless_it_does_the_same():
     verdict = diagnosed(simulate, candidates("straight", "bent"), of_size(straight=0.4), 2.3, 1)
     assert (verdict.verdict, names(verdict)) == ("named", {"straight"})
     assert not verdict.alike
+
+
+@pytest.mark.parametrize("mass", [1.9, 2.08])
+def test_a_number_that_the_answer_makes_up_for_begins_where_that_is_it(mass):
+    """A gain and a friction, both over a mass of 2 that is off: the gain goes, the mass comes."""
+    t = times()
+
+    def simulate(settings):
+        gain, friction = sizes(settings, "gain", "friction")
+        own = settings.get("mass", {}).get("m", 2.0)
+        return [((1 + gain) * np.cos(3 * t) + friction * np.sign(np.sin(7 * t))) / own]
+
+    (values,) = simulate({"friction": {"size": 0.5}, "mass": {"m": mass}})
+    effects = candidates("gain", "friction")
+    number = Parameter("m", "kg", 1.0, 3.0, (2.1,), null=2.0, tolerated=(1.8, 2.2))
+    other = Parameter("size", "V", -10.0, 10.0, (1.0,), null=0.0, tolerated=(-1.0, 1.0))
+    catalogue = [*effects, Candidate("mass", (number,)), Candidate("other", (other,))]
+    residuals = Residuals(simulate, measured(values, 0.01, 2))
+    hypotheses = Hypotheses(residuals, catalogue)
+    best = hypotheses.fitted(effects, of_size(gain=0.1, friction=0.1))
+    (_, start), (_, instead) = _exchanged(hypotheses, Screening(hypotheses), best)
+    # In turn of the names: in place of the friction, which no gain makes up for, and of the gain.
+    assert start.keys() == {"gain", "mass"}
+    assert instead["mass"]["m"] == pytest.approx(mass, rel=0.005)
+    assert instead["friction"]["size"] == pytest.approx(0.5, rel=0.01)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
@@ -20,7 +20,8 @@ from mopro.engine.assumed import (
     VERY_STRONG,
 )
 from mopro.engine.candidate import Candidate
-from mopro.engine.fits import Fit, Identity
+from mopro.engine.fits import Fit, Identity, with_tolerances
+from mopro.engine.residuals import projected_out
 from mopro.engine.search.hypotheses import Hypotheses, Proposal
 from mopro.engine.search.linear_subset import LinearSubset, of_each_kind
 from mopro.engine.search.neighbours import in_form, in_other_forms, neighbourhood
@@ -72,6 +73,8 @@ def alternatives(
         _fit_likely(hypotheses, screening, best, base, own)
         if base.rss - best.rss < _WEAK:
             weak += _weak(hypotheses, best, own)
+    for candidates, start in _exchanged(hypotheses, screening, best):
+        hypotheses.fitted_from(candidates, start, hypotheses.limit(best))
     fitted = [
         Alternative.of(fit.candidates, hypotheses.evidence.above(fit, best), fit.settings)
         for fit in _each_fitted(hypotheses)
@@ -169,6 +172,38 @@ def _fit_likely(
             hypotheses.fit_all(
                 _affordable(hypotheses, best, in_other_forms(hypotheses, fit)), limit
             )
+
+
+def _exchanged(
+    hypotheses: Hypotheses, screening: Screening, best: Fit
+) -> Iterator[tuple[list[Candidate], Settings]]:
+    """Sets in which a number of the model replaces an effect of `best`, and where they begin.
+
+    The number has a tolerance, and what `best` has fitted makes up for it to first order: both are
+    one (a gain of the input, and the mass beside all forces). The start is where the step leads
+    that turns the effect off, the numbers of single runs as they are: without the effect the
+    others may have gone to another minimum.
+    """
+    shared = [i for i, (_, p) in enumerate(best.order) if p.run is None]
+    for number in (c for c in screening.joining(best) if c.calibrates):
+        beside = with_tolerances(hypotheses.residuals, best, [number])
+        columns = beside.jacobian[:, len(best.order) :]
+        left = projected_out(best.tangent, columns)
+        if np.sum(left**2) >= (LINEARITY_ERROR / LEAST_SHARE) ** 2 * np.sum(columns**2):
+            continue
+        beside = replace(
+            best,
+            candidates=(*best.candidates, number),
+            order=(*(best.order[i] for i in shared), *beside.order[len(best.order) :]),
+            jacobian=np.column_stack([best.jacobian[:, shared], columns]),
+            settings={
+                **best.settings,
+                **number.settings({p.name: p.null for p in number.parameters}),
+            },
+        )
+        for name in sorted(best.names):
+            others = [c for c in beside.candidates if c.name != name]
+            yield others, beside.stepped_without(name)
 
 
 def _affordable(hypotheses: Hypotheses, best: Fit, proposals: Sequence[Proposal]) -> list[Proposal]:

@@ -237,6 +237,10 @@ class Hypotheses:
         """
         return self._kept(self._fit(candidates, start, limit, self._fits), limit)
 
+    def fitted_from(self, candidates: Sequence[Candidate], start: Settings, limit: Limit) -> Fit:
+        """As `fitted`, also from a start that leaves more than what is known of the set."""
+        return self._kept(self._from(candidates, start, limit), limit)
+
     def _fit(
         self,
         candidates: Sequence[Candidate],
