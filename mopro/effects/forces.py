@@ -67,37 +67,50 @@ PLATEN_EDGE = PlatenEdge()
 
 # Masses that are tried are so many times apart.
 _HEAVIER = 1.12
+# Least share of a mass that is left of it.
+_LIGHTEST = 0.1
 
 
 class PayloadMass(Effect):
-    """The forcer carries more mass than stated.
+    """The forcer carries another mass than stated; less where it is stated to carry some.
 
     m' = m + dm, in kg. Source: chapter 4.3.2, moves with 5 lb.
     """
 
     name = "payload_mass"
     domain = Domain.DYNAMICS
-    parameters = (Parameter("dm", "kg", "mass", 1.0, (0.0, 3.0), -2.0, 50.0, "added mass"),)
+    parameters = (Parameter("dm", "kg", "mass", 1.0, (0.0, 3.0), -50.0, 50.0, "added mass"),)
 
     def plant(self, plant: PlantConstants, *p: float) -> PlantConstants:
-        return replace(plant, mass_kg=plant.mass_kg + p[0])
+        # No run's forcer has no mass, whatever another one's is stated to carry.
+        return replace(plant, mass_kg=max(plant.mass_kg + p[0], _LIGHTEST * plant.mass_kg))
 
     def forms(self, view: View) -> Iterator[Candidate]:
-        mass_kg = view.machine.axis.moving_mass_kg
-        yield self.form(self.fitted("dm", 0.02, *self._heavier(mass_kg)))
+        mass_kg, own = view.machine.axis.moving_mass_kg, self.fitted("dm", 0.02)
+        carried_kg = max((run.payload_kg for run in view.runs), default=0.0)
+        _, most_kg = self.parameter("dm").plausible
+        lighter = (-kg for kg in self._tried(mass_kg, carried_kg) if carried_kg)
+        yield self.form(
+            replace(
+                own,
+                low=-carried_kg,
+                plausible=(-carried_kg, most_kg),
+                starts=(*own.starts, *self._tried(mass_kg, most_kg), *lighter),
+            )
+        )
 
-    def _heavier(self, mass_kg: float) -> Iterator[float]:
-        """Payloads to try beside a mass, to the end of the plausible range.
+    @staticmethod
+    def _tried(mass_kg: float, most_kg: float) -> Iterator[float]:
+        """Masses to try beside the moving one, to the largest.
 
         A ring's frequency goes with both masses and forces: a signature taken too far off is out
         of phase with what it is to show.
         """
-        _, most = self.parameter("dm").plausible
         total_kg = _HEAVIER * mass_kg
-        while total_kg < mass_kg + most:
+        while total_kg < mass_kg + most_kg:
             yield total_kg - mass_kg
             total_kg *= _HEAVIER
-        yield most
+        yield most_kg
 
 
 class ViscousDrag(Effect):

@@ -238,6 +238,20 @@ def test_what_is_in_one_run_only_is_told_so_and_stays_with_it(tmp_path):
         assert "b.csv disagrees (" in text
 
 
+def test_a_payload_of_one_run_that_is_stated_in_another_unit_is_told(tmp_path):
+    """5 kg for 5 lb: less than stated, and as much as the forcer itself."""
+    lab, files = Lab(tmp_path), ["a.csv", "b.csv", "c.csv"]
+    for nth, file in enumerate(files):
+        program = lab.program(f"{file}.CMD", SHORT.format(10 + nth))
+        lab.record(program, file, payload_kg=5 * 0.45359237 if nth == 1 else 0.0)
+    first, second, third = entries(files)
+    lab.experiment([first, second + "\npayload_kg = 5.0", third])
+    only = [word for name in ("payload_mass", "viscous_drag") for word in ("--only", name)]
+    (effect,) = reconciled(tmp_path, *only)["effects"]
+    assert (effect["name"], effect["run"]) == ("payload_mass", "b.csv")
+    assert effect["parameters"]["dm"]["value"] == pytest.approx(-2.732, abs=0.01)
+
+
 HEATED = "UU012500/1\nVEL2 12.0\nACC2 0.2\n:B1\nMRI2 20.0\nWX2\nMRI2 -20.0\nWX2\nJUMP B1\n"
 
 
