@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -109,10 +109,10 @@ class _FrictionInOnePlace(_InOnePlace):
 def _speeds(view: View, fit: ResidualView, speed: Fitted) -> Iterator[Values]:
     """The start where a force above a speed takes most of the force that the residual calls for."""
     _, v, wanted = _called_for(view, fit)
-    shapes = [
+    shapes = (
         ({"v0": v0}, np.sign(v) * (np.abs(v) > v0))
         for v0 in np.linspace(speed.low, speed.high, _SPEEDS + 2)[1:-1].tolist()
-    ]
+    )
     yield from _largest(shapes, wanted)
 
 
@@ -126,14 +126,14 @@ def _places(
     x, v, wanted = _called_for(view, fit)
     side = np.sign(v) if assumed else np.ones(len(v))
     reach = place.high - place.low
-    shapes = [
+    shapes = (
         (
             {"x0": x0, "w": share * reach, **assumed},
             side * np.exp(-(((x - x0) / (share * reach)) ** 2)),
         )
         for x0 in np.linspace(place.low, place.high, _PLACES).tolist()
         for share in _WIDTHS
-    ]
+    )
     yield from _largest(shapes, wanted)
 
 
@@ -151,14 +151,16 @@ def _called_for(view: View, fit: ResidualView) -> tuple[Floats, Floats, Floats]:
     )
 
 
-def _largest(shapes: Sequence[tuple[Values, Floats]], wanted: Floats) -> Iterator[Values]:
+def _largest(shapes: Iterable[tuple[Values, Floats]], wanted: Floats) -> Iterator[Values]:
     """The values of the shape that takes most of what is wanted, with its size."""
-    powers = [float(shape @ shape) for _, shape in shapes]
-    products = [float(shape @ wanted) for _, shape in shapes]
-    gains = [p**2 / q if q > 0 else 0.0 for p, q in zip(products, powers, strict=True)]
-    best = int(np.argmax(gains)) if gains else -1
-    if best >= 0 and gains[best] > 0:
-        yield {"c": products[best] / powers[best], **shapes[best][0]}
+    most: float = 0.0
+    best: Values = {}
+    for values, shape in shapes:
+        power, product = float(shape @ shape), float(shape @ wanted)
+        if power > 0 and product**2 / power > most:
+            most, best = product**2 / power, {"c": product / power, **values}
+    if best:
+        yield best
 
 
 LOCAL: tuple[type[Force], ...] = (_BeyondSpeed, _ForceInOnePlace, _FrictionInOnePlace)

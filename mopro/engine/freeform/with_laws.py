@@ -13,7 +13,7 @@ from mopro.engine.series import Floats, Series, Settings, Simulate, key_of
 
 # Bytes of the predictions that are kept: a term that is fitted beside effects asks for the same
 # ones again, and so do searches from several sets. Halved, more of a search is simulated twice.
-_CACHE_BYTES = 1 << 28
+_CACHE_BYTES = 1 << 26
 
 
 class WithLaws:

@@ -46,7 +46,7 @@ def _bytes_of(score: ScoreTest) -> int:
 
 # Bytes of arrays that each cache keeps: the null model, and what is left of the best set without
 # each of its effects, are asked for again in every round.
-_KEPT_BYTES = 1 << 28
+_KEPT_BYTES = 1 << 27
 # Bases whose subsets are kept: those of one neighbourhood, which the alternatives ask for again.
 # Halved, those of a set of four effects are predicted twice.
 _KEPT_BASES = 16
