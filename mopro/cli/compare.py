@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -97,6 +97,7 @@ def command(
     else:
         _print(comparison, gaps)
         _print_carried(held)
+        _tell(_worse(gaps, held))
     title = f"{experiment} on {loaded.machine_name}"
     # A list, so that both are drawn even if the first fails.
     both = [
@@ -153,7 +154,7 @@ def _page(loaded: Opened, comparison: Comparison, before: Comparison | None) -> 
     return page_bytes(page)
 
 
-def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, object]]:
+def _gaps(before: Comparison, after: Comparison) -> Iterator[dict[str, Any]]:
     """The gap of each series with the experiment's machine, and with the applied one."""
     for first, second in zip(before.series, after.series, strict=True):
         yield {
@@ -184,6 +185,20 @@ def _print_carried(held: Sequence[Carried]) -> None:
     rows = [[f"{own.effect}.{own.parameter}", *_values(own), own.word] for own in held]
     if rows:
         print_table(_CARRIED, rows, _MOST_ROWS)
+
+
+def _worse(gaps: Sequence[dict[str, Any]], held: Sequence[Carried]) -> Iterator[str]:
+    """What to look for where a number differs and the repaired machine is worse than the other."""
+    from mopro.experiment.carried import DIFFERS
+
+    if not any(own.word == DIFFERS for own in held):
+        return
+    for gap in gaps:
+        if gap["after_rms"] > gap["before_rms"]:
+            yield (
+                f"{gap['sensor']} in {gap['run']} is worse than before the repair: is a zero or a "
+                "phase another here, as after homing anew? Reconcile this run by itself"
+            )
 
 
 def _values(own: Carried) -> list[str]:

@@ -1,6 +1,7 @@
 """The command group, and what every command shares.
 
-Exit codes: 0 done, 1 findings or a failed run, 2 wrong use or unreadable input.
+Exit codes: 0 done, 1 findings or a failed run, 2 wrong use or unreadable input, 70 a fault of mopro
+itself, which scripts must not read as findings.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import sys
 import threading
 from _thread import interrupt_main
 from collections.abc import Iterator
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, NoReturn
 
 import click
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
+# As the interpreter gives 1 for a traceback, and sysexits.h calls an error within a program.
+EXIT_FAULT = 70
 EXIT_SIGNAL = 128
 # Time in which a library's callback that swallowed a signal returns; half or double is no matter.
 _AGAIN_S = 0.01
@@ -110,6 +113,7 @@ def main() -> NoReturn:
     make_sure_on_import()
     load_elsewhere()
     prepare_streams()
+    sys.excepthook = _end_at_fault
     atexit.register(give_up_errors)
     try:
         with _LackOfMemory():
@@ -143,6 +147,14 @@ def main() -> NoReturn:
         reason = error.strerror or str(error)
         say(f"mopro: the output cannot be written: {reason} [unwritable-output]", err=True)
         sys.exit(EXIT_BAD_INPUT)
+
+
+def _end_at_fault(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> NoReturn:
+    """Print what no command foresaw, and exit."""
+    sys.__excepthook__(kind, error, trace)
+    sys.exit(EXIT_FAULT)
 
 
 def _search_less_garbage() -> None:

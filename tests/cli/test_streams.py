@@ -123,6 +123,22 @@ def test_other_errors_of_libraries_are_not_taken_for_it(monkeypatch, tmp_path):
         run_here(tmp_path, "ports")
 
 
+def test_a_fault_of_the_program_is_no_finding(tmp_path):
+    """A script that reads exit code 1 as findings must not take a traceback for one."""
+    text = (
+        "import sys, mopro.cli\n"
+        "sys.modules['mopro.cli.main'].group = lambda **_: 1 / 0\n"
+        "mopro.cli.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True,
+        timeout=LIMIT_S, check=False,
+    )  # fmt: skip
+    assert done.returncode == 70
+    assert done.stderr.startswith("Traceback")
+    assert done.stderr.endswith("ZeroDivisionError: division by zero\n")
+
+
 def test_a_lack_of_memory_where_nothing_can_be_raised_is_no_traceback(capfd):
     hook = sys.modules["mopro.cli.main"]._unraisable
     lost = {"exc_traceback": None, "err_msg": None, "object": None}

@@ -19,6 +19,7 @@ w = { value = 0.5, unit = "mm" }
 [effects.delay]
 d = { value = 0.08, unit = "s" }
 """
+HEAD = 'kind = "kinematic"\nname = "slide"\n'
 T = np.arange(0, 40, 0.02)
 MOVING = np.interp(T, np.linspace(0, 40, 12), np.random.default_rng(5).uniform(-20, 20, 12))
 
@@ -69,11 +70,19 @@ def test_the_terminal_says_it_in_a_table(tmp_path):
     assert [line.rstrip().split("   ")[-1].strip() for line in lines] == [DIFFERS, CARRIED]
 
 
+@pytest.mark.parametrize(("home_mm", "told"), [(0.0, False), (2.0, True)])
+def test_a_wave_whose_phase_is_another_is_told_to_be_worse(tmp_path, home_mm, told):
+    """The error of a resolver stays with its own zero, which homing anew moved by half a turn."""
+    noise = 0.01 * np.random.default_rng(3).standard_normal(len(T))
+    read = MOVING + 0.05 * np.sin(2 * np.pi * (MOVING + home_mm) / 4) + noise
+    file = HEAD + '[effects.periodic_error]\nP = { value = 4.0, unit = "mm" }\ns = 0.05\nc = 0.0\n'
+    told_of(tmp_path, {"time_s": T, "target_mm": MOVING, "position_mm": read}, file)
+    done = run_here(tmp_path, "compare", "unseen.toml", "--apply", "slide.toml")
+    assert ("worse than before the repair: is a zero or a phase another" in done.stderr) == told
+
+
 def test_a_file_without_effects_has_nothing_to_carry_over(tmp_path):
     assert applied(tmp_path, MOVING, 0.08, 0.5, 'kind = "kinematic"\nname = "slide"\n') == {}
-
-
-HEAD = 'kind = "kinematic"\nname = "slide"\n'
 
 
 def test_a_part_that_is_nearly_off_carries_over_beside_the_others(tmp_path):
