@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
 
-from mopro.errors import Diagnostic, MotionError, Severity, SourceError
+from mopro.errors import Diagnostic, Severity, SourceError
 from mopro.language import ast, parse
 from mopro.language.ast import Tree
 from mopro.language.parse import parse_what_can_be
@@ -180,6 +180,9 @@ def _allowed(findings: list[Finding], tree: Tree, asked: dict[str, Rule]) -> lis
 
 # A fix may uncover the next finding; more passes than this would mean an endless cycle.
 _MOST_PASSES = 10
+# Lines compiled for the checks of one rule's fixes in one pass: half a minute. What is not
+# tried by then stays a finding.
+_MOST_CHECKED = 2_000_000
 
 
 def fixed(source: Source, settings: Settings) -> Source:
@@ -211,21 +214,31 @@ def _fixable(source: Source, settings: Settings) -> list[Finding]:
 
 
 def _fix_rule(source: Source, rule: Rule, settings: Settings) -> Source:
-    """All fixes of one rule together if they pass its check, else each that passes alone."""
+    """All fixes of one rule that pass its check, in as large groups as pass together."""
     findings = [f for f in _fixable(source, settings) if f.rule == rule.name]
-    together = applied(source, findings)
-    if _passes_check(rule, source, together, settings):
-        return together
-    for finding in reversed(findings):
-        alone = applied(source, [finding])
-        if _passes_check(rule, source, alone, settings):
-            source = alone
+    before = _compiled(source, settings)
+    groups, checked = [findings], 0
+    # Later places first, so that those still to come stay where they are.
+    while before is not None and groups and checked < _MOST_CHECKED:
+        group = groups.pop()
+        after = applied(source, group)
+        checked += len(after.lines)
+        better = _passing(rule, before, _compiled(after, settings))
+        if better is None and len(group) > 1:
+            half = len(group) // 2
+            groups += [group[:half], group[half:]]
+        source, before = (after, better) if better is not None else (source, before)
     return source
 
 
-def _passes_check(rule: Rule, before: Source, after: Source, settings: Settings) -> bool:
-    assert rule.fix_check is not None, "only rules with a check are fixed"
+def _compiled(source: Source, settings: Settings) -> Subject | None:
     try:
-        return rule.fix_check(subject_of(before, settings), subject_of(after, settings))
-    except (SourceError, MotionError):
-        return False
+        return subject_of(source, settings)
+    except SourceError:
+        return None
+
+
+def _passing(rule: Rule, before: Subject, after: Subject | None) -> Subject | None:
+    """The fixed program `after`, if it compiles and passes the check of `rule`."""
+    assert rule.fix_check is not None, "only rules with a check are fixed"
+    return after if after is not None and rule.fix_check(before, after) else None

@@ -5,9 +5,9 @@ import pytest
 import mopro
 from helpers.paths import ROOT
 from mopro.language import source_from_bytes
-from mopro.lint import Settings
+from mopro.lint import Settings, check
 from mopro.lint import lint as findings_of
-from mopro.lint.check import applied, fixed
+from mopro.lint.check import applied, fixed, subject_of
 from mopro.lint.rules import RULES
 from mopro.motion import plan
 from mopro.source import Source
@@ -45,6 +45,31 @@ def test_a_fix_that_would_fail_its_check_is_left_out():
     assert len(findings_of(Source("x", fix(text)))) > 0
     strokes = [[m.strokes for m in plan(p).moves] for p in (before, after)]
     assert strokes[0] == strokes[1]
+
+
+def checks_of(monkeypatch, text, **bounds):
+    """The fixed text, and how many programs were compiled to check fixes."""
+    compiled = []
+    for name, value in bounds.items():
+        monkeypatch.setattr(check, name, value)
+    monkeypatch.setattr(check, "subject_of", lambda *a: compiled.append(a) or subject_of(*a))
+    return fix(text), len(compiled)
+
+
+# Each pair returns to where it began; the three moves after them are those of the test above.
+ONE_FAILS = READY + "MRI1 0.0001\nWX1\nMRI1 -0.0001\nWX1\n" * 32 + "MRI1 0.0001\nWX1\n" * 3
+
+
+def test_fixes_that_fail_together_are_bisected(monkeypatch):
+    better, compiled = checks_of(monkeypatch, ONE_FAILS)
+    assert better.count("0.00008") > 60
+    strokes = [[m.strokes for m in plan(mopro.compile(t)).moves] for t in (ONE_FAILS, better)]
+    assert strokes[0] == strokes[1]
+    assert compiled < 67  # fixes; one by one each took two
+
+
+def test_the_work_on_failing_fixes_is_bounded(monkeypatch):
+    assert checks_of(monkeypatch, ONE_FAILS, _MOST_CHECKED=1) == (ONE_FAILS, 2)
 
 
 def test_every_rule_with_a_fix_check_has_a_fix_in_its_example():
