@@ -180,7 +180,7 @@ def _allowed(findings: list[Finding], tree: Tree, asked: dict[str, Rule]) -> lis
 
 # A fix may uncover the next finding; more passes than this would mean an endless cycle.
 _MOST_PASSES = 10
-# Lines compiled for the checks of one rule's fixes in one pass: half a minute. What is not
+# Lines compiled for the checks of one rule's fixes in one pass. What is not
 # tried by then stays a finding.
 _MOST_CHECKED = 2_000_000
 
