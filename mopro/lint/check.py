@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
 
-from mopro.errors import Diagnostic, Severity, SourceError
+from mopro.errors import Diagnostic, MotionError, Severity, SourceError
 from mopro.language import ast, parse
 from mopro.language.ast import Tree
 from mopro.language.parse import parse_what_can_be
@@ -241,4 +241,8 @@ def _compiled(source: Source, settings: Settings) -> Subject | None:
 def _passing(rule: Rule, before: Subject, after: Subject | None) -> Subject | None:
     """The fixed program `after`, if it compiles and passes the check of `rule`."""
     assert rule.fix_check is not None, "only rules with a check are fixed"
-    return after if after is not None and rule.fix_check(before, after) else None
+    try:
+        return after if after is not None and rule.fix_check(before, after) else None
+    except MotionError:
+        # A program that cannot be planned is compared with nothing.
+        return None
