@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import compress
 
 import numpy as np
@@ -46,8 +47,9 @@ def conclude(state: State) -> Verdict:
     effects = tuple(effect for c, effect in believed if not calibrated(fit, c))
     dropped = frozenset(r.name for r in state.rejected)
     unseen, rejected = _not_found(hypotheses, state.screening, fit, dropped)
+    alone, held_alone = _without_drafts(state)
     gap, rival = (
-        _gap(hypotheses, fit, held),
+        _gap(hypotheses, alone, held_alone),
         [] if state.rival is None else sorted(state.rival.names),
     )
     notes = state.remainder.note, rival and f"{' + '.join(rival)} would do as well"
@@ -61,11 +63,11 @@ def conclude(state: State) -> Verdict:
         remainder=state.remainder,
         settings=sizes.settings,
         before=tuple(hypotheses.residuals.in_units(hypotheses.null.residual)),
-        after=tuple(hypotheses.residuals.in_units(fit.residual)),
+        after=tuple(hypotheses.residuals.in_units(alone.residual)),
         signatures=tuple(_signature(hypotheses, fit, name) for name in sorted(fit.names)),
         calibration=tuple(effect for c, effect in believed if calibrated(fit, c)),
         sensors=tuple(map(_of_sensor, _corrected(hypotheses, sizes.fit))),
-        explained=_explained(hypotheses, fit, held),
+        explained=_explained(hypotheses, alone, held_alone),
         alternatives=tuple(tuple(sorted(other.names)) for other in others),
         base={p: e for c in fit.base for p, e in sizes.estimates(c).items()},
         base_before=hypotheses.null.settings,
@@ -73,12 +75,26 @@ def conclude(state: State) -> Verdict:
         notes=(*state.notes, *(note for note in notes if note)),
         nuisances=tuple(_nuisances(hypotheses, sizes.settings)),
         correlations=sizes.correlations(),
-        without_drafts=None if sizes.fit.key == fit.key else fit.settings,
+        without_drafts=None if sizes.fit.key == fit.key else alone.settings,
         odd_run=state.odd,
         trace=state.trace,
         held_out_on=None if held is None else held.on,
         alike=_alike(state),
     )
+
+
+def _without_drafts(state: State) -> tuple[Fit, HeldOut | None]:
+    """The answer as it is without the drafts, what a machine can have, and held-out parts of it."""
+    fit, hypotheses = state.fit, state.hypotheses
+    beside = fit if state.drafted is None else hypotheses.beside_single_runs(fit, state.drafted)
+    if beside is fit:
+        return fit, state.held
+    settings = beside.settings_without(beside.names - fit.names)
+    alone = replace(fit, settings=settings, residual=hypotheses.residuals.at(settings))
+    if (held := hypotheses.held_out(beside)) is None:
+        return alone, None
+    residual = held.residual + alone.residual - beside.residual
+    return alone, replace(held, residual=residual, after=float(np.mean(residual**2)))
 
 
 def _alike(state: State) -> tuple[Alike, ...]:

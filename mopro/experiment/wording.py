@@ -352,7 +352,9 @@ def file_words(
 
     `of_runs`: its effects of the runs' own time. `rerun_rms`: the RMS residual of each series.
     """
-    if verdict.without_drafts is not None:
+    if verdict.without_drafts is not None and all(draft.run for draft in verdict.drafts):
+        yield "The machine file has no drafts: what is in one run is none of the machine."
+    elif verdict.without_drafts is not None:
         yield (
             "The machine file has no drafts: its numbers are those that fit without them, and may "
             "differ from those above (--with-drafts writes those inside the model)."

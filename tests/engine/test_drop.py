@@ -9,8 +9,9 @@ from helpers.signals import candidates, measured, of_size, sizes, times
 from mopro.engine.answer import conclude
 from mopro.engine.fits import HeldOut
 from mopro.engine.freeform import WithLaws
-from mopro.engine.passes import drop, hold_out, set_laws_apart
+from mopro.engine.passes import hold_out, set_laws_apart
 from mopro.engine.passes.drop import FAILS_HELD_OUT
+from mopro.engine.search.hypotheses import Hypotheses
 from mopro.engine.state import Problem, State
 
 T = times(2000)
@@ -45,7 +46,7 @@ def test_of_effects_that_held_out_parts_deny_the_one_that_is_missed_least_goes(m
         own = gains.get(fit.names, dict.fromkeys(fit.names, 1.0))
         return HeldOut("other runs", 2.0, 1.0, own, fit.residual)
 
-    monkeypatch.setattr(drop, "held_of", held_out)
+    monkeypatch.setattr(Hypotheses, "held_out", held_out)
     answer = hold_out(replace(state, fit=fit))
     assert answer.fit.names == {"true"}
     assert [(r.name, r.reason) for r in answer.rejected] == [("third", FAILS_HELD_OUT)]

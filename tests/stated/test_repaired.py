@@ -452,6 +452,27 @@ def test_what_is_in_one_run_only_is_told_so_and_stays_with_it(tmp_path):
     assert "scale of stage is left out in a.csv, c.csv: it belongs to b.csv" in done.stderr
 
 
+@pytest.mark.parametrize("at_s", [1.5, 2.6])
+def test_a_step_in_one_run_does_not_spoil_what_the_file_has_for_all(tmp_path, at_s):
+    """A scale of 0.4 % in three runs, in one of which the reading jumps by 0.4 mm."""
+    path = stage(tmp_path, "a.csv", "b.csv", "c.csv")
+    for file in ("a.csv", "b.csv", "c.csv"):
+        t, command, read = np.loadtxt(tmp_path / file, delimiter=",", skiprows=1).T
+        jump = 0.4 * (t > at_s) * (file == "b.csv")
+        columns = {"time_s": t, "command_mm": command, "position_mm": read + 0.004 * command + jump}
+        write(tmp_path / file, columns)
+    answer = json.loads(
+        run_here(tmp_path, "reconcile", path.name, "--out", "out.toml", "--json").stdout
+    )
+    assert [draft["run"] for draft in answer["drafts"]] == ["b.csv"]
+    own = tomllib.loads((tmp_path / "out.toml").read_text())["effects"]["scale"]["k"]
+    assert own["value"] == pytest.approx(0.004, rel=0.05)
+    told = [words for words in answer["reservations"] if "drafts" in words]
+    assert told == ["The machine file has no drafts: what is in one run is none of the machine."]
+    for gap in answer["gap"]["runs"]:
+        assert gap["rerun_rms"] == pytest.approx(gap["after_rms"], rel=1e-6)
+
+
 def test_settings_may_have_an_effect_on_in_one_run_alone(tmp_path):
     model = open_experiment(stage(tmp_path, "a.csv", "b.csv")).system.model
     plain, with_it = model({}), model({"scale": {"k": 0.1}})

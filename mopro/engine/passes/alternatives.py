@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 from mopro.engine.assumed import STRONG, VERY_STRONG
 from mopro.engine.fits import Fit, Key
-from mopro.engine.passes.drop import held_of
 from mopro.engine.passes.loops import Loop, Pass, a_pass, in_turn
 from mopro.engine.search.alternatives import Alternative, alternatives
 from mopro.engine.state import State
@@ -33,7 +32,7 @@ def find_alternatives(state: State) -> State:
     state = replace(state, alternatives=listed, rival=rival)
     if rival is None or state.drafted is not None:
         return state
-    return replace(state, drafted_held=held_of(state.hypotheses, rival))
+    return replace(state, drafted_held=state.hypotheses.held_out(rival))
 
 
 def _listed_first(state: State, every: Sequence[Alternative]) -> State:
@@ -52,7 +51,7 @@ def _listed_first(state: State, every: Sequence[Alternative]) -> State:
     first = hypotheses.evidence.lowest([state.fit, *equal])
     if state.drafted is not None or first is state.fit:
         return state
-    held = held_of(hypotheses, first)
+    held = hypotheses.held_out(first)
     if held is None or not all(map(held.supports, first.names)):
         return state
     return replace(state, fit=first, held=held)

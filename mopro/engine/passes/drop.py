@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mopro.engine.assumed import STRONG
-from mopro.engine.fits import Fit, HeldOut, explained_by, held_out
+from mopro.engine.fits import explained_by
 from mopro.engine.passes.loops import a_pass
-from mopro.engine.search.hypotheses import Hypotheses
 from mopro.engine.state import State
 from mopro.engine.verdict import Rejected
 
@@ -38,7 +37,7 @@ def hold_out(state: State) -> State:
     much may fail for what another one does beside it.
     """
     hypotheses, fit, rejected = state.hypotheses, state.fit, list(state.rejected)
-    while (held := held_of(hypotheses, fit)) is not None:
+    while (held := hypotheses.held_out(fit)) is not None:
         failing = [name for name in sorted(fit.names) if not held.supports(name)]
         if not failing:
             break
@@ -47,17 +46,6 @@ def hold_out(state: State) -> State:
         rejected.append(Rejected(worst, without[worst].rss - fit.rss, FAILS_HELD_OUT))
         fit = without[worst]
     return replace(state, fit=fit, held=held, rejected=tuple(rejected))
-
-
-def held_of(hypotheses: Hypotheses, fit: Fit) -> HeldOut | None:
-    """Prediction of held-out parts with and without each effect of `fit`.
-
-    None without any, but where free numbers alone may make up for what is unexplained.
-    """
-    if not fit.candidates and (not fit.order or hypotheses.leaves_noise(fit)):
-        return None
-    without = {name: hypotheses.without(fit, name) for name in sorted(fit.names)}
-    return held_out(hypotheses.residuals, hypotheses.evidence.noise, hypotheses.null, fit, without)
 
 
 @a_pass
@@ -99,7 +87,7 @@ def hold_out_again(state: State) -> State:
     """Held-out parts with and without each effect, and each draft, where that is not known."""
     held, drafted_held = state.held, state.drafted_held
     if state.drafted is not None and drafted_held is None:
-        drafted_held = held_of(state.hypotheses, state.drafted)
+        drafted_held = state.hypotheses.held_out(state.drafted)
     if held is None:
-        held = held_of(state.hypotheses, state.fit)
+        held = state.hypotheses.held_out(state.fit)
     return replace(state, held=held, drafted_held=drafted_held)

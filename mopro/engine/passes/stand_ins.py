@@ -104,14 +104,16 @@ def expose_beside_drafts(state: State) -> State:
     """The answer without effects that the drafts show to be something else, the worst first.
 
     An effect that is present has the same size whether or not the rest is fitted beside it, and
-    its law has the form that somebody listed. Calibrations, which name nothing, stay.
+    its law has the form that somebody listed. What is in one run alone stands beside both.
+    Calibrations, which name nothing, stay.
     """
     hypotheses = state.hypotheses
     while state.drafted is not None:
         listed = [
             c.name for c in state.fit.candidates if not hypotheses.evidence.calibrated(state.fit, c)
         ]
-        reasons = _moved(hypotheses, state.fit, state.drafted, listed) or _reshaped(
+        beside = hypotheses.beside_single_runs(state.fit, state.drafted)
+        reasons = _moved(hypotheses, beside, state.drafted, listed) or _reshaped(
             state, state.drafted, listed
         )
         if not reasons:

@@ -24,10 +24,12 @@ from mopro.engine.fits import (
     NO_LIMIT,
     Evidence,
     Fit,
+    HeldOut,
     Identity,
     Key,
     Limit,
     growing_fit,
+    held_out,
     least_squares_fit,
 )
 from mopro.engine.residuals import (
@@ -344,6 +346,27 @@ class Hypotheses:
         self._stepped.add(once)
         starts = [fit.stepped_without(name), fit.settings_without(frozenset({name}))]
         return self.fitted(others, self._lowest(starts), limit)
+
+    def beside_single_runs(self, fit: Fit, drafted: Fit) -> Fit:
+        """`fit` beside those free-form terms of `drafted` that are of one run alone.
+
+        What is in one run is none of the machine: the effects of all runs have the sizes that they
+        have beside it.
+        """
+        own = [c for c in drafted.candidates if c.law and c.law.run is not None]
+        if not own:
+            return fit
+        return self.fitted((*fit.candidates, *own), {**fit.settings, **drafted.settings})
+
+    def held_out(self, fit: Fit) -> HeldOut | None:
+        """Prediction of held-out parts with and without each effect of `fit`.
+
+        None without any, but where free numbers alone may make up for what is unexplained.
+        """
+        if not fit.candidates and (not fit.order or self.leaves_noise(fit)):
+            return None
+        without = {name: self.without(fit, name) for name in sorted(fit.names)}
+        return held_out(self.residuals, self.evidence.noise, self.null, fit, without)
 
     def switched_off(self, fit: Fit, names: frozenset[str]) -> Fit:
         """`fit` with the effects `names` off and the others left as they are: no minimum."""
