@@ -212,14 +212,23 @@ def test_readings_that_no_sensor_of_the_stated_noise_gives_are_refused(
 # -- scales ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("factor", [10.0, 0.2, -1.0])
-def test_readings_of_another_scale_or_sign_are_told(tmp_path, record, factor):
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (10.0, "10 times too large (a factor of 10)"),
+        (0.2, "5 times too small (a factor of 1/5)"),
+        (6.0, "6 times too large (a factor of 6, such as deg/s for rpm)"),
+        (1 / 6, "6 times too small (a factor of 1/6, such as rpm for deg/s)"),
+        (-1.0, "of the other sign"),
+    ],
+)
+def test_readings_of_another_scale_or_sign_are_told(tmp_path, record, factor, words):
     scaled = record | {"position_mm": factor * record["position_mm"]}
     (tmp_path / "machine.toml").write_text(DRIVE, encoding="utf-8")
     (tmp_path / "experiment.toml").write_text(DRIVEN, encoding="utf-8")
     write(tmp_path / "run.csv", scaled)
     said = run_here(tmp_path, "compare", "experiment.toml").stderr
-    assert ("of the other sign" if factor < 0 else f"{factor:.4g} times too large") in said
+    assert words in said
 
 
 def test_a_free_scale_and_sign_are_calibrated(tmp_path, record):
@@ -361,5 +370,6 @@ def test_a_swing_of_another_scale_is_refused_with_the_factor(tmp_path):
     asked = f'machine = "machine.toml"\n{sensor}[[run]]\ndata = "run.csv"\n'
     (tmp_path / "experiment.toml").write_text(asked, encoding="utf-8")
     write(tmp_path / "run.csv", {"time_s": step * np.arange(len(places)), "x_rad": measured})
-    with pytest.raises(ModelError, match=f"if they are {factor:g} times too large"):
+    words = f"{factor:g} times too large" if factor > 1 else f"{1 / factor:g} times too small"
+    with pytest.raises(ModelError, match=f"if they are {words}"):
         open_experiment(tmp_path / "experiment.toml")

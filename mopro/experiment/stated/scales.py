@@ -30,6 +30,12 @@ _KNOWN: dict[float, str] = {
     1e-3: "a factor of 1/1000, such as m for mm",
     5.0: "a factor of 5",
     0.2: "a factor of 1/5",
+    6.0: "a factor of 6, such as deg/s for rpm",
+    1 / 6: "a factor of 1/6, such as rpm for deg/s",
+    30 / math.pi: "a factor of 9.549, such as rpm for rad/s",
+    math.pi / 30: "a factor of 1/9.549, such as rad/s for rpm",
+    60.0: "a factor of 60, such as 1/min for 1/s",
+    1 / 60: "a factor of 1/60, such as 1/s for 1/min",
     **FOLD_SLIPS,
 }
 # Share of the variance that a straight line of measured against simulated must explain, share of
@@ -148,7 +154,8 @@ def _first_level(reading: Reading, others: Sequence[Reading]) -> str | None:
 def _words(series: Series, factor: float) -> str:
     sign = "of the other sign" if factor < 0 else ""
     known = _KNOWN.get(abs(factor))
-    size = f"{abs(factor):.4g} times too large ({known})" if known else ""
+    times, way = (abs(factor), "large") if abs(factor) > 1 else (1 / abs(factor), "small")
+    size = f"{times:.4g} times too {way} ({known})" if known else ""
     what = " and ".join(part for part in (sign, size) if part)
     return f"the readings of {series.run} are as simulated if they are {what}"
 
