@@ -36,9 +36,9 @@ from mopro.stated.simulation import BASE, Known, Model, term_of
 
 # An amplitude is looked for up to this multiple of what would make the term as large as the
 # quantity that it is added to, and simulated first at this share of it.
-_LARGEST, _PROBED = 3.0, 0.03
+_LARGEST, _PROBED = 10.0, 0.01
 # A start is looked for by a simulation at this share of the range's end, and within these shares.
-_TRIED, _LEAST_START, _MOST_START = 1e-5, 1e-4, 0.3
+_TRIED, _LEAST_START, _MOST_START = 1e-5, 3e-5, 0.1
 # Distance of a start from the value of the machine's file, as a share of the range.
 _START_DISTANCE = 0.1
 # Tolerances within which a number is looked for.

@@ -117,3 +117,38 @@ def test_a_number_that_an_end_of_its_range_stops_is_told_first(tmp_path, ends, t
     _, notes = fitted(tmp_path, SWINGING, ranges, begun, [{"time_s": t, "u_rad": u, "x_rad": x}])
     words = "w2 fits best at the end of its range, 30 1/s2, before effects are looked for"
     assert any(note.startswith(words) for note in notes) == told
+
+
+@pytest.mark.parametrize("damping", [10.0, 60.0])
+def test_a_damping_that_a_free_one_stands_in_for_at_first_is_found(tmp_path, damping):
+    """Few large forces: without it the axis goes so much faster in those that less seems enough."""
+    rng, step, rate = np.random.default_rng(4), 0.004, 4
+    for file in ("one.csv", "two.csv"):
+        forces, x, v, places = np.repeat(17 * rng.random(20) ** 5, 100), 0.0, 0.0, []
+        for force in forces:
+            places.append(x)
+            for _ in range(rate):
+                half = v + step / rate / 2 * (force - 0.5 * v - damping * v**3) / 1.8
+                x += step / rate * half
+                v += step / rate * (force - 0.5 * half - damping * half**3) / 1.8
+        read = 1e3 * np.array(places) + 3.0 * rng.standard_normal(len(places))
+        t = step * np.arange(len(places))
+        write(tmp_path / file, {"time_s": t, "force_N": forces, "position_mm": read})
+    (tmp_path / "machine.toml").write_text(
+        'kind = "axis"\nname = "drive"\nunit = "mm"\n[base]\nmass = { value = 1.8, unit = "kg" }\n'
+        'viscous = { value = 20.0, unit = "N s/m", free = true, range = [0.2, 200.0] }\n'
+    )
+    experiment = (
+        'machine = "machine.toml"\n[inputs]\nforce = { column = "force_N", hold = true }\n'
+        '[[sensor]]\nname = "scale"\nquantity = "position"\ncolumn = "position_mm"\n'
+        "noise_rms = 3.0\nzero = 0\n"
+    )
+    runs = "".join(
+        f'[[run]]\ndata = "{file}"\nstart = {{ x = 0, v = 0 }}\n' for file in ("one.csv", "two.csv")
+    )
+    (tmp_path / "experiment.toml").write_text(experiment + runs)
+    verdict = open_experiment(tmp_path / "experiment.toml").conclude().verdict
+    (effect,) = verdict.effects
+    assert (verdict.verdict, effect.name) == ("named", "cubic_damping")
+    low, high = effect.parameters["b3"].ci95
+    assert 0.98 * low < damping < 1.02 * high
