@@ -11,12 +11,12 @@ import numpy as np
 
 from mopro.errors import DataError
 from mopro.files import make_folder, output, write
-from mopro.importing.agreement import Floats, agreement
 from mopro.importing.imported_runs import file_of, ledger_of, recordings_of, rows_decision, run_of
 from mopro.importing.propose import Proposal, Wishes, propose
 from mopro.importing.ranges import stuck_in, unwrapped
 from mopro.importing.roles import Chosen, Signal, signals_of, stated_unit
 from mopro.importing.texts import experiment_text, machine_text, sawyer_labels
+from mopro.instruments.agreement import Floats, agreement
 from mopro.logs import Asked, Column, Decision, Log, Rows, read_log
 from mopro.logs.timed import spacing_of
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from mopro.errors import DataError
 from mopro.formula import dimension_of_unit
-from mopro.importing.agreement import Agreement, agreement
 from mopro.importing.roles import Signal
+from mopro.instruments.agreement import Agreement, agreement
 from mopro.logs import Decision
 from mopro.logs.column_names import is_command
 from mopro.logs.log import Floats

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mopro.importing.agreement import Floats, agreement, followed
 from mopro.importing.propose import Proposal, noise_of
 from mopro.importing.roles import Signal
+from mopro.instruments.agreement import Floats, expected
 from mopro.logs import Decision
 from mopro.logs.timed import spacing_of
 from mopro.noise import End, ends_of
@@ -162,12 +162,6 @@ def _moves(steps: Floats, own: Floats, jumps: Indices, usual: float) -> bool:
 # -- readings that stay -----------------------------------------------------------------------
 # Readings that do not change where the machine does: at the end of a range, or stuck.
 
-# What a play, a lag or a lost motion leaves of a rest is as far off as what it leaves elsewhere.
-# Halved, a rest beside a play is called an end; doubled, a range that is cut by little is missed.
-_FAR_BEYOND = 2.0
-# Share of the readings' range by which a fit is rounded.
-_ROUNDED_SHARE = 1e-9
-
 
 def stuck_in(run: Proposal, where: str = "", own_noise: bool = True) -> Iterator[Decision]:
     """CHECKs on the sensors of a run that stay at a value; `where` names the run among several.
@@ -182,7 +176,7 @@ def stuck_in(run: Proposal, where: str = "", own_noise: bool = True) -> Iterator
             reason = (
                 f"first at {times[end.first]:.6g} s; --missing {end.value:.10g} leaves them out"
             )
-            yield Decision(subject, end.words(sensor.unit_word), reason, check=True, lasting=True)
+            yield Decision(subject, end.words(sensor.unit_word), reason, check=True)
         noise = run.noises[sensor.label] if own_noise else noise_of(sensor)
         for first, last in noise.stuck:
             if values[first] not in {end.value for end in at_end}:
@@ -193,29 +187,5 @@ def stuck_in(run: Proposal, where: str = "", own_noise: bool = True) -> Iterator
 
 
 def _is_end(end: End, command: Signal | None, times: Floats, values: Floats) -> bool:
-    """True if the noise says so, or the command goes on there; without one, a sudden stop."""
-    beyond = None if command is None else _beyond(end, command, times, values)
-    if beyond is None:
-        return end.certain or end.sharp
-    excess, residual = beyond
-    far = _FAR_BEYOND * float(np.abs(residual).max()) + _ROUNDED_SHARE * float(np.ptp(values))
-    return excess > far or (end.certain and excess > float(np.sqrt(np.mean(residual**2))))
-
-
-def _beyond(
-    end: End, command: Signal, times: Floats, values: Floats
-) -> tuple[float, Floats] | None:
-    """Median excess of the command over the end (sensor's unit), and the other residuals.
-
-    None where they do not follow it.
-    """
-    others = ~end.at
-    if np.count_nonzero(others) < 2:
-        return None
-    commanded = command.present
-    found = agreement(*commanded, times[others], values[others], command.held)
-    if found is None or not found.related:
-        return None
-    left = values - followed(found, *commanded, times, command.held)
-    excess = float(np.median(left[end.at])) * (-1 if end.largest else 1)
-    return excess, left[others]
+    told = None if command is None else (*command.present, times, values, command.held, ~end.at)
+    return end.is_passed(values, None if told is None else expected(*told))

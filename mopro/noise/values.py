@@ -210,6 +210,11 @@ _MOSTLY = 0.5
 # The sharpest bend of a motion is at most so much sharper than the others. Halved, one in a few
 # motions without noise has a sharper one; doubled, only a fast motion is seen to be cut off.
 _AS_BENT = 2.0
+# What a play, a lag or a lost motion leaves of a rest is as far off as what it leaves elsewhere.
+# Halved, a rest beside a play is called an end; doubled, a range that is cut by little is missed.
+_FAR_BEYOND = 2.0
+# Share of the readings' range by which a fit is rounded.
+_ROUNDED_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -231,6 +236,19 @@ class End:
     @property
     def count(self) -> int:
         return int(np.count_nonzero(self.at))
+
+    def is_passed(self, values: Floats, expected: Floats | None) -> bool:
+        """True if it is no rest: its noise says so, or what was `expected` (n,) goes on there.
+
+        Without that (None) a sudden stop is none either.
+        """
+        if expected is None:
+            return self.certain or self.sharp
+        left = values - expected
+        excess = float(np.median(left[self.at])) * (-1 if self.largest else 1)
+        others = left[~self.at]
+        far = _FAR_BEYOND * float(np.abs(others).max()) + _ROUNDED_SHARE * float(np.ptp(values))
+        return excess > far or (self.certain and excess > float(np.sqrt(np.mean(others**2))))
 
     def words(self, unit: str) -> str:
         """`45 readings are exactly 10 V, the largest of all: at the end of its range?`"""

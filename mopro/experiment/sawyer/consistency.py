@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 
 from mopro.errors import Diagnostic, ModelError
+from mopro.experiment.range_ends import end_notes
 from mopro.experiment.sawyer.feasible import Suspect, check_motion, too_long, too_short
 from mopro.experiment.sawyer.nominal import compiling_pays, planned
 from mopro.experiment.sawyer.trials import Experiment, Floats, Reading
@@ -56,7 +58,7 @@ def check(experiment: Experiment) -> list[str]:
     compiled = compiling_pays(experiment)
     for suspect in suspects:
         check_motion(suspect, machine, compiled)
-    return [*_unlikely(suspects, machine), *_unstated_steps(suspects)]
+    return [*_unlikely(suspects, machine), *_unstated_steps(suspects), *_ends(suspects, machine)]
 
 
 def _unstated_steps(suspects: Sequence[Suspect]) -> list[str]:
@@ -69,6 +71,16 @@ def _unstated_steps(suspects: Sequence[Suspect]) -> list[str]:
             if note is not None:
                 notes.setdefault(own.name, note)
     return [*notes.values()]
+
+
+def _ends(suspects: Sequence[Suspect], machine: Machine) -> Iterator[str]:
+    """Notes on positions that stay where the command goes on."""
+    for suspect in suspects:
+        for reading in suspect.positions():
+            own, time_s = reading.sensor, reading.time_s
+            command = partial(_command_m, suspect.schedule, own.axis, time_s, machine)
+            where = f"{suspect.trial.name}, {own.name}"
+            yield from end_notes(where, own.unit, time_s, reading.values, command)
 
 
 def _command_m(schedule: Schedule, axis: int, time_s: Floats, machine: Machine) -> Floats:

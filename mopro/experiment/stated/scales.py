@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
 from mopro.engine.candidate import Parameter
 from mopro.engine.series import Series
+from mopro.experiment.range_ends import end_notes
 from mopro.experiment.steps import step_note
 from mopro.formula.evaluate import Floats
 from mopro.instruments.sensor import FOLD_SLIPS, UNIT_SLIPS
@@ -95,6 +97,15 @@ def unstated_steps(model: Model) -> list[str]:
         if note is not None:
             notes[sensor.name] = note
     return [*notes.values()]
+
+
+def ends(model: Model, base: BaseFit) -> Iterator[str]:
+    """Notes on sensors whose readings stay where the motion of the model, as fitted, goes on."""
+    simulated = cache(lambda: model(base.settings))
+    for i, (run, reading) in enumerate(model.readings):
+        where, time_s = f"{run.name}, {reading.sensor.name}", run.time_s[reading.rows]
+        own = partial(lambda nth: simulated()[nth], i)
+        yield from end_notes(where, reading.sensor.unit, time_s, reading.values, own)
 
 
 # -- levels, where little changes ----------------------------------------------------------

@@ -26,7 +26,7 @@ from mopro.experiment.stated.python_model import foreign_model
 from mopro.experiment.stated.read import read_stated_experiment
 from mopro.experiment.stated.repaired import effects_of_runs, kept_to_their_runs, machine_text
 from mopro.experiment.stated.rerun import rerun
-from mopro.experiment.stated.scales import check_scales, unstated_steps
+from mopro.experiment.stated.scales import check_scales, ends, unstated_steps
 from mopro.experiment.stated.undecided import with_undecided
 from mopro.experiment.system import Predicted, Proposal, Question, Repaired, Spot, System
 from mopro.experiment.wording import advice
@@ -233,6 +233,7 @@ def studied(stated: StatedExperiment, foreign: Simulate | None) -> Stated:
     numbers = experiment.machine.numbers.values()
     own = (f"{number.name}: {number.note}" for number in numbers if number.note)
     notes = [*own, *check_scales(model, data, base), *base.notes, *unstated_steps(model)]
+    notes += ends(model, base)
     series = tuple(data) if foreign else tuple(series_of(model, base.settings))
     if not foreign and (noises := stated_noise(model)):
         series = beside_input_noise(model, base.settings, series, noises)

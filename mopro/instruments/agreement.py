@@ -140,7 +140,23 @@ def agreement(
     return Agreement(delay, interval, scale, offset, correlation, step)
 
 
-def followed(
+def expected(
+    command_s: Floats, command: Floats, times_s: Floats, values: Floats, held: bool,
+    used: NDArray[np.bool_],
+) -> Floats | None:  # fmt: skip
+    """The readings (n,) that a command gives by its relation to those of `values` that are `used`.
+
+    None where these do not follow it.
+    """
+    if np.count_nonzero(used) < 2:
+        return None
+    found = agreement(command_s, command, times_s[used], values[used], held)
+    if found is None or not found.related:
+        return None
+    return _followed(found, command_s, command, times_s, held)
+
+
+def _followed(
     found: Agreement, command_s: Floats, command: Floats, times_s: Floats, held: bool
 ) -> Floats:
     """The readings at `times_s` that the relation gives for a command."""
