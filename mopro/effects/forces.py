@@ -67,8 +67,6 @@ PLATEN_EDGE = PlatenEdge()
 
 # Masses that are tried are so many times apart.
 _HEAVIER = 1.12
-# Least share of a mass that is left of it.
-_LIGHTEST = 0.1
 
 
 class PayloadMass(Effect):
@@ -82,8 +80,7 @@ class PayloadMass(Effect):
     parameters = (Parameter("dm", "kg", "mass", 1.0, (0.0, 3.0), -50.0, 50.0, "added mass"),)
 
     def plant(self, plant: PlantConstants, *p: float) -> PlantConstants:
-        # No run's forcer has no mass, whatever another one's is stated to carry.
-        return replace(plant, mass_kg=max(plant.mass_kg + p[0], _LIGHTEST * plant.mass_kg))
+        return replace(plant, mass_kg=plant.mass_kg + p[0])
 
     def forms(self, view: View) -> Iterator[Candidate]:
         mass_kg, own = view.machine.axis.moving_mass_kg, self.fitted("dm", 0.02)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mopro.engine.series import Floats
-from mopro.instruments.agreement import expected
 
 
 def end_notes(
@@ -17,7 +16,8 @@ def end_notes(
 
     `simulated` gives what the sensor was to show of it (n,), in any unit.
     """
-    # It brings SciPy's statistics, which take a third of a second.
+    # They bring SciPy's statistics and signals, which take a third of a second.
+    from mopro.instruments.agreement import expected
     from mopro.noise import ends_of
 
     for end in ends_of(values):

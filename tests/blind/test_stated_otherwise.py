@@ -72,7 +72,7 @@ class TestConstants:
     @pytest.mark.parametrize("name", HIDDEN_EFFECTS)
     def test_what_the_diagnosis_frees_is_drawn_over_its_range(self, name, view):
         freed = {
-            p.name: (p.low, p.high)
+            p.name: p.plausible or (p.low, p.high)
             for form in catalogue()[name].candidates(view)
             for p in form.parameters
             if p.role is Role.CONSTANT

@@ -22,7 +22,7 @@ from mopro.effects.resolve import active_effects, with_values
 from mopro.effects.unlisted import with_unlisted
 from mopro.engine.candidate import RUN
 from mopro.engine.series import Settings
-from mopro.errors import RunError
+from mopro.errors import ModelError, RunError
 from mopro.experiment.sawyer.logged import schedule_of
 from mopro.experiment.sawyer.trials import Experiment, Floats, Reading, Trial
 from mopro.instruments.sensor import Sensor
@@ -213,11 +213,16 @@ class ForwardModel:
         simulation = self._simulation(index, self._padded(active))
         sensors, times = self._motion_sensors(index), self._dense_times(index)
         columns: Columns = {"time_s": times}
-        if all(sensor.quantity.sees_place for sensor in sensors):
-            columns |= _places(simulation, times, {sensor.axis for sensor in sensors})
-        else:
-            wanted = {s.recorded_column for s in sensors} | {f"position_{axis}_m" for axis in AXES}
-            columns |= _advanced(simulation, times, sorted(wanted))
+        wanted = {s.recorded_column for s in sensors} | {f"position_{axis}_m" for axis in AXES}
+        try:
+            if all(sensor.quantity.sees_place for sensor in sensors):
+                columns |= _places(simulation, times, {sensor.axis for sensor in sensors})
+            else:
+                columns |= _advanced(simulation, times, sorted(wanted))
+        except ModelError:  # effects that leave no mass, say; those of the file are told
+            if active == self.active(index, {}):
+                raise
+            columns |= dict.fromkeys(wanted, np.full(len(times), math.nan))
         columns["temperature_C"] = self._dense_temperature(index, _warming(active))
         return columns
 
