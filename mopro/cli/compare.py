@@ -188,7 +188,7 @@ def _print_carried(held: Sequence[Carried]) -> None:
 
 
 def _worse(gaps: Sequence[dict[str, Any]], held: Sequence[Carried]) -> Iterator[str]:
-    """What to look for where a number differs and the repaired machine is worse than the other."""
+    """A question for each series predicted worse than before, where a number differs."""
     from mopro.experiment.carried import DIFFERS
 
     if not any(own.word == DIFFERS for own in held):

@@ -73,7 +73,7 @@ class Parameter:
         return self._coordinate(low + scaled * (high - low))
 
     def slope(self, scaled: float) -> float:
-        """Derivative of `value`; of a range of few digits no difference has any left."""
+        """Derivative of `value`, in `unit` per range; exact also in a range of few digits."""
         low, high = self._coordinate(self.low), self._coordinate(self.high)
         return (low - high) * self.value(scaled) ** 2 if self.inverse else high - low
 

@@ -116,8 +116,11 @@ def _is_much_of_the_signal(residuals: Residuals, residual: Floats) -> bool:
     signal = residuals.without_nuisances(residuals.measured * residuals.weights)
     for own, all_ in zip(residuals.split(residual), residuals.split(signal), strict=True):
         shown, left = len(own) * difference_variance(own), float(own @ own)
-        beyond = left - shown if ends_white(own) else left if shown < LEAST_SHARE**2 * left else 0.0
-        if beyond > LEAST_SHARE**2 * float(all_ @ all_):
+        if ends_white(own):
+            left -= shown
+        elif shown >= LEAST_SHARE**2 * left:
+            continue
+        if left > LEAST_SHARE**2 * float(all_ @ all_):
             return True
     return False
 

@@ -101,7 +101,7 @@ def unstated_steps(model: Model) -> list[str]:
 
 def ends(model: Model, base: BaseFit) -> Iterator[str]:
     """Notes on sensors whose readings stay where the motion of the model, as fitted, goes on."""
-    simulated = cache(lambda: model(base.settings))
+    simulated = cache(partial(model, base.settings))
     for i, (run, reading) in enumerate(model.readings):
         where, time_s = f"{run.name}, {reading.sensor.name}", run.time_s[reading.rows]
         own = partial(lambda nth: simulated()[nth], i)

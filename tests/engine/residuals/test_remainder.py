@@ -87,26 +87,14 @@ def test_unknown_noise_has_a_memory_only_where_neighbours_are_alike(slow):
     assert note == expected
 
 
+@pytest.mark.parametrize(("white", "seed"), [(0.0, 0), (1 / 3, 0), (1 / 3, 1), (1 / 3, 2)])
 @pytest.mark.parametrize(("share", "told"), [(0.3, False), (0.05, True)])
-def test_a_tenth_of_the_signal_that_neighbours_show_nothing_of_is_no_noise(share, told):
-    """A slow wave with a period that drifts, in a sensor of unknown noise."""
-    left = share * 1e3 * PLACE.std() * math.sqrt(2) * np.sin(9 * TIME + TIME**2)
-    residuals = residuals_of(left, None, predicted=1e3 * PLACE)
-    residual = residuals.at({})
-    found = examine(residuals, residual, 0)
-    assert found.significant
-    note = as_noise(residuals, Noise.as_stated(residuals), residual, found)
-    assert (note is not None) == told
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize(("share", "told"), [(0.3, False), (0.05, True)])
-def test_a_tenth_of_the_signal_beside_white_noise_that_neighbours_show_is_no_noise(
-    share, told, seed
+def test_a_tenth_of_the_signal_that_is_no_noise_of_the_neighbours_is_no_noise(
+    share, told, white, seed
 ):
-    """As in the test before, with a third of its size of white noise."""
+    """A slow wave with a period that drifts, in a sensor of unknown noise, `white` of its size."""
     left = share * 1e3 * PLACE.std() * math.sqrt(2) * np.sin(9 * TIME + TIME**2)
-    left = left + left.std() / 3 * np.random.default_rng(seed).standard_normal(len(TIME))
+    left = left + white * left.std() * np.random.default_rng(seed).standard_normal(len(TIME))
     residuals = residuals_of(left, None, predicted=1e3 * PLACE)
     residual = residuals.at({})
     found = examine(residuals, residual, 0)
