@@ -28,6 +28,7 @@ def reconcile(
     *,
     unlisted: Sequence[Candidate] = (),
     base: Sequence[Parameter] = (),
+    runs_on: bool = True,
     in_one_run: Mapping[str, Sequence[Candidate]] = MappingProxyType({}),
     finer: Simulate | None = None,
     coarse: Simulate | None = None,
@@ -40,7 +41,9 @@ def reconcile(
     `simulate(settings)` predicts every series of `data` with the effects in `settings` on; it
     must be deterministic. `unlisted` are free-form terms that it knows as it knows effects, and
     that compete beside those of the measurement. `base` are free numbers of the model itself,
-    found in `settings["base"]`: fitted with every set of effects, from their `starts`.
+    found in `settings["base"]`: fitted with every set of effects, from their `starts`. `runs_on`:
+    the model runs on from a start state, so that it may get out of phase with the data: fits
+    with a base that leave much are repeated from the beginning of each series onwards.
     `in_one_run`: the effects as they are on in one run alone, by its name (`Candidate.in_run`),
     which compete as well if that run disagrees and the others do not. `finer`
     is the same model with smaller steps of integration, asked before anything is called
@@ -54,7 +57,7 @@ def reconcile(
     simulate, coarse = WithLaws(simulate, data, ()), coarse and WithLaws(coarse, data, ())
     problem = Problem(
         simulate, finer, coarse, tuple(effects), tuple(unlisted), own, tuple(data), jobs, progress,
-        in_one_run,
+        in_one_run, runs_on,
     )  # fmt: skip
     # The matrices are tall and narrow: threads of the linear algebra take longer to meet than
     # they save, and the sums would depend on their number.

@@ -20,7 +20,7 @@ class Problem:
     """The question: a model, also with other steps, a catalogue, data and free numbers.
 
     `unlisted`: free-form terms that the model knows. `in_one_run`: the effects as they are on in
-    one run alone, by its name.
+    one run alone, by its name. `runs_on`: see `Hypotheses`.
     """
 
     simulate: Simulate
@@ -33,11 +33,14 @@ class Problem:
     jobs: int
     progress: Progress
     in_one_run: Mapping[str, Sequence[Candidate]] = field(default_factory=dict)
+    runs_on: bool = True
 
     def hypotheses(self) -> Hypotheses:
         first = {c.name: {p.name: p.starts[0] for p in c.parameters} for c in self.base}
         residuals = Residuals(self.simulate, self.data, scaled_at=first, coarse=self.coarse)
-        return Hypotheses(residuals, self.catalogue, self.base, self.jobs, self.progress)
+        return Hypotheses(
+            residuals, self.catalogue, self.base, self.jobs, self.progress, self.runs_on
+        )
 
 
 @dataclass(frozen=True)

@@ -75,6 +75,7 @@ class Question:
     in_one_run: Mapping[str, Sequence[Candidate]] = field(default_factory=dict)
     finer: Simulate | None = None
     coarse: Simulate | None = None
+    runs_on: bool = True
 
 
 @dataclass(frozen=True)

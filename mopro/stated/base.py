@@ -204,7 +204,7 @@ def fitted_base(
 
 
 def _fitted(model: Model, residuals: Residuals, base: Sequence[Candidate], start: Settings) -> Fit:
-    if model.machine.kind == AXIS:
+    if model.runs_on:
         return growing_fit(residuals, (), start, NO_LIMIT, base)
     return least_squares_fit(residuals, (), [start], base=base)
 

@@ -115,6 +115,11 @@ class Model:
         setups = (self._setup(run, settings, values) for run in self.experiment.trials)
         return [own for setup in setups for own in self._readings(setup)]
 
+    @property
+    def runs_on(self) -> bool:
+        """True if a prediction may get out of phase: of an axis, or of a program."""
+        return self.foreign is not None or self.machine.kind == AXIS
+
     @cached_property
     def readings(self) -> list[tuple[Run, Reading]]:
         """Each reading with its run, in the order of the predictions."""

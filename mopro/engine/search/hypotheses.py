@@ -56,7 +56,8 @@ class Hypotheses:
 
     A set is fitted once, from the start that it was first proposed with, and again from any
     later one that begins lower. `evidence` judges all sets by the same noise; `white`, by
-    white noise, predicts which of them are worth a fit. `jobs` fits run at once.
+    white noise, predicts which of them are worth a fit. `jobs` fits run at once. `runs_on`: the
+    model may get out of phase with the data, and its base is fitted from their beginning onwards.
     """
 
     def __init__(
@@ -66,11 +67,13 @@ class Hypotheses:
         base: Sequence[Candidate] = (),
         jobs: int = 1,
         progress: Progress = lambda _: None,
+        runs_on: bool = True,
     ) -> None:
         self.catalogue = tuple(catalogue)
         self.base = tuple(base)
         self.progress = progress
         self.jobs = jobs
+        self._grows = runs_on and bool(base)
         self._keys = [candidate.key for candidate in catalogue]
         self.white = self.evidence = Evidence(Noise.as_stated(residuals), self._keys)
         self._fits: dict[Key, Fit] = {}
@@ -100,7 +103,7 @@ class Hypotheses:
             for values in product(*ranges)
         ]
         fits = [least_squares_fit(self.residuals, (), starts, NO_LIMIT, self.base)]
-        if self.base:
+        if self._grows:
             fits.append(self._from((), self._lowest(starts), NO_LIMIT))
         fit = min(fits, key=lambda f: f.rss)
         if not np.isfinite(self.residuals.predicted(fit.settings)).all():
@@ -267,7 +270,7 @@ class Hypotheses:
         return min(fit, again, key=lambda f: f.rss)
 
     def _from(self, candidates: Sequence[Candidate], start: Settings, limit: Limit) -> Fit:
-        """The fit from `start`; where it leaves much of a model with free numbers, a growing one.
+        """The fit from `start`; where it leaves much of a model that may run on, a growing one.
 
         Of the two the lower one is taken.
         """
@@ -275,7 +278,7 @@ class Hypotheses:
         if (weaker := self._off_plateau(fit)) is not None:
             again = least_squares_fit(self.residuals, candidates, [weaker], limit, self.base)
             fit = min(fit, again, key=lambda f: f.rss)
-        if not self.base or not fit.far_from_linear:
+        if not self._grows or not fit.far_from_linear:
             return fit
         grown = growing_fit(self.residuals, candidates, start, limit, self.base)
         return min(fit, grown, key=lambda f: f.rss)
@@ -308,10 +311,10 @@ class Hypotheses:
     def settled(self, fit: Fit) -> Fit:
         """`fit` refitted from its own end until it stands still, as a narrow valley may need.
 
-        Its Jacobian is taken anew there. With free numbers in the model, it is also refitted from
-        the beginning of the data onwards.
+        Its Jacobian is taken anew there. With free numbers in a model that may run on, it is also
+        refitted from the beginning of the data onwards.
         """
-        if self.base:
+        if self._grows:
             grown = growing_fit(self.residuals, fit.candidates, fit.settings, NO_LIMIT, self.base)
             fit = self._kept(grown, NO_LIMIT)
         for _ in range(ITERATIONS):

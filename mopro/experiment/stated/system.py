@@ -102,6 +102,7 @@ class Stated(System):
             self.model, tried, self.series, base=self.base.parameters,
             unlisted=unlisted(self.model, self.series, self.base.settings),
             in_one_run=in_one_run(self.model, tried),
+            runs_on=self.model.runs_on,
         )  # fmt: skip
 
     def tried(self, left_out: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
