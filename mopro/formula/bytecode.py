@@ -1,13 +1,15 @@
-"""Formulas as codes of a small stack machine, which compiled equations of motion evaluate.
+"""Formulas as operations of a small register machine, which compiled equations of motion carry out.
 
-The machine is compiled once and serves all formulas, so that a formula costs no compilation.
+The machine is compiled once and serves all formulas, so that a formula costs no compilation. Each
+operation has its result at a place of its own; what two formulas have in common is one operation.
 """
 
 from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,14 +19,18 @@ from mopro.formula.expressions import PI, ZERO_C_IN_K, Formula
 from mopro.process.jit import njit
 
 Floats = NDArray[np.float64]
-Codes = NDArray[np.int64]
-# Operands that a formula may stack: more than its levels can need.
-MOST_STACKED = 200
+# How often a value changes: never in a run, with the time, with the state.
+FIXED, TIMED, MOVING = range(3)
+# No value, in place of one.
+NONE = -1
 _compiled: Callable[..., Any] = njit(cache=True, nogil=True, error_model="numpy")
+# Part of the code that calls it, and without numba's runtime, which would count each use of an
+# array: an integration by calls takes three times as long.
+inlined: Callable[..., Any] = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
 
-(_VARIABLE, _ADD, _SUB, _MUL, _DIV, _POW, _NEG, _NOT, _AND, _OR, _LT, _LE, _GT, _GE, _EQ, _NE,
+(_ADD, _SUB, _MUL, _DIV, _POW, _NEG, _NOT, _AND, _OR, _LT, _LE, _GT, _GE, _EQ, _NE,
  _SELECT, _SIN, _COS, _TAN, _ASIN, _ACOS, _ATAN, _ATAN2, _SINH, _COSH, _TANH, _EXP, _LOG, _SQRT,
- _ABS, _SIGN, _MIN, _MAX, _KELVIN, _SQUARE, _CUBE) = range(37)  # fmt: skip
+ _ABS, _SIGN, _MIN, _MAX, _KELVIN, _SQUARE, _CUBE) = range(36)  # fmt: skip
 _OF_BINARY: dict[type[ast.operator], int] = {
     ast.Add: _ADD, ast.Sub: _SUB, ast.Mult: _MUL, ast.Div: _DIV, ast.Pow: _POW,
 }  # fmt: skip
@@ -38,128 +44,184 @@ _OF_CALL = {
 }  # fmt: skip
 
 
-def jumps(codes: Iterable[tuple[int, int]]) -> bool:
-    """True if the codes have a sign or a comparison, whose value jumps."""
-    return any(code == _SIGN or code in _OF_COMPARE.values() for code, _ in codes)
+@dataclass(frozen=True)
+class Program:
+    """Operations that lead from numbers to the values of formulas, in their order.
+
+    Numbers are those with slots, then `constants`, then the result of each operation in turn.
+    `operations` (m, 4): a code and the places of three operands, of which it takes what it needs.
+    `segments` (2 + k, 2): the first operation and the one after the last of those whose results are
+    fixed, of those that change with the time, and of what is left for each of k values; a later
+    one takes what an earlier one has found. `results` (k,): the place of each value, or `NONE`.
+    """
+
+    operations: NDArray[np.int64]
+    segments: NDArray[np.int64]
+    results: NDArray[np.int64]
+    constants: Floats
+    slots: int
+
+    def numbers(self) -> Floats:
+        """All numbers, of which the constants are set."""
+        found = np.zeros(self.slots + len(self.constants) + len(self.operations))
+        found[self.slots : self.slots + len(self.constants)] = self.constants
+        return found
 
 
 class Assembler:
-    """Makes codes of formulas; their constants have the places from `first` on."""
+    """Makes operations of formulas; values are known by numbers, those with slots by their place.
 
-    def __init__(self, first: int) -> None:
-        self._first = first
-        self.constants: list[float] = []
+    `changes`: how often the number of each slot does.
+    """
 
-    def codes(self, formula: Formula, slots: Mapping[str, int]) -> list[tuple[int, int]]:
-        """The codes that leave the value of `formula` on the stack; `slots` of its variables."""
-        made: list[tuple[int, int]] = []
-        self._add(formula.tree, slots, made)
+    def __init__(self, changes: Sequence[int]) -> None:
+        self._slots = len(changes)
+        # Of each value: what it is made of, and how often it changes.
+        self._made: list[tuple[int, ...] | float] = [()] * self._slots
+        self._changes = list(changes)
+        self._known: dict[tuple[int, ...] | float, int] = {}
+
+    def value(self, formula: Formula, names: Mapping[str, int]) -> int:
+        """The value of a formula of values of these names."""
+        return self._of(formula.tree, names)
+
+    def sum(self, values: Iterable[int]) -> int:
+        """The sum of some values; `NONE` of none."""
+        total = NONE
+        for value in values:
+            total = value if total == NONE else self._operation(_ADD, total, value)
+        return total
+
+    def quotient(self, value: int, divisor: int) -> int:
+        """One value divided by another, if there are both."""
+        return value if NONE in (value, divisor) else self._operation(_DIV, value, divisor)
+
+    def jumps(self, value: int) -> bool:
+        """True if a sign or a comparison is part of a value, which then jumps."""
+        codes = [self._operands(i)[0] for i in self._parts(value)]
+        return any(code == _SIGN or code in _OF_COMPARE.values() for code in codes)
+
+    def program(self, values: Sequence[int]) -> Program:
+        """The operations that lead to these values."""
+        left = dict.fromkeys(part for value in values for part in self._parts(value))
+        groups = [
+            sorted(part for part in left if self._changes[part] == often)
+            for often in (FIXED, TIMED)
+        ]
+        for value in values:
+            taken = {part for group in groups for part in group}
+            groups.append(sorted(part for part in self._parts(value) if part not in taken))
+        order = [part for group in groups for part in group]
+        constants = [i for i, own in enumerate(self._made) if isinstance(own, float)]
+        placed = [*range(self._slots), *constants, *order]
+        places = {NONE: NONE, **{value: place for place, value in enumerate(placed)}}
+        operations = [
+            (code, *(places[own] for own in operands))
+            for code, *operands in map(self._operands, order)
+        ]
+        ends = np.cumsum([0, *map(len, groups)])
+        return Program(
+            np.array(operations, dtype=np.int64).reshape(-1, 4),
+            np.column_stack([ends[:-1], ends[1:]]).astype(np.int64),
+            np.array([places[value] for value in values], dtype=np.int64),
+            np.array([self._made[i] for i in constants], dtype=float),
+            self._slots,
+        )
+
+    def _operands(self, value: int) -> tuple[int, ...]:
+        """The code of an operation, and the values that it takes."""
+        made = self._made[value]
+        assert isinstance(made, tuple), "the value of an operation"
         return made
 
-    def sum(self, parts: Iterable[list[tuple[int, int]]]) -> list[tuple[int, int]]:
-        """The codes of the sum of some formulas' codes; none for none."""
-        made: list[tuple[int, int]] = []
-        for nth, part in enumerate(parts):
-            made += [*part, (_ADD, 0)] if nth else part
-        return made
+    def _parts(self, value: int) -> set[int]:
+        """The operations that lead to a value."""
+        found: set[int] = set()
+        waiting = [value]
+        while waiting:
+            own = waiting.pop()
+            if own >= self._slots and own not in found and isinstance(self._made[own], tuple):
+                found.add(own)
+                waiting += self._operands(own)[1:]
+        return found
 
-    def quotient(
-        self, codes: list[tuple[int, int]], divisor: list[tuple[int, int]]
-    ) -> list[tuple[int, int]]:
-        """The codes of one value divided by another; none for none."""
-        return [*codes, *divisor, (_DIV, 0)] if codes and divisor else codes
+    def _new(self, made: tuple[int, ...] | float, change: int) -> int:
+        if made not in self._known:
+            self._known[made] = len(self._made)
+            self._made.append(made)
+            self._changes.append(change)
+        return self._known[made]
 
-    def _constant(self, value: float) -> tuple[int, int]:
-        self.constants.append(value)
-        return _VARIABLE, self._first + len(self.constants) - 1
+    def _constant(self, value: float) -> int:
+        return self._new(value, FIXED)
 
-    def _add(self, node: ast.expr, slots: Mapping[str, int], made: list[tuple[int, int]]) -> None:
-        """Append the codes of a node: those of its operands, and then its own."""
-        for part in _operands(node):
-            self._add(part, slots, made)
+    def _operation(self, code: int, *operands: int) -> int:
+        """The value of an operation; an operand that it does not take stands for one."""
+        change = max(self._changes[own] for own in operands)
+        return self._new((code, *operands, *operands[:1] * (3 - len(operands))), change)
+
+    def _of(self, node: ast.expr, names: Mapping[str, int]) -> int:
         match node:
             case ast.Constant(value=value):
-                made.append(self._constant(float(value)))  # type: ignore[arg-type]
+                return self._constant(float(value))  # type: ignore[arg-type]
             case ast.Name(id=name):
-                made.append((_VARIABLE, slots[name]) if name in slots else self._constant(math.pi))
-            case ast.Call(func=ast.Name(id=called), args=args):
-                made += [(_OF_CALL[called], 0)] * max(len(args) - 1, 1)
-            case ast.BoolOp(op=op, values=values):
-                code = _AND if isinstance(op, ast.And) else _OR
-                made += [(code, 0)] * (len(values) - 1)
-            case _:
-                made += [(code, 0) for code in _codes_of(node)]
+                return names[name] if name in names else self._constant(math.pi)
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self._of(operand, names)
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                return self._operation(_SELECT, *(self._of(n, names) for n in (test, body, orelse)))
+        code, parts = _operation_of(node)
+        *before, value = [self._of(part, names) for part in parts]
+        if not before:
+            return self._operation(code, value)
+        for other in reversed(before):
+            value = self._operation(code, other, value)
+        return value
 
 
-def _operands(node: ast.expr) -> list[ast.expr]:
-    """The operands of a node, in the order in which they are stacked."""
+def _operation_of(node: ast.expr) -> tuple[int, list[ast.expr]]:
+    """The code of an operator or a function, and its operands."""
     match node:
-        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=2 | 3)):
-            return [left]
-        case ast.BinOp(left=left, right=right):
-            return [left, right]
-        case ast.UnaryOp(operand=operand):
-            return [operand]
-        case ast.BoolOp(values=values):
-            return values
-        case ast.Compare(left=left, comparators=[right]):
-            return [left, right]
-        case ast.IfExp(test=test, body=body, orelse=orelse):
-            return [test, body, orelse]
-        case ast.Call(args=args):
-            return args
-    return []
-
-
-def _codes_of(node: ast.expr) -> list[int]:
-    """The codes of an operator."""
-    match node:
-        case ast.BinOp(op=ast.Pow(), right=ast.Constant(value=2)):
-            return [_SQUARE]
-        case ast.BinOp(op=ast.Pow(), right=ast.Constant(value=3)):
-            return [_CUBE]
-        case ast.BinOp(op=op):
-            return [_OF_BINARY[type(op)]]
-        case ast.UnaryOp(op=op):
-            return {ast.UAdd: [], ast.USub: [_NEG]}.get(type(op), [_NOT])
-        case ast.Compare(ops=[compared]):
-            return [_OF_COMPARE[type(compared)]]
-        case ast.IfExp():
-            return [_SELECT]
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=2 | 3 as power)):
+            return _SQUARE if power == 2 else _CUBE, [left]
+        case ast.BinOp(left=left, op=op, right=right):
+            return _OF_BINARY[type(op)], [left, right]
+        case ast.UnaryOp(op=op, operand=operand):
+            return _NEG if isinstance(op, ast.USub) else _NOT, [operand]
+        case ast.BoolOp(op=op, values=values):
+            return _AND if isinstance(op, ast.And) else _OR, values
+        case ast.Compare(left=left, ops=[compared], comparators=[right]):
+            return _OF_COMPARE[type(compared)], [left, right]
+        case ast.Call(func=ast.Name(id=called), args=args):
+            return _OF_CALL[called], args
     raise TypeError(f"not of the language: {ast.dump(node)}")
 
 
 assert PI == "pi", "the assembler takes a name without a slot for pi"
 
 
-@_compiled
-def value_of(codes: Codes, first: int, last: int, variables: Floats, stack: Floats) -> float:
-    """The value of the codes `first` to `last` (exclusive); 0 for none."""
-    top = -1
+@inlined
+def carry_out(operations: Any, first: int, last: int, numbers: Floats) -> None:
+    """Carry out the operations `first` to `last` (exclusive), each with its result in `numbers`."""
+    at = len(numbers) - len(operations)
     for i in range(first, last):
-        code = codes[i, 0]
-        if code == _VARIABLE:
-            top += 1
-            stack[top] = variables[codes[i, 1]]
-        elif code <= _POW:
-            top -= 1
-            stack[top] = _binary(code, stack[top], stack[top + 1])
+        code = operations[i, 0]
+        a, b = numbers[operations[i, 1]], numbers[operations[i, 2]]
+        if code <= _POW:
+            value = _binary(code, a, b)
         elif code == _NEG:
-            stack[top] = -stack[top]
+            value = -a
         elif code == _SQUARE:
-            stack[top] = stack[top] * stack[top]
+            value = a * a
         elif code == _CUBE:
-            stack[top] = stack[top] * stack[top] * stack[top]
+            value = a * a * a
         elif code == _SELECT:
-            top -= 2
-            stack[top] = stack[top + 1] if stack[top] != 0 else stack[top + 2]
+            value = b if a != 0 else numbers[operations[i, 3]]
         elif code in (_ATAN2, _MIN, _MAX) or _AND <= code <= _NE:
-            top -= 1
-            stack[top] = _logical(code, stack[top], stack[top + 1])
+            value = _logical(code, a, b)
         else:
-            stack[top] = _function(code, stack[top])
-    result: float = stack[0] if top >= 0 else 0.0
-    return result
+            value = _function(code, a)
+        numbers[at + i] = value
 
 
 @_compiled

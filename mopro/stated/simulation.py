@@ -9,13 +9,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mopro.engine.candidate import RUN
 from mopro.engine.series import Settings, unless_run_away
 from mopro.errors import DataError
 from mopro.formula import Formula, parse
-from mopro.formula.bytecode import Assembler, jumps
+from mopro.formula.bytecode import FIXED, MOVING, NONE, TIMED, Assembler, Program
 from mopro.formula.evaluate import Floats, Functions, evaluate
 from mopro.formula.expressions import substituted
 from mopro.formula.signals import BEGINNINGS, ENDS, SIGNALS
@@ -35,7 +34,6 @@ from mopro.stated.rates import Rates, rate_between
 BASE = "base"
 SCALE = "scale of {}"
 START = "start of {}, {}"
-Codes = list[tuple[int, int]]
 # Effects that are on, with their parameters in SI.
 Active = tuple[tuple[WrittenEffect, Mapping[str, float]], ...]
 # Names of formulas with their values.
@@ -71,13 +69,11 @@ class _Setup:
 
 
 @dataclass(frozen=True)
-class _Program:
-    """Equations of a set of effects as codes; `slots` are the places of their numbers."""
+class _Equations:
+    """Equations of a set of effects as a program; `slots` are the places of their numbers."""
 
-    codes: NDArray[np.int64]
-    segments: NDArray[np.int64]
+    program: Program
     slots: Mapping[str, int]
-    constants: tuple[float, ...]
 
 
 class Model:
@@ -102,7 +98,7 @@ class Model:
             self._by_name.setdefault(effect.name, []).append(effect)
         self._place = {name: i for i, name in enumerate(dict.fromkeys(e.name for e in self._every))}
         self.foreign = foreign
-        self._programs: dict[tuple[tuple[str, str], ...], _Program] = {}
+        self._equations: dict[tuple[tuple[str, str], ...], _Equations] = {}
         self._steps: dict[str, float] = {}
         self._rates: dict[str, Rates] = {}
 
@@ -359,14 +355,13 @@ class Model:
         from mopro.stated import integrate
 
         run, names = setup.run, self.states
-        program = self._program([effect for effect, _ in setup.active])
-        variables = np.zeros(max(program.slots.values(), default=0) + 1 + len(program.constants))
-        variables[len(variables) - len(program.constants) :] = program.constants
+        equations = self._equations_of([effect for effect, _ in setup.active])
+        program, slots, numbers = equations.program, equations.slots, equations.program.numbers()
         for name, value in setup.values.items():
-            variables[program.slots[name]] = value
+            numbers[slots[name]] = value
         for effect, own in setup.active:
             for parameter, value in own.items():
-                variables[program.slots[f"{effect.name}.{parameter}"]] = value
+                numbers[slots[f"{effect.name}.{parameter}"]] = value
         states = np.zeros((len(names), len(run.time_s)))
         states[:, 0] = [self._start(run, name, setup.settings) for name in names]
         lines = [(inputs[name], ends[name]) for name in self.experiment.units]
@@ -374,10 +369,14 @@ class Model:
             lines = self._beside_surroundings(setup, inputs, ends, states[:, 0])
         shape = len(lines), len(run.time_s)
         packed, until = (np.array([own[i] for own in lines]).reshape(shape) for i in (0, 1))
-        advance = integrate.axis if self.machine.kind == AXIS else integrate.nodes
-        advance(
-            program.codes, program.segments, variables, run.time_s, packed, until, step_s, states
-        )
+        given = (
+            program.operations, program.segments, program.results, numbers, run.time_s, packed,
+            until, step_s,
+        )  # fmt: skip
+        if self.machine.kind == AXIS:
+            integrate.axis(*given, states)
+        else:
+            integrate.nodes(*given, np.empty((5, len(names))), states)
         return dict(zip(names, states, strict=True))
 
     def _beside_surroundings(
@@ -411,50 +410,50 @@ class Model:
         found = float(settings.get(BASE, {}).get(START.format(run.name, state), 0.0))
         return found * self.machine.factor if self.machine.kind == AXIS else found
 
-    def _program(self, active: Sequence[WrittenEffect]) -> _Program:
+    def _equations_of(self, active: Sequence[WrittenEffect]) -> _Equations:
         key = tuple((effect.name, effect.form) for effect in active)
-        if key not in self._programs:
-            self._programs[key] = self._assembled(active)
-        return self._programs[key]
+        if key not in self._equations:
+            self._equations[key] = self._assembled(active)
+        return self._equations[key]
 
-    def _assembled(self, active: Sequence[WrittenEffect]) -> _Program:
-        every = ["t", *self.states, *self.experiment.units]
+    def _assembled(self, active: Sequence[WrittenEffect]) -> _Equations:
+        inputs = self.experiment.units
+        every = ["t", *self.states, *inputs]
+        changes = [TIMED, *[MOVING] * len(self.states), *[TIMED] * len(inputs)]
         every += [f"ambient {node}" for node in self.machine.nodes]
+        changes += [TIMED] * len(self.machine.nodes)
         every += self.machine.numbers
         every += [f"{effect.name}.{p.name}" for effect in active for p in effect.parameters]
+        changes += [FIXED] * (len(every) - len(changes))
         slots = {name: place for place, name in enumerate(every)}
-        assembler = Assembler(len(slots))
+        assembler = Assembler(changes)
         if self.machine.kind == AXIS:
-            parts = self._axis_codes(assembler, slots, active)
+            values = self._accelerations(assembler, slots, active)
         else:
-            parts = [
-                self._node_codes(assembler, slots, active, node) for node in self.machine.nodes
-            ]
-        ends = np.cumsum([0, *map(len, parts)])
-        codes = np.array([code for part in parts for code in part], dtype=np.int64).reshape(-1, 2)
-        segments = np.column_stack([ends[:-1], ends[1:]]).astype(np.int64)
-        return _Program(codes, segments, slots, tuple(assembler.constants))
+            values = [self._rate(assembler, slots, active, node) for node in self.machine.nodes]
+        return _Equations(assembler.program(values), slots)
 
-    def _axis_codes(
+    def _accelerations(
         self, assembler: Assembler, slots: Mapping[str, int], active: Sequence[WrittenEffect]
-    ) -> list[Codes]:
-        """Codes of the acceleration, and of the limit of dry friction as an acceleration."""
+    ) -> list[int]:
+        """The acceleration, and the limit of dry friction as an acceleration, if any."""
         terms = {
-            place: [_codes(assembler, e, slots) for e in active if e.enters == place]
+            place: [_term(assembler, e, slots) for e in active if e.enters == place]
             for place in (FORCE, FRICTION)
         }
         law, inertia = axis_law(self.experiment), inertia_of(self.machine)
-        own = [] if law is None else [assembler.codes(law, slots)]
-        dry = [assembler.codes(parse("dry"), slots)] if "dry" in self.machine.numbers else []
-        by = assembler.codes(parse(inertia), slots) if inertia else []
+        own = [] if law is None else [assembler.value(law, slots)]
+        dry = [assembler.value(parse("dry"), slots)] if "dry" in self.machine.numbers else []
+        by = assembler.value(parse(inertia), slots) if inertia else NONE
         force = assembler.quotient(assembler.sum([*own, *terms[FORCE]]), by)
         friction = assembler.quotient(assembler.sum([*dry, *terms[FRICTION]]), by)
-        stated = [assembler.codes(law.formula, slots) for law in self.machine.laws.values()]
-        moving = assembler.sum([*stated, *([force] if force else [])])
-        if not friction and jumps(moving):
+        zero = assembler.value(parse("0"), slots)
+        stated = [assembler.value(law.formula, slots) for law in self.machine.laws.values()]
+        moving = assembler.sum([*stated, *([force] if force != NONE else [])])
+        if friction == NONE and assembler.jumps(moving):
             # Steps end where the velocity passes zero, as those with dry friction do.
-            friction = assembler.codes(parse("0"), slots)
-        return [moving, friction]
+            friction = zero
+        return [moving if moving != NONE else zero, friction]
 
     def _exchange(self, node: str, slots: Mapping[str, int]) -> tuple[Formula, dict[str, int]]:
         """Sum of the differences (K) of the other nodes to this one, and the slots of names in it.
@@ -468,14 +467,14 @@ class Model:
         rises = (f"({other} - _at_{i} - T + ambient)" for i, other in enumerate(others))
         return parse(" + ".join(rises) or "0"), beginnings
 
-    def _node_codes(
+    def _rate(
         self,
         assembler: Assembler,
         slots: Mapping[str, int],
         active: Sequence[WrittenEffect],
         node: str,
-    ) -> Codes:
-        """Codes of the rate of one thermal node."""
+    ) -> int:
+        """The rate of one thermal node."""
         law = self.machine.laws[node].formula
         ambient = "ambient" if "ambient" in slots else f"ambient {node}"
         own = {**slots, "T": slots[node], "ambient": slots[ambient]}
@@ -488,22 +487,22 @@ class Model:
             "foreign": parse(foreign[0] if foreign else "0"),
         }
         terms = [
-            _codes(assembler, effect, {**own, **beginnings}, inner)
+            _term(assembler, effect, {**own, **beginnings}, inner)
             for effect in active
             if effect.enters == POWER
         ]
         capacity = capacity_of(self.machine)
-        by = assembler.codes(parse(capacity), slots) if capacity else []
-        return assembler.quotient(assembler.sum([assembler.codes(law, own), *terms]), by)
+        by = assembler.value(parse(capacity), slots) if capacity else NONE
+        return assembler.quotient(assembler.sum([assembler.value(law, own), *terms]), by)
 
 
-def _codes(
+def _term(
     assembler: Assembler, effect: WrittenEffect, slots: Mapping[str, int],
     inner: Mapping[str, Formula] | None = None,
-) -> Codes:  # fmt: skip
+) -> int:  # fmt: skip
     own = {p.name: slots[f"{effect.name}.{p.name}"] for p in effect.parameters}
     formula = substituted(effect.term.formula, inner) if inner else effect.term.formula
-    return assembler.codes(formula, {**slots, **own})
+    return assembler.value(formula, {**slots, **own})
 
 
 def _array(found: Any, sensor: str, rows: int) -> Floats:

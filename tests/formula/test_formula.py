@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from helpers.operations import values_by_operations
 from mopro.engine.play import follow
 from mopro.engine.swing import swing
 from mopro.formula import FormulaError, UnitError, dimension_of_unit, factor_of, parse, product
-from mopro.formula.bytecode import MOST_STACKED, Assembler, value_of
+from mopro.formula.bytecode import FIXED, MOVING, TIMED, Assembler
 from mopro.formula.dimension import dimension_in
 from mopro.formula.evaluate import evaluate
 from mopro.formula.expressions import (
@@ -31,12 +32,10 @@ FORMULAS = [
 
 
 def by_codes(text, values):
-    """The value of a formula by the machine of codes."""
-    names = list(values)
-    assembler = Assembler(len(names))
-    codes = np.array(assembler.codes(parse(text), {name: i for i, name in enumerate(names)}))
-    variables = np.array([*values.values(), *assembler.constants], dtype=float)
-    return value_of(codes, 0, len(codes), variables, np.zeros(MOST_STACKED))
+    """The value of a formula by the machine of operations, each name of another change."""
+    changes = [(FIXED, TIMED, MOVING)[place % 3] for place in range(len(values))]
+    (value,) = values_by_operations([parse(text)], values, changes)
+    return value
 
 
 @pytest.mark.parametrize("text", FORMULAS)
@@ -49,6 +48,23 @@ def test_both_evaluations_are_those_of_python(text):
     arrays = {name: np.full(3, value) for name, value in VALUES.items()}
     assert evaluate(parse(text), arrays, np.arange(3.0)) == pytest.approx(np.full(3, expected))
     assert by_codes(text, VALUES) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("first", range(3))
+def test_values_of_a_program_are_those_of_the_formulas_however_often_numbers_change(first):
+    changes = [(FIXED, TIMED, MOVING)[(first + place) % 3] for place in range(len(VALUES))]
+    found = values_by_operations([parse(text) for text in FORMULAS], VALUES, changes)
+    assert found == [by_codes(text, VALUES) for text in FORMULAS]
+
+
+def test_what_formulas_have_in_common_is_carried_out_once_and_what_is_fixed_beforehand():
+    assembler = Assembler([FIXED, FIXED, MOVING])
+    slots = {"c": 0, "m": 1, "v": 2}
+    values = [
+        assembler.value(parse(text), slots) for text in ("sin(v) * (c / m)", "c / m + sin(v)")
+    ]
+    fixed, timed, one, other = (last - first for first, last in assembler.program(values).segments)
+    assert (fixed, timed, one, other) == (1, 0, 2, 1)
 
 
 @pytest.mark.parametrize("text", ["1 / z", "log(z)", "sqrt(x)", "x ** 0.5", "y ** 1e9"])

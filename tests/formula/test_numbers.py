@@ -7,8 +7,9 @@ import pytest
 
 from helpers.fuzzing.made import formula as made_formula
 from helpers.fuzzing.made import number as made_number
+from helpers.operations import values_by_operations
 from mopro.formula import FormulaError, dimension_of_unit, parse
-from mopro.formula.bytecode import MOST_STACKED, Assembler, value_of
+from mopro.formula.bytecode import FIXED
 from mopro.formula.dimension import dimension_in
 from mopro.formula.evaluate import evaluate
 
@@ -60,11 +61,9 @@ def test_made_formulas_are_refused_or_have_a_value(seed):
 
 
 def by_codes(formula):
-    slots = {name: place for place, name in enumerate(formula.names)}
-    assembler = Assembler(len(slots))
-    codes = np.array(assembler.codes(formula, slots)).reshape(-1, 2)
-    variables = np.array([*(0.5 for _ in slots), *assembler.constants])
-    return value_of(codes, 0, len(codes), variables, np.zeros(MOST_STACKED))
+    values = dict.fromkeys(formula.names, 0.5)
+    (value,) = values_by_operations([formula], values, [FIXED] * len(values))
+    return value
 
 
 # -- every place that takes a formula ----------------------------------------------------

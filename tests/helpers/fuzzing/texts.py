@@ -375,7 +375,7 @@ def _formula(_: Path) -> Take:
     import numpy as np
 
     from mopro.formula import FormulaError, parse
-    from mopro.formula.bytecode import Assembler
+    from mopro.formula.bytecode import FIXED, Assembler
     from mopro.formula.closures import closure_of
     from mopro.formula.dimension import dimension_in, dimension_of_unit
     from mopro.formula.evaluate import evaluate
@@ -400,7 +400,8 @@ def _formula(_: Path) -> Take:
             evaluate(formula, names, time_s)
             dimension_in(formula, dimensions)
             if not formula.of_signals:
-                Assembler(len(names)).codes(formula, slots)
+                assembler = Assembler([FIXED] * len(names))
+                assembler.program([assembler.value(formula, slots)])
                 closure_of(formula, list(names), (1.0,) * len(names))
             evaluate(substituted(formula, {"x": formula}), names, time_s)
         except FormulaError:
