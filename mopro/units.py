@@ -28,6 +28,7 @@ UNITS: dict[str, tuple[str, Fraction]] = {
     "turn": ("angle", 2 * Fraction(math.pi)),
     "rev": ("angle", 2 * Fraction(math.pi)),
     "rpm": ("angular velocity", 2 * Fraction(math.pi) / 60),
+    "krpm": ("angular velocity", 2000 * Fraction(math.pi) / 60),
     "count": ("count", Fraction(1)),
     "step": ("count", Fraction(1)),
     "s": ("time", Fraction(1)),
@@ -61,6 +62,8 @@ UNITS: dict[str, tuple[str, Fraction]] = {
     "V": ("voltage", Fraction(1)),
     "mV": ("voltage", Fraction(1, 1000)),
     "ohm": ("resistance", Fraction(1)),
+    "mohm": ("resistance", Fraction(1, 1000)),
+    "kohm": ("resistance", Fraction(1000)),
     "H": ("inductance", Fraction(1)),
     "mH": ("inductance", Fraction(1, 1000)),
     "C": ("temperature", Fraction(1)),
@@ -88,7 +91,28 @@ UNITS: dict[str, tuple[str, Fraction]] = {
     "W/kHz2": ("eddy loss", Fraction(1, 10**6)),
 }
 
+# Other spellings of units, and of what they are written with.
+_SPELLINGS = {
+    "Ohm": "ohm", "Ohms": "ohm", "ohms": "ohm", "mOhm": "mohm", "kOhm": "kohm", "RPM": "rpm",
+    "degC": "C", "degree": "deg", "degrees": "deg", "counts": "count", "ticks": "count",
+    "steps": "step", "turns": "turn", "revs": "rev", "sec": "s", "lbs": "lb", "inch": "in",
+    "inches": "in", "micron": "um", "microns": "um", "Nm": "N m", "mNm": "mN m", "Nmm": "N mm",
+    "Nms": "N m s",
+    "kgm": "kg m", "kgcm": "kg cm", "gcm": "g cm", "Vs": "V s", "Ws": "W s", "As": "A s",
+}  # fmt: skip
+_CHARACTERS = {
+    "°C": "C", "°": "deg", "Ω": "ohm", "\N{OHM SIGN}": "ohm", "µ": "u", "μ": "u", "⁻": "-",
+    "¹": "1", "²": "2", "³": "3", "⁴": "4", "·": " ", "⋅": " ", "*": " ",
+}  # fmt: skip
+_WORD = re.compile(r"[A-Za-z]+")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*([A-Za-z%]\S*)?\s*", re.ASCII)
+
+
+def spelled(unit: str) -> str:
+    """`unit` in the spelling of `UNITS`: `N m/ohm` of `Nm/Ω`; a word that is none stays."""
+    for character, own in _CHARACTERS.items():
+        unit = unit.replace(character, own)
+    return _WORD.sub(lambda word: _SPELLINGS.get(word[0], word[0]), unit)
 
 
 def units_of(dimension: str) -> list[str]:
@@ -98,7 +122,7 @@ def units_of(dimension: str) -> list[str]:
 
 def to_si(value: float, unit: str, dimension: str) -> float:
     """`value` in `unit` as the SI number; ValueError if the unit does not measure it."""
-    kind, factor = UNITS.get(unit, ("", Fraction(0)))
+    kind, factor = UNITS.get(spelled(unit), ("", Fraction(0)))
     if kind != dimension:
         known = ", ".join(units_of(dimension))
         raise ValueError(f"'{unit}' is not a unit of {dimension}: expected one of {known}")

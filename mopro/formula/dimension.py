@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 
 from mopro.formula.expressions import Formula, FormulaError, place
-from mopro.units import UNITS
+from mopro.units import UNITS, spelled
 
 # Exponents of length, mass, time, current, temperature, count. An angle is a plain number.
 Dimension = tuple[Fraction, ...]
@@ -22,6 +22,8 @@ _DIMENSIONS = {
     "resistance": (2, 1, -3, -2), "inductance": (2, 1, -2, -2), "angular velocity": (0, 0, -1),
 }  # fmt: skip
 _SYMBOL = re.compile(r"([A-Za-z%]+|1)(?:\^?(-?\d+(?:\.\d+)?))?", re.ASCII)
+_EXPONENT = re.compile(r"\^?(-?\d+(?:\.\d+)?)", re.ASCII)
+_TOKEN = re.compile(r"[()/]|[^\s()/]+")
 _LONGEST = 60
 MOST_FACTORS = 24
 # Of a unit that a formula makes: powers of powers leave what a float holds.
@@ -36,24 +38,59 @@ def _parsed(unit: str) -> list[tuple[str, Fraction]]:
     """Symbols of `unit` with their exponents: `N s2/(m K)` is N, s 2, m -1, K -1."""
     if len(unit) > _LONGEST:
         raise UnitError(f"a unit of more than {_LONGEST} characters")
-    upper, *lower = unit.replace("·", " ").replace("*", " ").split("/")
-    parts = [
-        (upper, 1),
-        *((text.strip().removeprefix("(").removesuffix(")"), -1) for text in lower),
-    ]
-    found = []
-    if not all(text.strip() for text in (upper, *lower)):
-        raise UnitError(f"'{unit}' is no unit: write 1 for a plain number")
-    for text, way in parts:
-        for word in text.split():
-            match = _SYMBOL.fullmatch(word)
-            symbol = match[1] if match else word
-            if match is None or symbol not in UNITS or UNITS[symbol][0] not in _DIMENSIONS:
-                raise UnitError(f"'{word[:20]}' in '{unit}' is no unit")
-            found.append((symbol, way * Fraction(match[2] or 1)))
+    tokens = _TOKEN.findall(spelled(unit))[::-1]
+    found = _product(tokens, unit)
+    if tokens:
+        raise UnitError(f"'{unit}' has more brackets closed than opened")
     if sum(abs(exponent) for _, exponent in found) > MOST_FACTORS:
         raise UnitError(f"'{unit}' has exponents of more than {MOST_FACTORS} in all")
     return found
+
+
+def _product(tokens: list[str], unit: str, inner: bool = False) -> list[tuple[str, Fraction]]:
+    """The symbols up to the end, or up to a bracket that ends a product within another.
+
+    `tokens`, the next one last, are used up. What follows a `/` is below the line.
+    """
+    found: list[tuple[str, Fraction]] = []
+    way, expected = 1, True
+    while tokens and tokens[-1] != ")":
+        token = tokens.pop()
+        if token == "/":
+            if expected:
+                break
+            way, expected = -1, True
+            continue
+        own = _product(tokens, unit, inner=True) if token == "(" else [_symbol(token, unit)]
+        power = way * (_power_behind(tokens) if token == "(" else 1)
+        found += [(symbol, power * exponent) for symbol, exponent in own]
+        expected = False
+    if expected:
+        raise UnitError(f"'{unit}' is no unit: write 1 for a plain number")
+    if inner:
+        if not tokens:
+            raise UnitError(f"'{unit}' has a bracket that is not closed")
+        tokens.pop()
+    return found
+
+
+def _power_behind(tokens: list[str]) -> Fraction:
+    """The exponent behind a bracket, which is used up; 1 without one."""
+    match = _EXPONENT.fullmatch(tokens[-1]) if tokens else None
+    if match is None:
+        return Fraction(1)
+    tokens.pop()
+    return Fraction(match[1])
+
+
+def _symbol(word: str, unit: str) -> tuple[str, Fraction]:
+    match = _SYMBOL.fullmatch(word)
+    symbol = match[1] if match else word
+    if match is None or symbol not in UNITS or UNITS[symbol][0] not in _DIMENSIONS:
+        alike = [known for known in UNITS if known.lower() == symbol.lower()]
+        meant = f"; did you mean {alike[0]}?" if alike else ""
+        raise UnitError(f"'{word[:20]}' in '{unit}' is no unit{meant}")
+    return symbol, Fraction(match[2] or 1)
 
 
 def factor_of(unit: str) -> float:

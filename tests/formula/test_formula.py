@@ -1,5 +1,8 @@
 """The language of formulas: what it has and refuses, its dimensions, its two evaluations."""
 
+import math
+from random import Random
+
 import numpy as np
 import pytest
 
@@ -152,6 +155,17 @@ def test_names_are_replaced_by_formulas():
         ("arcsec", "1", np.pi / 648000),
         ("V/A", "ohm", 1.0),
         ("K/s^0.5", "C/s^0.5", 1.0),
+        ("N m/(rad/s)", "N m s", 1.0),
+        ("N/(m/s)^2", "kg/m", 1.0),
+        ("W/(m2 (K/h))", "W h/(m2 K)", 1.0),
+        ("N/m/s", "N/(m s)", 1.0),
+        ("V/krpm", "V s/rad", 60 / (2000 * np.pi)),
+        ("Nm/A", "N m/A", 1.0),
+        ("kgm²", "kg m2", 1.0),
+        ("m⋅s⁻²", "m/s2", 1.0),
+        ("kΩ", "ohm", 1e3),
+        ("°C/sec", "K/s", 1.0),
+        ("counts/µs", "count/us", 1.0),
     ],
 )
 def test_units_have_dimensions_and_factors(unit, same, factor):
@@ -160,11 +174,46 @@ def test_units_have_dimensions_and_factors(unit, same, factor):
 
 
 @pytest.mark.parametrize(
-    "unit", ["furlong", "N**2", "", "m//s", "s" * 100, "%9999", "m^25", "h24 s", "m٣"]
-)
+    "unit",
+    ["furlong", "N**2", "", "m//s", "s" * 100, "%9999", "m^25", "h24 s", "m٣", "()", "N)", "(N",
+     "N/", "(N/(m)", "N/()"],
+)  # fmt: skip
 def test_what_is_no_unit_is_refused(unit):
     with pytest.raises(UnitError):
         dimension_of_unit(unit)
+
+
+def test_a_unit_in_another_case_is_asked_for():
+    with pytest.raises(UnitError, match=r"'Rpm' in 'V/Rpm' is no unit; did you mean rpm\?"):
+        dimension_of_unit("V/Rpm")
+
+
+SIZES = [("mm", 1e-3), ("ms", 1e-3), ("lbf", 4.4482216152605), ("h", 3600.0), ("1", 1.0)]
+
+
+def made_unit(rng, depth=0):
+    """A unit with brackets, and its size in SI."""
+    above, below = ([_part(rng, depth) for _ in range(rng.randint(*n))] for n in ((1, 2), (0, 2)))
+    text = " ".join(own for own, _ in above) + "".join(f"/{own}" for own, _ in below)
+    return text, math.prod(size for _, size in above) / math.prod(size for _, size in below)
+
+
+def _part(rng, depth):
+    text, size = (
+        made_unit(rng, depth + 1) if depth < 2 and rng.random() < 0.4 else rng.choice(SIZES)
+    )
+    text = text if (text, size) in SIZES else f"({text})"
+    power = rng.choice([1, 1, 2, -1])
+    return (text if power == 1 else f"{text}^{power}"), size**power
+
+
+def test_brackets_in_units_hold_together_what_stands_in_them():
+    rng, tried = Random(5), 0
+    while tried < 300:
+        text, size = made_unit(rng)
+        if len(text) <= 40 and "(" in text:
+            assert math.isclose(factor_of(text), size, rel_tol=1e-9), text
+            tried += 1
 
 
 def test_products_of_units_are_simplified():
