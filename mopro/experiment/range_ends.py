@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mopro.engine.series import Floats
+from mopro.noise import ends_of
 
 
 def end_notes(
@@ -16,11 +17,10 @@ def end_notes(
 
     `simulated` gives what the sensor was to show of it (n,), in any unit.
     """
-    # They bring SciPy's statistics and signals, which take a third of a second.
-    from mopro.instruments.agreement import expected
-    from mopro.noise import ends_of
-
     for end in ends_of(values):
+        # It brings SciPy's signals and statistics, which take a third of a second.
+        from mopro.instruments.agreement import expected
+
         shown = simulated()
         known = np.isfinite(shown).all()
         told = expected(time_s, shown, time_s, values, False, ~end.at) if known else None

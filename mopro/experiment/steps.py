@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mopro.engine.series import Floats
+from mopro.noise import step_of
 
 # Readings in these are whole by their unit.
 _COUNTED = ("count", "step")
@@ -18,9 +19,6 @@ def step_note(
     """
     if unit in _COUNTED:
         return None
-    # It brings SciPy's statistics, which take a third of a second.
-    from mopro.noise import step_of
-
     step = 0.0 if stated else step_of(values)
     if not step or (noise_rms is not None and noise_rms >= step):
         return None

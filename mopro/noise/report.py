@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from mopro.noise.spectral import Line, Memory, lines_of, memory_of, without_lines
 from mopro.noise.values import Floats, held_of, outliers_of, rms_before_rounding, step_of, stuck_of
@@ -279,6 +279,7 @@ def _level(quiet: list[Floats], lines: list[Line], memory: Memory | None, step: 
     rms = rms_before_rounding(quiet, rounded, step)
     freedom = max((count - lost) / (memory.inflation if memory else 1.0), 1.0)
     low, high = (
-        rms * float(np.sqrt(freedom / stats.chi2.ppf(q, freedom))) for q in (1 - _TAIL, _TAIL)
+        rms * float(np.sqrt(freedom / 2 / special.gammaincinv(freedom / 2, q)))
+        for q in (1 - _TAIL, _TAIL)
     )
     return Estimate(rms, low, high)

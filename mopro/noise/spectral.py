@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, optimize, signal
+from scipy import optimize
 
 from mopro.noise.values import Floats
 
@@ -103,6 +103,8 @@ def _weights(design: Floats, values: Floats) -> Floats:
 
 
 def _strongest(values: Floats, rate_hz: float) -> Line | None:
+    from scipy import signal  # brings SciPy's statistics, which take a third of a second
+
     frequencies, power = signal.periodogram(values, rate_hz, "hann", detrend="linear")
     frequencies, power = frequencies[_FEWEST_PERIODS:-1], power[_FEWEST_PERIODS:-1]
     if len(power) < _LEAST_BINS or not power.any():
@@ -121,6 +123,8 @@ def _background(power: Floats) -> Floats:
     The running median of exponential values, over ln 2; the neighbours below count where the
     spectrum rises steeply towards low frequencies.
     """
+    from scipy import ndimage  # takes a tenth of a second
+
     width = min(_BACKGROUND_BINS, len(power) // 2 * 2 - 1)
     level: Floats = ndimage.median_filter(power, width, mode="reflect") / np.log(2)
     low, high = _NEIGHBOURS

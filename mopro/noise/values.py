@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, special, stats
+from scipy import optimize, special
 
 # -- the step of a converter ------------------------------------------------------------------
 # Step of a converter (quantisation), found from the set of distinct readings.
@@ -141,7 +141,7 @@ def outliers_of(values: Floats, step: float = 0.0) -> Indices:
     centre = float(np.median(values))
     width = MAD_TO_SIGMA * float(np.median(np.abs(values - centre)))
     width = float(np.hypot(width, step / 2))
-    limit = float(stats.norm.isf(_FALSE_ALARM / (2 * len(values)))) * max(width, 1e-300)
+    limit = -float(special.ndtri(_FALSE_ALARM / (2 * len(values)))) * max(width, 1e-300)
     return np.flatnonzero(np.abs(values - centre) > limit)
 
 
