@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mopro.engine.assumed import FIT_TOLERANCE, PROPORTIONAL
 from mopro.engine.candidate import RUN
 from mopro.engine.series import Settings, unless_run_away
 from mopro.errors import DataError
@@ -334,15 +336,22 @@ class Model:
     def _integrated(
         self, setup: _Setup, inputs: Mapping[str, Floats], ends: Mapping[str, Floats]
     ) -> dict[str, Floats]:
-        """The states of a run, by steps that are halved until it hardly changes a first one."""
+        """The states of a run, by steps that are halved until that hardly changes a first one.
+
+        It is little beside the range, and beside the noise as long as halving pays: where a law
+        jumps, smaller steps are hardly better.
+        """
         name, time_s = setup.run.name, setup.run.time_s
         if name in self._steps:
             return self._stepped(setup, inputs, ends, self._steps[name])
         step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
         found = self._stepped(setup, inputs, ends, step_s)
+        change = math.inf
         for _ in range(_MOST_HALVINGS):
             halved = self._stepped(setup, inputs, ends, step_s / 2)
-            if _alike(found, halved):
+            before, change = change, _seen(setup.run, found, halved)
+            seen = FIT_TOLERANCE < change < before / PROPORTIONAL**2
+            if _alike(found, halved) and not seen:
                 break
             found, step_s = halved, step_s / 2
         self._steps[name] = step_s
@@ -531,6 +540,17 @@ def term_of(
     functions: Functions = SIGNALS,
 ) -> Floats:  # fmt: skip
     return evaluate(effect.term.formula, {**known, **own}, time_s, functions)
+
+
+def _seen(run: Run, one: Mapping[str, Floats], other: Mapping[str, Floats]) -> float:
+    """Chi-squared by which the readings of states tell two predictions apart, of known noise."""
+    total = 0.0
+    for reading in run.readings:
+        sensor, state = reading.sensor, reading.sensor.reads.formula.text
+        if state in one and sensor.noise_rms:
+            apart = (one[state] - other[state])[reading.rows] * (sensor.scale or 1.0)
+            total += float(np.sum((apart / (sensor.factor * sensor.noise_rms)) ** 2))
+    return total
 
 
 def _alike(one: Mapping[str, Floats], other: Mapping[str, Floats]) -> bool:
