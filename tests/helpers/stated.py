@@ -15,11 +15,12 @@ def write(path, columns):
 
 
 def driven(
-    length_s=8.0, *, mass=2.0, viscous=3.0, spring=40.0, dry=0.0, of_place=0.0, seed=1, noise=0.2
-):
+    length_s=8.0, *, mass=2.0, viscous=3.0, spring=40.0, dry=0.0, of_place=0.0, seed=1, noise=0.2,
+    cogging=0.0, pitch=0.06,
+):  # fmt: skip
     """Columns of a mass on a spring, driven by a force; friction `dry` (N), `of_place` (N/m).
 
-    `noise` in mm.
+    `cogging` (N) has the period `pitch` (m); `noise` in mm.
     """
     rng = np.random.default_rng(seed)
     t = np.arange(0, length_s, 0.02)
@@ -30,7 +31,8 @@ def driven(
     for push in force.tolist():
         places.append(x)
         for _ in range(100):
-            w = v + h / mass * (push - viscous * v - spring * x)
+            pull = spring * x + cogging * math.sin(2 * math.pi * x / pitch + 0.7)
+            w = v + h / mass * (push - viscous * v - pull)
             limit = h / mass * (dry + of_place * abs(x))
             v = math.copysign(max(abs(w) - limit, 0.0), w)
             x += h * v

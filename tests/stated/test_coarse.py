@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helpers.stated import write
+from helpers.stated import DRIVE, DRIVEN, driven, write
 from mopro.experiment.opened import open_experiment
 
 RNG = np.random.default_rng
@@ -104,3 +104,24 @@ def test_no_draft_is_of_a_period_below_two_counts(tmp_path):
     )
     assert not [draft for draft in verdict.drafts if draft.of == "x mod"]
     assert "with a period of 0.0007" not in str(verdict.remainder.description)
+
+
+@pytest.mark.parametrize("noise", ['"unknown"', "0.1"])
+@pytest.mark.parametrize("cogging", [0.8, 0.0])
+def test_cogging_is_named_with_its_period_under_a_coarse_encoder(tmp_path, noise, cogging):
+    """It moves the axis by ten steps."""
+    step, columns = 1.2, driven(5.0, seed=3, cogging=cogging, pitch=0.06, noise=0.1)
+    columns["position_mm"] = step * np.rint(columns["position_mm"] / step)
+    write(tmp_path / "run.csv", columns)
+    (tmp_path / "machine.toml").write_text(DRIVE, encoding="utf-8")
+    stated = f"adc_step = {step}\nnoise_rms = {noise}"
+    text = DRIVEN.replace("noise_rms = 0.2", stated)
+    (tmp_path / "experiment.toml").write_text(text, encoding="utf-8")
+    verdict = open_experiment(tmp_path / "experiment.toml").conclude().verdict
+    if not cogging:
+        assert (verdict.verdict, verdict.effects) == ("none", ())
+        return
+    (effect,) = verdict.effects
+    low, high = effect.parameters["P"].ci95
+    assert (verdict.verdict, effect.name) == ("named", "cogging")
+    assert low < 0.06 < high < 1.01 * low

@@ -217,3 +217,89 @@ def test_a_force_that_turns_with_the_motion_is_that_of_dry_friction(tmp_path):
     (without,) = model({})
     assert np.ptp(rubbing - without) > 100.0
     assert jumping == pytest.approx(rubbing, abs=1e-9)
+
+
+SWINGING = """\
+kind = "axis"
+name = "arm"
+unit = "rad"
+acceleration = "ACCELERATION"
+
+[base]
+w2 = { value = 30.0, unit = "1/s2", free = true, range = [1, 400] }
+c = { value = 0.3, unit = "1/s", free = true, range = [0, 5] }
+"""
+GAIN = 'k = { value = 15, unit = "1/s2", free = true, range = [0.1, 100] }\n'
+SEEN = """\
+machine = "machine.toml"
+INPUTS
+[[sensor]]
+name = "encoder"
+quantity = "angle"
+column = "x_rad"
+noise_rms = 0.003
+zero = 0
+"""
+OF_LOAD = """
+[[effect]]
+name = "of the load"
+enters = "ENTERS"
+formula = "FORMULA"
+F1 = { unit = "1/s2" }
+"""
+
+
+def swung(t, drive, x, v, acceleration, limit):
+    """Angles (times x runs) under a held `drive`, with a dry friction of `limit`, by Verlet."""
+    step, angles = (t[1] - t[0]) / 200, []
+    for pushed in drive:
+        angles.append(x)
+        for _ in range(200):
+            own = v + step * acceleration(pushed, x, v)
+            own = np.sign(own) * np.maximum(np.abs(own) - step * limit(pushed, x), 0.0)
+            x, v = x + step / 2 * (v + own), own
+    return np.array(angles)
+
+
+@pytest.mark.parametrize(
+    ("enters", "formula"),
+    [
+        ("friction", "F1 * abs(cos(x))"),
+        ("friction", "F1 * abs(drive)"),
+        ("force", "-F1 * abs(drive) * sign(v)"),
+    ],
+)
+def test_a_friction_of_the_load_is_found_on_five_runs(tmp_path, enters, formula):
+    """Of arms that swing freely from anywhere, or that are driven; all their numbers are free."""
+    rng, free, size = np.random.default_rng(3), "cos" in formula, 2.0
+    t = 0.05 * np.arange(80)
+    waves = np.outer(t, rng.uniform(1, 3, 5)) + 6 * rng.random(5)
+    drive = np.sin(waves) + 0.6 * np.sin(2.1 * waves)
+    if free:
+        law, inputs, numbers = "-w2 * sin(x) - c * v", "", ""
+        start = rng.uniform(0.6, 1.4, 5) * rng.choice([-1, 1], 5), rng.uniform(-1, 1, 5)
+        x = swung(
+            t, 0 * drive, *start, lambda u, x, v: -40 * np.sin(x) - 0.15 * v,
+            lambda u, x: size * np.abs(np.cos(x)),
+        )  # fmt: skip
+    else:
+        law, numbers = "k * drive - w2 * x - c * v", GAIN
+        inputs = '[inputs]\ndrive = { column = "drive", unit = "1", hold = true }\n'
+        x = swung(
+            t, drive, np.zeros(5), np.zeros(5), lambda u, x, v: 20 * u - 6 * x - v,
+            lambda u, x: size * np.abs(u),
+        )  # fmt: skip
+    machine = SWINGING.replace("ACCELERATION", law) + numbers
+    machine += OF_LOAD.replace("ENTERS", enters).replace("FORMULA", formula)
+    experiment = SEEN.replace("INPUTS", inputs)
+    read = x + 0.003 * rng.standard_normal(x.shape)
+    for nth in range(5):
+        write(tmp_path / f"{nth}.csv", {"time_s": t, "drive": drive[:, nth], "x_rad": read[:, nth]})
+        experiment += f'[[run]]\ndata = "{nth}.csv"\n'
+    (tmp_path / "machine.toml").write_text(machine, encoding="utf-8")
+    (tmp_path / "experiment.toml").write_text(experiment, encoding="utf-8")
+    verdict = open_experiment(tmp_path / "experiment.toml").conclude().verdict
+    (effect,) = verdict.effects
+    assert (verdict.verdict, effect.name) == ("named", "of the load")
+    low, high = effect.parameters["F1"].ci95
+    assert low < size < high < 1.02 * size
