@@ -97,8 +97,8 @@ _SPELLINGS = {
     "degC": "C", "degree": "deg", "degrees": "deg", "counts": "count", "ticks": "count",
     "steps": "step", "turns": "turn", "revs": "rev", "sec": "s", "lbs": "lb", "inch": "in",
     "inches": "in", "micron": "um", "microns": "um", "Nm": "N m", "mNm": "mN m", "Nmm": "N mm",
-    "Nms": "N m s",
-    "kgm": "kg m", "kgcm": "kg cm", "gcm": "g cm", "Vs": "V s", "Ws": "W s", "As": "A s",
+    "Nms": "N m s", "kgm": "kg m", "kgcm": "kg cm", "gcm": "g cm", "Vs": "V s", "Ws": "W s",
+    "As": "A s",
 }  # fmt: skip
 _CHARACTERS = {
     "°C": "C", "°": "deg", "Ω": "ohm", "\N{OHM SIGN}": "ohm", "µ": "u", "μ": "u", "⁻": "-",

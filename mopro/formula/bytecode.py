@@ -53,6 +53,7 @@ class Program:
     `segments` (2 + k, 2): the first operation and the one after the last of those whose results are
     fixed, of those that change with the time, and of what is left for each of k values; a later
     one takes what an earlier one has found. `results` (k,): the place of each value, or `NONE`.
+    `slots`: the number of those.
     """
 
     operations: NDArray[np.int64]
@@ -69,9 +70,10 @@ class Program:
 
 
 class Assembler:
-    """Makes operations of formulas; values are known by numbers, those with slots by their place.
+    """Makes the operations of a program, those that are alike once.
 
-    `changes`: how often the number of each slot does.
+    A value is an index: the place of a slot, or what `value`, `sum` or `quotient` returns.
+    `changes`: how often the number of each slot changes (`FIXED`, `TIMED`, `MOVING`).
     """
 
     def __init__(self, changes: Sequence[int]) -> None:

@@ -1,24 +1,12 @@
-"""What a diagnosis loads."""
+"""Modules of SciPy that a diagnosis imports."""
 
 import subprocess
 import sys
 
 import numpy as np
 
-from helpers.stated import write
+from helpers.stated import follows, write
 
-TEXT = """\
-machine = "kinematic"
-[inputs]
-command = { column = "target_mm" }
-[[sensor]]
-name = "scale"
-quantity = "position"
-column = "position_mm"
-noise_rms = 0.01
-[[run]]
-data = "run.csv"
-"""
 SCRIPT = """\
 import sys
 from mopro.experiment.opened import open_experiment
@@ -32,7 +20,7 @@ def test_a_diagnosis_does_not_load_what_takes_a_third_of_a_second(tmp_path):
     x = 5 * np.sin(t)
     noise = 0.01 * np.random.default_rng(3).standard_normal(len(t))
     write(tmp_path / "run.csv", {"time_s": t, "target_mm": x, "position_mm": x + noise})
-    (tmp_path / "experiment.toml").write_text(TEXT, encoding="utf-8")
+    (tmp_path / "experiment.toml").write_text(follows(0.01, "run.csv"), encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, str(tmp_path / "experiment.toml")],
         capture_output=True, text=True, check=True, timeout=60,

@@ -57,7 +57,7 @@ class Hypotheses:
     A set is fitted once, from the start that it was first proposed with, and again from any
     later one that begins lower. `evidence` judges all sets by the same noise; `white`, by
     white noise, predicts which of them are worth a fit. `jobs` fits run at once. `runs_on`: the
-    model may get out of phase with the data, and its base is fitted from their beginning onwards.
+    model may get out of phase with the data, and is fitted with `base` from their beginning on.
     """
 
     def __init__(
